@@ -1,15 +1,15 @@
-"""Two commits side by side: the same figures, the cost of every force model, and the time to compile it.
+"""Two commits side by side: the same figures, and what force models, runs and commands cost.
 
-python pipelines/compare_commits.py OLD NEW --figures     sections 6.2 to 6.7, tears at a coarser spacing
-python pipelines/compare_commits.py OLD NEW --conformance every property and hard case of every force model, with few explicit steps
-python pipelines/compare_commits.py OLD NEW --speed       every force model in sheets and in a solid, on one thread and on two, in turns
-python pipelines/compare_commits.py OLD NEW --materials   bodies of two materials, in sheets and in solids, in turns, and their memory
-python pipelines/compare_commits.py OLD NEW --runs        whole runs of sections 6.2 and 6.5, in turns
-python pipelines/compare_commits.py OLD NEW --compile     first evaluation and first run with an empty cache
-python pipelines/compare_commits.py OLD NEW --start       processor time of the help, of a refused scene and of a small run, in turns
+python pipelines/compare_commits.py OLD NEW figures       sections 6.2 to 6.7, tears at a coarser spacing
+python pipelines/compare_commits.py OLD NEW conformance   every property and hard case of every force model, with few explicit steps
+python pipelines/compare_commits.py OLD NEW tear cube     costs, by the names that `--help` lists
+python pipelines/compare_commits.py OLD NEW --docs        all rows of the documentation, into it (an hour and a half)
 
 Each commit is checked out into a temporary folder and run there in processes of its own with this Python, so that both must run on what is
-installed.  Costs are medians over turns in which both commits are timed one after the other.
+installed.  The commits take turns and each goes first in every other turn; what is printed are medians over the turns, and the median of
+the ratios within a turn.  What a commit does not know, such as a key of a scene, is reported in the place of its figures.  Caches are
+filled before the first turn except where they are what is measured.  `--docs` keeps the rows that are on the page and not measured this
+time if they were measured with the same commits on the same processor.
 """
 
 from __future__ import annotations
@@ -17,14 +17,20 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import shutil
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Callable
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
+
+from pages import block, markdown_table, replace_block
+
+from pdsurrogate.results.provenance import processor
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -44,8 +50,8 @@ SOLIDS = ("bond-energy", "nosb", "neo-hookean-isochoric", "ogden-isochoric", "fu
 WIDTHS = (10, 50, 163)
 """Points along the shorter side of the sheets of 3 by 1 in which costs are compared: 300, 7,500 and 79,707 points."""
 
-STARTS = 3
-"""How often the processes are started in which costs are compared."""
+STARTS = 2
+"""How often the processes are started in which costs of all force models are compared, since where memory lies counts."""
 
 RUNS = {
     "6.2": ("uniaxial", None, {}),
@@ -88,46 +94,65 @@ print(json.dumps({
 }), flush=True)
 """
 
-SPEED = """
+BIND = """
 import json, sys, time
 from pathlib import Path
 import numba, numpy as np
 import pdsurrogate as pds
 from pdsurrogate.reports.speed import bench_positions
-bound, bodies = {}, {}
-def sheet(width):
-    return pds.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width)
-def solid():
-    middles = (np.arange(20) + 0.5) / 20
+def cube(width, ratio):
+    middles = (np.arange(width) + 0.5) / width
     points = np.stack(np.meshgrid(middles, middles, middles, indexing="ij"), axis=-1).reshape(-1, 3)
-    return pds.Body(points, np.full(len(points), 20.0**-3), 2.2 / 20)
+    return pds.Body(points, np.full(len(points), width**-3.0), ratio / width)
+def bind(name, body):
+    model = pds.load_surrogate(name)
+    card = next(Path().glob(f"art?facts/{name.partition('@')[0]}/1/card.json"), None)
+    material = json.loads(card.read_text())["material"]["trained_with"] if card else {"law": "neo-hookean"}
+    law = pds.materials.LAWS[material.pop("law")](**{key: tuple(v) if isinstance(v, list) else v for key, v in material.items()})
+    settings = pds.ForceSettings(plane="stress" if body.points.shape[1] == 2 else "space")
+    if settings.plane == "stress":
+        positions = bench_positions(body, law)
+    else:
+        positions = body.points * [1.3, 0.9, 0.87] + 0.02 * np.sin(9 * body.points[:, [1, 2, 0]])
+    force, out = model.bind(body, law, settings), np.empty_like(body.points)
+    for _ in range(3):
+        force(positions, out)
+    return lambda: force(positions, out)
+def cost(force, body, clock, seconds):
+    count, began = 0, clock()
+    while clock() - began < seconds:
+        force()
+        count += 1
+    return 1e9 * (clock() - began) / count / body.bonds.n_directed
+"""
+"""Start of the scripts that time force models."""
+
+SPEED = f"""{BIND}
+bound, bodies = {{}}, {{}}
 for line in sys.stdin:
     name, width, threads = json.loads(line)
     numba.set_num_threads(threads)
+    if width not in bodies:
+        bodies[width] = pds.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width) if width else cube(20, 2.2)
     if (name, width, threads) not in bound:
-        if width not in bodies:
-            bodies[width] = sheet(width) if width else solid()
-        body = bodies[width]
-        model = pds.load_surrogate(name)
-        card = Path("artifacts") / name / "1" / "card.json"
-        material = json.loads(card.read_text())["material"]["trained_with"] if card.exists() else {"law": "neo-hookean"}
-        law = pds.materials.LAWS[material.pop("law")](**{key: tuple(v) if isinstance(v, list) else v for key, v in material.items()})
-        if width:
-            settings, positions = pds.ForceSettings(), bench_positions(body, law)
-        else:
-            settings = pds.ForceSettings(plane="space")
-            positions = body.points * [1.3, 0.9, 0.87] + 0.02 * np.sin(9 * body.points[:, [1, 2, 0]])
-        force = model.bind(body, law, settings)
-        bound[name, width, threads] = force, positions, np.empty_like(body.points), body.bonds.n_directed
-        for _ in range(3):
-            force(*bound[name, width, threads][1:3])
-    force, positions, out, bonds = bound[name, width, threads]
-    count, began = 0, time.perf_counter()
-    while time.perf_counter() - began < 0.08:
-        force(positions, out)
-        count += 1
-    print(json.dumps(1e9 * (time.perf_counter() - began) / count / bonds), flush=True)
+        bound[name, width, threads] = bind(name, bodies[width])
+    print(json.dumps({{"ns": cost(bound[name, width, threads], bodies[width], time.perf_counter, 0.06)}}), flush=True)
 """
+
+ENERGIES = f"""{BIND}
+numba.set_num_threads(1)
+solid, sheet = cube(20, 1.75), pds.Body.rectangle(3.0, 1.0, 0.02, 0.063)
+cases = [("nosb", solid), ("neo-hookean-isochoric", solid), ("bond-energy", solid), ("nosb", sheet), ("neo-hookean@2", sheet)]
+forces = [bind(*case) for case in cases]
+found = [[cost(force, body, time.thread_time, 0.05) for force, (_, body) in zip(forces, cases)] for _ in range(10)]
+nosb, learned, exact, plain, plane = map(min, zip(*found))
+print(json.dumps({{
+    "learned energy in space (ns)": learned, "learned energy in space / NOSB": learned / nosb,
+    "exact energy in space (ns)": exact, "exact energy in space / NOSB": exact / nosb, "NOSB in space (ns)": nosb,
+    "`neo-hookean@2` in the plane (ns)": plane, "`neo-hookean@2` in the plane / NOSB": plane / plain,
+}}))
+"""
+"""Least cost of ten turns, on one thread; in space with the default horizon."""
 
 MATERIALS = (
     ("neo-hookean", "stress", 20),
@@ -146,16 +171,13 @@ MATERIALS = (
 """Force, plane, and points along each side of the square sheets and cubes whose two halves are of two materials, in the comparison with the
 same body of one material."""
 
-LARGEST = "bond-energy", "space", 24
-"""Body of two materials whose memory is compared."""
-
 HALVES = """
-import json, resource, sys, time
+import json, sys, time
 import numba, numpy as np
 import pdsurrogate as pds
 from pdsurrogate.forces import Portion, bind_portions
 numba.set_num_threads(1)
-def forces(name, plane, width, which):
+def forces(name, plane, width):
     d = 3 if plane == "space" else 2
     middles = (np.arange(width) + 0.5) / width
     points = np.stack(np.meshgrid(*[middles] * d, indexing="ij"), axis=-1).reshape(-1, d)
@@ -165,58 +187,93 @@ def forces(name, plane, width, which):
     laws = [pds.materials.NeoHookean(mu, 100 * mu) for mu in (1.0, 3.0)]
     portions = [Portion(law, model, np.flatnonzero(where)) for law, where in zip(laws, (~stiff, stiff))]
     settings = pds.ForceSettings(plane=plane)
-    positions = points * np.array([1.1, 0.97, 0.95][:d])
-    bind = {"one": lambda: model.bind(body, laws[0], settings), "two": lambda: bind_portions(body, portions, settings)}
-    return [bind[each]() for each in which], positions, np.empty_like(points), body.bonds.n_directed
+    yield body.bonds.n_directed, points * np.array([1.1, 0.97, 0.95][:d]), np.empty_like(points)
+    yield bind_portions(body, portions, settings)
+    yield model.bind(body, laws[0], settings)
 """
 """Start of the scripts about bodies of two materials."""
 
-EVALUATION = f"""{HALVES}
-bound = {{}}
-for line in sys.stdin:
-    case = tuple(json.loads(line))
-    if case not in bound:
-        bound[case] = forces(*case, ("one", "two"))
-        for force in bound[case][0]:
-            for _ in range(3):
-                force(*bound[case][1:3])
-    both, positions, out, bonds = bound[case]
+TWO = f"""{HALVES}
+found, ratios = {{}}, []
+for case in json.loads(sys.argv[1]):
+    (bonds, positions, out), *both = forces(*case)
     least = [np.inf, np.inf]
-    for _ in range(20):
+    for turn in range(23):
         for number, force in enumerate(both):
             began = time.thread_time()
             force(positions, out)
-            least[number] = min(least[number], time.thread_time() - began)
-    print(json.dumps([1e9 * seconds / bonds for seconds in least]), flush=True)
+            if turn > 2:
+                least[number] = min(least[number], 1e9 * (time.thread_time() - began) / bonds)
+    name = f"{{case[0]}}, {{case[1]}}, {{len(out):,}} points"
+    ratios.append(least[0] / least[1])
+    found |= {{f"{{name}}: one (ns)": least[1], f"{{name}}: two (ns)": least[0], f"{{name}}: two / one": ratios[-1]}}
+print(json.dumps({{"least two / one": min(ratios), "greatest two / one": max(ratios)}} | found))
 """
+"""Costs of bodies of one material and of two, each the least processor time of twenty evaluations in turns."""
 
 MEMORY = f"""{HALVES}
-for line in sys.stdin:
-    (force,), positions, out, _ = forces(*json.loads(line), ("two",))
-    force(positions, out)
-    print(json.dumps(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024), flush=True)
+of = forces(*json.loads(sys.argv[1]))
+_, positions, out = next(of)
+next(of)(positions, out)
 """
 
 WHOLE = """
 import json, sys
 import pdsurrogate as pds
+known = set()
 for line in sys.stdin:
     scene, changes = json.loads(line)
-    summary = pds.simulate(pds.load_scene(scene, changes)).summary
-    print(json.dumps(summary["seconds_total"] - summary["seconds_compile"]), flush=True)
+    for _ in range(1 if line in known else 2):
+        summary = pds.simulate(pds.load_scene(scene, changes)).summary
+    known.add(line)
+    print(json.dumps({"s": summary["seconds_total"] - summary["seconds_compile"]}), flush=True)
+"""
+
+RUN = """
+import json, sys
+import pdsurrogate as pds
+scene, changes = json.loads(sys.argv[1])
+summary = pds.simulate(pds.load_scene(scene, changes)).summary
+mpi = sys.modules.get("mpi4py.MPI")
+if mpi is None or mpi.COMM_WORLD.rank == 0:
+    print(json.dumps({"evaluations": summary["n_force_evaluations"], "run (s)": summary["seconds_total"] - summary["seconds_compile"]}))
+"""
+
+LEFT_OUT = ": left out, "
+"""In a line by which a script says what a commit does not know."""
+
+FAILING = f"""
+import json, sys
+sys.path.append({str(ROOT / "pipelines")!r})
+from failing_levels import FAILING, costs, run
+ratios, evaluations = [], []
+for name, case in FAILING.items():
+    try:
+        good, bad = costs(*run(*case))
+    except Exception as error:
+        print(f"{{name}}{LEFT_OUT}{{type(error).__name__}}: {{error}}", file=sys.stderr)
+        continue
+    evaluations.append(bad)
+    if good:
+        ratios.append(bad * len(good) / sum(good))
+print(json.dumps({{
+    "runs": len(evaluations),
+    "failing output / mean of good, greatest": max(ratios),
+    "evaluations of a failing output, greatest": max(evaluations),
+}}))
 """
 
 COMPILE = """
-import json, sys, time
+import json
 import pdsurrogate as pds
-result = pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.1}), None)
-print(json.dumps(result.summary["seconds_compile"]), flush=True)
-for name, law in (("bond-energy", "neo-hookean"), ("ba-nosb", "neo-hookean"), ("analytic", "yeoh"), ("analytic", "ogden")):
-    result = pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": 1.2, "material": law}), name)
-    print(json.dumps(result.summary["seconds_compile"]), flush=True)
+runs = {"first run": (None, {})}
+for force, law in (("bond-energy", "neo-hookean"), ("ba-nosb", "neo-hookean"), ("analytic", "yeoh"), ("analytic", "ogden")):
+    runs[f"then {force}, {law}"] = force, {"stretches": 1.2, "material": law}
+print(json.dumps({
+    f"{name}: compiling (s)": pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.1, **changes}), force).summary["seconds_compile"]
+    for name, (force, changes) in runs.items()
+}))
 """
-
-COMPILED = ("default run", "then bond-energy", "then ba-nosb", "then analytic, yeoh", "then analytic, ogden")
 
 
 @contextmanager
@@ -236,12 +293,20 @@ def checkouts(references: list[str]):
                 subprocess.run(["git", "-C", str(ROOT), "worktree", "remove", "--force", str(path)], check=False, capture_output=True)
 
 
+class NotRun(SystemExit):
+    """What a commit was asked is unknown to it or failed; the message is its own, with which the script ends where no row reports it."""
+
+
+def environment(path: Path) -> dict[str, str]:
+    """The variables of processes of a checkout."""
+    # Threads that turn for milliseconds after their work would take the cores from the process whose turn is next.
+    return {"GOMP_SPINCOUNT": "1000", **os.environ, "PYTHONPATH": str(path)}
+
+
 def start(path: Path, script: str) -> subprocess.Popen:
     """A process that runs a script on one of the checkouts."""
-    # Threads that turn for milliseconds after their work would take the cores from the process whose turn is next.
-    environment = {"GOMP_SPINCOUNT": "1000", **os.environ, "PYTHONPATH": str(path)}
     command = [sys.executable, "-c", script]
-    return subprocess.Popen(command, cwd=path, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    return subprocess.Popen(command, cwd=path, env=environment(path), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
 
 def ask(process: subprocess.Popen, question=None):
@@ -251,7 +316,7 @@ def ask(process: subprocess.Popen, question=None):
         process.stdin.flush()
     answer = process.stdout.readline()
     if not answer:
-        raise SystemExit("a process ended without an answer; what it said is above")
+        raise NotRun("a process ended without an answer; what it said is above")
     return json.loads(answer)
 
 
@@ -279,143 +344,270 @@ def compare_conformance(paths: list[Path]) -> None:
     print(f"{len({*old} & {*new})} cases compared")
 
 
-def compare_speed(paths: list[Path], turns: int) -> None:
-    """Medians of the cost of a directed bond, and of the ratio within a turn.
+Measure = Callable[[Path], dict[str, float]]
 
-    Both processes are started anew a few times, since where memory lies counts, and each goes first in every other turn.
+
+def spent(path: Path, *words: str, launcher: tuple[str, ...] = (), together: int = 1, status: int = 0) -> dict[str, float]:
+    """Cost of processes of Python that start at once on a checkout, and the figures that the last one prints as JSON.
+
+    Processor time counts user and system, of all processes and those that they start; memory is the greatest of one process.
     """
-    cases = [(name, width, threads) for width in WIDTHS for name in SHEETS for threads in (1, 2)]
-    cases += [(name, 0, threads) for name in SOLIDS for threads in (1, 2)]
-    pairs = {case: [] for case in cases}
-    for _ in range(STARTS):
-        both = [start(path, SPEED) for path in paths]
-        for case in cases:
-            for turn in range(turns):
-                order = (0, 1) if turn % 2 else (1, 0)
-                costs = {which: ask(both[which], case) for which in order}
-                pairs[case].append((costs[0], costs[1]))
-        for process in both:
-            process.kill()
-            process.wait()
-    print(f"{'model':24} {'points':>7} {'threads':>7} {'old':>8} {'new':>8} {'new/old':>8}   ns per directed bond")
-    for (name, width, threads), found in pairs.items():
-        ratio = median(new / old for old, new in found)
-        old, new = (median(values) for values in zip(*found, strict=True))
-        points = 3 * width * width if width else 8000
-        print(f"{name:24} {points:7} {threads:7} {old:8.2f} {new:8.2f} {ratio:8.3f}", flush=True)
+    began, processes, seconds, memory = time.perf_counter(), [], 0.0, 0.0
+    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as errors:
+        for _ in range(together):
+            command = [*launcher, sys.executable, *words]
+            processes.append(subprocess.Popen(command, cwd=path, env=environment(path), stdout=out, stderr=errors))
+        for process in processes:
+            _, ended, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(ended)
+            seconds += usage.ru_utime + usage.ru_stime
+            memory = max(memory, usage.ru_maxrss / 1024)
+        wall = time.perf_counter() - began
+        printed, said = (file.seek(0) or file.read().strip().splitlines() for file in (out, errors))
+    for line in said:
+        if LEFT_OUT in line:
+            print(f"    {'new' if path.name == '1' else 'old'}: {line}")
+    if any(process.returncode != status for process in processes):
+        raise NotRun(next((line for line in reversed(said) if line), f"status {[process.returncode for process in processes]}"))
+    figures = json.loads(printed[-1]) if printed and printed[-1].startswith("{") else {}
+    return {"processor time (s)": seconds, "wall time (s)": wall, "memory (MB)": memory, **figures}
 
 
-def compare_materials(paths: list[Path], turns: int) -> None:
-    """Medians of the cost of a directed bond in bodies of two materials on one thread, and of the ratio to the same body of one material.
+def script(text: str, *question) -> Measure:
+    """The cost of a script of a question, with the figures that it prints."""
+    return lambda path: spent(path, "-c", text, *map(json.dumps, question))
 
-    The bodies take turns in one process; each cost is the least processor time of twenty evaluations. The greatest memory of a process that
-    binds and evaluates the force of one body of two materials is compared as well.
+
+def command(*words: str, together: int = 1, status: int = 0) -> Measure:
+    """The cost of a command of the package."""
+    return lambda path: spent(path, "-m", "pdsurrogate", *words, together=together, status=status)
+
+
+def with_empty_cache(measure: Measure) -> Measure:
+    """The same, each time without anything that was compiled before."""
+
+    def emptied(path: Path) -> dict[str, float]:
+        for cache in path.rglob("__pycache__"):
+            shutil.rmtree(cache)
+        return measure(path)
+
+    return emptied
+
+
+def ranks(path: Path) -> dict[str, float]:
+    """Seconds of a run on one rank and on two, without what comes before and after it."""
+    mpiexec = str(Path(sys.executable).with_name("mpiexec"))
+    words = "-W", "ignore", "-m", "mpi4py", "-c", RUN, json.dumps(SMALL)
+    one, two = spent(path, *words), spent(path, *words, launcher=(mpiexec, "-n", "2"))
+    found = {f"{which}: {key}": run[key] for which, run in (("one", one), ("two", two)) for key in ("run (s)", "evaluations")}
+    return {"two ranks / one": two["run (s)"] / one["run (s)"], **found}
+
+
+@dataclass(frozen=True)
+class Row:
+    """Costs that are compared.
+
+    Attributes
+    ----------
+    what : str
+    measure : callable
+        Of a checkout; gives figures by quantity.
+    wanted : dict of str
+        What is wanted of the quantities that the documentation shows.
+    turns : int
+    first : callable, optional
+        Fills the caches before the first turn.
     """
-    both = [start(path, EVALUATION) for path in paths]
-    columns = f"{'old, one':>8} {'two':>8} {'ratio':>6} {'new, one':>10} {'two':>8} {'ratio':>6}"
-    print(f"{'model':24} {'plane':8} {'points':>7} {columns}   ns per directed bond")
-    for case in MATERIALS:
-        found = ([], [])
-        for turn in range(turns):
+
+    what: str
+    measure: Measure
+    wanted: dict[str, str] = field(default_factory=dict)
+    turns: int = 3
+    first: Measure | None = None
+
+    def compare(self, paths: list[Path], turns: int | None) -> tuple[dict[str, list], dict[str, list]]:
+        """Figures of all turns by quantity, of the old commit and of the new one."""
+        figures, gone = ({}, {}), set()
+        for turn in range(turns or self.turns):
             for which in (0, 1) if turn % 2 else (1, 0):
-                found[which].append(ask(both[which], case))
-        text = f"{case[0]:24} {case[1]:8} {case[2] ** (3 if case[1] == 'space' else 2):7}"
-        for costs, gap in zip(found, ("", "  "), strict=True):
-            one, two = (median(values) for values in zip(*costs, strict=True))
-            text += f"{gap} {one:8.2f} {two:8.2f} {median(b / a for a, b in costs):6.2f}"
-        print(text, flush=True)
-    old, new = (median(ask(start(path, MEMORY), LARGEST) for _ in range(STARTS)) for path in paths)
-    print(f"greatest memory of {LARGEST[0]} with {LARGEST[2] ** 3} points of two materials: {old:.0f} MB, {new:.0f} MB", flush=True)
+                try:
+                    if turn == 0 and self.first:
+                        self.first(paths[which])
+                    if which not in gone:
+                        for quantity, value in self.measure(paths[which]).items():
+                            figures[which].setdefault(quantity, []).append(value)
+                except NotRun as error:
+                    gone.add(which)
+                    print(f"    {self.what}: the {'new' if which else 'old'} commit did not run: {error}", flush=True)
+        return figures
 
 
-def compare_runs(paths: list[Path], turns: int) -> None:
-    """Medians of the seconds that whole runs take, and of the ratio within a turn; each process goes first in every other turn."""
-    both = [start(path, WHOLE) for path in paths]
-    for section, question in {"6.2": ("uniaxial", {}), "6.5": ("tear", {"spacing": 0.1})}.items():
-        for process in both:
-            ask(process, question)
-        found = []
-        for turn in range(turns):
-            order = (0, 1) if turn % 2 else (1, 0)
-            seconds = {which: ask(both[which], question) for which in order}
-            found.append((seconds[0], seconds[1]))
-        old, new = (median(values) for values in zip(*found, strict=True))
-        print(f"{section:6} {old:8.3f} {new:8.3f} s   new/old {median(b / a for a, b in found):.3f}", flush=True)
+@dataclass(frozen=True)
+class Answers(Row):
+    """Costs that two processes, which stay alive, tell when they are asked one after the other; `measure` gives their script."""
+
+    questions: dict[str, tuple] = field(default_factory=dict)
+
+    def compare(self, paths: list[Path], turns: int | None) -> tuple[dict[str, list], dict[str, list]]:
+        """As of other rows."""
+        figures = ({}, {})
+        for _ in range(STARTS):
+            both = [start(path, self.measure) for path in paths]
+            for name, question in self.questions.items():
+                for turn in range(turns or self.turns):
+                    for which in (0, 1) if turn % 2 else (1, 0):
+                        for unit, value in ask(both[which], question).items():
+                            figures[which].setdefault(f"{name} ({unit})", []).append(value)
+            for process in both:
+                process.kill()
+                process.wait()
+        return figures
 
 
-def compare_compile(paths: list[Path], turns: int) -> None:
-    """Medians of the seconds spent compiling in a process that finds no cache."""
-    found = {path: [] for path in paths}
-    for _ in range(turns):
-        for path in paths:
-            for cache in path.rglob("__pycache__"):
-                shutil.rmtree(cache)
-            process = start(path, COMPILE)
-            found[path].append([ask(process) for _ in COMPILED])
-    for number, what in enumerate(COMPILED):
-        old, new = (median(row[number] for row in found[path]) for path in paths)
-        print(f"{what:24} {old:8.1f} {new:8.1f} s")
+def scene(name: str, changes: dict, coarse: dict) -> dict[str, Measure]:
+    """Run of a scene, and one with other changes that fills the caches."""
+    return {"measure": script(RUN, [name, changes]), "first": script(RUN, [name, changes | coarse])}
 
 
-STARTED = {
-    "help": ["--help"],
-    "scene that is refused": ["run", "uniaxial", "--set", "spacings=0.1"],
-    "run of 300 points": ["run", "uniaxial", "--set", "spacing=0.1"],
-}
-"""Arguments of the command whose processor time is compared."""
+LENGTHS = {"body.size": [1.2, 0.9, 0.8], "body.lower": [0.0, -0.45, -0.4], "spacing": 0.1, "probes": [], "stretches": 1.05}
+SMALL = "bonded-block", LENGTHS | {"material.bulk_modulus": 1000.0}
+"""A nearly incompressible block of 864 points."""
+
+MOTION = {"duration": 16.0, "density": 1e-3, "damping": 0.1, "viscosity": 0.002}
+TROUSERS = {"spacing": 0.5, "horizon_ratio": 2.2, "fracture": {"critical_stretch": 2.667}}
+"""The same tear in both commits: fracture energies are calibrated anew from time to time."""
+
+SECONDS = "processor time (s)"
 
 
-def compare_start(paths: list[Path], turns: int) -> None:
-    """Medians of the processor seconds of whole commands, in the user's and in the system's time, with warm caches.
+def rows(points: int) -> dict[str, Row]:
+    """Costs by name; the large body has so many points a side."""
+    small_run, refused = ["run", "uniaxial", "--set", "spacing=0.1"], ["run", "uniaxial", "--set", "spacings=0.1"]
+    wanted = {SECONDS: "must 0.6, aim 0.4"}
+    stiff = {"material.bulk_modulus": 1000.0, "stretches": 1.3, "spacing": 1 / 24}
+    large = {"spacing": 1 / points, "solver.tolerance": 1e-5}
+    whole = {"6.2": ("uniaxial", {}), "6.5": ("tear", {"spacing": 0.1})}
+    forces = {
+        f"{name}, {3 * width * width if width else 8000:,} points, {threads} threads": (name, width, threads)
+        for names, widths in ((SHEETS, WIDTHS), (SOLIDS, [0]))
+        for width in widths
+        for name in names
+        for threads in (1, 2)
+    }
+    halves = script(MEMORY, ("bond-energy", "space", 24))
+    space = "must 34, aim 26"
+    energies = {
+        "learned energy in space (ns)": space,
+        "learned energy in space / NOSB": "aim 3.2",
+        "exact energy in space (ns)": space,
+        "exact energy in space / NOSB": "aim 3.2",
+        "`neo-hookean@2` in the plane / NOSB": "aim 1.5",
+    }
+    fails = {"failing output / mean of good, greatest": "must 10", "evaluations of a failing output, greatest": ""}
+    return {
+        "forces": Answers("cost of a directed bond", SPEED, turns=4, questions=forces),
+        "runs": Answers("whole run of a section", WHOLE, turns=5, questions=whole),
+        "energies": Row("force on one thread, per directed bond", script(ENERGIES), energies, 5),
+        "materials": Row("body of two materials", script(TWO, MATERIALS), {"greatest two / one": "must 1.5, aim 1.2"}),
+        "memory": Row("cube of 13,824 points of two materials", halves, {"memory (MB)": "not more"}, first=halves),
+        "ranks": Row(
+            "block of 864 points, K = 1000, to 1.05",
+            ranks,
+            {"two ranks / one": "must 1.2", "one: run (s)": "", "two: run (s)": ""},
+            first=ranks,
+        ),
+        "cube": Row(
+            "bonded cube, 24 points a side, K = 1000, to 1.3",
+            **scene("bonded-block", stiff, {"spacing": 1 / 12}),
+            wanted={SECONDS: "must 25, aim 16", "memory (MB)": ""},
+        ),
+        "tear": Row(
+            "tear in the plane, 8,084 points",
+            **scene("tear", {"spacing": 0.064, "reference": None}, {"spacing": 0.2}),
+            wanted={SECONDS: "", "evaluations": ""},
+        ),
+        "trousers": Row(
+            "tear in space (`trousers`), 7,168 points",
+            **scene("trousers", TROUSERS, {"steps": [{"to": 0.2}, {"to": 0.3, "dynamics": {**MOTION, "duration": 0.1}}]}),
+            wanted={SECONDS: "aim 60", "evaluations": ""},
+        ),
+        "failing": Row("outputs that do not exist", script(FAILING), fails, 1),
+        "help": Row("`pdsurrogate --help`", command("--help"), wanted, 9, command("--help")),
+        "refused": Row("scene that is refused", command(*refused, status=2), wanted, 9, command(*refused, status=2)),
+        "small-run": Row("run of 300 points", command(*small_run), wanted, 9, command(*small_run)),
+        "compile": Row("empty cache", with_empty_cache(script(COMPILE)), {"first run: compiling (s)": "aim 6"}),
+        "three": Row(
+            "three runs at once on an empty cache",
+            with_empty_cache(command(*small_run, together=3)),
+            {SECONDS: "one compiles, others wait", "wall time (s)": ""},
+        ),
+        "compare": Row(
+            "`compare --quick`",
+            command("compare", "--quick"),
+            {SECONDS: "", "wall time (s)": "aim 30"},
+            first=command("compare", "--quick"),
+        ),
+        "large-body": Row(
+            f"equilibrium of {points**3:,} points, K = 100",
+            **scene("bonded-block", large, {"spacing": 1 / 18, "solver.tolerance": 1e-2}),
+            wanted={SECONDS: "aim 700", "memory (MB)": "not more", "evaluations": ""},
+            turns=1,
+        ),
+    }
 
-    The bytecode of both checkouts is written first, as an installation writes it.
-    """
-    for path in paths:
-        written = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
-        subprocess.run([sys.executable, "-m", "compileall", "-q", "pdsurrogate"], cwd=path, env=written, check=True)
-    for what, words in STARTED.items():
-        found = {path: [] for path in paths}
-        for turn in range(turns + 1):
-            for path in paths:
-                before = resource.getrusage(resource.RUSAGE_CHILDREN)
-                environment = {**os.environ, "PYTHONPATH": str(path)}
-                subprocess.run([sys.executable, "-m", "pdsurrogate", *words], cwd=path, env=environment, capture_output=True, check=False)
-                after = resource.getrusage(resource.RUSAGE_CHILDREN)
-                if turn:  # the first one fills the caches
-                    found[path].append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-        old, new = (median(found[path]) for path in paths)
-        ratio = median(b / a for a, b in zip(*(found[path] for path in paths), strict=True))
-        print(f"{what:24} {old:8.2f} {new:8.2f} s   new/old {ratio:.3f}", flush=True)
+
+def table(row: Row, figures: tuple[dict[str, list], dict[str, list]]) -> list[list[str]]:
+    """A line for each quantity: what, quantity, median of the old and of the new commit, median of the ratio, and what is wanted."""
+    found = []
+    for quantity in {**figures[0], **figures[1]}:
+        both = [of.get(quantity, []) for of in figures]
+        medians = [f"{median(values):.4g}" if values else "-" for values in both]
+        ratios = [new / old for old, new in zip(*both, strict=False) if old]
+        found.append([row.what, quantity, *medians, f"{median(ratios):.3f}" if ratios else "-", row.wanted.get(quantity, "")])
+    return found
+
+
+def put(commits: list[str], lines: list[list[str]]) -> None:
+    """Put lines into the documentation, beside those of the same commits and processor that are there."""
+    named = [
+        subprocess.run(["git", "-C", str(ROOT), "rev-parse", "--short=8", one], check=True, capture_output=True, text=True).stdout.strip()
+        for one in commits
+    ]
+    head = f"Processor: {processor()}, {os.cpu_count()} cores. Old: {named[0]}, new: {named[1]}."
+    there = block("compare-commits")
+    kept = [line[2:-2].split(" | ") for line in there.splitlines()[4:]] if there.startswith(head) else []
+    measured = {(what, quantity): line for line in [*kept, *lines] for what, quantity in [line[:2]]}
+    header = ["what", "quantity", "old", "new", "new / old", "wanted"]
+    replace_block("compare-commits", f"{head}\n\n{markdown_table(header, list(measured.values()))}")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    known = rows(100)
+    names = [*CHECKS, *known]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("commits", nargs=2, metavar="COMMIT")
-    parser.add_argument("--figures", action="store_true")
-    parser.add_argument("--conformance", action="store_true")
-    parser.add_argument("--speed", action="store_true")
-    parser.add_argument("--materials", action="store_true")
-    parser.add_argument("--runs", action="store_true")
-    parser.add_argument("--compile", action="store_true")
-    parser.add_argument("--start", action="store_true")
-    parser.add_argument("--turns", type=int, default=15)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(names)}")
+    parser.add_argument("--turns", type=int, help="of each commit, in the place of the usual number of each row")
+    parser.add_argument("--points", type=int, default=100, help="points a side of large-body (100)")
+    parser.add_argument("--docs", action="store_true", help="put the rows into the documentation")
     arguments = parser.parse_args()
+    wanted = arguments.names or [name for name, row in known.items() if row.wanted and arguments.docs]
+    if not wanted or set(wanted) - set(names):
+        parser.error(f"name what to compare, of {', '.join(names)}")
     with checkouts(arguments.commits) as paths:
-        if arguments.figures:
-            compare_figures(paths)
-        if arguments.conformance:
-            compare_conformance(paths)
-        if arguments.speed:
-            compare_speed(paths, arguments.turns)
-        if arguments.materials:
-            compare_materials(paths, arguments.turns)
-        if arguments.runs:
-            compare_runs(paths, arguments.turns)
-        if arguments.compile:
-            compare_compile(paths, min(arguments.turns, 5))
-        if arguments.start:
-            compare_start(paths, arguments.turns)
+        for name in wanted:
+            if name in CHECKS:
+                CHECKS[name](paths)
+                continue
+            row = rows(arguments.points)[name]
+            lines = table(row, row.compare(paths, arguments.turns))
+            for what, quantity, old, new, ratio, goal in lines:
+                print(f"{what:48} {quantity:46} {old:>10} {new:>10}   new/old {ratio:>6}   {goal}", flush=True)
+            if arguments.docs:
+                put(arguments.commits, [line for line in lines if line[1] in row.wanted])
 
+
+CHECKS = {"figures": compare_figures, "conformance": compare_conformance}
 
 if __name__ == "__main__":
     main()

@@ -4,23 +4,29 @@ python pipelines/crack_directions.py                   tears what docs/figures/c
 python pipelines/crack_directions.py --only space 15   the tears alone that have all of these words in their names
 python pipelines/crack_directions.py --docs            and puts the tables of all stored tears into the documentation
 python pipelines/crack_directions.py --table           puts them there without a tear
+python pipelines/crack_directions.py --costs           compares accuracy and cost of relaxed clouds and lattices where
+                                                        docs/figures/relaxed-costs.json lacks it, and puts that table there
 
 The strip, its grips and its rate are those of `tip_diameters.py`, with more spacings. The tears in the plane take some 25 minutes of
-processor time on a core of 2 GHz, those in space some 20.
+processor time on a core of 2 GHz, those in space some 20; the comparison of costs takes some 4 minutes.
 """
 
 import argparse
 import json
 import time
+from collections.abc import Callable
+from functools import partial
 
 import joblib
 import numpy as np
 from pages import FIGURES, markdown_table, replace_block
-from tip_diameters import ENERGY, LAYERS, LONG, PRECUT, name_of, strip
+from tip_diameters import BULK, ENERGY, FAMILIES, LAYERS, LONG, PRECUT, law_of, name_of, strip
 
 import pdsurrogate as pds
+from pdsurrogate.materials import homogeneous
+from pdsurrogate.scenes.tip_diameter import tip_diameters
 
-TEARS = FIGURES / "crack-directions.json"
+TEARS, COSTS = FIGURES / "crack-directions.json", FIGURES / "relaxed-costs.json"
 
 ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
 """Of strips in the plane: points per height, horizon in spacings, angles to the axes in degrees, clouds."""
@@ -29,16 +35,42 @@ SOLID = {"plane": "space", "ratio": 2.2, "rows": 14}
 SOLID_ANGLES, SOLID_SEEDS = (15, 30), (1, 2, 3)
 
 STRETCH = 2.4
-"""Critical stretch of strips in space: `fracture.energy` is not available for relaxed clouds there."""
+"""Critical stretch of strips in space."""
 
-ADVANCE = {"stress": 40, "space": 24}
-"""Advance of the crack, in spacings, along which its direction and energy are measured. Behind it the plane strip has 20 spacings to its
-free end, the solid one 11."""
+DIAMETER = {"lattice": 0.85, "relaxed": 1.0}
+"""Tip diameters in horizons by which critical stretches of strips in the plane are chosen so that G is near ENERGY."""
+
+ADVANCE = {"stress": 5 / 3, "space": 12 / 7}
+"""Advance of the crack, in heights of the strip, along which its direction and energy are measured: 40 spacings in strips of 24 rows, 24 in
+solids. Behind it the plane strip has half as much to its free end."""
 
 STARTED = 4
 """Advance in spacings from which on the energy is counted, so that the start of the crack is left out."""
 
 OUTPUTS = 120
+
+SPACING, BAR_SPACING, LASTING = 0.05, 0.125, 10.0
+"""In the comparison of costs: spacing of sheets, and of the bar in space; time over which steps are counted."""
+
+SCENES = {
+    (what, scene, model): family
+    for what, scene in (("uniaxial", "uniaxial"), ("pure shear", "pure-shear"), ("hole", "hole"))
+    for model, family in FAMILIES.items()
+}
+BARS = {
+    "sheet, horizon 3.15": ({"size": [3.0, 1.0]}, RATIO),
+    "sheet, horizon 2.2": ({"size": [3.0, 1.0]}, 2.2),
+    "bar in space, horizon 2.2": ({"shape": "box", "size": [3.0, 1.0, 1.0]}, 2.2),
+}
+REQUIRED = {
+    "stress": "0.997 to 1.003",
+    "evaluations": "at most 2",
+    "time step": "at least 0.8",
+    "seconds of a tear in the plane": "at most 1.5",
+    "seconds of a tear in space": "at most 2.2",
+    "steps of a tear": "",
+}
+"""Quantities in the order of the table, and the ratios required of them."""
 
 
 def cases() -> list[dict]:
@@ -53,11 +85,18 @@ def cases() -> list[dict]:
     return found
 
 
+def advance_of(case: dict) -> int:
+    """Advance of the crack in spacings."""
+    return round(ADVANCE[case["plane"]] * case["rows"])
+
+
 def scene_of(case: dict) -> pds.Scene:
-    """The strip with its fracture energy, and more outputs than for a diameter."""
-    described = strip(case, STRETCH).model_dump(mode="json", exclude_unset=True)
+    """The strip with more outputs than for a diameter."""
+    critical = STRETCH
     if case["plane"] != "space":
-        described["fracture"] = {"energy": ENERGY}
+        law, horizon = law_of(case), case["ratio"] / case["rows"]
+        critical = pds.critical_stretch_of(law, ENERGY, horizon, DIAMETER[case.get("arrangement", "lattice")])
+    described = strip(case, critical).model_dump(mode="json", exclude_unset=True)
     described["steps"][-1]["outputs"] = OUTPUTS
     return pds.Scene.model_validate(described)
 
@@ -73,7 +112,7 @@ def torn(case: dict) -> dict:
 
     places, damage = result.body.points[:, :2] - center, result.field("damage")
     advance = (places @ along - tip) * case["rows"]
-    chosen = (damage > 0) & (advance > 0) & (advance < ADVANCE[case["plane"]])
+    chosen = (damage > 0) & (advance > 0) & (advance < advance_of(case))
     # Damage lies on both sides of the crack alike, so that the line of least squares through it, weighted by it, is that of the crack.
     slope = np.polyfit(advance[chosen], (places @ across)[chosen] * case["rows"], 1, w=np.sqrt(damage[chosen]))[0]
 
@@ -85,7 +124,7 @@ def torn(case: dict) -> dict:
     peak = levels[int(loads.argmax())]["cracks"][0]["energy_release_rate"]
 
     tips = np.array([(np.array(level["cracks"][0]["tip"][:2]) - center) @ along - tip for level in levels]) * case["rows"]
-    tips, ends = np.maximum.accumulate(tips), (STARTED, ADVANCE[case["plane"]])
+    tips, ends = np.maximum.accumulate(tips), (STARTED, advance_of(case))
     area = (ends[1] - ends[0]) / case["rows"] * (LAYERS / case["rows"] if case["plane"] == "space" else 1.0)
 
     def per_area(*keys: str) -> float:
@@ -98,7 +137,7 @@ def torn(case: dict) -> dict:
         "dissipated": per_area("released_energy", "damped_energy"),
         "released": per_area("released_energy"),
         "peak": peak,
-        "critical_stretch": result.summary.get("critical_stretch", STRETCH),
+        "critical_stretch": result.summary["critical_stretch"],
         "length": float(tips[-1]),
         "account_percent": result.summary["dynamics"][-1]["energy_gap"],
         "seconds": time.process_time() - began,
@@ -129,32 +168,113 @@ def deviating(values: np.ndarray, figures: str) -> str:
     return f"{np.mean(values):{figures}}{error}"
 
 
-def row_of(label: str, tears: list[dict], prescribed: bool) -> list[str]:
+def prescribed(tear: dict) -> float:
+    """The `fracture.energy` for which the package chooses the critical stretch of a tear in the plane; 1 for solids."""
+    if tear["plane"] == "space":
+        return 1.0
+    critical, law = tear["critical_stretch"], law_of(tear)
+    diameter = tip_diameters(tear["plane"], tear["ratio"], "bond energy", tear.get("arrangement", "lattice")).at(critical)
+    return homogeneous.uniaxial(law, critical).energy_density * diameter * tear["ratio"] / tear["rows"]
+
+
+def row_of(label: str, tears: list[dict]) -> list[str]:
     """Figures of several tears, to be averaged."""
-    found = {key: np.array([tear[key] for tear in tears]) for key in ("direction", "dissipated", "released", "peak")}
-    unit = ENERGY if prescribed else 1.0
-    directions = f"{found['direction'].mean():+.1f}", f"{rms(found['direction']):.1f}", f"{np.abs(found['direction']).max():.1f}"
-    energies = [deviating(found[key] / unit, ".3f") for key in ("dissipated", "released", "peak")]
-    return [label, str(len(tears)), *directions, *energies]
+    directions, units = np.array([tear["direction"] for tear in tears]), np.array([prescribed(tear) for tear in tears])
+    angles = f"{directions.mean():+.1f}", f"{rms(directions):.1f}", f"{np.abs(directions).max():.1f}"
+    energies = [deviating([tear[key] for tear in tears] / units, ".3f") for key in ("dissipated", "released", "peak")]
+    return [label, str(len(tears)), *angles, *energies]
 
 
-def table_of(plane: str, relaxed: bool) -> str:
-    """Tears of a plane and arrangement, by angle and all together."""
-    tears = [tear for tear in stored().values() if tear["plane"] == plane and ("seed" in tear) == relaxed]
-    prescribed, unit = plane != "space", "G" if plane != "space" else "μ h"
+def table_of(plane: str, relaxed: bool, rows: int) -> str:
+    """Tears of a plane, arrangement and number of rows, by angle and all together."""
+    tears = [tear for tear in stored().values() if (tear["plane"], "seed" in tear, tear["rows"]) == (plane, relaxed, rows)]
+    unit = "G" if plane != "space" else "μ h"
     head = ["angle (degrees)", "tears", "direction, mean (degrees)", "rms (degrees)", "greatest (degrees)"]
     head += [f"dissipated / {unit}", f"released / {unit}", f"G at the peak / {unit}"]
     angles = sorted({tear["angle"] for tear in tears})
-    rows = [row_of(f"{angle}", [tear for tear in tears if tear["angle"] == angle], prescribed) for angle in angles]
-    return markdown_table(head, [*rows, row_of("all", tears, prescribed)])
+    lines = [row_of(f"{angle}", [tear for tear in tears if tear["angle"] == angle]) for angle in angles]
+    return markdown_table(head, [*lines, row_of("all", tears)])
+
+
+def bar(size: dict, ratio: float, cloud: dict, step: dict, end: float) -> pds.Scene:
+    """A bar or sheet that slides on two or three faces, of which the right end moves by `end`."""
+    solid = "shape" in size
+    held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}, *([{"region": "back", "x3": 0.0}] if solid else [])]
+    held.append({"region": "right", "name": "right", "x1": end})
+    material = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": BULK}
+    points = {"spacing": BAR_SPACING if solid else SPACING, "horizon_ratio": ratio}
+    return pds.Scene(name="bar", body=size | cloud, material=material, prescribed=held, steps=[{"to": 1.0} | step], **points)
+
+
+def costs_of_scene(name: str, model: str, cloud: dict) -> dict[str, float]:
+    """Stress at the last output of a built-in scene, and the force evaluations of all outputs."""
+    changes = {"spacing": SPACING} | {f"body.{key}": value for key, value in cloud.items()}
+    levels = pds.simulate(pds.load_scene(name, changes), model, threads=1).levels
+    return {"stress": levels[-1]["nominal_stress"], "evaluations": sum(level["evaluations"] for level in levels)}
+
+
+def costs_of_bar(size: dict, ratio: float, cloud: dict) -> dict[str, float]:
+    """The same of a bar that is stretched to 2.5 in two outputs, with its force."""
+    levels = pds.simulate(bar(size, ratio, cloud, {"outputs": 2}, 1.5 * size["size"][0]), "bond-energy", threads=1).levels
+    return {"stress": levels[-1]["forces"]["right"][0], "evaluations": sum(level["evaluations"] for level in levels)}
+
+
+def costs_of_steps(size: dict, ratio: float, cloud: dict) -> dict[str, float]:
+    """The mean time step of a bar that hardly moves."""
+    scene = bar(size, ratio, cloud, {"dynamics": {"duration": LASTING, "density": 1.0}}, 1e-3)
+    return {"time step": LASTING / pds.simulate(scene, "bond-energy", threads=1).summary["n_steps"]}
+
+
+def costs_of_tear(case: dict, cloud: dict) -> dict[str, float]:
+    """Time steps of a tear, and its time on one processor."""
+    began = time.process_time()
+    steps = pds.simulate(scene_of(case | cloud), case["model"], threads=1).summary["n_steps"]
+    where = "in space" if case["plane"] == "space" else "in the plane"
+    return {"steps of a tear": steps, f"seconds of a tear {where}": time.process_time() - began}
+
+
+def compared() -> list[tuple[str, Callable[[dict], dict[str, float]]]]:
+    """What is compared: a description, and the function that returns the figures of a cloud."""
+    found = [(f"{what}, {family}", partial(costs_of_scene, *names)) for (what, *names), family in SCENES.items()]
+    found += [(f"uniaxial, {what}", partial(costs_of_bar, *case)) for what, case in BARS.items() if case != BARS["sheet, horizon 3.15"]]
+    found += [(what, partial(costs_of_steps, *case)) for what, case in BARS.items()]
+    flat = {"plane": "stress", "rows": 12, "angle": 0}
+    tears = [flat | {"model": "neo-hookean", "ratio": RATIO}, *(flat | {"model": "bond-energy", "ratio": ratio} for ratio in (RATIO, 2.2))]
+    for case in (*tears, SOLID | {"model": "bond-energy", "rows": 8, "angle": 0}):
+        found.append((f"strip, {FAMILIES[case['model']]}, horizon {case['ratio']}", partial(costs_of_tear, case)))
+    return found
+
+
+def measure_costs() -> None:
+    """Compare what is not stored yet: each cloud with a lattice that is computed just before it."""
+    for label, costs in compared():
+        found = json.loads(COSTS.read_text("utf-8")) if COSTS.exists() else {}
+        if label not in found:
+            costs({})  # compiled before it is timed
+            found[label] = [(costs({}), costs({"arrangement": "relaxed", "seed": seed})) for seed in SEEDS]
+            COSTS.write_text(json.dumps(found, indent=1) + "\n", "utf-8")
+            print(label, found[label], flush=True)
+
+
+def costs_table() -> str:
+    """Accuracy and cost of relaxed clouds."""
+    rows = []
+    for label, pairs in json.loads(COSTS.read_text("utf-8")).items():
+        for key in pairs[0][0]:
+            lattice, relaxed = (np.array([pair[number][key] for pair in pairs]) for number in (0, 1))
+            ratios, figures = relaxed / lattice, ".4f" if key == "stress" else ".2f"
+            worst = ratios[np.abs(ratios - 1).argmax()] if key == "stress" else ratios.min() if key == "time step" else ratios.max()
+            means = (f"{values.mean():.4g}" for values in (lattice, relaxed))
+            rows.append([key, label, *means, f"{ratios.mean():{figures}}", f"{worst:{figures}}", REQUIRED[key]])
+    order = list(REQUIRED)
+    rows.sort(key=lambda row: order.index(row[0]))
+    return markdown_table(["quantity", "case", "lattice", "relaxed, mean", "ratio, mean", "ratio, worst", "required"], rows)
 
 
 def write_page() -> None:
     """Put the tables into the documentation."""
-    for plane in ("stress", "space"):
-        for relaxed in (False, True):
-            if any(tear["plane"] == plane and ("seed" in tear) == relaxed for tear in stored().values()):
-                replace_block(f"directions-{plane}-{'relaxed' if relaxed else 'lattice'}", table_of(plane, relaxed))
+    for plane, relaxed, rows in sorted({(tear["plane"], "seed" in tear, tear["rows"]) for tear in stored().values()}):
+        replace_block(f"directions-{plane}-{'relaxed' if relaxed else 'lattice'}-{rows}", table_of(plane, relaxed, rows))
 
 
 if __name__ == "__main__":
@@ -162,11 +282,15 @@ if __name__ == "__main__":
     parser.add_argument("--only", nargs="+", default=[], metavar="WORD")
     parser.add_argument("--jobs", type=int, default=2, metavar="N")
     parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
+    parser.add_argument("--costs", action="store_true", help="compare accuracy and cost of clouds and lattices, without a tear of a strip")
     parser.add_argument("--table", action="store_true", help="put the tables of the stored tears there, without a tear")
     arguments = parser.parse_args()
     lacking = [case for case in cases() if name_of(case) not in stored() and all(word in name_of(case) for word in arguments.only)]
-    if arguments.table:
+    if arguments.table or arguments.costs:
         lacking = []
+    if arguments.costs:
+        measure_costs()
+        replace_block("relaxed-costs", costs_table())
     outcomes = joblib.Parallel(arguments.jobs, return_as="generator")(joblib.delayed(tried)(case) for case in lacking)
     for case, figures in zip(lacking, outcomes, strict=True):
         print(name_of(case), figures, flush=True)

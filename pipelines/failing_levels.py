@@ -86,14 +86,14 @@ def run(name: str, changes: dict, force: str | None) -> tuple[pds.Result, str]:
         return error.result, str(error)
 
 
-def costs(result: pds.Result) -> tuple[list[int], int]:
-    """Return the force evaluations for each good output of a run, and those after its last good output."""
+def costs(result: pds.Result, message: str) -> tuple[list[int], int]:
+    """Return the force evaluations for each good output of a run, and those after its last good output; of what `run` returns."""
     rows, ends, failing = result.convergence, {}, None
     target = next(key for key in rows[0] if key in ("stretch", "t"))
     for row in rows:
         failing = row[target] if "failure" in row else failing
         ends[row[target]] = row["evaluation"]
-    found = list(ends)[: list(ends).index(failing)] if result.status == "failed" else list(ends)
+    found = list(ends)[: list(ends).index(failing)] if message else list(ends)
     marks = [0, *(ends[one] for one in found)]
     return np.diff(marks).tolist(), result.summary["n_force_evaluations"] - marks[-1]
 
@@ -103,7 +103,7 @@ def failing() -> str:
     rows = []
     for name, case in FAILING.items():
         result, message = run(*case)
-        good, bad = costs(result)
+        good, bad = costs(result, message)
         usual = float(np.mean(good))
         reached = message.partition("the last equilibrium was found at ")[2].partition(",")[0]
         rows.append([name, ", ".join(map(str, good)), str(bad), f"{bad / usual:.1f}", reached])
@@ -116,7 +116,7 @@ def good() -> str:
     rows = []
     for name, case in GOOD.items():
         result, message = run(*case)
-        rows.append([name, ", ".join(str(one) for one in costs(result)[0]), message or "done"])
+        rows.append([name, ", ".join(str(one) for one in costs(result, message)[0]), message or "done"])
         print(*rows[-1], sep=" | ", flush=True)
     return markdown_table(["run", "evaluations for each output", "end"], rows)
 

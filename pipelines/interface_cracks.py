@@ -17,7 +17,7 @@ from pages import markdown_table, replace_block
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
-from pdsurrogate.scenes.tip_diameter import tip_diameter
+from pdsurrogate.scenes.tip_diameter import tip_diameters
 
 ENERGY, CRITICAL = 0.35, 2.2
 """Fracture energy, over shear modulus and height, of the interface of equal layers, and critical stretch of that of different ones."""
@@ -92,11 +92,11 @@ def equal() -> str:
 
 def different() -> str:
     """Layers of different moduli: G at the peak against that of a crack in the softer rubber with the same critical stretch."""
-    rows, soft = [], pds.materials.NeoHookean(1.0, BULK)
+    rows, soft, diameter = [], pds.materials.NeoHookean(1.0, BULK), tip_diameters("stress", 2.2, "bond energy").at(CRITICAL)
     for stiffer, points in DIFFERENT:
         summary = tear("bond-energy", 2.2, points, stiffer, {"critical_stretch": CRITICAL}, {"critical_stretch": 2 * CRITICAL})
         found = energy_ahead(summary["crack"]["peak"]["stretch"], stiffer)
-        within = homogeneous.uniaxial(soft, CRITICAL).energy_density * tip_diameter("stress", 2.2, "bond energy") * 2.2 / points
+        within = homogeneous.uniaxial(soft, CRITICAL).energy_density * diameter * 2.2 / points
         rows.append([f"{stiffer:g}", f"{points}", f"{found:.3f}", f"{found / within:.2f}", balance(summary)])
         print(rows[-1], flush=True)
     return markdown_table(["upper layer (μ)", "rows", "G at the peak (μ h)", "G / within", "energy error (%)"], rows)

@@ -24,7 +24,7 @@ from pdsurrogate.results.provenance import processor
 console = Console()
 
 PARTS = {
-    "setup: points, bonds, force": ("run/run.py", "__post_init__"),
+    "setup: points, bonds, force": ("run/run.py", "__init__"),
     "force evaluations": ("forces/internal_force.py", "__call__"),
     "setup: preconditioner": ("solvers/preconditioner.py", "preconditioner_of"),
     "preconditioner: D linearized": ("forces/volume_energy.py", "take"),
@@ -43,6 +43,8 @@ def split(profile: cProfile.Profile) -> dict[str, tuple[int, float]]:
         for part, (place, wanted) in PARTS.items():
             if Path(file).as_posix().endswith(f"pdsurrogate/{place}") and name == wanted:
                 found[part] = calls, seconds
+    if missing := PARTS.keys() - found.keys():
+        raise RuntimeError(f"the run calls no function named in PARTS for {', '.join(sorted(missing))}: correct the names there")
     return found
 
 

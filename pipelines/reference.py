@@ -79,6 +79,7 @@ TABLES = {
         "features": card.FeatureEntries,
         "training": card.TrainingEntries,
         "training.identification": card.IdentificationEntries,
+        "training.identification.covariance": card.CovarianceEntries,
         "domain": card.DomainSpec,
         "errors": card.ReportsEntries,
         "errors.report": card.ReportEntries,

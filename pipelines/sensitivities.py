@@ -26,7 +26,6 @@ import numpy as np
 from pages import markdown_table, replace_block
 
 import pdsurrogate as pds
-from pdsurrogate.artifacts import default_force
 from pdsurrogate.forces import InternalForce
 from pdsurrogate.materials.homogeneous import uniaxial
 from pdsurrogate.problem.materials import checked_models
@@ -166,7 +165,7 @@ CASES = {
         ["nominal_stress", "forces", "probes.side.displacement"],
     ),
     "box": Case(
-        "box of 5 × 35 × 35 points to a stretch of 10: μ, K",
+        "box of 5 x 35 x 35 points to a stretch of 10: μ, K",
         STRETCHED_BOX,
         {"material": {"law": "neo-hookean", **SOFT}},
         "bond-energy",
@@ -302,7 +301,7 @@ def row_of(name: str, compared: bool) -> list[str]:
     return [
         CASES[name].what,
         f"{found['points']:,}",
-        f"{found['outputs']} × {found['parameters']}",
+        f"{found['outputs']} x {found['parameters']}",
         f"{found['off']:.0e}" if "off" in found else "",
         evaluations,
         f"{found['equilibrium_s']:.2f}",
@@ -315,7 +314,7 @@ def row_of(name: str, compared: bool) -> list[str]:
 
 
 HEADER = [
-    *("scene and parameters", "points", "outputs × parameters", "off", "evaluations, equilibrium / derivatives", "equilibrium (s)"),
+    *("scene and parameters", "points", "outputs x parameters", "off", "evaluations, equilibrium / derivatives", "equilibrium (s)"),
     *("derivatives (s)", "time, ratio", "equilibrium (MB)", "with derivatives (MB)", "memory, ratio"),
 ]
 

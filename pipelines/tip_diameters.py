@@ -12,14 +12,17 @@ equilibria. Every tear is stored as it ends. All take some two hours on one core
 import argparse
 import json
 import time
+from collections import Counter
 from itertools import product
 from pathlib import Path
 
 import numpy as np
+import scipy
 from pages import FIGURES, markdown_table, replace_block
 
 import pdsurrogate as pds
-from pdsurrogate.materials import homogeneous
+from pdsurrogate.materials import Law, homogeneous
+from pdsurrogate.scenes.tip_diameter import measured_diameters, tip_diameters
 
 TABLE = Path(pds.__file__).resolve().parent / "scenes" / "tip_diameters.json"
 
@@ -54,10 +57,31 @@ MOST_SPREAD = 0.07
 """Greatest relative deviation of a spacing's diameter from the tabulated one, along a row: G at the peak then misses the prescribed one by
 no more. Cases with a greater one have no entry, so that `fracture.energy` is refused."""
 
-KEPT = {("bond force", "stress", "lattice", ratio): 1.15 for ratio in (3.15, 4.2)}
-"""Diameters that stay: 1.15 is that of the tear of the paper's section 6.5, with which these tears agree within 7 %."""
-
 ANGLES, SEEDS = (7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
+
+OTHER_SEEDS = tuple(range(6, 16))
+"""Clouds of the tears of which the table is made; those of SEEDS judge it."""
+
+STRETCHES, LARGEST = (1.6, 2.2, 2.8, 4.0), 14.0
+"""Critical stretches at which diameters are measured, as long as the stretch times the horizon in spacings is not larger than LARGEST."""
+
+HIGHER, SOLIDS_HIGHER = (16, 20, 24, 28, 32), (10, 14, 18)
+"""Rows of points per unit of height of the strips with these critical stretches, in the plane and in solids."""
+
+LEAST_HEIGHT = 2.0
+"""Least height of these strips, in blunted tips, which are about as wide as a horizon that is stretched by the critical stretch.
+
+Chosen after some tears: at a horizon of 3.15 spacings, strips of 1.8 to 1.9 such widths gave 9 to 11 % less than those of 2.2 and more."""
+
+LIMIT, STIFFENED = 20.0, ({"critical": 2.2, "rows": 16}, {"critical": 2.8, "rows": 20})
+"""Limit of the chains of Gent's law, and the strips of such a material."""
+
+LOW = ((2.8, 16), (3.4, 20), (3.4, 24), (3.4, 28), (4.0, 24))
+"""Critical stretches and rows of strips of bond-energy at a horizon of 3.15 spacings, of which three are lower than LEAST_HEIGHT."""
+
+PULLED = 0.4, 1.5, 0.04
+"""Travels at which dynamics begin and end, and speed of the grips over that of shear waves, over the expected travel at the peak. A
+strip with G = ENERGY has an expected travel of 0.5, which gives about the travels and the speed of the other strips."""
 
 OFFSET = 0.3
 """Difference of either precut from the one in between, for -dE/da: some spacings, so that the rows at its end do not matter."""
@@ -81,6 +105,49 @@ def solids() -> list[dict]:
     return rows + clouds + [case | {"rows": ROWS_IN_SPACE[0], "angle": angle} for angle, case in product(ANGLES, base)]
 
 
+def high_enough(case: dict) -> bool:
+    """Whether a strip is high enough for its critical stretch."""
+    return case["rows"] >= LEAST_HEIGHT * case["critical"] * case["ratio"]
+
+
+def stretched() -> list[dict]:
+    """Cases of which the table is made: at given critical stretches, along a row at three spacings (in solids two), then clouds."""
+    flat = [{"model": "bond-energy", "plane": plane, "ratio": ratio} for plane, ratio in product(("stress", "strain"), (2.2, 3.15, 5.0))]
+    flat += [{"model": "neo-hookean", "plane": "stress", "ratio": ratio} for ratio in (2.2, 3.15, 5.0)]
+    low = {"model": "bond-energy", "plane": "stress", "ratio": 3.15, "angle": 0}
+    found = [low | {"critical": critical, "rows": rows} for critical, rows in LOW]
+    for base, critical in product([*flat, {"model": "bond-energy", "plane": "space", "ratio": 2.2}], STRETCHES):
+        if critical * base["ratio"] <= LARGEST:
+            straight = base | {"critical": critical, "angle": 0}
+            spacings = SOLIDS_HIGHER if base["plane"] == "space" else HIGHER
+            along = [straight | {"rows": rows} for rows in spacings if high_enough(straight | {"rows": rows})]
+            clouds = next(case for case in along if case["rows"] >= 20 or base["plane"] == "space")
+            found += along[:3] + [clouds | {"arrangement": "relaxed", "seed": seed} for seed in OTHER_SEEDS]
+    return found
+
+
+def guess(case: dict) -> float:
+    """Diameter in horizons by which critical stretches, or the travel at the peak, are chosen."""
+    return GUESS.get(case["model"], GUESS.get(case["ratio"], 0.9))
+
+
+def law_of(case: dict) -> Law:
+    """Law of the material: neo-Hookean, or with a `limit` of the chains that of Gent."""
+    bulk = case.get("bulk", BULK)
+    return pds.materials.Gent(1.0, bulk, chain_limit=case["limit"]) if "limit" in case else pds.materials.NeoHookean(1.0, bulk)
+
+
+def density_of(case: dict) -> float:
+    """Expected G over height of a case with a critical stretch."""
+    return homogeneous.uniaxial(law_of(case), case["critical"]).energy_density * guess(case) * case["ratio"] / case["rows"]
+
+
+def expected_travel(case: dict) -> float:
+    """Travel of the grip of a strip of height 1 at which pure shear has the expected energy."""
+    law, density = law_of(case), density_of(case)
+    return scipy.optimize.brentq(lambda travel: homogeneous.pure_shear(law, 1 + travel).energy_density - density, 0.0, 5.0)
+
+
 def cases() -> list[dict]:
     """All tears."""
     learned = {
@@ -90,9 +157,10 @@ def cases() -> list[dict]:
     }
     stiffer = [{"plane": plane, "ratio": ratio, "rows": rows, "angle": 0, "bulk": 100.0} for plane, ratio, rows in learned]
     others = [case | {"model": model} for case, own in zip(stiffer, learned.values(), strict=True) for model in ("bond-energy", own)]
+    others += [{"model": "bond-energy", "plane": "stress", "ratio": 2.2, "angle": 0, "limit": LIMIT} | own for own in STIFFENED]
     notch = {"plane": "stress", "ratio": 3.15, "rows": 10, "high": 4.0, "angle": 0}
     others += [notch | {"model": model, "precut": cut} for model, cut in product(("bond-energy", "neo-hookean"), BEGIN)]
-    return sheets("stress", ("bond-energy", "neo-hookean")) + sheets("strain", ("bond-energy",)) + solids() + others
+    return stretched() + sheets("stress", ("bond-energy", "neo-hookean")) + sheets("strain", ("bond-energy",)) + solids() + others
 
 
 def name_of(case: dict) -> str:
@@ -130,6 +198,9 @@ def strip(case: dict, critical: float | None = None, precut: float | None = None
     prescribed = [{"region": ends[0], "name": "low", "x1": 0.0, "x2": 0.0, **across}]
     prescribed += [{"region": ends[1], "name": "high", "x1": normal[0], "x2": normal[1], **across}]
     first, last, rate = (0.2, 0.75, RATE) if high == 1 else (BEGIN[case["precut"]] * high, 0.5 * high, RATE / high)
+    if "critical" in case:
+        first, last, rate = (expected_travel(case) * np.array(PULLED)).tolist()
+        rate = min(rate, RATE)
     pulled = {"to": last, "outputs": 60, "dynamics": {"duration": (last - first) / rate, "density": 1.0, "damping": 0.02}}
     return pds.Scene.model_validate(
         {
@@ -139,7 +210,7 @@ def strip(case: dict, critical: float | None = None, precut: float | None = None
             "plane": case["plane"],
             "body": body,
             "precuts": [cut],
-            "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": case.get("bulk", BULK)},
+            "material": law_of(case).describe(),
             "prescribed": sliding(prescribed) if case["plane"] == "strain" else prescribed,
             "steps": [{"to": first}, pulled] if end is None else [{"to": end, "outputs": 8}],
             **({"fracture": {"critical_stretch": critical}} if end is None else {}),
@@ -175,8 +246,8 @@ def released(case: dict, travel: float) -> float:
 def torn(case: dict) -> dict:
     """Figures of one tear."""
     began, horizon = time.process_time(), case["ratio"] / case["rows"]
-    law = strip(case, 2.0).material.build()
-    critical = pds.critical_stretch_of(law, ENERGY, horizon, GUESS.get(case["model"], GUESS.get(case["ratio"], 0.9)))
+    law = law_of(case)
+    critical = case.get("critical") or pds.critical_stretch_of(law, ENERGY, horizon, guess(case))
     result = pds.simulate(strip(case, critical), case["model"], threads=1)
     rows = [row for row in result.history if "time" in row]
     load = pulls(case, [(row["force_high_1"], row["force_high_2"]) for row in rows])
@@ -208,75 +279,81 @@ def stored() -> dict[str, dict]:
 
 
 def strips() -> list[dict]:
-    """Turned strips that were torn with `fracture.energy` (`crack_directions.py`), and the diameters of their tips."""
+    """Turned strips of `crack_directions.py`, and the diameters of their tips."""
     found = []
     for case in json.loads(STRIPS.read_text("utf-8")).values():
         if case["plane"] != "space":
-            law = strip(case, case["critical_stretch"]).material.build()
-            density = homogeneous.uniaxial(law, case["critical_stretch"]).energy_density
+            density = homogeneous.uniaxial(law_of(case), case["critical_stretch"]).energy_density
             found.append(case | {"diameter": case["peak"] / density * case["rows"] / case["ratio"]})
     return found
 
 
+def told(case: dict) -> tuple:
+    """Family of the force model, plane, arrangement and horizon of a tear; those of other force models have their names."""
+    return FAMILIES.get(case["model"], case["model"]), case["plane"], case.get("arrangement", "lattice"), case["ratio"]
+
+
 def measured() -> list[dict]:
     """All measured cases: the mean along a row over spacings, or over clouds, the tears that it averages, and a diameter if settled."""
-    found: dict[tuple, dict] = {key: {} for key in KEPT}
+    found: dict[tuple, dict] = {}
     for case in stored().values():
-        if case["model"] in FAMILIES and "bulk" not in case and "high" not in case:
-            key = FAMILIES[case["model"]], case["plane"], case.get("arrangement", "lattice"), case["ratio"]
-            kind, number = ("turned", "angle") if case.get("angle") else ("seeds", "seed") if "seed" in case else ("rows", "rows")
-            found.setdefault(key, {}).setdefault(kind, {})[case[number]] = round(case["diameter"], 3)
+        if "critical" in case and "limit" not in case and high_enough(case):
+            kind, number = ("seeds", "seed") if "seed" in case else ("rows", "rows")
+            found.setdefault((*told(case), case["critical"]), {kind: {}})[kind][case[number]] = round(case["diameter"], 3)
     entries = []
     for key, figures in sorted(found.items()):
-        kind = "rows" if key[2] == "lattice" else "seeds"
-        tears = np.array(list(figures.get(kind, {}).values()))
-        entry = dict(zip(("family", "plane", "arrangement", "horizon_ratio"), key, strict=True))
+        ((kind, by_number),) = figures.items()
+        entry = dict(zip(("family", "plane", "arrangement", "horizon_ratio", "critical_stretch"), key, strict=True))
+        tears = np.array(list(by_number.values()))
         if len(tears) >= LEAST[kind]:
             mean = float(tears.mean())
-            diameter = KEPT.get(key, round(mean, 2))
-            settled = kind == "seeds" or np.abs(tears / diameter - 1).max() <= MOST_SPREAD
-            entry |= {"diameter": diameter} if settled else {}
+            settled = kind == "seeds" or np.abs(tears / mean - 1).max() <= MOST_SPREAD
+            entry |= {"diameter": round(mean, 3)} if settled else {}
             entry |= {"mean": round(mean, 3), "deviation": round(float(tears.std(ddof=1)), 3)}
-        entries.append(entry | {kind: {str(number): one[number] for number in sorted(one)} for kind, one in figures.items()})
+        entries.append(entry | {kind: {str(number): by_number[number] for number in sorted(by_number)}})
     return entries
 
 
+def case_of(entry: dict) -> tuple:
+    """What `told` returns of the tears of an entry."""
+    return tuple(entry[key] for key in ("family", "plane", "arrangement", "horizon_ratio"))
+
+
 def table() -> list[dict]:
-    """Entries of the package's table: the measured cases that have a diameter."""
-    return [entry for entry in measured() if "diameter" in entry]
-
-
-def listed(figures: dict[str, float]) -> str:
-    """Diameters with what belongs to them, in brackets."""
-    return ", ".join(f"{value:.2f} ({key})" for key, value in figures.items()) or "-"
+    """Entries of the package's table: the measured cases that have diameters at two critical stretches or more."""
+    settled = [entry for entry in measured() if "diameter" in entry]
+    several = Counter(case_of(entry) for entry in settled)
+    return [entry for entry in settled if several[case_of(entry)] > 1]
 
 
 def page() -> None:
     """Put the tables into the documentation."""
-    head = [
-        "force model",
-        "body, points",
-        "horizon (spacings)",
-        "d / δ",
-        "mean",
-        "deviation",
-        "tears (rows per height, or seed)",
-        "turned (degrees)",
-    ]
-    rows = []
-    for entry in measured():
-        figures = [f"{entry['horizon_ratio']:g}", f"{entry['diameter']:.2f}" if "diameter" in entry else "-"]
-        figures += [f"{entry[key]:.3f}" if key in entry else "-" for key in ("mean", "deviation")]
-        tears = listed(entry.get("rows", {}) | entry.get("seeds", {}))
-        rows.append([entry["family"], f"{entry['plane']}, {entry['arrangement']}", *figures, tears, listed(entry.get("turned", {}))])
-    replace_block("tip-diameters", markdown_table(head, rows))
-    others = [case for case in stored().values() if case["model"] not in FAMILIES or "bulk" in case or "high" in case]
+    entries = measured()
+    stretches, rows = sorted({entry["critical_stretch"] for entry in entries}), []
+    for case in dict.fromkeys(case_of(entry) for entry in entries):
+        cells = {entry["critical_stretch"]: cell(entry) for entry in entries if case_of(entry) == case}
+        rows.append([case[0], f"{case[1]}, {case[2]}", f"{case[3]:g}", *(cells.get(stretch, "-") for stretch in stretches)])
+    head = ["force model", "body, points", "horizon (spacings)"]
+    replace_block("tip-diameters", markdown_table([*head, *(f"λ_c = {stretch:g}" for stretch in stretches)], rows))
+    others = [case for case in stored().values() if case["model"] not in FAMILIES or {"bulk", "high", "limit"} & case.keys()]
     rows = []
     for case in sorted(others, key=lambda case: ("high" in case, case["plane"], case["model"], case.get("precut", 0))):
-        body = f"square of 4 x 4, notch {case['precut']:g}" if "high" in case else f"strip, K = {case.get('bulk', BULK):g} μ"
-        rows.append([case["model"], f"{body}, {case['plane']}", f"{case['ratio']:g}", str(case["rows"]), f"{case['diameter']:.2f}"])
-    replace_block("other-tips", markdown_table(["force model", "body", "horizon (spacings)", "rows per unit length", "d / δ"], rows))
+        law = f"Gent, limit {case['limit']:g}, " if "limit" in case else ""
+        body = f"square of 4 x 4, notch {case['precut']:g}" if "high" in case else f"strip, {law}K = {case.get('bulk', BULK):g} μ"
+        figures = [f"{case['ratio']:g}", str(case["rows"]), f"{case['critical_stretch']:.2f}", f"{case['diameter']:.2f}"]
+        rows.append([case["model"], f"{body}, {case['plane']}", *figures])
+    head = ["force model", "body", "horizon (spacings)", "rows per unit length", "λ_c", "d / δ"]
+    replace_block("other-tips", markdown_table(head, rows))
     replace_block("peaks", peaks())
+
+
+def cell(entry: dict) -> str:
+    """Mean, deviation and number of the tears of an entry, in brackets if it gives no diameter."""
+    tears = entry.get("rows", {}) | entry.get("seeds", {})
+    if "mean" not in entry:
+        return f"({np.mean(list(tears.values())):.2f}; {len(tears)})"
+    text = f"{entry['mean']:.2f} ± {entry['deviation']:.2f}; {len(tears)}"
+    return text if "diameter" in entry else f"({text})"
 
 
 def span(values: list[float]) -> str:
@@ -284,48 +361,35 @@ def span(values: list[float]) -> str:
     return f"{min(values):.2f} to {max(values):.2f}" if len(values) > 1 else "".join(f"{value:.2f}" for value in values) or "-"
 
 
+def spread(values: list[float]) -> str:
+    """Mean, deviation and number of values."""
+    return f"{np.mean(values):.2f} ± {np.std(values, ddof=1):.2f} ({len(values)})" if len(values) > 1 else span(values)
+
+
 def peaks() -> str:
-    """G at the peak over the prescribed one, for every case of the package's table: of the tears behind it, and of others."""
-    torn_strips, rows, models = strips(), [], {family: model for model, family in FAMILIES.items()}
-    for entry in table():
-        case = models[entry["family"]], entry["plane"], entry["arrangement"], entry["horizon_ratio"]
-        along = [value / entry["diameter"] for value in entry.get("rows", {}).values()]
-        turned = [value / entry["diameter"] for value in entry.get("turned", {}).values()]
-        seeds = entry.get("seeds", {}).values()
-        clouds = f"{np.mean(list(seeds)) / entry['diameter']:.2f} ({len(seeds)})" if seeds else "-"
-        others = [each["diameter"] / entry["diameter"] for each in stored().values() if "high" in each and told(each) == case]
-        whole = [each["diameter"] / entry["diameter"] for each in torn_strips if told(each) == case]
-        prescribed = f"{np.mean(whole):.2f} ± {np.std(whole, ddof=1):.2f} ({len(whole)})" if whole else "-"
-        figures = [
-            f"{entry['horizon_ratio']:g}",
-            str(len(along)) if along else "-",
-            span(along),
-            clouds,
-            span(turned),
-            span(others),
-            prescribed,
-        ]
-        rows.append([entry["family"], f"{entry['plane']}, {entry['arrangement']}", *figures])
-    head = [
-        "force model",
-        "body, points",
-        "horizon (spacings)",
-        "spacings along a row",
-        "G / prescribed along a row",
-        "mean of clouds (number)",
-    ]
-    head += ["turned strips", "edge notches", "turned strips of 24 rows: mean ± deviation (tears)"]
-    return markdown_table(head, rows)
+    """G at the peak over the prescribed one, for every case of the package's table, of tears that the table does not average."""
+    rows, own = [], [case for case in stored().values() if "critical" not in case and "bulk" not in case]
+    for case in dict.fromkeys(case_of(entry) for entry in table()):
+        family, plane, arrangement, ratio = case
+        tips = tip_diameters(plane, ratio, family, arrangement)
 
-
-def told(case: dict) -> tuple:
-    """Force model, plane, arrangement and horizon of a tear."""
-    return case["model"], case["plane"], case.get("arrangement", "lattice"), case["ratio"]
+        ratios: dict[str, list[float]] = {kind: [] for kind in ("along", "clouds", "turned", "notched", "directions")}
+        for tear in [*own, *(strip | {"directions": True} for strip in strips())]:
+            if told(tear) == case:
+                kind = "directions" if "directions" in tear else "clouds" if "seed" in tear else "notched" if "high" in tear else "along"
+                kind = "turned" if kind == "along" and tear["angle"] else kind
+                ratios[kind].append(tear["diameter"] / tips.at(tear["critical_stretch"]))
+        figures = [str(len(ratios["along"])) if ratios["along"] else "-", span(ratios["along"]), spread(ratios["clouds"])]
+        figures += [span(ratios["turned"]), span(ratios["notched"]), spread(ratios["directions"])]
+        rows.append([family, f"{plane}, {arrangement}", f"{ratio:g}", *figures])
+    head = ["force model", "body, points", "horizon (spacings)", "spacings along a row", "G / prescribed along a row", "clouds"]
+    return markdown_table([*head, "turned strips", "edge notches", "turned strips of `crack_directions.py`"], rows)
 
 
 def write() -> None:
     """Write the package's table, an entry to a line, and the page."""
     TABLE.write_text("[\n" + ",\n".join(json.dumps(entry) for entry in table()) + "\n]\n", "utf-8")
+    measured_diameters.cache_clear()
     page()
 
 

@@ -95,7 +95,14 @@ LAWS = [
     Ogden(moduli=(0.5,), exponents=(2.0,), bulk_modulus=20.0),
     FullNetwork(0.3, 30.0),
     Polyconvex(
-        moduli=(0.4,), exponents=(1.5,), first=(0.2, 0.02, 1e-4), second=(0.04, 1e-5), roots=(0.1, 0.2), logarithms=(0.1,), limits=(60.0,)
+        moduli=(0.4,),
+        exponents=(1.5,),
+        first=(0.2, 0.02, 1e-4),
+        second=(0.04, 1e-5),
+        roots=(0.1, 0.2),
+        logarithms=(0.1,),
+        limits=(60.0,),
+        second_logarithm=(0.05,),
     ),
 ]
 """Every property test of materials runs over these; all of them reach stretches of 4 in both directions."""

@@ -182,6 +182,21 @@ class FeatureEntries(StrictModel):
     units: str
 
 
+class CovarianceEntries(StrictModel):
+    """Covariance of the law, from which results have standard errors (`pdsurrogate.materials.LawCovariance`).
+
+    Parameters
+    ----------
+    names : list of str
+        Dotted keys of numbers of the law.
+    values : list of list of float
+        Covariance of these numbers. Unit: product of those of the two numbers.
+    """
+
+    names: tuple[str, ...]
+    values: tuple[tuple[Finite, ...], ...]
+
+
 class IdentificationEntries(StrictModel):
     """Identification of the law from test data.
 
@@ -191,6 +206,8 @@ class IdentificationEntries(StrictModel):
         Name of the test data.
     law : dict
         Name and parameters of the identified law, equal to ``material.trained_with``.
+    covariance : CovarianceEntries, optional
+        Covariance of the law; none if the data do not determine all of its parameters.
     **extra_data
         Results of the identification, as `pdsurrogate.identification.report` gives them; they inform people.
     """
@@ -199,6 +216,7 @@ class IdentificationEntries(StrictModel):
 
     data: str
     law: dict[str, Any]
+    covariance: CovarianceEntries | None = None
 
 
 class TrainingEntries(StrictModel):

@@ -18,6 +18,7 @@ from ..arguments import check_path, suggestion
 from ..array_files import DamagedFile, read_arrays
 from ..forces import FORCES, Domain, ForceModel, LearnedBondForce, LearnedEnergy, Member
 from ..materials import LAWS, Law
+from ..materials.covariance import LawCovariance
 from ..scenes import MaterialSpec, Scene
 from .card import DIGESTED, KINDS, MEMBERS, NAME_PATTERN, PIPELINE, SURROGATE, VERSION_PATTERN, ArtifactError, Card, new_card, read_card
 
@@ -304,12 +305,21 @@ def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
         model = _built(called(folder, card, which), folder, card, SURROGATE, _arrays(folder, card, SURROGATE))
         laws = [law_of(card.of_member(number)) for number in numbers]
         ratios = [law.shear_modulus / law_of(card).shear_modulus for law in laws]
-        model = replace(model, members=tuple(map(Member, members, laws, ratios)))
+        model = replace(model, members=tuple(map(Member, members, laws, ratios)), covariance=_covariance_on(folder, card))
     else:
         [model] = members
     if card.stated_digest() is None:
         warnings.warn(f"{called(folder, card)}: its card is older and has no digest to show changes; store it again", stacklevel=3)
     return model
+
+
+def _covariance_on(folder: Path, card: Card) -> LawCovariance | None:
+    """Return the covariance of the law on a card; None if it has none. Raise ArtifactError for one that is not of this law."""
+    entry = (card.training.get("identification") or {}).get("covariance")
+    try:
+        return entry and LawCovariance(law_of(card), entry["names"], entry["values"])
+    except ValueError as error:
+        raise ArtifactError(f"{folder / CARD}: training.identification: {error}") from None
 
 
 def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[Surrogate]:

@@ -191,6 +191,18 @@ class Body:
         """
         return "a smaller spacing" if self.mesh_cells is None else "a finer mesh, of cells of about one size"
 
+    @property
+    def relaxed(self) -> bool:
+        """Whether the points form a relaxed cloud: they lie on no lattice and come from no mesh.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).relaxed
+        False
+        """
+        return self.tessellate is not None
+
     def weigh(self, length: np.ndarray) -> np.ndarray:
         """Return the values of the body's weight function.
 

@@ -8,7 +8,8 @@ import numpy as np
 from ..artifacts import load_surrogate
 from ..body import fields_at
 from ..forces import InvalidState
-from ..materials import Law, Ogden
+from ..materials import Law
+from ..materials.covariance import numbers_of
 from ..problem.materials import checked_models
 from ..results import Result
 from ..run.sensitivity import Differentiated
@@ -48,17 +49,8 @@ class Rows:
 
 def with_law(scene: Scene, law: Law, spacing: float | None = None) -> Scene:
     """Return a scene with another law of its material, and optionally another spacing."""
-    data = scene.model_dump(mode="json") | {"material": numbers_of(law) | {"law": law.name}}
+    data = scene.model_dump(mode="json") | {"material": law.describe()}
     return Scene.model_validate(data if spacing is None else data | {"spacing": spacing})
-
-
-def numbers_of(law: Law) -> dict:
-    """Return the independent parameters of a law: those of a law of sums of terms imply its shear modulus."""
-    found = law.describe()
-    del found["law"]
-    if isinstance(law, Ogden):
-        del found["shear_modulus"]
-    return found
 
 
 def pulled(scene: Scene) -> tuple[str, float]:
@@ -150,7 +142,7 @@ class MeasuredScene:
         NoEquilibrium, InvalidState, SimulationFailed
             If the equilibria are not found with this law.
         """
-        body = self._base.changed(dict(leaves(numbers_of(law), key="material")))
+        body = self._base.changed({f"material.{name}": value for name, value in numbers_of(law).items()})
         values, derivatives = np.empty(len(self.rows.step)), np.empty((len(self.rows.step), len(names)))
         outputs = list(dict.fromkeys(name for name, _ in self.outputs)) if (self.rows.quantity < 1).any() else []
         for step in self._steps:

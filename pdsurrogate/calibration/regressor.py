@@ -16,14 +16,14 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from ..arguments import check_kind, in_order
-from ..identification import EnergyRegressor, LawRegressor, committee_spread, fitted_laws, nominal_stress
+from ..identification import EnergyRegressor, LawRegressor, fitted_laws, nominal_stress
 from ..identification.energy import half_planes
 from ..identification.stress_regressor import BULK_RATIO
 from ..materials import LAWS, Law, Ogden
+from ..materials.covariance import LawCovariance, covariance_of_numbers, derivatives_of_numbers
 from ..scenes import Mesh, Scene, load_scene
-from ..scenes.reading import leaves
-from .free import TERMS, EnergyUnknowns, chosen_terms, members, minimized, solved
-from .measured import FAILURES, MeasuredScene, Rows, numbers_of
+from .free import FLOOR, EnergyUnknowns, average, floored, grouping, minimized
+from .measured import FAILURES, MeasuredScene, Rows
 
 COLUMNS = ("step", "quantity", "x1", "x2", "x3")
 """Columns of a table of measurements; the last one for solids only."""
@@ -38,8 +38,9 @@ NEIGHBORS = 13
 """Number of places, with the place itself, to which a quadratic is fitted in order to estimate the scatter of displacements: about twice
 its six coefficients in the plane. In space 20 neighbors serve its ten coefficients."""
 
-ORDER = 1.5
-"""Order in the spacing with which displacements and forces of sheets with holes converge (theory, section 28)."""
+ORDER, MEAN_ORDER = 1.5, 1.75
+"""Least order in the spacing with which displacements of sheets with holes converge, for standard errors, and the mean one, for the
+extrapolation to a spacing of zero (theory, section 28)."""
 
 UNDETERMINED = 0.5
 """Relative standard error of a combination of parameters from which on the test does not determine it."""
@@ -50,6 +51,10 @@ SHARE = 0.3
 ROUNDS = 3
 """Most fits with a new correction of the discretization error: each changes the parameters by a small part of the change before."""
 
+FARTHEST = 2.0
+"""Greatest ratio of measured to simulated displacements, and the inverse of the least, of a test that prescribes motions. Its fields differ
+between laws by parts of this; a greater one is an error of units or of the order of the steps."""
+
 SETTLED = 0.1
 """Change of all parameters, in their standard errors, below which the correction of the discretization error is not computed again."""
 
@@ -59,9 +64,10 @@ MOST_STEPS = 60
 MEMBERS = 8
 """Number of members of the committee of an energy without a law: their spread is then known to some 25 %."""
 
-FAIR, MOST_NEAR = 0.02, 3
-"""Relative decrease of the cost that ends the steps of an energy with all terms, and most such steps. Chosen: what the steps after these
-would change is less than the choice of the terms and the next correction do."""
+FAIR, STEPS = 0.02, (1, 3, 0)
+"""Relative decrease of the cost that ends the least-squares steps of an energy with all terms, and most such steps in each of the `ROUNDS`.
+Chosen: what the steps after these would change is less than the choice of the terms and the next correction do. The last round starts at
+the average of energies, about which the equations are linearized once more."""
 
 PENALTY = 1e3
 """Residual, in standard deviations, of all rows with parameters for which the scene has no equilibrium: the search then turns back."""
@@ -85,8 +91,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         Test, or several tests of one material. The material in a scene serves as the start of the search if it has the law that is
         fitted, and gives K/mu unless `bulk_ratio` or `bulk_modulus` does.
     law : str or None, default="neo-hookean"
-        Name of the law; None for an energy without a law, a sum with positive weights of few polyconvex terms: powers of the stretches, and
-        powers and roots of the invariants (`pdsurrogate.materials.Polyconvex`).
+        Name of the law; None for an energy without a law, an average of energies of few terms of both invariants, weighted by how well they
+        fit (theory, section 28). It is a `pdsurrogate.materials.Polyconvex`; waves are stable in its states with stretches from 1/3 to 3.
     n_terms : int, default=3
         Number of terms of Ogden's law; without effect for other laws.
     outputs : sequence of str, optional
@@ -107,14 +113,16 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     parameters_ : ndarray, shape (n_parameters,)
     covariance_ : ndarray, shape (n_parameters, n_parameters)
         Covariance from the standard deviations of the measurements, times the lack of fit if it exceeds 1, plus the square of the change
-        of the parameters by the remaining discretization error.
+        of the parameters by the remaining discretization error. For an energy without a law: the covariance of the average, with correlated
+        residuals.
     standard_errors_ : ndarray, shape (n_parameters,)
         Infinite for parameters that the data do not determine at all.
     correlation_ : ndarray, shape (n_parameters, n_parameters)
     at_bound_ : list of str
         Parameters at a bound, whose standard errors have no meaning.
     undetermined_ : list of str
-        Parameters in combinations whose relative standard error exceeds one half.
+        Parameters in combinations whose relative standard error exceeds one half; for an energy without a law, single weights of terms
+        are meant, which may be undetermined although the stresses are not.
     lack_of_fit_ : float
         Sum of the squared residuals in standard deviations, divided by the degrees of freedom; 1 is expected.
     p_value_ : float
@@ -126,7 +134,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     discretization_ : ndarray, shape (n_samples,)
         Correction of the simulation at the spacing of the scene, in the units of the measurements.
     members_ : list of Law
-        For an energy without a law: a committee, energies of other terms found from random halves of the measurements.
+        For an energy without a law: a committee, energies drawn by their weights in the average, with random errors.
     domain_hull_ : list of list of float
         For an energy without a law: half-planes (n1, n2, d) of the convex hull of the states in the simulated tests, as in ``hull`` of
         `pdsurrogate.forces.protocol.Domain`, moved outwards by the margin of `EnergyRegressor`.
@@ -312,9 +320,32 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             columns.append((sides[0] - sides[1]) / (2 * step))
         jacobian, stress = np.stack(columns, axis=1), nominal_stress(self.law_, X)
         variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian)
-        if self.law is None:
-            variance += committee_spread(stress, [nominal_stress(law, X) for law in self.members_]) ** 2
         return stress, np.sqrt(variance)
+
+    def law_covariance(self) -> LawCovariance:
+        """Return the covariance of the numbers of the fitted law, with which `pdsurrogate.Result.standard_errors` propagates it to results.
+
+        Returns
+        -------
+        LawCovariance
+            From `covariance_`, with the numbers that follow from the parameters, such as the bulk modulus from K/mu.
+
+        Raises
+        ------
+        ValueError
+            If the measurements do not determine a parameter, or a parameter is at a bound of the search.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> scene = pds.load_scene("hole", spacing=0.25)
+        >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.03)
+        >>> errors = model.law_covariance().standard_errors
+        >>> {name: round(error / getattr(model.law_, name), 3) for name, error in errors.items()}
+        {'shear_modulus': 0.01, 'bulk_modulus': 0.01}
+        """
+        check_is_fitted(self)
+        return covariance_of_numbers(self._unknown.law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
 
     def stated_deviations(self, X, y, stated: dict[int, float | None]) -> np.ndarray:
         """Return standard deviations of measurements: stated ones of all displacements or all outputs, and estimated ones of the others.
@@ -415,15 +446,14 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         if self.law is not None:
             x = np.clip(x, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
         correction, law_of = np.zeros(len(y)), lambda x: self._unknown.law_of(values(x))
-        for test, _ in self._tests:
-            test.begin(law_of(x))
+        self._begin(law_of(x), y)
         search = _Search(self._tests, law_of, y, root, linear=self.law is None)
-        for number in range(ROUNDS if self.refine > 1 else 1):
+        for number in range(ROUNDS if self.refine > 1 or self.law is None else 1):
             first = self.refine > 1 and not number
             # Changes of the cost by less than these are those of parameters within a part of their standard errors.
             close = 1e-3 if first else 1e-2 / len(y)
             if self.law is None:
-                found = self._energy(search, x, first, close)
+                found = self._energy(search, x, number)
             else:
                 bounds = {"bounds": (low, high), "x_scale": "jac"}
                 found = least_squares(
@@ -431,19 +461,23 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 )
             before, x = x, found.x
             if self.refine == 1:
-                break
+                continue
             errors = np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac, rcond=1e-14, hermitian=True)))
-            if number and len(x) == len(before) and (np.abs(x - before) <= SETTLED * errors).all():
+            if self.law is not None and number and (np.abs(x - before) <= SETTLED * errors).all():
                 break
             fine = np.empty(len(y))
             for test, here in self._tests:
                 fine[here] = test.simulate(law_of(x), self._fine(test.scene))[0]
             correction = fine - search.values(x)
             if self.law is None:
-                correction *= self.refine**ORDER / (self.refine**ORDER - 1)
+                correction *= self.refine**MEAN_ORDER / (self.refine**MEAN_ORDER - 1)
             search.y = y - correction
         if self.law is None:
-            logarithmic = logarithmic[: len(x)]
+            kept = x > FLOOR * x.max()
+            self._unknown, x, found.jac = self._unknown.of(kept), x[kept], found.jac[:, kept]
+            found.spread, logarithmic = found.spread[np.ix_(kept, kept)], logarithmic[kept]
+            found.active_mask = found.active_mask[kept]
+            search.forget()
             self._set_domain(law_of(x))
         self.n_simulations_ = search.count
         simulated = search.values(x) + correction
@@ -463,29 +497,27 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 f"{count}: add displacements (--fields), or fit a law (--law)"
             )
 
-    def _energy(self, search: "_Search", x: np.ndarray, first: bool, close: float) -> SimpleNamespace:
-        """Return the coefficients of an energy and the Jacobian there.
+    def _energy(self, search: "_Search", x: np.ndarray, number: int) -> SimpleNamespace:
+        """Return the coefficients of all terms and the Jacobian there.
 
-        Before the `first` correction of the discretization error all terms serve. After it, the terms and the committee are chosen by the
-        linearized problem, and the coefficients of these terms are found.
+        In the first of the rounds, which are numbered from 0, a least-squares step finds the coefficients. In the following ones the
+        equations are linearized there, and the average of energies with few terms is their solution, with the covariance ``spread``.
         """
-        everything = self._unknown
-        if len(everything.terms) == len(TERMS):
-            found = minimized(search, x, FAIR, 1 if first else MOST_NEAR)
-            if first:
-                return found
-            right = found.jac @ found.x - search.residuals(found.x)
-            field = np.zeros(len(right), dtype=bool)
-            for test, here in self._tests:
-                field[here] = test.rows.is_field
-            drawn = members(found.jac, right, everything.stiff, field, MEMBERS)
-            self.members_ = [everything.of(each > 0).law_of(each[each > 0]) for each in drawn]
-            kept = chosen_terms(found.jac, right, everything.stiff)
-            self._unknown, x = everything.of(kept), solved(found.jac[:, kept], right)
-            search.forget()
-            for test, _ in self._tests:
-                test.begin(search.law_of(x))
-        return minimized(search, x, close)
+        found = minimized(search, x, FAIR, STEPS[number])
+        if number == 0:
+            return found
+        residuals = search.residuals(found.x)
+        total, count = 0.0, 0
+        for test, here in self._tests:
+            field = test.rows.is_field
+            each = grouping(residuals[here][field], test.rows.places[field], test.rows.quantity[field])
+            total, count = total + each[0], count + each[1]
+        correlated = max(1.0, total / count / (residuals**2).mean()) if count else 1.0
+        energies = average(found.jac, found.jac @ found.x - residuals, correlated, MEMBERS)
+        self.members_ = [self._unknown.of(each > 0).law_of(each[each > 0]) for each in energies.members]
+        found.spread = energies.covariance
+        found.x = floored(energies.mean)
+        return found
 
     def _set_domain(self, law: Law) -> None:
         """Set the hull and the range of the stretches in the tests with a law."""
@@ -503,6 +535,11 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         free = len(residuals) - len(x)
         self.lack_of_fit_ = float((residuals**2).sum() / free) if free > 0 else np.nan
         self.p_value_ = float(chi2.sf((residuals**2).sum(), free)) if free > 0 else np.nan
+        if self.law is None:
+            self.covariance_, errors = found.spread, np.sqrt(np.diag(found.spread))
+            self.standard_errors_, self.correlation_ = errors, found.spread / np.outer(errors, errors)
+            self.undetermined_ = [name for name, one in zip(self.parameter_names_, errors > UNDETERMINED * values(x), strict=True) if one]
+            return
         scales = self._scales()
         left, singular, right = np.linalg.svd(jacobian * scales, full_matrices=False)
         known = singular > 1e-10 * singular.max(initial=0.0)
@@ -571,9 +608,21 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         if square > 0:
             moduli = len(start) if self.law is None else self.n_terms if self.law == Ogden.name else 1
             start[:moduli] *= product / square
-        elif self.law is None and square > 0:
-            raise ValueError("the measured forces have the opposite sign of the simulated ones: forces in tension are positive")
         return start
+
+    def _begin(self, law: Law, y: np.ndarray) -> None:
+        """Simulate all tests with a law; raise ValueError for displacements of another size than those of a test that prescribes them."""
+        for test, here in self._tests:
+            field = test.rows.is_field
+            simulated, measured = test.begin(law)[field], y[here][field]
+            if test.scene.loads or not simulated.any():
+                continue
+            ratio = float(simulated @ measured / (simulated @ simulated))
+            if not 1 / FARTHEST < ratio < FARTHEST:
+                raise ValueError(
+                    f"y: the displacements are {ratio:.3g} times those of scene {test.scene.name}, simulated with a law that fits "
+                    "the forces: give places and displacements in the unit of length of the scene, and the steps in its order"
+                )
 
 
 class _Search:
@@ -604,16 +653,9 @@ class _Search:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         if x.tobytes() in self.differentiated:
             return self.root[:, None] * self.differentiated[x.tobytes()]
-        law, steps = self.law_of(x), 1e-6 * (np.abs(x) if self.linear else np.ones(len(x)))
-        numbers = dict(leaves(numbers_of(law), key="material"))
-        sides = []
-        for step, change in zip(steps, np.diag(steps), strict=True):
-            ahead, behind = (dict(leaves(numbers_of(self.law_of(x + sign * change)), key="material")) for sign in (1, -1))
-            sides.append([(ahead[name] - behind[name]) / (2 * step) for name in numbers])
-        chain = np.array(sides).T
-        moving = [row for row, changes in enumerate(chain) if changes.any()]
-        values, derivatives = self._differentiated(x, [list(numbers)[row] for row in moving])
-        self.known[x.tobytes()], self.differentiated[x.tobytes()] = values, derivatives @ chain[moving]
+        numbers, chain = derivatives_of_numbers(self.law_of, x, 1e-6 * (np.abs(x) if self.linear else np.ones(len(x))))
+        values, derivatives = self._differentiated(x, [f"material.{name}" for name in numbers])
+        self.known[x.tobytes()], self.differentiated[x.tobytes()] = values, derivatives @ chain
         return self.root[:, None] * self.differentiated[x.tobytes()]
 
     def _differentiated(self, x: np.ndarray, names: list[str]) -> tuple[np.ndarray, np.ndarray]:

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..identification import MODES
+from ..identification.reporting import covariance_of
 from ..results.figures import DIVERGING, STYLE
 from ..scenes import Scene
 from .regressor import SceneRegressor
@@ -19,8 +20,10 @@ MOST_MAPS = 5
 """Greatest number of steps whose residuals are drawn, evenly chosen with the last one: maps of more would be too small to read."""
 
 
-def read_columns(path: Path, columns: tuple[str, ...]) -> np.ndarray:
-    """Return columns of numbers from a CSV file with a line of headings, shape (n, columns); further columns are ignored.
+def read_columns(path: Path, columns: tuple[str, ...]) -> tuple[np.ndarray, list[int]]:
+    """Return columns of numbers from a CSV file with a line of headings, shape (n, columns), and the line of each row of them.
+
+    Further columns are ignored.
 
     Raises
     ------
@@ -35,7 +38,7 @@ def read_columns(path: Path, columns: tuple[str, ...]) -> np.ndarray:
     names = [name.strip() for name in reader.fieldnames or ()]
     if missing := [name for name in columns if name not in names]:
         raise ValueError(f"{path}: the columns must be {', '.join(columns)}; there is no {missing[0]} among {', '.join(names) or 'none'}")
-    reader.fieldnames, found = names, []
+    reader.fieldnames, found, numbers = names, [], []
     for row in reader:
         try:
             found.append([float(row[name]) for name in columns])
@@ -43,9 +46,21 @@ def read_columns(path: Path, columns: tuple[str, ...]) -> np.ndarray:
             raise ValueError(f"{path}, line {reader.line_num}: {', '.join(columns)} must be numbers") from None
         if not np.isfinite(found[-1]).all():
             raise ValueError(f"{path}, line {reader.line_num}: {', '.join(columns)} must be finite numbers")
+        numbers.append(reader.line_num)
     if not found:
         raise ValueError(f"{path}: there are no rows")
-    return np.array(found)
+    return np.array(found), numbers
+
+
+def _read_steps(scene: Scene, path: Path, columns: tuple[str, ...]) -> np.ndarray:
+    """Return columns of a file, the first of which is ``step``; raise ValueError with the line of a step that the scene does not have."""
+    found, lines = read_columns(path, ("step", *columns))
+    most = len(scene.stretches) if scene.stretched else np.inf
+    for step, line in zip(found[:, 0], lines, strict=True):
+        if step != round(step) or not 1 <= step <= most:
+            known = f"1 to {most}, the stretches of scene {scene.name}" if scene.stretched else f"the outputs of scene {scene.name} from 1"
+            raise ValueError(f"{path}, line {line}: step {step:g}, but the steps are whole numbers: {known}")
+    return found
 
 
 def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tuple[np.ndarray, np.ndarray]:
@@ -55,12 +70,12 @@ def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tupl
         raise ValueError("there is nothing to fit: give --fields, --forces or both")
     if fields is not None:
         axes = range(1, d + 1)
-        found = read_columns(fields, ("step", *(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes)))
+        found = _read_steps(scene, fields, (*(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes)))
         for axis in axes:
             tables.append(np.column_stack([found[:, 0], np.full(len(found), axis), found[:, 1 : 1 + d]]))
             values.append(found[:, d + axis])
     if forces is not None:
-        found = read_columns(forces, ("step", "force"))
+        found = _read_steps(scene, forces, ("force",))
         tables.append(np.column_stack([found[:, 0], np.zeros((len(found), 1 + d))]))
         values.append(found[:, 1])
     return np.vstack(tables), np.concatenate(values)
@@ -92,6 +107,7 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray) -> dict:
         "parameters": dict(zip(model.parameter_names_, model.parameters_.tolist(), strict=True)),
         "standard_errors": dict(zip(model.parameter_names_, errors, strict=True)),
         "correlation": model.correlation_.tolist(),
+        "covariance": covariance_of(model),
         "at_bound": model.at_bound_,
         "undetermined": model.undetermined_,
         "lack_of_fit": _plain(model.lack_of_fit_),

@@ -4,6 +4,7 @@ import time
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from typer import Argument, Option
 
 from ..artifacts.store import new_artifact, next_version
@@ -15,6 +16,7 @@ from ..identification.reporting import bulk_arguments
 from ..learning.fitting import TooInexact
 from ..learning.levenberg_marquardt import listening
 from ..learning.settings import FitSettings
+from ..materials import Polyconvex
 from ..results import figures
 from ..results.files import write_json
 from ..scenes import load_scene
@@ -35,10 +37,10 @@ def calibrate(
     fields: Annotated[Path | None, Option("--fields", metavar="F.csv", help=FIELDS_HELP)] = None,
     forces: Annotated[Path | None, Option("--forces", metavar="G.csv", help=FORCES_HELP)] = None,
     law: Annotated[str | None, Option(metavar="LAW", autocompletion=fitted_laws, help="Law whose parameters are fitted.")] = None,
-    free: Annotated[bool, Option("--free", help="Fit a polyconvex energy instead of a law.")] = False,
+    free: Annotated[bool, Option("--free", help="Find an energy of few terms instead of a law.")] = False,
     terms: Terms = None,
-    field_noise: Annotated[float | None, Option(help="Standard deviation of the displacements (default: estimated).", min=0)] = None,
-    force_noise: Annotated[float | None, Option(help="Standard deviation of the forces (default: 0.5 % of the greatest).", min=0)] = None,
+    field_noise: Annotated[float | None, Option(help="Standard deviation of the displacements (default: estimated).")] = None,
+    force_noise: Annotated[float | None, Option(help="Standard deviation of the forces (default: 0.5 % of the greatest).")] = None,
     refine: Annotated[int, Option(help="Spacing divided by that of the finer simulation; 1: no correction.", min=1)] = 3,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: Annotated[float | None, Option(help="Ratio of bulk modulus to shear modulus (default: that of the scene).")] = None,
@@ -51,6 +53,11 @@ def calibrate(
         raise ValueError("choose one: --law LAW fits the parameters of a law, --free an energy without a law")
     if terms is not None and law != "ogden":
         raise ValueError("--terms needs --law ogden")
+    if law == Polyconvex.name:
+        raise ValueError(f"--law {law}: this law is a sum of terms, which --free chooses and fits")
+    for option, noise in (("--field-noise", field_noise), ("--force-noise", force_noise)):
+        if noise is not None and not 0 < noise < np.inf:
+            raise ValueError(f"{option} {noise:g}: a standard deviation must be positive and finite; leave the option out for the default")
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     test = load_scene(scene, dict(parse_change(item) for item in change or ()))
     X, y = reporting.measurements(test, fields, forces)

@@ -1,7 +1,7 @@
 """Force models that map quantities of a bond to its force (learned or exact), and the force term that evaluates such models."""
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Self, cast
@@ -9,6 +9,7 @@ from typing import Self, cast
 import numpy as np
 
 from ..body import Body
+from ..body.ghosts import symmetric
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
@@ -18,7 +19,9 @@ from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS, Law, NeoHookean, plane_stress
 from ..materials.response import volume_residual_block
 from ..materials.states import principal_stretches
+from .cloud_balance import Around, balancing_factors
 from .errors import at_point
+from .kinematics import find_shapes
 from .material_points import MaterialPoints, material_sums
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel, Portion
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
@@ -76,6 +79,8 @@ class PairForces:
         Strengths of these pairs, see `pair_strength`.
     correction : str
         Correction of incomplete horizons, see `ForceSettings`.
+    inverse_shape : ndarray
+        See `find_geometry`.
 
     Attributes
     ----------
@@ -89,7 +94,9 @@ class PairForces:
         Whether the volume ratios J3 of the points are computed with the model, since the law is costly to evaluate.
     """
 
-    def __init__(self, binding: Binding, model, points: MaterialPoints, strength: np.ndarray, correction: str) -> None:
+    def __init__(
+        self, binding: Binding, model, points: MaterialPoints, strength: np.ndarray, correction: str, inverse_shape: np.ndarray
+    ) -> None:
         law, kinematics, precision, plane = points.law, binding.kinematics, binding.precision, binding.settings.plane
         body, threads, blocks = kinematics.body, kinematics.chunks.threads, len(points.first) // BLOCK
         self.model, self.points, self._kinematics, self._precision = model, points, kinematics, precision
@@ -103,7 +110,7 @@ class PairForces:
         if divided:
             numbers, counted = np.arange(len(strength)), body.share.own[body.bonds.first[points.pairs]]
             self.geometry[numbers // BLOCK, bond_force.COUNTED_ROW, numbers % BLOCK] = counted
-        self.find_geometry(np.arange(len(strength), dtype=np.uint32), strength, correction)
+        self.find_geometry(np.arange(len(strength), dtype=np.uint32), strength, correction, inverse_shape)
         self.learns_thickness = law.costly and model.domain is not None and model.gives_transverse and plane == "stress"
         if self.learns_thickness:
             points.state_pass = surrogate_states(points, compiled, model.domain, precision, kinematics.chunks)
@@ -128,11 +135,15 @@ class PairForces:
         self.model = model
         self._weights[:] = model.compiled(self._precision).weights
 
-    def find_geometry(self, pairs: np.ndarray, strength: np.ndarray, correction: str) -> None:
-        """Compute the rows of `geometry` for some `pairs` of the material, from the strengths of all its pairs (`pair_strength`)."""
+    def find_geometry(self, pairs: np.ndarray, strength: np.ndarray, correction: str, inverse_shape: np.ndarray) -> None:
+        """Compute the rows of `geometry` for some `pairs` of the material.
+
+        `strength` are the strengths of all pairs of the material (`pair_strength`), and `inverse_shape` the inverse shape tensors of all
+        points and ghosts of the body.
+        """
         kinematics, points, body = self._kinematics, self.points, self._kinematics.body
         ends = points.first, points.second, body.all_points[points.numbers]
-        shapes = kinematics.inverse_shape[points.numbers], kinematics.supported[points.numbers]
+        shapes = inverse_shape[points.numbers], kinematics.supported[points.numbers]
         rule = reference_state.CORRECTIONS[correction], body.kappa, body.horizon
         reference_state.pair_rows(pairs, *ends, strength, *shapes, *rule, self.geometry)
 
@@ -155,9 +166,15 @@ class BondForces(Term):
         if binding.portion_of is not None:
             of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]
             self._strength *= np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
+        # Inverse shape tensors of the pairs' strengths, and the weighted bonds in them: in a cloud with balanced strengths not those of F.
+        self._inverse_shape, self._weighted_bonds = self.kinematics.inverse_shape, None
+        if body.relaxed and binding.whole and self.correction == "tensor":
+            factors = balancing_factors(body, self._pulls)
+            self._strength *= factors
+            self._weighted_bonds, self._inverse_shape = self._shapes(factors)
         for number, model in enumerate(models):
             points = self.points_of(number, None if binding.whole else np.flatnonzero((of_ends == number).any(axis=0)))
-            self._parts.append(PairForces(binding, model, points, self._strength[points.pairs], self.correction))
+            self._parts.append(PairForces(binding, model, points, self._strength[points.pairs], self.correction, self._inverse_shape))
             self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
         self.learned_thickness = any(part.learns_thickness for part in self._parts)
         self._model, self._domain = models[0], models[0].domain if binding.whole else None
@@ -190,11 +207,37 @@ class BondForces(Term):
         what = f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times, has no finite force"
         return at_point(body, i, f"{what}: that is beyond the limit of {law.name}")
 
+    def _shapes(self, factors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return weighted bonds times the `factors` (n_pairs,) of their pairs, and the inverse shape tensors of points and ghosts."""
+        kinematics, body = self.kinematics, self.body
+        weighted_bonds = kinematics.weighted_bonds.copy()
+        weighted_bonds *= factors[body.bonds.pair_of, None]
+        inverse_shape = np.zeros_like(kinematics.inverse_shape)
+        find_shapes(body, np.arange(len(body), dtype=np.uint32), weighted_bonds, inverse_shape, kinematics.supported.copy())
+        return weighted_bonds, inverse_shape
+
+    def _pulls(self, factors: np.ndarray) -> Callable[[Around], tuple[np.ndarray, np.ndarray]]:
+        """Return the function `cloud_balance.Pulls` for reference vectors (theory (21)) of strengths that are multiplied by `factors`."""
+        shapes, strengths, bonds = symmetric(self._shapes(factors)[1]), self._strength * factors, self.body.bonds
+
+        def of_bonds(some: Around) -> tuple[np.ndarray, np.ndarray]:
+            both = shapes[some.owners] + shapes[bonds.neighbors[some.bonds]]
+            halves = strengths[bonds.pair_of[some.bonds]] / (2 * np.linalg.norm(some.vectors, axis=1))
+            found = halves[:, None] * np.einsum("bij,bj->bi", both, some.vectors)
+            return found, np.zeros_like(found)
+
+        return of_bonds
+
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._strength[pairs] = 0.0
+        if self._weighted_bonds is not None:
+            ends = np.concatenate([self.body.bonds.first[pairs], self.body.bonds.second[pairs]])
+            self._weighted_bonds[np.concatenate([bonds[pairs] for bonds in self.kinematics.bonds_of_pairs])] = 0.0
+            arrays = self._weighted_bonds, self._inverse_shape, self.kinematics.supported.copy()
+            find_shapes(self.body, np.unique(ends[ends < len(self.body)]), *arrays)
         for part in self._parts:
             places, _ = part.points.places_of_pairs(changed)
-            part.find_geometry(places.astype(np.uint32), self._strength[part.points.pairs], self.correction)
+            part.find_geometry(places.astype(np.uint32), self._strength[part.points.pairs], self.correction, self._inverse_shape)
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         if self.binding.whole:

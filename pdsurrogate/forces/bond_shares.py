@@ -1,5 +1,7 @@
 """Shares of the points' volumes that bonds represent, and the sum of forces and moments of pairs at the points."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..body.body import pointers_to
@@ -8,6 +10,7 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels.ghosts import fold_matrices, fold_vectors
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import add_node_forces, sum_moments, sum_pair_forces, weigh_moments
+from .cloud_balance import Around, around, balancing_factors
 from .kinematics import Kinematics, entries_of, matrices, pairs_of_points
 from .steps import Step
 
@@ -54,7 +57,14 @@ class BondShares:
         self._of_ghosts = pointers_to(bonds.neighbors[toward] - n, total - n), neighbors, weighted_bonds, body.all_volumes
         self._node_parts = np.zeros((total, body.dimension))
         self._counted, self.bond_shares, self.bond_weights = np.zeros(len(length)), np.zeros(len(bonds.neighbors)), np.zeros(len(length))
+        self._factors: np.ndarray | None = None
         self.renew(np.arange(len(length)))
+        if body.relaxed and kinematics.interfaces is None:
+            self._factors = balancing_factors(body, self._pulls)
+            self._multiply(np.arange(n), self._factors, self.bond_shares)
+            if body.share.divided:
+                body.bond_halo.fill(self.bond_shares)
+            self.bond_weights[:] = self.weights_of(np.arange(len(length)))
 
     def renew(self, pairs: np.ndarray) -> np.ndarray:
         """Update `bond_shares` and `bond_weights` after a change of `pairs`; return all pairs whose weights may have changed.
@@ -68,16 +78,16 @@ class BondShares:
         self._counted[pairs] = np.where(carries, self.strength[pairs], 0.0)
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
-        around = np.unique(bonds.pair_of[entries_of(bonds.pointers, touched)])
+        affected = np.unique(bonds.pair_of[entries_of(bonds.pointers, touched)])
         self._divide_volumes(touched)
         if body.share.divided:
             body.bond_halo.fill(self.bond_shares)
-            around = np.union1d(around, body.share.beside_halo(bonds.first, bonds.second))
-        self.bond_weights[around] = self.weights_of(around)
+            affected = np.union1d(affected, body.share.beside_halo(bonds.first, bonds.second))
+        self.bond_weights[affected] = self.weights_of(affected)
         _, neighbors, weighted_bonds, volumes = self._of_ghosts
         ratio = volumes[neighbors] / volumes[bonds.neighbors[self._ghost_bonds]]
         weighted_bonds[:] = -kinematics.weighted_bonds[self._ghost_bonds] * ratio[:, None]
-        return around
+        return affected
 
     def weights_of(self, pairs: np.ndarray, own: np.ndarray | None = None) -> np.ndarray:
         """Return the volumes for which the energies of pairs count: the shares of their directed bonds, or of those flagged in `own`."""
@@ -95,6 +105,49 @@ class BondShares:
             numbers = np.arange(len(numbers), dtype=numbers.dtype)
         directed = bonds.pointers, bonds.neighbors, numbers
         bond_shares[body.dimension](rows, *directed, body.all_points, body.volumes, strength, body.horizon, self.bond_shares)
+        if self._factors is not None:
+            self._multiply(rows, self._factors, self.bond_shares)
+
+    def _multiply(self, rows: np.ndarray, factors: np.ndarray, shares: np.ndarray) -> None:
+        """Multiply the shares (n_bonds,) of the directed bonds of the points `rows` by the `factors` of their pairs, with the same sums."""
+        bonds = self._body.bonds
+        entries, counts = entries_of(bonds.pointers, rows), (bonds.pointers[rows + 1] - bonds.pointers[rows]).astype(np.int64)
+        owners, products = np.repeat(np.arange(len(rows)), counts), shares[entries] * factors[bonds.pair_of[entries]]
+        sums = np.bincount(owners, products, len(rows))
+        shares[entries] = products * (self._body.volumes[rows] / np.where(sums > 0, sums, 1.0))[owners]
+
+    def _pulls(self, factors: np.ndarray) -> Callable[[Around], tuple[np.ndarray, np.ndarray]]:
+        """Return the function `cloud_balance.Pulls` for energies with shares that are multiplied by `factors`, theory (77)."""
+        kinematics, body, bonds, d = self._kinematics, self._body, self._body.bonds, self._body.dimension
+        ghosts, n = body.ghosts, len(body)
+        shares = self.bond_shares.copy()
+        self._multiply(np.arange(n), factors, shares)
+        if body.share.divided:
+            body.bond_halo.fill(shares)
+        one, other = kinematics.bonds_of_pairs
+        weights = shares[one] + np.where(other != one, shares[other], 0.0)
+        # A pair with a ghost represents as much material on the other side of the plane.
+        weights[kinematics.outer_pairs] += shares[one[kinematics.mirrored_pairs]]
+
+        def directions(some: Around) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            length = np.linalg.norm(some.vectors, axis=1)
+            return some.vectors / length[:, None], length, weights[bonds.pair_of[some.bonds]]
+
+        moments = np.zeros((n + len(ghosts), d, d))
+        for some in around(body):
+            along, _, of_bonds = directions(some)
+            sums = some.sums(of_bonds[:, None, None] * (np.eye(d) - along[:, :, None] * along[:, None]))
+            unit = 2 * body.volumes[some.points, None, None]
+            moments[some.points] = sums @ symmetric(kinematics.inverse_shape[some.points]) / unit
+        body.share.fill(moments)
+        moments[n:] = ghosts.reflection[:, :, None] * moments[ghosts.source] * ghosts.reflection[:, None]
+
+        def of_bonds(some: Around) -> tuple[np.ndarray, np.ndarray]:
+            along, length, of_some = directions(some)
+            through = np.einsum("bij,bj->bi", moments[some.owners] + moments[bonds.neighbors[some.bonds]], some.vectors)
+            return (of_some / length)[:, None] * along, self.strength[bonds.pair_of[some.bonds], None] * through
+
+        return of_bonds
 
     def carrying(self, breakable: bool) -> np.ndarray:
         """Return flags of the pairs that carry forces.

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ..materials import Law
+from ..materials.covariance import LawCovariance
 from .agreement import check_agreement
 from .protocol import Domain, ForceModel, Member
 
@@ -43,6 +44,7 @@ class Learned(ForceModel):
     trial: ClassVar[Callable]
     stated: Mapping[str, float] | None = field(default=None, kw_only=True)
     members: tuple[Member, ...] = field(default=(), kw_only=True)
+    covariance: LawCovariance | None = field(default=None, kw_only=True, compare=False)
 
     @property
     def facts(self) -> dict[str, str]:

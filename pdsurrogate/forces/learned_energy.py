@@ -58,6 +58,8 @@ class LearnedEnergy(Learned, EnergyModel):
         of the training states; None without a card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
+    covariance : LawCovariance, optional
+        Covariance of its law, if this was fitted to measurements that determine it.
     """
 
     name: str
@@ -131,6 +133,8 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
         of the training states; None without a card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
+    covariance : LawCovariance, optional
+        Covariance of its law, if this was fitted to measurements that determine it.
 
     See Also
     --------
@@ -222,6 +226,8 @@ class IsochoricNetwork(LearnedEnergy):
         of the training states; None without a card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
+    covariance : LawCovariance, optional
+        Covariance of its law, if this was fitted to measurements that determine it.
 
     See Also
     --------

@@ -48,6 +48,8 @@ class LearnedBondForce(Learned, ForceSurrogate):
         ``bulk_ratio``, K/mu of the training states; None without a card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
+    covariance : LawCovariance, optional
+        Covariance of its law, if this was fitted to measurements that determine it.
     """
 
     name: str
@@ -223,6 +225,8 @@ class NetworkForce(LearnedBondForce):
         ``bulk_ratio``, K/mu of the training states; None without a card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
+    covariance : LawCovariance, optional
+        Covariance of its law, if this was fitted to measurements that determine it.
 
     See Also
     --------
@@ -293,7 +297,7 @@ class PolynomialForce(LearnedBondForce):
         Features are mapped to (x - center)/half_width, which is in [-1, 1] for the training states.
     coefficients : ndarray, shape (2, degree1 + 1, degree2 + 1)
         Coefficients of the products T_i(x1) T_j(x2) of Chebyshev polynomials, for each of the two outputs.
-    stated, members
+    stated, members, covariance
         As for `NetworkForce`.
 
     See Also
@@ -364,7 +368,7 @@ class SplineForce(LearnedBondForce):
         Lower end of the box and width of a cell, for each feature.
     coefficients : ndarray, shape (2, cells_1 + 3, …, cells_n + 3)
         Coefficients of the B-splines, for each of the two outputs.
-    stated, members
+    stated, members, covariance
         As for `NetworkForce`.
 
     See Also

@@ -8,6 +8,7 @@ from numbers import Integral, Real
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 from sklearn.utils._param_validation import Interval
@@ -210,6 +211,29 @@ class EnergyRegressor(StressRegressor):
         self.stretch_range_ = float(X.min()), float(X.max())
         self.hull_ = half_planes(X)
         return self
+
+    def law_of(self, values: ArrayLike) -> Law:
+        """Return the energy with given weights of the fitted terms as a law.
+
+        Parameters
+        ----------
+        values : array-like, shape (n_terms,)
+            Weights, none of which is negative.
+
+        Returns
+        -------
+        Law
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar").up_to(3.0)
+        >>> found = pds.identification.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+        >>> found.law_of(found.weights_) == found.law_
+        True
+        """
+        check_is_fitted(self)
+        return law_of(self.terms_, values, self._bulk(stiffness_of(self.terms_, np.asarray(values, dtype=float))))
 
     def beyond(self, X) -> np.ndarray:
         """Return how far states lie outside the domain of the energy: the convex hull of the data, extended by `margin`.

@@ -38,12 +38,21 @@ def report(model: StressRegressor, data: TestData) -> dict:
         "law": model.law_.describe(),
         "parameters": dict(zip(model.parameter_names_, model.parameters_.tolist(), strict=True)),
         "standard_errors": dict(zip(model.parameter_names_, errors, strict=True)),
+        "covariance": covariance_of(model),
         "at_bound": model.at_bound_,
         "r_squared": data.r_squared(predicted),
         "differences": differences(data, predicted),
         "volume_ratio": float(np.nanmax(volume)) if np.isfinite(volume).any() else None,
         "residuals": standardized(model, data),
     }
+
+
+def covariance_of(model) -> dict | None:
+    """Return the covariance of a fitted law as plain values, for a report; None if its parameters are not all determined."""
+    try:
+        return model.law_covariance().describe()
+    except ValueError:
+        return None
 
 
 def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:

@@ -18,6 +18,7 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, vali
 
 from ..arguments import check_jobs, check_kind, check_seed, check_whole_number, in_order
 from ..materials import Law, homogeneous, plane_stress
+from ..materials.covariance import LawCovariance, covariance_of_numbers
 
 WELL_POSED = 1e14
 """Greatest condition number of the normal equations of the parameters: above it the inverse has no digits left, and standard errors are
@@ -81,8 +82,8 @@ def incompressible_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
 class StressRegressor(RegressorMixin, BaseEstimator):
     """Base of regressors that find a law from nominal stresses.
 
-    A subclass implements ``fit``, which takes its data from `_checked` and ends with `_store`, and has the parameters `bulk_ratio` and
-    `bulk_modulus`.
+    A subclass implements ``fit``, which takes its data from `_checked` and ends with `_store`, and ``law_of``, which returns the law with
+    given values of the fitted parameters. It has the parameters `bulk_ratio` and `bulk_modulus`.
     """
 
     columns = ("stretch", "lateral_stretch")
@@ -120,6 +121,30 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
         return nominal_stress(self.law_, self._stretches(X))
+
+    def law_covariance(self) -> LawCovariance:
+        """Return the covariance of the numbers of the fitted law, with which `pdsurrogate.Result.standard_errors` propagates it to results.
+
+        Returns
+        -------
+        LawCovariance
+            From `covariance_`, with the numbers that follow from the parameters, such as the bulk modulus from K/mu.
+
+        Raises
+        ------
+        ValueError
+            If the data do not determine a parameter, or a parameter is at a bound of the search.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar")
+        >>> found = pds.identification.LawRegressor("gent").fit(data.stretches, data.nominal_stress)
+        >>> found.law_covariance().names
+        ('shear_modulus', 'bulk_modulus', 'chain_limit')
+        """
+        check_is_fitted(self)
+        return covariance_of_numbers(self.law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
 
     def redrawn(self, random: np.random.Generator) -> Self:
         """Return an unfitted copy for a committee, with random values of settings that neither the data nor the user determine.

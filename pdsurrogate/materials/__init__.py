@@ -3,6 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from .covariance import LawCovariance
 from .invariant_laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHookean, Yeoh
 from .law import InvariantLaw, Law, PrincipalStretchLaw
 from .polyconvex import Polyconvex
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, MooneyRivlin, Yeoh, Gent, ArrudaBoyce, Ogden, FullNetwork, Polyconvex)}
 """Material laws by their names in scenes and on the command line."""
 
-__all__ = ["LAWS", "ArrudaBoyce", "FullNetwork", "Gent", "MooneyRivlin", "NeoHookean", "Ogden", "Polyconvex", "Yeoh"]
+__all__ = ["LAWS", "ArrudaBoyce", "FullNetwork", "Gent", "LawCovariance", "MooneyRivlin", "NeoHookean", "Ogden", "Polyconvex", "Yeoh"]
 """Names that type checkers of users' programs accept."""
 
 _OF_STATES = ("PLANES", "SHEETS", "dimension_of", "plane_strain", "plane_stress", "solid")

@@ -1,5 +1,8 @@
 """Fracture: the bond stretch at which bonds break, from a fracture energy, and the fracture energy from a tear test."""
 
+import warnings
+from collections.abc import Callable
+
 import numpy as np
 import scipy
 
@@ -9,7 +12,7 @@ from ..materials.law import check_number, checked_law
 from ..scenes import Scene
 from ..scenes.consistency import gives_fracture_energy, names_of_materials
 from ..scenes.model import Criterion, Fracture
-from ..scenes.tip_diameter import TIP_DIAMETER, tip_diameter_in
+from ..scenes.tip_diameter import TIP_DIAMETER, TipDiameters, tip_diameters_in
 
 
 def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER) -> float:
@@ -29,8 +32,8 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
         Energy per unit area of crack in the undeformed state, in units of stress times length.
     horizon : float
     tip_diameter : float
-        Diameter in horizons. The default, 1.15, is that of sheets with force models whose `family` is "bond force". Diameters of other
-        cases are in `pdsurrogate/scenes/tip_diameters.json` and in the documentation (validation, crack tips).
+        Diameter in horizons. The default, 1.15, is near that of sheets with force models whose `family` is "bond force". Diameters of all
+        cases, by critical stretch, are in `pdsurrogate/scenes/tip_diameters.json` and in the documentation (validation, crack tips).
 
     Returns
     -------
@@ -57,7 +60,16 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
     3.624
     """
     _check_positive({"fracture energy": fracture_energy, "horizon": horizon, "diameter of the tip": tip_diameter})
-    return _stretch_at(law, "energy_density", fracture_energy / (tip_diameter * horizon), "that fracture energy")
+    return _stretch_of_energy(law, fracture_energy / horizon, lambda stretch: tip_diameter)
+
+
+def _stretch_of_energy(law: Law, wanted: float, diameter: Callable[[float], float]) -> float:
+    """Return the stretch at which the uniaxial energy density times the diameter of a tip, in horizons, has a wanted value."""
+
+    def energy(stretch: float) -> float:
+        return homogeneous.uniaxial(law, stretch).energy_density * diameter(stretch)
+
+    return _stretch_at(law, energy, wanted, "that fracture energy")
 
 
 class CriticalStretches:
@@ -81,7 +93,13 @@ class CriticalStretches:
     of_interfaces : dict of float
         Critical stretch of the bonds between two materials with an entry of their own, by their numbers, the smaller first.
     summary : dict
-        Entries of a run's summary: the critical stretch of the rest of the body, and those of interfaces, if any.
+        Entries of a run's summary: the critical stretch of the rest of the body, those of interfaces, if any, and remarks on fracture
+        energies.
+
+    Warns
+    -----
+    UserWarning
+        If the critical stretch of a fracture energy is outside those for which crack tips were measured; the message is also a remark.
 
     Raises
     ------
@@ -91,7 +109,8 @@ class CriticalStretches:
 
     def __init__(self, scene: Scene, rest: Fracture, body: Body, family: str, of_points: np.ndarray) -> None:
         self._body, self._of_points = body, of_points
-        tip = tip_diameter_in(scene, family) if gives_fracture_energy(scene) else TIP_DIAMETER
+        self._scene, self._remarks = scene, list[str]()
+        tip = tip_diameters_in(scene, family) if gives_fracture_energy(scene) else None
         laws = [scene.law(), *(part.material.build() for part in scene.materials)]
         self.of_materials = [
             self._critical(part.fracture or rest, (law, law), tip, f"materials.{number}.fracture" if part.fracture else "fracture")
@@ -106,7 +125,7 @@ class CriticalStretches:
             if not body.share.any(np.equal(ends, (one, other)).all(axis=1).any()):
                 why = "they do not touch, or precuts separate them"
                 raise ValueError(f"{key}.between: no bond crosses from {names[one]} to {names[other]}: {why}; leave the entry out")
-        self.summary: dict = {"critical_stretch": self.of_materials[0]}
+        self.summary: dict = {"critical_stretch": self.of_materials[0], "fracture_remarks": self._remarks}
         if rest.interfaces:
             found = zip(rest.interfaces, self.of_interfaces.values(), strict=True)
             self.summary["interfaces"] = [{"between": list(entry.between), "critical_stretch": stretch} for entry, stretch in found]
@@ -121,21 +140,38 @@ class CriticalStretches:
             least[one, other] = least[other, one] = stretch
         return least[tuple(self._ends().T)]
 
-    def _critical(self, given: Criterion, laws: tuple[Law, Law], tip_diameter: float, key: str) -> float:
+    def _critical(self, given: Criterion, laws: tuple[Law, Law], tip: TipDiameters | None, key: str) -> float:
         """Return the critical stretch of bonds between two materials, given as such or by a fracture energy.
 
-        `tip_diameter` is the diameter of a crack tip in horizons. Raise ValueError, with the key, if no stretch stores as much energy, or
-        the two materials have different laws.
+        `tip` has the diameters of a crack tip, and is needed for an energy. Raise ValueError, with the key, if no stretch stores as much
+        energy, or the two materials have different laws. Warn of a critical stretch at which no tip was measured.
         """
         if given.critical_stretch is not None:
             return given.critical_stretch
         assert given.energy is not None  # exactly one of the two is given
+        assert tip is not None
         try:
             if laws[0] != laws[1]:
                 raise ValueError("no crack between two different laws was measured; set critical_stretch instead")
-            return critical_stretch_of(laws[0], given.energy, self._body.horizon, tip_diameter)
+            stretch = _stretch_of_energy(laws[0], given.energy / self._body.horizon, tip.at)
         except ValueError as error:
             raise ValueError(f"{key}.energy: {error}") from None
+        if not tip.stretches[0] <= stretch <= tip.stretches[-1]:
+            self._remark(stretch, tip, key)
+        return stretch
+
+    def _remark(self, stretch: float, tip: TipDiameters, key: str) -> None:
+        """Warn of a critical stretch at which no crack tip was measured, and keep the warning for the summary."""
+        end, inner = (0, 1) if stretch < tip.stretches[0] else (-1, -2)
+        change = 100 * (tip.diameters[end] / tip.diameters[inner] - 1)
+        trend = f"from {tip.stretches[inner]:g} to {tip.stretches[end]:g} it changes by {change:+.0f} %"
+        remark = (
+            f"{key}.energy gives a critical stretch of {stretch:.3g}, but crack tips were measured for critical stretches from "
+            f"{tip.stretches[0]:g} to {tip.stretches[-1]:g}: the diameter at {tip.stretches[end]:g} is used ({trend}), so that the energy "
+            "release rate at the peak of the load may differ from the given energy by more than 7 %; to be sure, set critical_stretch"
+        )
+        self._remarks.append(remark)
+        warnings.warn(f"scene {self._scene.name}: {remark}", stacklevel=2)
 
     def _ends(self) -> np.ndarray:
         """Return the numbers of the materials at both ends of every pair of the body, shape (n_pairs, 2)."""
@@ -188,7 +224,8 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
     1.0106
     """
     _check_positive({"force": force, "leg's width": leg_width, "thickness": thickness})
-    stretch = _stretch_at(law, "nominal_stress", force / (leg_width * thickness), "that stress")
+    stress = force / (leg_width * thickness)
+    stretch = _stretch_at(law, lambda stretch: homogeneous.uniaxial(law, stretch).nominal_stress, stress, "that stress")
     return 2 * force * stretch / thickness - 2 * leg_width * homogeneous.uniaxial(law, stretch).energy_density
 
 
@@ -199,21 +236,17 @@ def _check_positive(values: dict[str, float]) -> None:
             raise ValueError(f"the {name} must be positive and finite, not {value}")
 
 
-def _stretch_at(law: Law, quantity: str, wanted: float, what: str) -> float:
-    """Return the uniaxial stretch at which a quantity of a law, an attribute of its homogeneous state, has a wanted value.
+def _stretch_at(law: Law, quantity: Callable[[float], float], wanted: float, what: str) -> float:
+    """Return the uniaxial stretch at which a quantity of a law, a function of the stretch, has a wanted value.
 
     Raise ValueError if the law reaches its greatest stretch before this value; `what` describes the wanted value in the message.
     """
     checked_law(law)
-
-    def excess(stretch: float) -> float:
-        return getattr(homogeneous.uniaxial(law, stretch), quantity) - wanted
-
     upper = 1.1
-    while excess(upper) < 0:
+    while quantity(upper) < wanted:
         lower, upper = upper, 1.1 * upper
         try:
-            excess(upper)
+            quantity(upper)
         except ValueError:
             raise ValueError(f"{law.name} reaches its limit at the stretch {lower:.3g}, before it reaches {what}") from None
-    return float(scipy.optimize.brentq(excess, 1.0, upper, xtol=1e-12))
+    return float(scipy.optimize.brentq(lambda stretch: quantity(stretch) - wanted, 1.0, upper, xtol=1e-12))

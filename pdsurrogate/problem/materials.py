@@ -15,7 +15,7 @@ from ..forces.interfaces import YIELDING
 from ..scenes import Part, Scene, SceneError
 from ..scenes.consistency import gives_fracture_energy
 from ..scenes.regions import label_of_region
-from ..scenes.tip_diameter import tip_diameter_in
+from ..scenes.tip_diameter import tip_diameters_in
 from .regions import BodyRegions
 
 LEAST_CELLS = 3
@@ -139,7 +139,7 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
         settings_of(scene).check(model.name, model.honored(scene.plane))
         model.check_material(scene.law())
         if gives_fracture_energy(scene):
-            tip_diameter_in(scene, model.family)
+            tip_diameters_in(scene, model.family)
     found = [model]
     for number, part in enumerate(scene.materials):
         with scene_errors(scene, f"materials.{number}{'.force' if part.force else ''}: "):

@@ -13,6 +13,7 @@ import numpy as np
 from ..arguments import check_path
 from ..body import Body, CellMesh
 from ..html_tables import html_facts
+from ..materials.covariance import LawCovariance
 from ..scenes import Scene
 from .contents import contents_in
 from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, read_summary
@@ -46,8 +47,9 @@ class Result:
         also has an entry in `levels`; only outputs in the dynamics of a body between grips have none.
     convergence : list of dict
         Rows of ``convergence.csv``: residual and energy through the search for equilibrium, and increments that failed.
-    differentiated : callable, optional
-        Function of the run behind `sensitivity`, with its scene and force; None for a result that was read from files.
+    differentiated, uncertain : callable, optional
+        Functions of the run behind `sensitivity` and `standard_errors`, with its scene and force; None for a result that was read from
+        files.
 
     See Also
     --------
@@ -71,6 +73,7 @@ class Result:
     states: States = dataclasses.field(default_factory=States)
     convergence: list[dict] = dataclasses.field(default_factory=list)
     differentiated: Callable[..., Sensitivities] | None = dataclasses.field(default=None, compare=False)
+    uncertain: Callable[..., dict[str, float]] | None = dataclasses.field(default=None, compare=False)
 
     @property
     def levels(self) -> list[dict]:
@@ -176,6 +179,54 @@ class Result:
         if self.differentiated is None:
             raise ValueError("sensitivity: a result that was read from files has no force model: call it on the result of pds.simulate")
         return self.differentiated(self, outputs, parameters, level)
+
+    def standard_errors(self, outputs: Sequence[str], covariance: LawCovariance | None = None, level: int = -1) -> dict[str, float]:
+        """Return standard errors of measurements in equilibrium that follow from the covariance of the law (delta method, theory (86)).
+
+        They are first-order: derivatives of the measurements by the numbers of the law, as from `sensitivity`, times the covariance. In
+        them is the uncertainty of the measurements to which the law was fitted, but neither an unsuitable form of the law, nor the choice
+        of terms of an energy without a law, which the spread of a committee contains, nor the discretization error of this simulation. The
+        derivatives of a surrogate by the law are those of the exact force of its law.
+
+        Parameters
+        ----------
+        outputs : sequence of str
+            Measurements, as for `sensitivity`.
+        covariance : LawCovariance, optional
+            As from `pdsurrogate.SceneRegressor.law_covariance`. By default that of each artifact of the run that was fitted to
+            measurements; materials without one are taken as certain, and the tests of different artifacts as independent.
+        level : int
+            Number of the output, from 0; the last one by default.
+
+        Returns
+        -------
+        dict of float
+            Standard error of each measurement, by the names of `Sensitivities.outputs`, in its unit.
+
+        Raises
+        ------
+        IndexError
+            If there is no such output.
+        ValueError
+            If there is no covariance, or it belongs to another law than those of the scene; or as for `sensitivity`.
+
+        See Also
+        --------
+        pdsurrogate.Result.sensitivity : derivatives of the same measurements.
+        pdsurrogate.identification.committee_spread : uncertainty of a result from repeated fits.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> law = pds.materials.NeoHookean(0.4, 40.0)
+        >>> covariance = pds.materials.LawCovariance(law, ("shear_modulus",), [[0.01**2]])
+        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material=law), "bond-energy")
+        >>> {name: round(error, 4) for name, error in result.standard_errors(["nominal_stress"], covariance).items()}
+        {'nominal_stress': 0.0104}
+        """
+        if self.uncertain is None:
+            raise ValueError("standard_errors: a result that was read from files has no force model: call it on the result of pds.simulate")
+        return self.uncertain(self, outputs, covariance, level)
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
         """Write ``summary.json``, ``history.csv``, ``convergence.csv``, a VTU series with its PVD index, and pictures.

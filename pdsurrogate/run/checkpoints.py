@@ -52,9 +52,10 @@ class State:
         Steps in dynamics.
     wasted : int
         Number of force evaluations for the present planned increment of the loading since an attempt at it failed, with those for earlier
-        increments of the output that took many; 0 if none has failed.
+        increments of the output that took many; 0 if none has failed. A long first attempt counts in part (`levels.FIRST`).
     begun : int
-        Number of force evaluations of the run when the search for the present output in equilibrium began.
+        Number of force evaluations of the run when the search for the present output in equilibrium began, with the evaluations of first
+        attempts that do not count.
     costs : list of int
         Force evaluations for every output in equilibrium so far.
     greatest_drive : float

@@ -1,56 +1,56 @@
-"""Stage in equilibrium that prescribes the displacement of a probe and finds the loading parameter t (theory, section 27)."""
+"""Path of a stage in equilibrium along the displacement of a probe, at which the loading parameter t is found (theory, section 27)."""
 
 import numpy as np
 
 from ..problem import Stage
-from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
 from ..scenes.loading import controlled_place
 from ..solvers.control import ControlledForce, DisplacementControl
-from ..solvers.equilibrium import EquilibriumSolver
 from ..solvers.increments import Increments
 from ..solvers.nearest_bonds import strain_of_step
-from .levels import Equilibria
 from .run import Run
 
 METHODS = ("automatic", "newton")
 """Methods that a scene with a controlled step may name: the solver of this step is Newton's method."""
 
 
-class Controlled(Equilibria):
-    """Stage in equilibrium whose increments change the displacement of a probe instead of the loading parameter.
+class DisplacementPath:
+    """Values of the displacement of a probe between two outputs: increments, first guesses, and the force and the solver at each value.
+
+    It has the attributes and methods of `ParameterPath`; `target` is a displacement.
 
     Parameters
     ----------
     run : Run
     stage : Stage
         Stage with a `control`.
-    solver : EquilibriumSolver
-        Solver of the stages without control.
     """
 
-    def __init__(self, run: Run, stage: Stage, solver: EquilibriumSolver) -> None:
+    records_last = False
+    """The outputs before the failure tell how far the displacement was followed."""
+
+    def __init__(self, run: Run, stage: Stage) -> None:
         spec, self._control = run.problem.scene.solver, _control_of(run, stage)
-        controlled = DisplacementControl(self._control, run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations)
-        super().__init__(run, stage, controlled)
-        self.solver.gave_up, self._others = solver.gave_up, solver
-        self._force = controlled.controlled(run.loaded)
-        self._largest_strain = spec.largest_increment
+        self.solver = DisplacementControl(self._control, run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations)
+        self._run, self._stage, self._force = run, stage, self.solver.controlled(run.loaded)
 
-    def resume(self, checkpoint: Checkpoint) -> None:
-        super().resume(checkpoint)
-        self._others.gave_up = self.solver.gave_up
+    def parameter_at(self, goal: float) -> float:
+        return self._run.state.parameter
 
-    def _target(self, goal: float) -> float:
-        return self.run.state.parameter
+    def increments_to(self, goal: float) -> Increments:
+        begin = self._value(self._run.positions)
+        strain = strain_of_step(self._run.body, self._along())
+        largest = self._run.problem.scene.solver.largest_increment / strain
+        return Increments(begin, goal, min(self._stage.largest_increment or np.inf, largest))
 
-    def _increments_to(self, target: float) -> Increments:
-        begin = self._value(self.run.positions)
-        strain = strain_of_step(self.run.body, self._along())
-        return Increments(begin, target, min(self.stage.largest_increment or np.inf, self._largest_strain / strain))
+    def at(self, value: float) -> str:
+        return f"{self._stage.control} = {value:g}"
 
-    def _guesses(self, target: float) -> list[np.ndarray]:
-        run, value = self.run, self._value(self.run.positions)
+    def last(self) -> str:
+        return f"{self.at(self._value(self._run.positions))} ({self._run.loading.at(self._run.state.parameter)})"
+
+    def guesses(self, target: float) -> list[np.ndarray]:
+        run, value = self._run, self._value(self._run.positions)
         along = self._along()
         guesses = [run.positions + (target - value) * along]
         if run.earlier is not None and (before := self._value(run.earlier[1])) != value:
@@ -58,38 +58,30 @@ class Controlled(Equilibria):
             guesses.append(guess + (target - self._value(guess)) * along)
         return guesses
 
-    def _force_at(self, target: float, positions: np.ndarray) -> ControlledForce:
-        super()._force_at(self.run.state.parameter, positions)
+    def force_at(self, target: float, positions: np.ndarray) -> ControlledForce:
+        self._run.loading.apply(self._run.state.parameter, self._run.loaded, positions)
         return self._force
 
-    def _reached(self, target: float) -> float:
+    def reached(self, target: float) -> float:
         return self.solver.factor
 
-    def _check_branch(self, reached: float, guess: np.ndarray) -> None:
-        self.run.loading.check_inside(reached, self.run.loaded, self.run.positions)
+    def check_branch(self, reached: float, guess: np.ndarray) -> None:
+        self._run.loading.check_inside(reached, self._run.loaded, self._run.positions)
 
-    def _least_drive(self, target: float) -> float:
-        return self.run.state.greatest_drive or np.inf if target == 0 else 0.0
-
-    def _record_reached(self) -> None:
-        """Record nothing further: the outputs before the failure tell how far the displacement was followed."""
-
-    def _at(self, value: float) -> str:
-        return f"{self.stage.control} = {value:g}"
-
-    def _last(self) -> str:
-        return f"{self._at(self._value(self.run.positions))} ({self.run.loading.at(self.run.state.parameter)})"
+    def least_drive(self, target: float) -> float:
+        return self._run.state.greatest_drive or np.inf if target == 0 else 0.0
 
     def _value(self, positions: np.ndarray) -> float:
         """Return the controlled displacement at positions (n, d)."""
-        return float(np.vdot(self._control, positions - self.run.body.points))
+        return float(np.vdot(self._control, positions - self._run.body.points))
 
     def _along(self) -> np.ndarray:
         """Return the displacements (n, d) in which the controlled one changes by 1 from the present equilibrium, by the preconditioner."""
-        self._force(self.run.positions, np.empty_like(self.run.positions))
+        run = self._run
+        self._force(run.positions, np.empty_like(run.positions))
         self._force.update()
         found = self._force.along()
-        self.run.loading.apply(self.run.state.parameter, self.run.loaded, self.run.positions)
+        run.loading.apply(run.state.parameter, run.loaded, run.positions)
         return found
 
 

@@ -1,4 +1,4 @@
-"""Stages in equilibrium: outputs on the way, and increments of the loading parameter between them."""
+"""Stages in equilibrium: outputs on the way, and increments between them."""
 
 import logging
 from contextlib import suppress
@@ -9,7 +9,6 @@ from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
-from ..solvers.control import ControlledForce
 from ..solvers.equilibrium import (
     Equilibrium,
     EquilibriumSolver,
@@ -25,12 +24,12 @@ from ..solvers.equilibrium import (
     window_of,
 )
 from ..solvers.increments import Increments
-from ..solvers.loads import LoadedForce
 from ..solvers.methods import SOLVERS
 from ..solvers.nearest_bonds import RESOLVED, is_rigid, strain_of, strain_rounding
-from ..solvers.stability import check_branch
 from .checkpoints import ACCEPTED
+from .controlled import DisplacementPath
 from .interruption import Interrupted
+from .paths import ParameterPath
 from .rows import equilibrium_columns, output_row
 from .run import Run
 
@@ -53,11 +52,13 @@ times its first one, and the latest residuals, so many as the third number, are 
 rounding changes residuals by less; a sheet that buckles gives these signs after 60 evaluations, and converges to its buckled state after
 200. Slender bodies under loads give them on the way to equilibria, and methods that step in time too, because their residuals oscillate."""
 
-PATIENCE, LEAST_PATIENCE, MOST_SPENT, MOST = 6, 1.2, 7, 9
+PATIENCE, LEAST_PATIENCE, FIRST, MOST_SPENT, MOST = 6, 1.2, 4, 7, 9
 """Force evaluations for an increment of which an attempt has failed, divided by the mean for an output of the run so far. A search whose
-residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more. When
-they have used the third number, the increment is halved no further. The fourth number bounds the searches after a failed attempt, also the
-one that brings the last equilibrium to the tolerance of an output, so that an output that fails costs at most ten good ones."""
+residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more. The
+first attempt may take any number, but counts at most as much as the third number: a body that buckles may be crumpled into another
+equilibrium by a long search, and only shorter increments tell that it buckles. When the attempts have used the fourth number, the increment
+is halved no further. The fifth number bounds the searches after a failed attempt, also the one that brings the last equilibrium to the
+tolerance of an output, so that an output that fails costs at most ten good ones if its first attempt costs at most four."""
 
 CARRIED = 2
 """Force evaluations for a planned increment of which an attempt has failed, in the same unit, beyond which they count for the next planned
@@ -108,7 +109,7 @@ def solver_of(run: Run) -> EquilibriumSolver:
 
 
 class Equilibria:
-    """Stage in equilibrium while it runs: its outputs in turn, and increments of the loading parameter between them.
+    """Stage in equilibrium while it runs: its outputs in turn, and increments along a path between them.
 
     An increment that finds no equilibrium, or one that does not continue the last equilibrium, is undone and shortened. A checkpoint
     between outputs contains the increments and the state of the solver.
@@ -118,10 +119,12 @@ class Equilibria:
     run : Run
     stage : Stage
     solver : EquilibriumSolver
+        Solver of stages that prescribe the loading parameter.
     """
 
     def __init__(self, run: Run, stage: Stage, solver: EquilibriumSolver) -> None:
         self.run, self.stage, self.solver = run, stage, solver
+        self._path = ParameterPath(run, stage, solver) if stage.control is None else DisplacementPath(run, stage)
         self._course = run.loading.course
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
@@ -139,11 +142,11 @@ class Equilibria:
         run, state = self.run, self.run.state
         while state.outputs < self.stage.outputs:
             goal = self._outputs[state.outputs + 1]
-            run.target = self._target(goal)
+            run.target = self._path.parameter_at(goal)
             run.report("level", state.stage, run.target)
             if self._increments is None:
                 self._last_output, state.wasted, state.begun = (run.positions.copy(), state.parameter), 0, run.force.evaluations
-                self._increments = self._increments_to(goal)
+                self._increments = self._path.increments_to(goal)
             equilibrium, self._increments = self._go_to_output(self._increments), None
             if equilibrium is None:
                 run.positions[:], state.parameter = self._last_output
@@ -189,7 +192,9 @@ class Equilibria:
                 self._accepted.restore(run, self.solver)
                 raise
             except FAILURES as error:
-                before, state.wasted = state.wasted, state.wasted + run.force.evaluations - began
+                before, cost = state.wasted, run.force.evaluations - began
+                uncounted = 0 if before else max(0, cost - round(FIRST * usual))
+                state.wasted, state.begun = before + cost - uncounted, state.begun + uncounted
                 if isinstance(error, RanAway) and ran_away is None:
                     ran_away = error  # with short increments from just below a limit load solvers fail in other ways
                 vague = isinstance(error, OutOfPatience) or (isinstance(error, NotConverged) and isinstance(told, RanAway))
@@ -213,23 +218,6 @@ class Equilibria:
                 return None
         return equilibrium
 
-    def _target(self, goal: float) -> float:
-        """Return the loading parameter of the next output, as far as it is known before its equilibrium is found."""
-        return goal
-
-    def _increments_to(self, target: float) -> Increments:
-        """Return the increments in which the loading parameter goes to its value at the next output."""
-        run, begin = self.run, self.run.state.parameter
-        return Increments(begin, target, self._course.largest_increment(run.positions, begin, target, self.stage.largest_increment))
-
-    def _at(self, value: float) -> str:
-        """Return a value of what the increments change, with its name, as text for messages."""
-        return self.run.loading.at(value)
-
-    def _last(self) -> str:
-        """Return the place of the last equilibrium in the program, as text for messages."""
-        return self._at(self.run.state.parameter)
-
     def _usual(self) -> float:
         """Return the mean number of force evaluations for an output of the run so far, or `USUAL` before the first one."""
         return float(np.mean(self.run.state.costs or USUAL))
@@ -246,47 +234,29 @@ class Equilibria:
         """
         run, state, target = self.run, self.run.state, increments.target
         before = run.positions.copy()
-        guess = self._best(self._guesses(target), target)
+        guess = self._best(self._path.guesses(target), target)
         tolerance = run.problem.scene.solver.tolerance
         if not increments.ends:
             tolerance = max(tolerance, COARSE if run.loaded.nearly_incompressible else FINE)
         start, self._iterate = guess if self._iterate is None else self._best([guess, self._iterate], target), None
-        self._force_at(target, start)
+        self._path.force_at(target, start)
         run.positions[:] = start
         equilibrium = self._solve(target, tolerance, guess, patience, most, increments)
-        reached = self._reached(target)
+        reached = self._path.reached(target)
         run.loads.check_path(state.parameter, reached, before, run.positions)
-        self._check_branch(reached, guess)
+        self._path.check_branch(reached, guess)
         if increments.ends:
             _check_resolved(run, reached)
         state.parameter = reached
         return equilibrium
 
-    def _guesses(self, target: float) -> list[np.ndarray]:
-        """Return first guesses (n, d) of the equilibrium at the end of the present increment."""
-        return self._course.guesses(self.run.positions, self.run.state.parameter, target, self.run.earlier)
-
-    def _force_at(self, target: float, positions: np.ndarray) -> LoadedForce | ControlledForce:
-        """Return the force at the end of an increment, with the held parts in their places, also those in `positions` (n, d)."""
-        self.run.loading.apply(target, self.run.loaded, positions)
-        return self.run.loaded
-
-    def _reached(self, target: float) -> float:
-        """Return the loading parameter of the equilibrium that was just found at the end of an increment."""
-        return target
-
-    def _check_branch(self, reached: float, guess: np.ndarray) -> None:
-        """Raise an error if the equilibrium at the parameter `reached` is unstable, or does not continue the last one (`check_branch`)."""
-        run = self.run
-        check_branch(run.loading, run.loaded, self.solver, run.state.parameter, reached, guess, run.positions)
-
     def _best(self, guesses: list[np.ndarray], target: float) -> np.ndarray:
-        """Return, of several first guesses (n, d), the one with the least residual force at the loading parameter `target`."""
+        """Return, of several first guesses (n, d), the one with the least residual force at the end `target` of an increment."""
         run = self.run
 
         def residual(guess: np.ndarray) -> float:
             forces = np.empty_like(guess)
-            force = self._force_at(target, guess)
+            force = self._path.force_at(target, guess)
             try:
                 force(guess, forces)
             except InvalidState:
@@ -310,7 +280,7 @@ class Equilibria:
         """
         run, state = self.run, self.run.state
         run.note(increments.target, failure=str(error))
-        logger.info("increment to %s failed and is shortened: %s", self._at(increments.target), error)
+        logger.info("increment to %s failed and is shortened: %s", self._path.at(increments.target), error)
         self._accepted.restore(run, self.solver)
         size, first = increments.size, increments.share == 1
         if not spent and increments.shorten():
@@ -318,16 +288,21 @@ class Equilibria:
         reached = run.problem.reached(state.parameter)
         if first and not reached:
             raise cause
-        if self._course.adaptive and state.parameter not in (state.begin, *(level["t"] for level in state.levels[-1:])):
+        if self._path.records_last and self._course.adaptive:
             self._record_reached()
-        what = f"the last equilibrium was found at {self._last()}, and none beyond with increments down to {size:.2g}"
+        what = f"the last equilibrium was found at {self._path.last()}, and none beyond with increments down to {size:.2g}"
         if spent:
-            what += f" in {state.wasted} force evaluations, as many as {MOST_SPENT} outputs take (more outputs come closer to the limit)"
+            what += f" in the force evaluations of {MOST_SPENT} outputs (more outputs come closer to the limit)"
         raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
 
     def _record_reached(self) -> None:
-        """Solve further for the last equilibrium of a failed run, to the tolerance of an output, and record it if the solver converges."""
-        run = self.run
+        """Solve further for the last equilibrium of a failed run, to the tolerance of an output, and record it if the solver converges.
+
+        An equilibrium that is an output or the beginning of the stage is recorded already.
+        """
+        run, state = self.run, self.run.state
+        if state.parameter in (state.begin, *(level["t"] for level in state.levels[-1:])):
+            return
         target, run.target = run.target, run.state.parameter
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
         with suppress(*FAILURES):
@@ -346,7 +321,7 @@ class Equilibria:
         most: float,
         increments: Increments | None = None,
     ) -> Equilibrium:
-        """Solve for equilibrium at the parameter `target` from the present positions, within `patience` force evaluations.
+        """Solve for equilibrium at the end `target` of an increment from the present positions, within `patience` force evaluations.
 
         A search whose residual falls may take more than `patience`, but not more than `most`. Raise Unstable if a body that grips push
         leaves an equilibrium (`_has_left`), and RanAway if loads carry a point farther than `FARTHEST` allows from `guess`, the first guess
@@ -364,7 +339,7 @@ class Equilibria:
             self._keep_or_stop(increments)
             taken = run.force.evaluations - began
             course.append((taken, residual))
-            watched = between_grips and not (self.solver.steps_in_time or run.force.zero_energy_modes)
+            watched = between_grips and not (self._path.solver.steps_in_time or run.force.zero_energy_modes)
             if watched and _has_left(course) and self._course.pushes(run.loaded):
                 least = min(one for _, one in course)
                 near = f"came near to an equilibrium (residual {least:.2g} shear modulus / spacing) and left it"
@@ -376,11 +351,7 @@ class Equilibria:
                 weak = note_of_modes(run.force, "so that small loads may already carry points away")
                 raise RanAway(f"the loads carry the body away: points moved by {moved:.3g} in one increment without equilibrium{weak}")
 
-        return self.solver.solve(run.loaded, run.positions, tolerance, report, self._least_drive(target))
-
-    def _least_drive(self, target: float) -> float:
-        """Return the least driving force for the criterion of convergence, see `EquilibriumSolver.solve`."""
-        return self.run.state.greatest_drive or np.inf if self.run.loading.at_rest(target) else 0.0
+        return self._path.solver.solve(run.loaded, run.positions, tolerance, report, self._path.least_drive(target))
 
     def _keep_or_stop(self, increments: Increments | None) -> None:
         """Write a checkpoint if one is due, and raise Interrupted in a run that should stop.

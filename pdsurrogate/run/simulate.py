@@ -39,6 +39,7 @@ from .interruption import Interrupted, Interruption
 from .run import Progress, Run, Silent
 from .sensitivity import differentiate
 from .stages import SinglePrecisionLeft, go
+from .standard_errors import standard_errors
 from .waiting import RanksWait, note_of_waiting, working_ranks
 
 if TYPE_CHECKING:
@@ -323,8 +324,7 @@ def _elsewhere(ranks: Communicator, scene: Scene, models: Sequence[ForceModel]) 
     if numbers is None:
         raise kind(message)
     summary, history, moments, convergence = numbers
-    body, differentiated = compile_scene(scene, models).body, partial(differentiate, scene, models)
-    result = Result(scene, body, summary, history, States(moments), convergence, differentiated)
+    result = Result(scene, compile_scene(scene, models).body, summary, history, States(moments), convergence, **_derived(scene, models))
     if kind is None:
         return result
     raise kind(message, result, *([] if out_of_time is None else [out_of_time]))
@@ -392,8 +392,13 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
         summary |= {} if run.problem.critical_stretches is None else run.problem.critical_stretches.summary
         path = {"path": crack_path(state.crack["tips"])}
         summary["crack"] = state.crack | path | ({} if stress is None else {"peak": _peak(state.history)})
-    body, differentiated = run.body if run.whole is None else run.whole, partial(differentiate, run.problem.scene, run.problem.models)
-    return Result(run.problem.scene, body, summary, state.history, run.states, state.convergence, differentiated)
+    scene, body = run.problem.scene, run.body if run.whole is None else run.whole
+    return Result(scene, body, summary, state.history, run.states, state.convergence, **_derived(scene, run.problem.models))
+
+
+def _derived(scene: Scene, models: Sequence[ForceModel]) -> dict[str, partial]:
+    """Return the functions behind `Result.sensitivity` and `Result.standard_errors`, with the scene and the force models of the run."""
+    return {"differentiated": partial(differentiate, scene, models), "uncertain": partial(standard_errors, scene, models)}
 
 
 def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:

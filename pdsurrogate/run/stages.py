@@ -6,7 +6,7 @@ import numpy as np
 
 from ..results.checkpoint import CheckpointError
 from ..solvers.equilibrium import EquilibriumSolver, TooSmall, Unstable
-from .controlled import Controlled, displacement_of, prepare
+from .controlled import displacement_of, prepare
 from .levels import Equilibria, solver_of
 from .run import Run
 from .transient import Transient
@@ -56,9 +56,7 @@ def go(run: Run, resume: bool) -> None:
 def _stage_of(run: Run, solver: EquilibriumSolver) -> Equilibria | Transient:
     """Return a new object for the present stage of a run, in equilibrium or in dynamics."""
     stage = run.stages[run.state.stage]
-    if stage.inertia is not None:
-        return Transient(run, stage)
-    return Equilibria(run, stage, solver) if stage.control is None else Controlled(run, stage, solver)
+    return Equilibria(run, stage, solver) if stage.inertia is None else Transient(run, stage)
 
 
 def _begin(run: Run) -> float:

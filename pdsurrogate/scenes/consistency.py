@@ -14,7 +14,7 @@ from .regions import FACES, Region, edge_names, label_of_region, references_in, 
 from .shapes import Mesh
 from .solids import Extrusion, Prism
 from .strict_model import vectors_in
-from .tip_diameter import tip_diameter_in
+from .tip_diameter import tip_diameters_in
 
 if TYPE_CHECKING:
     from .model import Scene
@@ -193,7 +193,7 @@ def _fracture(scene: Scene) -> None:
             raise ValueError(f"{key}: the interface between {' and '.join(interface.between)} has two entries; leave one out")
         given.add(between)
     if gives_fracture_energy(scene):
-        tip_diameter_in(scene)  # for which force model, a run checks
+        tip_diameters_in(scene)  # for which force model, a run checks
 
 
 def _control(scene: Scene) -> None:

@@ -1,11 +1,11 @@
-"""Effective crack-tip diameters in horizons, by force model, plane, arrangement of the points and ratio of horizon to spacing."""
+"""Effective crack-tip diameters in horizons, by force model, plane, arrangement, ratio of horizon to spacing, and critical stretch."""
 
 from __future__ import annotations
 
 import json
 from functools import cache
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -23,16 +23,32 @@ LATTICE = "lattice"
 def measured_diameters() -> list[dict[str, Any]]:
     """Return the table `tip_diameters.json`, which `pipelines/tip_diameters.py` writes from simulated tears.
 
-    Each entry has the ``family`` of the force models, the ``plane``, the ``arrangement`` of the points, the ``horizon_ratio``, and the
-    ``diameter`` in horizons: the energy release rate at the peak of the load, divided by the uniaxial energy density at the critical
-    stretch and by the horizon. ``deviation`` is the standard deviation over the tears. The diameters of the single tears follow: ``rows``
-    by points per unit of height, ``turned`` by angle of the lattice in degrees, ``seeds`` by seed.
+    Each entry has the ``family`` of the force models, the ``plane``, the ``arrangement`` of the points, the ``horizon_ratio``, the
+    ``critical_stretch``, and the ``diameter`` in horizons: the energy release rate at the peak of the load, divided by the uniaxial energy
+    density at the critical stretch and by the horizon. ``mean`` and ``deviation`` are those over the tears, whose single diameters follow:
+    ``rows`` by points per unit of height, ``seeds`` by seed.
     """
     return json.loads((resources.files(__package__) / "tip_diameters.json").read_text("utf-8"))
 
 
-def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None, arrangement: str = LATTICE) -> float:
-    """Return the effective diameter of a crack tip, in horizons, linearly interpolated between measured ratios of horizon to spacing.
+class TipDiameters(NamedTuple):
+    """Diameters of a crack tip in horizons, linear between measured critical stretches and constant beyond them."""
+
+    stretches: np.ndarray
+    """Critical stretches of the measured tears, ascending."""
+
+    diameters: np.ndarray
+    """Diameter at each of them."""
+
+    def at(self, stretch: float) -> float:
+        """Return the diameter at a critical stretch."""
+        return float(np.interp(stretch, self.stretches, self.diameters))
+
+
+def tip_diameters(plane: str, horizon_ratio: float, family: str | None = None, arrangement: str = LATTICE) -> TipDiameters:
+    """Return the diameters of a crack tip by critical stretch, linearly interpolated between measured ratios of horizon to spacing.
+
+    Between two ratios, only the critical stretches that were measured for both count as measured.
 
     Parameters
     ----------
@@ -51,24 +67,35 @@ def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None, ar
     ValueError
         If no diameter was measured for these arguments; the message lists the measured cases.
     """
-    cases: dict[tuple, list] = {}
+    cases: dict[tuple, dict[float, list]] = {}
     for entry in measured_diameters():
-        case = entry["family"], entry["plane"], entry["arrangement"]
-        cases.setdefault(case, []).append((entry["horizon_ratio"], entry["diameter"]))
+        case = cases.setdefault((entry["family"], entry["plane"], entry["arrangement"]), {})
+        case.setdefault(entry["horizon_ratio"], []).append((entry["critical_stretch"], entry["diameter"]))
     told = []
-    for (known, state, points), entries in cases.items():
-        ratios, diameters = np.array(sorted(entries)).T
+    for (known, state, points), by_ratio in cases.items():
+        ratios = sorted(by_ratio)
         if (state, points) == (plane, arrangement) and family in (None, known) and ratios[0] - 1e-9 <= horizon_ratio <= ratios[-1] + 1e-9:
-            return float(np.interp(horizon_ratio, ratios, diameters))
+            return _between(by_ratio, horizon_ratio)
         told.append(_told(known, state, points) + " to ".join(dict.fromkeys(f"{ratio:g}" for ratio in (ratios[0], ratios[-1]))))
     here = f"{_told(family, plane, arrangement)}{horizon_ratio:g}"
     limited = f"for which the diameter of a crack tip was measured ({'; '.join(told)}), not for {here}"
     raise ValueError(f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch instead")
 
 
-def tip_diameter_in(scene: Scene, family: str | None = None) -> float:
-    """Return `tip_diameter` for a scene; the points of a mesh count as those of a lattice."""
-    return tip_diameter(scene.plane, scene.horizon_ratio, family, getattr(scene.body, "arrangement", LATTICE))
+def _between(by_ratio: dict[float, list], horizon_ratio: float) -> TipDiameters:
+    """Return the diameters at a horizon from those of the measured horizons on both sides; each list has stretches with their diameters."""
+    ratios = np.array(sorted(by_ratio))
+    place = float(np.interp(horizon_ratio, ratios, np.arange(len(ratios))))
+    low, high = (np.array(sorted(by_ratio[ratios[int(number)]])).T for number in (np.floor(place), np.ceil(place)))
+    stretches = np.unique(np.concatenate([low[0], high[0]]))
+    stretches = stretches[(stretches >= max(low[0][0], high[0][0])) & (stretches <= min(low[0][-1], high[0][-1]))]
+    share = place % 1
+    return TipDiameters(stretches, (1 - share) * np.interp(stretches, *low) + share * np.interp(stretches, *high))
+
+
+def tip_diameters_in(scene: Scene, family: str | None = None) -> TipDiameters:
+    """Return `tip_diameters` for a scene; the points of a mesh count as those of a lattice."""
+    return tip_diameters(scene.plane, scene.horizon_ratio, family, getattr(scene.body, "arrangement", LATTICE))
 
 
 def _told(family: str | None, plane: str, arrangement: str) -> str:

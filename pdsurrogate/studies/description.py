@@ -186,6 +186,10 @@ class Study(StrictModel):
     quantities : tuple of str, optional
         Columns of the table: dotted keys of a run's ``summary.json``, or of the last entry of its ``levels``. By default the convergence,
         stresses or forces, peak and path of a crack, probes, evaluations and seconds.
+    derivatives : tuple of str, optional
+        Measurements whose derivatives at the last output of each run are further columns, as ``outputs`` of
+        `pdsurrogate.Result.sensitivity`: by each of the `parameters` that is a number of ``material``, ``materials``, ``loads``,
+        ``prescribed`` or ``obstacles``, or ``stretches``. They need the equilibrium once more, and a solution of linear equations each.
     mean_over : tuple of str, optional
         Parameters whose values repeat a run, such as seeds: a second table gives mean and deviation of every quantity over these runs. By
         default ``body.seed``, if it is one of the `parameters`.
@@ -212,6 +216,7 @@ class Study(StrictModel):
     samples: Annotated[Whole, Field(ge=1, le=MOST_RUNS)] | None = None
     seed: Annotated[Whole, Field(ge=0)] = 0
     quantities: Names | None = None
+    derivatives: Names | None = None
     mean_over: Names | None = None
 
     @property
@@ -237,6 +242,7 @@ class Study(StrictModel):
                 self.fit is not None and (self.force is not None or self.set),
                 f"{key}: applies to scenes only; put settings common to all fits in [fit]",
             ),
+            (self.fit is not None and self.derivatives, "derivatives: applies to scenes only, whose equilibria have derivatives"),
             (self.force is not None and FORCE in self.parameters, "force: is also a parameter; set it in one place only"),
             *((key not in self.parameters, f"mean_over: {key!r} is not one of the parameters") for key in self.mean_over or ()),
             *((key in self.parameters, f"set.{key}: is also a parameter; set it in one place only") for key in self.set),

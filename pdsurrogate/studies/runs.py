@@ -5,9 +5,9 @@ import json
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -23,10 +23,11 @@ from ..discretization import check_size
 from ..forces import FORCES, ForceModel
 from ..forces.identity import digest_of, identity_of
 from ..problem.materials import checked_models
-from ..results import Result, checkpoint
+from ..results import Result, checkpoint, load_result
 from ..results.contents import digest_of_mesh
 from ..results.files import write_json
 from ..results.folder import LOCK, SUMMARY, occupied
+from ..run.sensitivity import PLACES, check_precision, differentiate, numbers_in
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import MaterialSpec, Mesh, Scene, SceneError, load_scene
 from ..scenes.reading import apply_change
@@ -40,6 +41,9 @@ OUTCOME = "outcome.json"
 
 SECONDS_TO_LEAVE = 10.0
 """Seconds to wait for another process that still holds the folder of a run; a process whose study was killed ends within a second."""
+
+DERIVATIVES = "derivatives.json"
+"""File in the folder of a run with the derivatives that the study asked for, by column, or the reason why there are none."""
 
 NOT_DONE = "not done yet"
 """Text in place of the reason of failure for a run that is not finished: not started, interrupted, or out of time."""
@@ -61,11 +65,17 @@ class SceneTask:
         force.
     digest : str
         Digest of everything that the result depends on: the scene, the force models and the mesh.
+    outputs : tuple of str
+        Measurements whose derivatives are computed.
+    numbers : dict of str
+        Parameters of the study by which they are computed, with the names that `differentiate` has for them.
     """
 
     scene: Scene
     force: str | None
     digest: str
+    outputs: tuple[str, ...] = ()
+    numbers: dict[str, str] = field(default_factory=dict)
 
     def carry_out(self, folder: Path, threads: int, max_time: float | None) -> str | None:
         """Simulate the scene and save the result in `folder`, that of this run, resuming from a checkpoint if there is one.
@@ -77,16 +87,41 @@ class SceneTask:
         if _scene_digest(self.scene, model) != self.digest:
             raise RuntimeError("the mesh or the force has changed since the study was started")
         failure = None
-        try:
-            result = self._simulated(model, threads=threads, folder=folder, max_time=max_time)
-        except SimulationInterrupted:
-            raise
-        except SimulationFailed as error:
-            failure, result = str(error), error.result
-        except SceneError as error:
-            return str(error)
-        result.save(folder)
+        if read_json(folder / OUTCOME) == {"digest": self.digest, "failure": None}:  # without the derivatives
+            result = load_result(folder)
+        else:
+            try:
+                result = self._simulated(model, threads=threads, folder=folder, max_time=max_time)
+            except SimulationInterrupted:
+                raise
+            except SimulationFailed as error:
+                failure, result = str(error), error.result
+            except SceneError as error:
+                return str(error)
+            result.save(folder)
+        if self.outputs and failure is None:
+            self._differentiate(checked_models(self.scene, model), result, folder)
         return failure
+
+    def lacks_derivatives(self, folder: Path) -> bool:
+        """Return whether the derivatives that the study asks for are not in the folder of this run."""
+        return bool(self.outputs) and (read_json(folder / DERIVATIVES) or {}).get("asked") != self._asked
+
+    @property
+    def _asked(self) -> dict[str, list[str]]:
+        return {"outputs": list(self.outputs), "parameters": list(self.numbers)}
+
+    def _differentiate(self, models: list[ForceModel], result: Result, folder: Path) -> None:
+        """Write the derivatives at the last output of the result, by the names of their columns, or why there are none."""
+        values, failure = {}, None
+        try:
+            found = differentiate(self.scene, models, result, self.outputs, list(self.numbers.values()), -1)
+        except (ValueError, IndexError) as error:
+            failure = f"derivatives: {error}"
+        else:
+            rates = zip(found.outputs, found.derivatives.tolist(), strict=True)
+            values = {f"d {name} / d {key}": rate for name, row in rates for key, rate in zip(self.numbers, row, strict=True)}
+        write_json(folder / DERIVATIVES, {"asked": self._asked, "values": values, "failure": failure})
 
     def _simulated(self, model: ForceModel, **options) -> Result:
         """Return the result of the simulation with a force model, resumed if the run's folder holds a usable checkpoint.
@@ -106,6 +141,10 @@ class FitTask:
     material: MaterialSpec
     settings: Any
     digest: str
+
+    def lacks_derivatives(self, folder: Path) -> bool:
+        """Return False: a fit has none."""
+        return False
 
     def carry_out(self, folder: Path, threads: int, max_time: float | None = None) -> str | None:
         """Fit and cross-validate a surrogate, and store it and a summary of its errors in `folder`, that of this run.
@@ -163,7 +202,8 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
     check_size(scene, memory)
     force = parameters.get(FORCE, study.force)
     if force is None:
-        return SceneTask(scene, None, _scene_digest(scene, artifacts.default_force(scene)))
+        model = artifacts.default_force(scene)
+        return SceneTask(scene, None, _scene_digest(scene, model), *_derivatives(study, scene, model, changes))
     if not isinstance(force, str):
         raise SceneError(f"force: must be the name or path of a force model, not {force!r}")
     scene, model = artifacts.with_material(scene, force)
@@ -174,7 +214,29 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
         with suppress(artifacts.ArtifactError):
             force = name if artifacts.find_artifact(name).resolve() == named.resolve() else force
         force += "" if which is None else f"#{which}"
-    return SceneTask(scene, force, _scene_digest(scene, model))
+    return SceneTask(scene, force, _scene_digest(scene, model), *_derivatives(study, scene, model, changes))
+
+
+def _derivatives(study: Study, scene: Scene, model: ForceModel, parameters: Mapping[str, Any]) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Return the measurements of which a run has derivatives, and the names of its numbers by the keys of the `parameters`.
+
+    Raise SceneError if derivatives are asked for and no parameter is such a number, or the force has none.
+    """
+    if not study.derivatives:
+        return (), {}
+    try:
+        check_precision(scene, checked_models(scene, model))
+    except ValueError as error:
+        raise SceneError(f"derivatives: {error}") from None
+    known = numbers_in(scene, ())
+    numbers = {key: key for key in parameters if key in known}
+    if scene.stretched and "stretches" in parameters:
+        numbers["stretches"] = "stretch"
+    if not numbers:
+        told = ", ".join(study.parameters)
+        places = f"a number of {', '.join(PLACES)}, or stretches"
+        raise SceneError(f"derivatives: none of the parameters ({told}) is {places}: an equilibrium has derivatives by these alone")
+    return study.derivatives, numbers
 
 
 def _scene_digest(scene: Scene, model: ForceModel) -> str:
@@ -318,6 +380,14 @@ class Workers:
                 count = f"{len(blind)} of {len(seen)} workers, the first {blind[0]}"
                 raise SceneError(f"scheduler: {count}, cannot access {folder}; use a folder on a shared disk")
             yield None, {"backend": "dask", "client": client}, KilledWorker
+
+
+def read_json(file: Path) -> Any:
+    """Return the content of a JSON file; None if the file cannot be read or is not JSON."""
+    try:
+        return json.loads(file.read_text("utf-8"))
+    except (OSError, ValueError):
+        return None
 
 
 def carry_out(task: SceneTask | FitTask, folder: Path, threads: int, study: int | None, max_time: float | None = None) -> Outcome:

@@ -1,6 +1,5 @@
 """Function `study`, which carries out the missing runs of a study and collects the results of all runs in one table."""
 
-import json
 import math
 import time
 from collections.abc import Mapping
@@ -17,7 +16,7 @@ from ..results.files import check_writable, remove_leftovers, write_json, write_
 from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, differences_from, occupied
 from ..run.interruption import heard
 from .description import Study, load_study, parameters_of_runs
-from .runs import NOT_DONE, OUTCOME, FitTask, SceneTask, Workers, tasks_of
+from .runs import DERIVATIVES, NOT_DONE, OUTCOME, FitTask, SceneTask, Workers, read_json, tasks_of
 from .table import FAILURE, RUN, as_csv, check_quantities, columns_of, means_of, quantities_in, study_figure
 
 TABLE, MEANS, FIGURE, DESCRIPTION, RUNS = "study.csv", "study-means.csv", "study.png", "study.json", "runs"
@@ -146,7 +145,7 @@ class StudyResult:
     def _summaries(self) -> dict[str, dict[str, Any]]:
         """Return the contents of the file ``summary.json`` of each successful run, by the name of its folder."""
         done = [row[RUN] for row in self.rows if row[FAILURE] is None]
-        return {place: summary for place in done if (summary := _read(self.folder / RUNS / place / SUMMARY))}
+        return {place: summary for place in done if (summary := read_json(self.folder / RUNS / place / SUMMARY))}
 
     def cautions(self) -> list[str]:
         """Return texts of warnings: of asked quantities that no successful run has, and of states outside the domain of a surrogate.
@@ -367,18 +366,12 @@ def _write(result: StudyResult) -> None:
 
 
 def _row(runs: Path, place: str, parameters: dict[str, Any], ended: Mapping[str, str | None], study: Study) -> dict[str, Any]:
-    summary = _read(runs / place / SUMMARY) if place in ended else None
+    summary = read_json(runs / place / SUMMARY) if place in ended else None
     asked = {RUN: place, **parameters}
     quantities = quantities_in(summary, study.quantities) if summary else {}
-    return {**asked, **quantities, **asked, FAILURE: ended.get(place, NOT_DONE)}  # if a name is both, the parameter wins
-
-
-def _read(file: Path) -> Any:
-    """Return the content of a JSON file; None if the file cannot be read or is not JSON."""
-    try:
-        return json.loads(file.read_text("utf-8"))
-    except (OSError, ValueError):
-        return None
+    rates = (read_json(runs / place / DERIVATIVES) if study.derivatives and summary else None) or {"values": {}, "failure": None}
+    failure = ended.get(place, NOT_DONE) or rates["failure"]
+    return {**asked, **quantities, **rates["values"], **asked, FAILURE: failure}  # if a name is both, the parameter wins
 
 
 def _outcomes(runs: Path, tasks: Mapping[str, SceneTask | FitTask]) -> dict[str, str | None]:
@@ -389,7 +382,7 @@ def _outcomes(runs: Path, tasks: Mapping[str, SceneTask | FitTask]) -> dict[str,
     found = {}
     for place, task in tasks.items():
         with suppress(KeyError, TypeError):
-            written = _read(runs / place / OUTCOME)
-            if written["digest"] == task.digest:
+            written = read_json(runs / place / OUTCOME)
+            if written["digest"] == task.digest and not (written["failure"] is None and task.lacks_derivatives(runs / place)):
                 found[place] = written["failure"]
     return found

@@ -36,7 +36,7 @@ KEYS_OF_RUNS = (
     *("residual", "n_force_evaluations", "seconds_total", "seconds_compile", "ns_per_directed_bond", "fallback_fraction"),
     *("status", "beyond_data", "held_at_points"),
     *("fraction_outside_domain", "unsupported_points", "units", "grip_areas", "levels", "digests", "scene_as_run", "provenance"),
-    *("peak_nominal_stress", "n_steps", "dynamics", "critical_stretch", "interfaces", "crack"),
+    *("peak_nominal_stress", "n_steps", "dynamics", "critical_stretch", "fracture_remarks", "interfaces", "crack"),
 )
 KEYS_OF_LEVELS = (
     *("stretch", "t", "step", "time", "forces", "moments", "displacements", "energy", "kinetic_energy", "stability", "probes"),
@@ -52,6 +52,9 @@ KEYS_OF_FITS = (
 )
 """All keys that the summary of a run, its levels (outputs) and its crack can have, and those of the summary of a fit; tests compare them
 with written files."""
+
+DERIVATIVE = re.compile(r"d (.+) / d (.+)")
+"""Form of the name of a column with the derivatives of a measurement by a parameter."""
 
 RUN, FAILURE = "run", "failure"
 """Names of the first and last column: the name of the run's folder, and the reason of its failure."""
@@ -70,7 +73,10 @@ MOST_DRAWN = 6
 
 
 def check_quantities(study: Study) -> None:
-    """Raise SceneError if a study asks for a quantity that no run can have; the message suggests a similar key."""
+    """Raise SceneError if a study asks for a quantity, or a derivative of one, that no run can have; the message suggests a similar key."""
+    for name in study.derivatives or ():
+        if (first := name.split(".")[0]) not in KEYS_OF_LEVELS:
+            raise SceneError(f"derivatives: no output has {name!r}; {suggestion(first, KEYS_OF_LEVELS)}")
     known = KEYS_OF_FITS if study.fit is not None else dict.fromkeys((*KEYS_OF_LEVELS, *KEYS_OF_RUNS))
     for name in study.quantities or ():
         first, *others = name.split(".")
@@ -149,9 +155,17 @@ def label_of(key: str, units: Mapping[str, str]) -> str:
 
     `units` gives the names of the units by kind, such as "length" or "stress"; the expressions in `UNITS` give the kind of a key.
     """
+    if derivative := DERIVATIVE.fullmatch(key):
+        above, below = (_unit_of(part, units) for part in derivative.groups())
+        return with_unit(key, above if below is None else None if above == below else f"{above or 1}/{below}")
+    return with_unit(key, _unit_of(key, units))
+
+
+def _unit_of(key: str, units: Mapping[str, str]) -> str | None:
+    """Return the unit of a quantity or parameter, None if it has none; arguments are those of `label_of`."""
     parts = [part.removesuffix("_reference") for part in key.split(".")]
     kind = next((kind for kind, pattern in UNITS.items() if any(re.fullmatch(pattern, part) for part in parts)), None)
-    return with_unit(key, units.get(kind))
+    return None if kind is None else units.get(kind)
 
 
 def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mapping[str, str]) -> Figure | None:

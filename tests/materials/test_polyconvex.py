@@ -5,11 +5,13 @@ import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.materials import plane_stress
-from pdsurrogate.materials.polyconvex import KINDS, Term, derivatives, law_of
+from pdsurrogate.materials.polyconvex import KINDS, Term, derivatives, law_of, line_curvatures
 
 TERMS = [Term("stretches", exponent) for exponent in (-6.0, -1.0, 1.0, 2.0, 3.25, 12.0)]
 TERMS += [Term(kind, power) for kind in ("first", "second") for power in (1.0, 2.0, 3.0, 4.0)]
 TERMS += [Term("roots", 1.0), Term("roots", 2.0), Term("logarithms", 3.0), Term("logarithms", 40.0)]
+POLYCONVEX = tuple(TERMS)
+TERMS += [Term("second_logarithm", 1.0)]
 
 
 def energy_of(term, F):
@@ -24,6 +26,8 @@ def energy_of(term, F):
         slope, bend = 1 / (2 * 0.1), 1 / (2 * number * 0.1**2)
         continued = -number / 2 * np.log(0.1) + slope * (x - end) + bend * (x - end) ** 2 / 2
         return -number / 2 * np.log(1 - x / number) if x < end else continued
+    if term.kind == "second_logarithm":
+        return np.log(second / 3)
     return {"first": x**number, "second": y**number, "roots": np.sqrt((first, second)[int(number) % 2 - 1]) - np.sqrt(3)}[term.kind]
 
 
@@ -52,7 +56,7 @@ def curvature(energy, F, a, n):
     return (energy(F + step) - 2 * middle + energy(F - step)) / max(1.0, abs(middle))
 
 
-@pytest.mark.parametrize("term", TERMS, ids=str)
+@pytest.mark.parametrize("term", POLYCONVEX, ids=str)
 def test_terms_are_convex_along_every_change_of_rank_one_that_keeps_the_volume(term, random):
     for _ in range(200):
         F = np.linalg.qr(random.standard_normal((3, 3)))[0] @ np.diag(np.exp(random.uniform(-1, 1, 3)))
@@ -62,11 +66,24 @@ def test_terms_are_convex_along_every_change_of_rank_one_that_keeps_the_volume(t
 
 
 def test_a_logarithm_of_the_second_invariant_is_not_convex():
-    """In simple shear log(I2bar/3) is log(1 + shear^2/3), which is concave beyond a shear of sqrt 3: it is no term of the dictionary."""
+    """In simple shear log(I2bar/3) is log(1 + shear^2/3), which is concave beyond a shear of sqrt 3."""
     a, n, _ = np.eye(3)
     for shear, sign in ((1.0, 1), (3.0, -1)):
         F = np.eye(3) + shear * np.outer(a, n)
-        assert sign * curvature(lambda F: np.log(np.trace(np.linalg.inv(F.T @ F)) / 3), F, a, n) > 1e-9
+        assert sign * curvature(lambda F: energy_of(Term("second_logarithm", 1.0), F), F, a, n) > 1e-9
+
+
+def test_curvatures_tell_where_a_sum_with_the_logarithm_is_stable():
+    """I1bar has the curvature 2 along lines of unit vectors.
+
+    In simple shear s, log(1 + s^2/3) has the least curvature, -1/12, at s = 3, so that with less than 1/24 of I1bar - 3 the sum is
+    unstable there, at a greatest stretch of 3.3; other states need more. The terms of the dictionary that are polyconvex are stable in all.
+    """
+    curvatures = line_curvatures([*POLYCONVEX, Term("second_logarithm", 1.0), Term("first", 1.0)], 3.4)
+    assert curvatures[:, : len(POLYCONVEX)].min() > -1e-6
+    assert curvatures[:, -1] == pytest.approx(2.0, rel=1e-6)
+    logarithm = curvatures[:, -2]
+    assert (logarithm + curvatures[:, -1] / 26).min() < 0 < (logarithm + curvatures[:, -1] / 2).min()
 
 
 @pytest.mark.parametrize("term", TERMS, ids=str)

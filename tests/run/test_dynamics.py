@@ -19,6 +19,7 @@ from pdsurrogate.run import account, checkpoints, transient
 from pdsurrogate.run.cracks import crack_path
 from pdsurrogate.run.damage import Damage
 from pdsurrogate.run.simulate import simulate
+from pdsurrogate.scenes.tip_diameter import tip_diameters
 from pdsurrogate.solvers.conditions import Loading
 from pdsurrogate.solvers.dynamics import ExplicitDynamics
 from pdsurrogate.solvers.equilibrium import Diverging
@@ -340,9 +341,12 @@ def test_bodies_that_cannot_break_refuse(tmp_path):
 
 
 def test_a_fracture_energy_sets_the_critical_stretch():
-    scene = small(fracture={"energy": 60.0}, **{"dynamics.stretch": 1.45, "dynamics.outputs": 1})
+    scene = small(fracture={"energy": 200.0}, **{"dynamics.stretch": 1.45, "dynamics.outputs": 1})
     summary = simulate(scene, "neo-hookean").summary
-    assert summary["critical_stretch"] == pytest.approx(pds.critical_stretch_of(scene.material.build(), 60.0, 3.15 * scene.spacing))
+    found, diameters = summary["critical_stretch"], tip_diameters("stress", 3.15, "bond force")
+    expected = pds.critical_stretch_of(scene.material.build(), 200.0, 3.15 * scene.spacing, diameters.at(found))
+    assert found == pytest.approx(expected, rel=1e-9)
+    assert summary["fracture_remarks"] == []
 
 
 UNDAMPED = {

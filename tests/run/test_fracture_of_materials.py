@@ -9,7 +9,7 @@ import pdsurrogate as pds
 from pdsurrogate.engine.threads import most_threads
 from pdsurrogate.problem.fracture import critical_stretch_of
 from pdsurrogate.run import checkpoints
-from pdsurrogate.scenes.tip_diameter import tip_diameter
+from pdsurrogate.scenes.tip_diameter import tip_diameters
 
 LAYERS = {
     "name": "layers",
@@ -75,11 +75,13 @@ def test_bonds_have_the_limits_of_their_materials(stiffer):
 
 def test_energies_become_critical_stretches_by_the_law_of_each_material():
     found, ends = limits(scene(3.0, {"energy": 0.9}, fracture={"energy": 0.3}))
-    diameter, laws = tip_diameter("stress", 2.2, "bond energy"), [pds.materials.NeoHookean(mu, 20 * mu) for mu in (1.0, 3.0)]
-    expected = [critical_stretch_of(law, energy, 0.22, diameter) for law, energy in zip(laws, (0.3, 0.9), strict=True)]
+    tip, laws = tip_diameters("stress", 2.2, "bond energy"), [pds.materials.NeoHookean(mu, 20 * mu) for mu in (1.0, 3.0)]
+    given = zip(laws, (0.3, 0.9), found[[np.argmax(ends == 0), np.argmax(ends == 2)]], strict=True)
+    expected = [critical_stretch_of(law, energy, 0.22, tip.at(stretch)) for law, energy, stretch in given]
     np.testing.assert_allclose(found, np.array([expected[0], min(expected), expected[1]])[ends], rtol=1e-12)
-    found, ends = limits(scene(interface={"energy": 0.1}, fracture={"energy": 0.3}))
-    np.testing.assert_allclose(found[ends == 1], critical_stretch_of(laws[0], 0.1, 0.22, diameter), rtol=1e-12)
+    found, ends = limits(scene(interface={"energy": 0.15}, fracture={"energy": 0.3}))
+    crossing = found[ends == 1]
+    np.testing.assert_allclose(crossing, critical_stretch_of(laws[0], 0.15, 0.22, tip.at(crossing[0])), rtol=1e-12)
 
 
 def test_a_summary_has_all_limits():

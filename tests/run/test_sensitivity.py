@@ -82,6 +82,24 @@ def test_derivatives_by_a_prescribed_rotation_and_the_modulus_of_an_inclusion_ar
     compare(scene, "bond-energy", ["nominal_stress", "probes.interface.displacement"], ["materials.0.material.shear_modulus"])
 
 
+def test_a_body_with_a_precut_has_derivatives_until_a_bond_breaks():
+    """Also of the energy release rate; bonds that the precut has cut are damage, but none that the load has done."""
+    changes = {
+        "spacing": 0.3,
+        "stretches": [1.2],
+        "dynamics.stretch": 1.201,
+        "dynamics.outputs": 1,
+        "fracture": {"critical_stretch": 2.5},
+        "reference": None,
+    }
+    scene = pds.load_scene("tear", changes)
+    compare(scene, "bond-energy", ["nominal_stress", "cracks.0.energy_release_rate"], ["material.shear_modulus", "stretch"])
+    torn = pds.simulate(scene, "bond-energy")
+    torn.states[0][1]["damage"][0] += 0.05  # as if a bond were broken
+    with pytest.raises(ValueError, match="bonds are broken at output 0"):
+        torn.sensitivity(["nominal_stress"], ["stretch"])
+
+
 def by_models(scene, outputs, models, step):
     """Return derivatives of measurements from two runs, converged to 1e-10, with the force models after and before."""
     rows = [

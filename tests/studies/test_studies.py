@@ -77,6 +77,11 @@ def test_random_samples_follow_their_distribution():
         ({"scene": "uniaxal"}, "unknown scene 'uniaxal'"),
         ({"scene": None}, "needs either a scene or a [fit]"),
         ({"fit": {}}, "needs either a scene or a [fit]"),
+        ({"derivatives": "nominal_stres"}, "derivatives: no output has 'nominal_stres'; did you mean nominal_stress?"),
+        (
+            {"derivatives": "nominal_stress", "parameters": {"spacing": [0.5]}, "set": {}},
+            "derivatives: none of the parameters (spacing) is a number of material, materials, loads, prescribed, obstacles, or stretches",
+        ),
         ({"parameters": {}}, "parameters: there are none"),
         ({"parameters": {"spcing": [1]}}, "run 1 of 1 (spcing=1): scene uniaxial: spcing: unknown key; did you mean spacing?"),
         ({"parameters": {"material.shear_modulus": []}}, "parameters.material.shear_modulus: must contain at least one value"),
@@ -170,6 +175,36 @@ def test_one_failed_run_does_not_end_the_others(tmp_path):
     written = (tmp_path / "runs" / done.rows[2]["run"] / "outcome.json").stat().st_mtime_ns
     pds.study(description, tmp_path, jobs=1)
     assert (tmp_path / "runs" / done.rows[2]["run"] / "outcome.json").stat().st_mtime_ns == written
+
+
+def test_a_table_has_derivatives_by_the_parameters_that_have_them(tmp_path):
+    """Those of the stress are differences of the rows beside, up to 0.01^2/6 of the third derivative over the first, some 4.5."""
+    described = {**TINY, "set": {"spacing": 0.5, "solver.tolerance": 1e-9, "precision": "float64"}, "quantities": "nominal_stress"}
+    described["parameters"] = {"stretches": [1.19, 1.2, 1.21], "material.shear_modulus": [1.0, 1.01], "correction": ["none", "tensor"]}
+    without = pds.study(described, tmp_path / "out", jobs=1)
+    assert not any(key.startswith("d ") for row in without.rows for key in row)
+    times = {file: file.stat().st_mtime_ns for file in (tmp_path / "out" / "runs").glob("*/summary.json")}
+    done = pds.study({**described, "derivatives": ["nominal_stress"]}, tmp_path / "out", jobs=1)
+    assert not done.failures
+    assert {file: file.stat().st_mtime_ns for file in times} == times  # nothing was simulated again
+    by_stretch, by_modulus = "d nominal_stress / d stretches", "d nominal_stress / d material.shear_modulus"
+    for correction in ("none", "tensor"):
+        rows = {(row["stretches"], row["material.shear_modulus"]): row for row in done.rows if row["correction"] == correction}
+        stress = {key: row["nominal_stress"] for key, row in rows.items()}
+        assert rows[1.2, 1.0][by_stretch] == pytest.approx((stress[1.21, 1.0] - stress[1.19, 1.0]) / 0.02, rel=1e-3)
+        middle = (rows[1.2, 1.0][by_modulus] + rows[1.2, 1.01][by_modulus]) / 2
+        assert middle == pytest.approx((stress[1.2, 1.01] - stress[1.2, 1.0]) / 0.01, rel=1e-3)
+    assert done.figure() is not None
+
+
+def test_a_run_without_derivatives_says_why_and_keeps_its_quantities(tmp_path):
+    """A learned force holds for one chain limit, so that it has no derivative by this."""
+    described = {**TINY, "force": "gent", "derivatives": ["nominal_stress"], "set": {**TINY["set"], "material.law": "gent"}}
+    described["parameters"] = {"material.chain_limit": [pds.load_surrogate("gent").shape["chain_limit"]]}
+    (row,) = pds.study(described, tmp_path / "out", jobs=1).failures
+    assert row["failure"].startswith("derivatives: ")
+    assert "chain_limit" in row["failure"]
+    assert row["nominal_stress"] > 0
 
 
 def test_a_study_with_more_runs_does_those_that_are_new(tmp_path):
@@ -435,6 +470,9 @@ UNITS = {"length": "cm", "stress": "kPa", "force": "kPa cm^2", "energy": "kPa cm
         ("forces.right.0", "forces.right.0 (kPa·cm²)"),
         ("nominal_stress_reference", "nominal_stress_reference (kPa)"),
         ("nominal_stress_error", "nominal_stress_error"),
+        ("d forces.right.0 / d material.bulk_modulus", "d forces.right.0 / d material.bulk_modulus (kPa·cm²/kPa)"),
+        ("d nominal_stress / d material.bulk_modulus", "d nominal_stress / d material.bulk_modulus"),
+        ("d nominal_stress / d stretches", "d nominal_stress / d stretches (kPa)"),
         ("n_force_evaluations", "n_force_evaluations"),
     ],
 )

@@ -111,3 +111,5 @@ deviation: np.ndarray = pds.identification.committee_spread(np.ones(3), np.ones(
 
 calibrated = pds.SceneRegressor("hole", "gent").fit([[1.0, 0.0, 0.0, 0.0]], [3.0], standard_deviation=[0.01])
 limit: float = float(calibrated.standard_errors_[1])
+uncertain: pds.materials.LawCovariance = calibrated.law_covariance()
+errors: dict[str, float] = result.standard_errors(["nominal_stress"], uncertain)

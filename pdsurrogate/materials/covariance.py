@@ -1,0 +1,165 @@
+"""Numbers of a law that was fitted to measurements, their derivatives by the fitted parameters, and their covariance, theory (86)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .law import Law
+from .stretch_laws import Ogden
+
+MOST_UNCERTAIN = 0.5
+"""Relative standard error of the shear modulus beyond which first-order errors of results have no meaning: all forces scale with it."""
+
+
+@dataclass(frozen=True, eq=False)
+class LawCovariance:
+    """Covariance of the numbers of a law that was fitted to measurements.
+
+    Parameters
+    ----------
+    law : Law
+        Law with the numbers found.
+    names : tuple of str
+        Dotted keys of numbers of the law, as in a scene's ``material``: ``"chain_limit"``, ``"moduli.1"``.
+    values : ndarray, shape (n, n)
+        Covariance of these numbers; all others of the law are certain.
+
+    Raises
+    ------
+    ValueError
+        If the law has no such number, or the values are no covariance of them: of another shape, not finite, not symmetric, or with a
+        negative variance.
+
+    See Also
+    --------
+    pdsurrogate.SceneRegressor.law_covariance : covariance of a law fitted to measurements on bodies.
+    pdsurrogate.Result.standard_errors : standard errors of the results of a simulation with the law.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> law = pds.materials.NeoHookean(shear_modulus=0.4, bulk_modulus=40.0)
+    >>> found = pds.materials.LawCovariance(law, ("shear_modulus", "bulk_modulus"), [[1e-4, 1e-2], [1e-2, 1.0]])
+    >>> found.standard_errors
+    {'shear_modulus': 0.01, 'bulk_modulus': 1.0}
+    """
+
+    law: Law
+    names: tuple[str, ...]
+    values: np.ndarray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "values", values := np.array(self.values, dtype=float))
+        known = numbers_of(self.law)
+        if unknown := [name for name in self.names if name not in known]:
+            raise ValueError(f"covariance: {self.law.name} has no number {unknown[0]!r}; it has {', '.join(known)}")
+        if values.shape != 2 * (len(self.names),) or not np.isfinite(values).all():
+            raise ValueError(f"covariance: {len(self.names)} numbers need as many rows and columns of finite numbers, not {values.shape}")
+        sizes = np.sqrt(np.abs(np.diag(values)))
+        if (np.diag(values) < 0).any() or (np.abs(values - values.T) > 1e-9 * np.outer(sizes, sizes)).any():
+            raise ValueError("covariance: it must be symmetric, with no negative variance")
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard errors of the numbers, by name.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.materials.LawCovariance(pds.materials.NeoHookean(), ("shear_modulus",), [[0.01]]).standard_errors
+        {'shear_modulus': 0.1}
+        """
+        return dict(zip(self.names, np.sqrt(np.diag(self.values)).tolist(), strict=True))
+
+    def describe(self) -> dict:
+        """Return names and values as plain lists, in the form used by artifact cards.
+
+        Returns
+        -------
+        dict
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.materials.LawCovariance(pds.materials.NeoHookean(), ("shear_modulus",), [[0.01]]).describe()
+        {'names': ['shear_modulus'], 'values': [[0.01]]}
+        """
+        return {"names": list(self.names), "values": self.values.tolist()}
+
+    def scaled_to(self, law: Law) -> np.ndarray | None:
+        """Return the covariance of the numbers of a law in another unit of stress; None if it is not the same law apart from the unit.
+
+        Parameters
+        ----------
+        law : Law
+
+        Returns
+        -------
+        ndarray, shape (n, n), or None
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> rubber = pds.materials.NeoHookean(shear_modulus=0.4, bulk_modulus=40.0)
+        >>> found = pds.materials.LawCovariance(rubber, ("shear_modulus",), [[1e-4]])
+        >>> found.scaled_to(rubber.scaled(1000.0)).round(6).tolist(), found.scaled_to(pds.materials.NeoHookean(0.4, 80.0))
+        ([[100.0]], None)
+        """
+        if type(law) is not type(self.law):
+            return None
+        before, after = (numbers_of(one) for one in (self.law, self.law.scaled(law.shear_modulus / self.law.shear_modulus)))
+        other = numbers_of(law)
+        if set(other) != set(after) or not np.allclose([other[name] for name in after], list(after.values()), rtol=1e-9, atol=0):
+            return None
+        factors = [after[name] / before[name] if before[name] else 1.0 for name in self.names]
+        return self.values * np.outer(factors, factors)
+
+
+def numbers_of(law: Law) -> dict[str, float]:
+    """Return the independent numbers of a law by dotted key; those of a law of sums of terms imply its shear modulus."""
+    found = law.describe()
+    del found["law"]
+    if isinstance(law, Ogden):
+        del found["shear_modulus"]
+    flat: dict[str, float] = {}
+    for key, value in found.items():
+        flat |= {f"{key}.{place}": each for place, each in enumerate(value)} if isinstance(value, tuple) else {key: value}
+    return flat
+
+
+def derivatives_of_numbers(law_of: Callable[[np.ndarray], Law], parameters: np.ndarray, steps: np.ndarray) -> tuple[list[str], np.ndarray]:
+    """Return the names of the numbers of a law that depend on parameters, and their derivatives, shape (numbers, parameters).
+
+    `law_of` gives the law for values of the parameters. The derivatives are central differences over `steps`.
+    """
+    names, columns = list(numbers_of(law_of(parameters))), []
+    for step, change in zip(steps, np.diag(steps), strict=True):
+        ahead, behind = (numbers_of(law_of(parameters + sign * change)) for sign in (1, -1))
+        columns.append([(ahead[name] - behind[name]) / (2 * step) for name in names])
+    derivatives = np.array(columns).T
+    moving = np.flatnonzero(np.abs(derivatives).sum(axis=1))
+    return [names[number] for number in moving], derivatives[moving]
+
+
+def covariance_of_numbers(
+    law_of: Callable[[np.ndarray], Law], names: Sequence[str], parameters: np.ndarray, covariance: np.ndarray, at_bound: Sequence[str]
+) -> LawCovariance:
+    """Return the covariance of the numbers of a fitted law, theory (86), from that of the fitted parameters.
+
+    Raise ValueError if a parameter is at a bound of its search, or if the measurements do not determine it or the shear modulus.
+    """
+    if at_bound:
+        raise ValueError(f"{', '.join(at_bound)}: at a bound of the search, so that the law has no covariance; another law may fit better")
+    unknown = [name for name, variance in zip(names, np.diag(covariance), strict=True) if not np.isfinite(variance)]
+    law, steps = law_of(parameters), 1e-6 * np.where(parameters, np.abs(parameters), 1.0)
+    if not unknown:
+        sides = [[law_of(parameters + sign * change).shear_modulus for sign in (1, -1)] for change in np.diag(steps)]
+        slopes = np.array([ahead - behind for ahead, behind in sides]) / (2 * steps)
+        unknown = ["shear_modulus"] if slopes @ covariance @ slopes > (MOST_UNCERTAIN * law.shear_modulus) ** 2 else []
+    if unknown:
+        raise ValueError(f"{', '.join(unknown)}: not determined by the measurements, so that the law has no covariance; add other tests")
+    numbers, derivatives = derivatives_of_numbers(law_of, parameters, steps)
+    values = derivatives @ covariance @ derivatives.T
+    return LawCovariance(law, tuple(numbers), (values + values.T) / 2)
