@@ -51,7 +51,7 @@ class IsochoricEnergy:
     @classmethod
     def exact(cls, law: Law, plane: str) -> Self:
         """Return the exact isochoric energy of a law; `plane` is "strain" or "space" (three dimensions)."""
-        return cls(PLANES[plane].isochoric_response.block(law).address or 0, law.parameters)
+        return cls(PLANES[plane].isochoric_response.block(law).address or 0, law.parameters.copy())
 
     @property
     def arguments(self) -> tuple:

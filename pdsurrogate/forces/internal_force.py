@@ -20,7 +20,8 @@ from .settings import BALANCED, QUADRATIC, ForceSettings
 from .term import Binding, Release
 
 if TYPE_CHECKING:
-    from .protocol import Portion
+    from ..materials import Law
+    from .protocol import ForceModel, Portion
     from .volume_energy import LinearizedDilatation
 
 PROBE = 1e-5
@@ -140,6 +141,33 @@ class InternalForce:
         np.maximum.at(greatest, owners, around)
         body.share.fill(stiffness, greatest)
         return stiffness, greatest
+
+    def take_numbers(self, materials: Sequence[tuple[Law, ForceModel]]) -> None:
+        """Replace the laws and models of the materials in place by others that differ from them in numbers alone.
+
+        The forces are then those of a force that is bound anew. `stiffness_moduli`, `force_scale`, and the interfaces across which one
+        material is much stiffer than the other remain those of the laws with which the force was bound.
+
+        Parameters
+        ----------
+        materials : sequence of tuple
+            Law and model of each of `portions`, of the same classes and with arrays of the same shapes.
+
+        Raises
+        ------
+        ValueError
+            If the number of materials or a class differs, or laws have lists of other lengths.
+        """
+        before = [(portion.law, portion.model) for portion in self.portions]
+        kinds = [[(type(law), type(model), law.parameters.shape) for law, model in each] for each in (before, materials)]
+        if kinds[0] != kinds[1]:
+            raise ValueError("a force takes other numbers of its laws and models, but no other laws or models: bind them anew")
+        new = zip(self.portions, materials, strict=True)
+        self.portions = [replace(portion, law=law, model=model) for portion, (law, model) in new]
+        self.law = max((portion.law for portion in self.portions), key=lambda law: law.shear_modulus)
+        self.laws = [(portion.law, portion.points) for portion in self.portions]
+        for term in self.terms:
+            term.take_numbers(self.portions)
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         """Write the internal force on every point per unit thickness at positions (n, d) to `out` (n, d).

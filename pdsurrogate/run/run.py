@@ -21,6 +21,7 @@ from ..results import measures
 from ..results.contents import contents_of
 from ..results.states import Moment, States, StatesInFiles
 from ..scenes import Mesh, Scene
+from ..solvers.loads import LoadedForce
 from .checkpoints import Checkpoints, Record, State
 from .damage import Damage
 from .interruption import Interruption
@@ -190,6 +191,29 @@ class Run:
         other.force, other.loaded = other.problem.bind("float64")
         other.state = State(parameter, parameter)
         return other
+
+    def sharing_force(self, scene: Scene, models: Sequence[ForceModel], parameter: float) -> "Run":
+        """Return a run as `beside` does, which evaluates the force of this run after `take_numbers`.
+
+        The run binds a force of its own if materials that were alike differ in the scene, so that there are more of them.
+        """
+        problem = self.problem.changed(scene, models)
+        if len(problem.portions) != len(self.force.portions):
+            return self.beside(scene, models, parameter)
+        other = copy.copy(self)
+        other.problem, other.positions, other.state = problem, self.positions.copy(), State(parameter, parameter)
+        other.loading, other.loads = problem.loading, problem.loading.loads
+        other.loaded = LoadedForce(self.force, other.loads, other.loading.supports, self.loaded.rigid)
+        return other
+
+    def take_numbers(self) -> None:
+        """Give the numbers of this run's laws and models to the force, if another run with which it is shared has given its own."""
+        materials = [(portion.law, portion.model) for portion in self.problem.portions]
+        bound = [(portion.law, portion.model) for portion in self.force.portions]
+        if len(materials) == len(bound) and any(
+            mine is not theirs for pair in zip(materials, bound, strict=True) for mine, theirs in zip(*pair, strict=True)
+        ):
+            self.force.take_numbers(materials)
 
     def break_again(self) -> None:
         """Remove all broken bonds of the run from its force again, after the force was bound to the body anew or a checkpoint was read."""

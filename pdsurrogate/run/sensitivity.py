@@ -1,5 +1,6 @@
 """Sensitivities of an equilibrium (theory, section 23): derivatives of its measurements by parameters of the scene."""
 
+import copy
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +22,6 @@ from ..scenes.problems import suggestion
 from ..scenes.reading import apply_change, leaves
 from ..solvers.equilibrium import NoEquilibrium
 from ..solvers.methods import Newton
-from ..solvers.tangent import TangentEquations
 from .rows import output_row
 from .run import Run, Silent
 
@@ -32,6 +32,9 @@ STEP = 1e-6
 """Change of a parameter, relative to its value or to the greatest number of its list in a law or array in a learned model, in central
 differences. Chosen: rounding then leaves relative errors of 1e-10 times K/mu, and curvature less, also where a support moves by this
 part of its displacement while the points beside it stay."""
+
+QUICK = re.compile(r"(forces|places)\..*|nominal_stress|energy|probes\..+\.displacement\.\d")
+"""Names of measurements that `output_row` takes without the costly ones, and of those that need displacements alone."""
 
 BALANCED = 1e-10
 """Residual, in units of shear modulus / spacing, of the equilibrium whose derivatives are computed."""
@@ -65,6 +68,31 @@ class Jacobian:
     derivatives: np.ndarray
     displacements: np.ndarray
     moved: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class _Change:
+    """Rates with which a parameter changes an equilibrium while the free components do not move.
+
+    Attributes
+    ----------
+    name : str
+        Name of the parameter.
+    moved : ndarray, shape (n, d)
+        Derivative of the displacements of held parts.
+    forces : ndarray, shape (n, d)
+        Derivative of the forces.
+    measured : ndarray, shape (measurements,)
+        Derivatives of the measurements.
+    rounding : float
+        Norm of the rounding errors of `forces`.
+    """
+
+    name: str
+    moved: np.ndarray
+    forces: np.ndarray
+    measured: np.ndarray
+    rounding: float
 
 
 class Differentiated:
@@ -128,49 +156,65 @@ class Differentiated:
         """
         with thread_count(None), threadpool_limits(1, user_api="blas"):
             run, loading = self.run, self.run.loading
-            run.positions[:], run.state.parameter = run.body.points + displacements, at
-            loading.apply(at, run.loaded, run.positions)
+            run.state.parameter = at
+            _place(run, run.body.points + displacements)
             solver = Newton(loading.free, run.body.volumes, BALANCED)
             solver.solve(run.loaded, run.positions)
             measured = self.measured(run.positions)
             names = [*_named(outputs, measured), *(name for name in measured if name.startswith("places."))]
             gradients = self._gradients(names) if 0 < len(names) < len(parameters) else None
-            equations = TangentEquations(run.loaded, run.positions, loading.free, solver.preconditioner(run.loaded))
-            adjoint = gradients and [equations.displacements(each, SOLVED) for each in gradients]
-            columns = [self._derivatives(equations, names, adjoint, name) for name in parameters]
-        derivatives = np.array([column for column, _ in columns]).reshape(len(parameters), len(names)).T
-        moved = None if adjoint else np.array([moved for _, moved in columns]).reshape(len(parameters), *run.positions.shape)
+            changes = [self._changes(name, names if gradients else ()) for name in parameters]
+            _place(run, run.positions)
+            equations = solver.equations(run.loaded, run.positions)
+            if gradients:
+                moved, adjoint = None, [loading.free * equations.displacements(each, SOLVED) for each in gradients]
+                derivatives = np.array([[np.vdot(each, change.forces) for change in changes] for each in adjoint])
+                derivatives += np.array([change.measured for change in changes]).T
+            else:
+                moved = np.array([change.moved + equations.displacements(change.forces, SOLVED, change.rounding) for change in changes])
+                derivatives = np.array([self._along(change, u, names) for change, u in zip(changes, moved, strict=True)]).T
         values = np.array([measured[name] for name in names])
         return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved)
 
     def measured(self, positions: np.ndarray) -> dict[str, float]:
         """Return the measurements at given positions (n, d), by dotted key, with the displacements at `places` as the last ones."""
         _forces(self.run, positions)
-        found = {key: value for key, value in leaves(output_row(self.run)) if isinstance(value, float)}
-        moved = [rows @ (positions - self.run.body.points)[:, axis] for axis, rows in enumerate(self.at_places)]
+        return self._read()
+
+    def _read(self, costly: bool = True) -> dict[str, float]:
+        """Return the measurements where the force was last evaluated, see `measured`; `costly` as for `output_row`."""
+        run, displacements = self.run, self.run.positions - self.run.body.points
+        row = {"probes": run.probes.displacements(displacements)} | output_row(run, costly=costly)
+        found = {key: value for key, value in leaves(row) if isinstance(value, float)}
+        moved = [rows @ displacements[:, axis] for axis, rows in enumerate(self.at_places)]
         return found | {
             f"places.{place}.{axis}": float(u) for place, each in enumerate(zip(*moved, strict=True)) for axis, u in enumerate(each)
         }
 
-    def _derivatives(
-        self, equations: TangentEquations, names: Sequence[str], adjoint: list[np.ndarray] | None, name: str
-    ) -> tuple[np.ndarray, np.ndarray | None]:
-        """Return the derivatives of the named measurements by one parameter, and those of the displacements, shape (n, d).
-
-        With the solutions `adjoint` of the adjoint equations of all measurements, the displacements are not solved for.
-        """
-        run, positions = self.run, self.run.positions
+    def _changes(self, name: str, names: Sequence[str]) -> "_Change":
+        """Return what a change of one parameter does while free components do not move; `names` are the measurements to take."""
         value, step = self._step(name)
-        sides = [self._beside(name, value + change) for change in (step, -step)]
-        (ahead, forces), (behind, opposite) = (_forces(side.run, positions) for side in sides)
-        moved, rate = (ahead - behind) / (2 * step), (forces - opposite) / (2 * step)
-        if adjoint is None:
-            moved += equations.displacements(rate, SOLVED, ROUNDED * float(np.linalg.norm(forces)) * STEP / step)
-        after, before = (side.measured(positions + change * moved) for side, change in zip(sides, (step, -step), strict=True))
-        found = np.array([(after.get(key, np.nan) - before.get(key, np.nan)) / (2 * step) for key in names])
-        if adjoint is None:
-            return found, moved
-        return found + [float(np.vdot(each, run.loading.free * rate)) for each in adjoint], None
+        states = []
+        for change in (step, -step):
+            side = self._beside(name, value + change)
+            states.append((*_forces(side.run, self.run.positions), side._numbers(names)))
+        moved, rate, measured = ((after - before) / (2 * step) for after, before in zip(*states, strict=True))
+        return _Change(name, moved, rate, measured, ROUNDED * float(np.linalg.norm(states[0][1])) * STEP / step)
+
+    def _along(self, change: "_Change", moved: np.ndarray, names: Sequence[str]) -> np.ndarray:
+        """Return the derivatives of measurements by a parameter with which the points move by `moved` (n, d)."""
+        (value, step), found = self._step(change.name), []
+        for way in (step, -step):
+            side = self._beside(change.name, value + way)
+            _forces(side.run, self.run.positions + way * moved)
+            found.append(side._numbers(names))
+        return (found[0] - found[1]) / (2 * step)
+
+    def _numbers(self, names: Sequence[str]) -> np.ndarray:
+        """Return the named measurements where the force was last evaluated; NaN for one that there is not."""
+        costly = not all(QUICK.fullmatch(name) for name in names)
+        measured = self._read(costly) if names else {}
+        return np.array([measured.get(name, np.nan) for name in names])
 
     def _step(self, name: str) -> tuple[float, float]:
         """Return the value of a parameter, and its change in central differences."""
@@ -184,11 +228,14 @@ class Differentiated:
         return value, STEP * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
 
     def _beside(self, name: str, value: float) -> "Differentiated":
-        """Return the scene with another value of one parameter, or of the loading parameter."""
-        if name != self.run.loading.parameter:
-            return self.changed({name: value})
-        other = self.changed({})
-        other.run.state.parameter = value
+        """Return the scene with another value of one parameter, or of the loading parameter, which shares the force of this one."""
+        run, (scene, models), at = self.run, (self.run.problem.scene, self.run.problem.models), self.run.state.parameter
+        if name == run.loading.parameter:
+            at = value
+        else:
+            scene, models = with_numbers(scene, models, {name: value})
+        other = copy.copy(self)
+        other.run = run.sharing_force(scene, models, at)
         return other
 
     def _gradients(self, names: Sequence[str]) -> list[np.ndarray] | None:
@@ -352,11 +399,17 @@ def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str
 
 def _forces(run: Run, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return positions with the supports of a run in their places, and the forces there; the run is at these positions then."""
-    run.positions[:] = positions
-    run.loading.apply(run.state.parameter, run.loaded, run.positions)
+    _place(run, positions)
     forces = np.empty_like(positions)
     run.loaded(run.positions, forces)
     return run.positions.copy(), forces
+
+
+def _place(run: Run, positions: np.ndarray) -> None:
+    """Bring a run to given positions, with its supports and loads in place and the numbers of its materials in the force."""
+    run.take_numbers()
+    run.positions[:] = positions
+    run.loading.apply(run.state.parameter, run.loaded, run.positions)
 
 
 def _named(outputs: Sequence[str], measured: dict[str, float]) -> list[str]:

@@ -26,7 +26,7 @@ MEMORY, LEAST_KEPT, MOST_KEPT = 2.5e8, 40, 200
 
 
 class TangentEquations:
-    """Linear equations of the tangent of a force in one state, for displacements of the free components.
+    """Linear equations of the tangent of a force in one state, for displacements of the free components; `move` takes a state near it.
 
     The solver is the flexible generalized conjugate residual method, which permits preconditioners that are themselves iterations, and
     tangents that are not symmetric. Its directions, and their products with the tangent, are kept from one solution to the next: right-hand
@@ -53,13 +53,28 @@ class TangentEquations:
     """
 
     def __init__(self, force: InternalForce, positions: np.ndarray, free: np.ndarray, preconditioner: Preconditioner) -> None:
-        self._force, self._positions, self._free, self._preconditioner = force, positions.copy(), free, preconditioner
-        self._tangent, self._here, self.products = force.tangent(self._positions), np.empty_like(positions), 0
-        force(self._positions, self._here)
+        self._force, self._free, self._preconditioner, self.products = force, free, preconditioner, 0
+        self._here = np.empty_like(positions)
+        self.move(positions)
         preconditioner.update()
         size = int(np.clip(MEMORY / (16 * positions.size), LEAST_KEPT, MOST_KEPT))
         # Rows are touched, and take memory, when they are first written.
         self._moved, self._pulled, self._kept = np.empty((size, positions.size)), np.empty((size, positions.size)), 0
+
+    def move(self, positions: np.ndarray) -> None:
+        """Take another state near the present one: positions (n, d).
+
+        Directions, and their products with the tangent before, are kept: residuals that are computed anew correct the change.
+        """
+        self._positions = positions.copy()
+        self._tangent = self._force.tangent(self._positions)
+        self._force(self._positions, self._here)
+
+    def _projected(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the displacements that the directions so far give for forces (n d,), and the forces that they leave."""
+        kept = min(self._kept, len(self._moved))
+        shares = self._pulled[:kept] @ forces
+        return shares @ self._moved[:kept], forces - shares @ self._pulled[:kept]
 
     def displacements(self, forces: np.ndarray, share_left: float, negligible: float = 0.0) -> np.ndarray:
         """Return the displacements under small forces (n, d).
@@ -99,10 +114,8 @@ class TangentEquations:
 
     def _reduce(self, found: np.ndarray, left: np.ndarray, goal: float, most: int) -> None:
         """Reduce the residual `left` to the norm `goal`, and add the displacements to `found`, both in place."""
-        kept = min(self._kept, len(self._moved))
-        shares = self._pulled[:kept] @ left
-        found += shares @ self._moved[:kept]
-        left -= shares @ self._pulled[:kept]
+        moved, left[:] = self._projected(left)
+        found += moved
         while not float(np.linalg.norm(left)) <= goal:
             if self.products >= most or not np.isfinite(left).all():
                 raise NotConverged(
