@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import reduce
 from operator import add
@@ -142,11 +143,12 @@ class InternalForce:
         body.share.fill(stiffness, greatest)
         return stiffness, greatest
 
-    def take_numbers(self, materials: Sequence[tuple[Law, ForceModel]]) -> None:
-        """Replace the laws and models of the materials in place by others that differ from them in numbers alone.
+    @contextmanager
+    def with_numbers(self, materials: Sequence[tuple[Law, ForceModel]]) -> Iterator[None]:
+        """Replace the laws and models of the materials by others that differ in numbers alone, until the end of a ``with`` block.
 
-        The forces are then those of a force that is bound anew. `stiffness_moduli`, `force_scale`, and the interfaces across which one
-        material is much stiffer than the other remain those of the laws with which the force was bound.
+        The forces are then those of a force that is bound to these laws and models. `stiffness_moduli`, `force_scale`, and the interfaces
+        across which one material is much stiffer than the other remain those of the laws with which the force was bound.
 
         Parameters
         ----------
@@ -158,10 +160,18 @@ class InternalForce:
         ValueError
             If the number of materials or a class differs, or laws have lists of other lengths.
         """
-        before = [(portion.law, portion.model) for portion in self.portions]
-        kinds = [[(type(law), type(model), law.parameters.shape) for law, model in each] for each in (before, materials)]
+        own = [(portion.law, portion.model) for portion in self.portions]
+        kinds = [[(type(law), type(model), law.parameters.shape) for law, model in each] for each in (own, materials)]
         if kinds[0] != kinds[1]:
-            raise ValueError("a force takes other numbers of its laws and models, but no other laws or models: bind them anew")
+            raise ValueError("a force takes other numbers of its laws and models, but no other laws or models: bind a force to these")
+        try:
+            self._take_numbers(materials)
+            yield
+        finally:
+            self._take_numbers(own)
+
+    def _take_numbers(self, materials: Sequence[tuple[Law, ForceModel]]) -> None:
+        """Give the numbers of laws and models to all terms, which have copies of them."""
         new = zip(self.portions, materials, strict=True)
         self.portions = [replace(portion, law=law, model=model) for portion, (law, model) in new]
         self.law = max((portion.law for portion in self.portions), key=lambda law: law.shear_modulus)

@@ -3,7 +3,8 @@
 import copy
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -192,28 +193,23 @@ class Run:
         other.state = State(parameter, parameter)
         return other
 
-    def sharing_force(self, scene: Scene, models: Sequence[ForceModel], parameter: float) -> "Run":
-        """Return a run as `beside` does, which evaluates the force of this run after `take_numbers`.
+    @contextmanager
+    def lending_force(self, scene: Scene, models: Sequence[ForceModel], parameter: float) -> Iterator["Run"]:
+        """Provide a run as `beside` returns, which has the force of this run with other numbers until the end of a ``with`` block.
 
-        The run binds a force of its own if materials that were alike differ in the scene, so that there are more of them.
+        The run binds a force of its own if the points of the materials differ, as where a change makes two like materials different.
         """
-        problem = self.problem.changed(scene, models)
-        if len(problem.portions) != len(self.force.portions):
-            return self.beside(scene, models, parameter)
+        problem, numbers = self.problem.changed(scene, models), np.arange(len(self.body))
+        theirs, ours = ([numbers[portion.points].tolist() for portion in portions] for portions in (problem.portions, self.force.portions))
+        if theirs != ours:
+            yield self.beside(scene, models, parameter)
+            return
         other = copy.copy(self)
         other.problem, other.positions, other.state = problem, self.positions.copy(), State(parameter, parameter)
         other.loading, other.loads = problem.loading, problem.loading.loads
         other.loaded = LoadedForce(self.force, other.loads, other.loading.supports, self.loaded.rigid)
-        return other
-
-    def take_numbers(self) -> None:
-        """Give the numbers of this run's laws and models to the force, if another run with which it is shared has given its own."""
-        materials = [(portion.law, portion.model) for portion in self.problem.portions]
-        bound = [(portion.law, portion.model) for portion in self.force.portions]
-        if len(materials) == len(bound) and any(
-            mine is not theirs for pair in zip(materials, bound, strict=True) for mine, theirs in zip(*pair, strict=True)
-        ):
-            self.force.take_numbers(materials)
+        with self.force.with_numbers([(portion.law, portion.model) for portion in problem.portions]):
+            yield other
 
     def break_again(self) -> None:
         """Remove all broken bonds of the run from its force again, after the force was bound to the body anew or a checkpoint was read."""

@@ -2,7 +2,8 @@
 
 import copy
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -196,8 +197,8 @@ class Differentiated:
         value, step = self._step(name)
         states = []
         for change in (step, -step):
-            side = self._beside(name, value + change)
-            states.append((*_forces(side.run, self.run.positions), side._numbers(names)))
+            with self._beside(name, value + change) as side:
+                states.append((*_forces(side.run, self.run.positions), side._numbers(names)))
         moved, rate, measured = ((after - before) / (2 * step) for after, before in zip(*states, strict=True))
         return _Change(name, moved, rate, measured, ROUNDED * float(np.linalg.norm(states[0][1])) * STEP / step)
 
@@ -205,9 +206,9 @@ class Differentiated:
         """Return the derivatives of measurements by a parameter with which the points move by `moved` (n, d)."""
         (value, step), found = self._step(change.name), []
         for way in (step, -step):
-            side = self._beside(change.name, value + way)
-            _forces(side.run, self.run.positions + way * moved)
-            found.append(side._numbers(names))
+            with self._beside(change.name, value + way) as side:
+                _forces(side.run, self.run.positions + way * moved)
+                found.append(side._numbers(names))
         return (found[0] - found[1]) / (2 * step)
 
     def _numbers(self, names: Sequence[str]) -> np.ndarray:
@@ -227,16 +228,17 @@ class Differentiated:
             scale = max(abs(number) for key, number in self.numbers.items() if key.rpartition(".")[0] == owner)
         return value, STEP * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
 
-    def _beside(self, name: str, value: float) -> "Differentiated":
-        """Return the scene with another value of one parameter, or of the loading parameter, which shares the force of this one."""
+    @contextmanager
+    def _beside(self, name: str, value: float) -> Iterator["Differentiated"]:
+        """Provide the scene with another value of one parameter, or of the loading parameter, with the force of this one in the block."""
         run, (scene, models), at = self.run, (self.run.problem.scene, self.run.problem.models), self.run.state.parameter
         if name == run.loading.parameter:
             at = value
         else:
             scene, models = with_numbers(scene, models, {name: value})
         other = copy.copy(self)
-        other.run = run.sharing_force(scene, models, at)
-        return other
+        with run.lending_force(scene, models, at) as other.run:
+            yield other
 
     def _gradients(self, names: Sequence[str]) -> list[np.ndarray] | None:
         """Return the derivatives (n, d) of measurements by the positions of free components.
@@ -406,8 +408,7 @@ def _forces(run: Run, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _place(run: Run, positions: np.ndarray) -> None:
-    """Bring a run to given positions, with its supports and loads in place and the numbers of its materials in the force."""
-    run.take_numbers()
+    """Bring a run to given positions, with its supports and loads in their places."""
     run.positions[:] = positions
     run.loading.apply(run.state.parameter, run.loaded, run.positions)
 
