@@ -29,10 +29,12 @@ from .run import Run, Silent
 PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
 """Keys of a scene below which numbers can be parameters of sensitivities: they change neither the points nor which of them are held."""
 
-STEP = 1e-6
-"""Change of a parameter, relative to its value or to the greatest number of its list in a law or array in a learned model, in central
-differences. Chosen: rounding then leaves relative errors of 1e-10 times K/mu, and curvature less, also where a support moves by this
-part of its displacement while the points beside it stay."""
+STEP, STEP_OF_LAWS = 1e-6, 3e-5
+"""Changes of parameters in central differences, relative to the value or to the greatest number of a list or an array: the first one of
+motions, loads, and coefficients of terms, which may have to stay positive, the second one of other numbers of laws and of learned models.
+Chosen: where a support moves by the first part of its displacement, while the points beside it stay, curvature leaves relative errors below
+1e-9; forces are weakly curved in numbers of laws, and with the second step rounding leaves errors of 1e-11 times K/mu, which in a nearly
+incompressible body is 1e-7 of the small derivatives by K."""
 
 QUICK = re.compile(r"(forces|places)\..*|nominal_stress|energy|probes\..+\.displacement\.\d")
 """Names of measurements that `output_row` takes without the costly ones, and of those that need displacements alone."""
@@ -44,8 +46,8 @@ SOLVED = 5e-8
 """Permitted relative residual of the linear equations for the displacements: some five times the error of products of the tangent, which
 are differences of forces."""
 
-ROUNDED = 1e-9
-"""Norm of the rounding errors in the derivatives of the forces, divided by the norm of the forces over the value of the parameter."""
+ROUNDED = 1e-15
+"""Norm of the rounding errors of forces, divided by the norm of the forces."""
 
 
 @dataclass(frozen=True)
@@ -168,12 +170,15 @@ class Differentiated:
             _place(run, run.positions)
             equations = solver.equations(run.loaded, run.positions)
             if gradients:
-                moved, adjoint = None, [loading.free * equations.displacements(each, SOLVED) for each in gradients]
-                derivatives = np.array([[np.vdot(each, change.forces) for change in changes] for each in adjoint])
-                derivatives += np.array([change.measured for change in changes]).T
+                adjoint = [loading.free * equations.displacements(each, SOLVED) for each in gradients]
+                columns = [change.measured + [np.vdot(each, change.forces) for each in adjoint] for change in changes]
+                moved = None
             else:
-                moved = np.array([change.moved + equations.displacements(change.forces, SOLVED, change.rounding) for change in changes])
-                derivatives = np.array([self._along(change, u, names) for change, u in zip(changes, moved, strict=True)]).T
+                moved = np.empty((len(parameters), *run.positions.shape))
+                for change, u in zip(changes, moved, strict=True):
+                    u[:] = change.moved + equations.displacements(change.forces, SOLVED, change.rounding)
+                columns = [self._along(change, u, names) for change, u in zip(changes, moved, strict=True)]
+        derivatives = np.array(columns).reshape(len(parameters), len(names)).T
         values = np.array([measured[name] for name in names])
         return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved)
 
@@ -198,9 +203,9 @@ class Differentiated:
         states = []
         for change in (step, -step):
             with self._beside(name, value + change) as side:
-                states.append((*_forces(side.run, self.run.positions), side._numbers(names)))
+                states.append((*_forces(side.run, self.run.positions), side.values_of(names)))
         moved, rate, measured = ((after - before) / (2 * step) for after, before in zip(*states, strict=True))
-        return _Change(name, moved, rate, measured, ROUNDED * float(np.linalg.norm(states[0][1])) * STEP / step)
+        return _Change(name, moved, rate, measured, ROUNDED * float(np.linalg.norm(states[0][1])) / step)
 
     def _along(self, change: "_Change", moved: np.ndarray, names: Sequence[str]) -> np.ndarray:
         """Return the derivatives of measurements by a parameter with which the points move by `moved` (n, d)."""
@@ -208,10 +213,10 @@ class Differentiated:
         for way in (step, -step):
             with self._beside(change.name, value + way) as side:
                 _forces(side.run, self.run.positions + way * moved)
-                found.append(side._numbers(names))
+                found.append(side.values_of(names))
         return (found[0] - found[1]) / (2 * step)
 
-    def _numbers(self, names: Sequence[str]) -> np.ndarray:
+    def values_of(self, names: Sequence[str]) -> np.ndarray:
         """Return the named measurements where the force was last evaluated; NaN for one that there is not."""
         costly = not all(QUICK.fullmatch(name) for name in names)
         measured = self._read(costly) if names else {}
@@ -222,11 +227,13 @@ class Differentiated:
         run, array = self.run, array_of(name, self.run.problem.models)
         value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
         owner, _, last = name.rpartition(".")
-        scale = abs(value) if array is None else float(np.abs(array).max())
+        scale, change = (abs(value), STEP) if array is None else (float(np.abs(array).max()), STEP_OF_LAWS)
         if array is None and owner.startswith("material") and last.isdigit():
             # Coefficients of the terms of an energy may be small parts of the greatest one.
             scale = max(abs(number) for key, number in self.numbers.items() if key.rpartition(".")[0] == owner)
-        return value, STEP * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
+        elif owner.endswith("material"):
+            change = STEP_OF_LAWS
+        return value, change * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
 
     @contextmanager
     def _beside(self, name: str, value: float) -> Iterator["Differentiated"]:
