@@ -146,7 +146,8 @@ class Result:
         ----------
         outputs : sequence of str
             Measurements: dotted keys of an entry of `levels`, such as ``"nominal_stress"``, ``"forces.right.0"`` or
-            ``"probes.tip.displacement"``; a key that is continued in several entries stands for all of them.
+            ``"probes.tip.displacement"``; a key that is continued in several entries stands for all of them. ``"probes.tip.u2"`` is the
+            second component of the displacement of a probe, ``"probes.tip.displacement.1"``.
         parameters : sequence of str
             Dotted keys of numbers in the scene's ``material``, ``materials``, ``loads``, ``prescribed`` or ``obstacles``, such as
             ``"material.bulk_modulus"`` or ``"loads.0.pressure"``; the loading parameter, ``"stretch"`` or ``"t"``; or numbers in the arrays

@@ -170,6 +170,8 @@ class Differentiated:
             _place(run, run.positions)
             equations = solver.equations(run.loaded, run.positions)
             if gradients:
+                # The reactions of all supports change together if all free points move alike.
+                equations.learn(np.broadcast_to(axis, run.positions.shape) for axis in np.eye(run.body.dimension))
                 adjoint = [loading.free * equations.displacements(each, SOLVED) for each in gradients]
                 columns = [change.measured + [np.vdot(each, change.forces) for each in adjoint] for change in changes]
                 moved = None
@@ -421,10 +423,15 @@ def _place(run: Run, positions: np.ndarray) -> None:
 
 
 def _named(outputs: Sequence[str], measured: dict[str, float]) -> list[str]:
-    """Return the names of all measurements that `outputs` names, each with all below it; raise ValueError for one that there is not."""
+    """Return the names of all measurements that `outputs` names, each with all below it; raise ValueError for one that there is not.
+
+    ``"probes.tip.u2"`` names the same measurement as ``"probes.tip.displacement.1"``.
+    """
     found: list[str] = []
     for output in outputs:
-        below = [name for name in measured if name == output or name.startswith(f"{output}.")]
+        component = re.fullmatch(r"(probes\..+)\.u([123])", output)
+        key = f"{component[1]}.displacement.{int(component[2]) - 1}" if component else output
+        below = [name for name in measured if name == key or name.startswith(f"{key}.")]
         if not below:
             raise ValueError(f"outputs: the result has no {output!r}; {suggestion(output, measured)}")
         found += below
