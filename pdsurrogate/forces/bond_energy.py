@@ -87,6 +87,11 @@ class EnergyModel(ForceModel):
     domain: Domain | None
 
     @property
+    def isochoric_weights(self) -> np.ndarray:
+        """Floating-point constants of `IsochoricEnergy`, a number without effect for the exact energy."""
+        return np.zeros(1)
+
+    @property
     def honors(self) -> Mapping[str, tuple]:
         # The energy is exact on incomplete horizons, and its invariants do not depend on rotations.
         honors = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,), "plane": self.several_materials}

@@ -141,8 +141,7 @@ class SelectivePairs(Pairs):
         self, binding: Binding, shares: BondShares, model, points: MaterialPoints, weights: np.ndarray, volumes: np.ndarray, own
     ) -> None:
         dimension, chunks = points.positions.shape[1], binding.kinematics.chunks
-        self._settings = binding.settings.plane, binding.outside, binding.precision
-        self.isochoric = isochoric = model.isochoric_energy(points.law, *self._settings)
+        self.isochoric = isochoric = model.isochoric_energy(points.law, binding.settings.plane, binding.outside, binding.precision)
         geometry = shares.geometry(points.pairs, weights, "float64")  # the volumes are computed from this array
         super().__init__(model, points, geometry, isochoric.precision)
         self.pressures, self.volume_energies, self.volumes = np.zeros(len(points.positions)), np.zeros(0), volumes
@@ -159,8 +158,7 @@ class SelectivePairs(Pairs):
 
     def take_numbers(self, model) -> None:
         super().take_numbers(model)
-        found = model.isochoric_energy(self.points.law, *self._settings)
-        self.isochoric.parameters[:], self.isochoric.weights[:] = found.parameters, found.weights
+        self.isochoric.parameters[:], self.isochoric.weights[:] = self.points.law.parameters, model.isochoric_weights
 
     def energy(self) -> float:
         return super().energy() + float(self.volume_energies.sum())
