@@ -137,7 +137,7 @@ class Result:
         """Return derivatives of measurements in equilibrium with respect to parameters of the scene.
 
         The equilibrium is first solved to a residual of 1e-10. Each parameter then costs one solution of linear equations with the tangent,
-        some 20 to 40 force evaluations, and fewer for parameters that act like earlier ones. If there are fewer measurements than
+        some 15 to 40 force evaluations, and fewer for parameters that act like earlier ones. If there are fewer measurements than
         parameters, each measurement costs such a solution instead (adjoint), provided that the tangent is symmetric and that the
         measurements are reactions of supports, the nominal stress, the energy, or displacements of probes. The derivatives are those of the
         discrete body (theory, section 23).

@@ -30,11 +30,14 @@ PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
 """Keys of a scene below which numbers can be parameters of sensitivities: they change neither the points nor which of them are held."""
 
 STEP, STEP_OF_LAWS = 1e-6, 3e-5
-"""Changes of parameters in central differences, relative to the value or to the greatest number of a list or an array: the first one of
-motions, loads, and coefficients of terms, which may have to stay positive, the second one of other numbers of laws and of learned models.
-Chosen: where a support moves by the first part of its displacement, while the points beside it stay, curvature leaves relative errors below
-1e-9; forces are weakly curved in numbers of laws, and with the second step rounding leaves errors of 1e-11 times K/mu, which in a nearly
-incompressible body is 1e-7 of the small derivatives by K."""
+"""Changes of parameters in central differences, relative to the value or to the greatest number of a list or an array; the second one of
+numbers of laws. Chosen: where a support moves by the first part of its displacement, while the points beside it stay, and where a number of
+a network far below the greatest one changes, curvature leaves relative errors below 1e-6, elsewhere below 1e-9. Forces are weakly curved in
+numbers of laws, and with the second step rounding leaves errors of 1e-11 times the forces over those that the number causes: K/mu for a
+bulk modulus, 100 for a term with a hundredth of the stress."""
+
+LEAST_STEP = 1e-8
+"""Least change of the coefficient of a term, relative to the greatest one: rounding and curvature leave relative errors of this size."""
 
 QUICK = re.compile(r"(forces|places)\..*|nominal_stress|energy|probes\..+\.displacement\.\d")
 """Names of measurements that `output_row` takes without the costly ones, and of those that need displacements alone."""
@@ -225,15 +228,20 @@ class Differentiated:
         return np.array([measured.get(name, np.nan) for name in names])
 
     def _step(self, name: str) -> tuple[float, float]:
-        """Return the value of a parameter, and its change in central differences."""
+        """Return the value in the middle of central differences by a parameter, which is that of the parameter, and the change from it.
+
+        Coefficients of terms of an energy, which may be small parts of the greatest one, keep their sign; for those too small to be
+        halved, the middle lies beside the value by the least change.
+        """
         run, array = self.run, array_of(name, self.run.problem.models)
         value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
         owner, _, last = name.rpartition(".")
-        scale, change = (abs(value), STEP) if array is None else (float(np.abs(array).max()), STEP_OF_LAWS)
+        scale, change = abs(value) if array is None else float(np.abs(array).max()), STEP
         if array is None and owner.startswith("material") and last.isdigit():
-            # Coefficients of the terms of an energy may be small parts of the greatest one.
             scale = max(abs(number) for key, number in self.numbers.items() if key.rpartition(".")[0] == owner)
-        elif owner.endswith("material"):
+            step = min(STEP_OF_LAWS * scale, max(LEAST_STEP * scale, abs(value) / 2))
+            return value + (np.copysign(step, value) if step > abs(value) / 2 else 0.0), step
+        elif array is None and owner.endswith("material"):
             change = STEP_OF_LAWS
         return value, change * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
 
