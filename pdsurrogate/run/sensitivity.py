@@ -29,12 +29,13 @@ from .run import Run, Silent
 PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
 """Keys of a scene below which numbers can be parameters of sensitivities: they change neither the points nor which of them are held."""
 
-STEP, STEP_OF_LAWS = 1e-6, 3e-5
+STEP, STEP_OF_LAWS = 1e-6, 1e-4
 """Changes of parameters in central differences, relative to the value or to the greatest number of a list or an array; the second one of
 numbers of laws. Chosen: where a support moves by the first part of its displacement, while the points beside it stay, and where a number of
-a network far below the greatest one changes, curvature leaves relative errors below 1e-6, elsewhere below 1e-9. Forces are weakly curved in
-numbers of laws, and with the second step rounding leaves errors of 1e-11 times the forces over those that the number causes: K/mu for a
-bulk modulus, 100 for a term with a hundredth of the stress."""
+a network far below the greatest one changes, curvature leaves relative errors below 1e-6, elsewhere below 1e-9. In numbers of laws, forces
+are linear or weakly curved: the second step leaves 2e-8 for an exponent of 5, and 1e-6 at nine tenths of the limit of a Gent law. Rounding
+leaves errors of 1e-12 times the forces over those that the number causes: K/mu for a bulk modulus, 1e4 for a term with 1e-4 of the
+stress."""
 
 LEAST_STEP = 1e-8
 """Least change of the coefficient of a term, relative to the greatest one: rounding and curvature leave relative errors of this size."""
