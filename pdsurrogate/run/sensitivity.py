@@ -229,21 +229,20 @@ class Differentiated:
         return np.array([measured.get(name, np.nan) for name in names])
 
     def _step(self, name: str) -> tuple[float, float]:
-        """Return the value in the middle of central differences by a parameter, which is that of the parameter, and the change from it.
+        """Return the middle of the values of a parameter in central differences, and the change from it.
 
-        Coefficients of terms of an energy, which may be small parts of the greatest one, keep their sign; for those too small to be
-        halved, the middle lies beside the value by the least change.
+        The middle is the value of the parameter. Coefficients of the terms of an energy keep their sign: if half of one is less than the
+        least change, the middle lies beside it by this change.
         """
         run, array = self.run, array_of(name, self.run.problem.models)
         value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
         owner, _, last = name.rpartition(".")
-        scale, change = abs(value) if array is None else float(np.abs(array).max()), STEP
+        scale = abs(value) if array is None else float(np.abs(array).max())
         if array is None and owner.startswith("material") and last.isdigit():
             scale = max(abs(number) for key, number in self.numbers.items() if key.rpartition(".")[0] == owner)
             step = min(STEP_OF_LAWS * scale, max(LEAST_STEP * scale, abs(value) / 2))
             return value + (np.copysign(step, value) if step > abs(value) / 2 else 0.0), step
-        elif array is None and owner.endswith("material"):
-            change = STEP_OF_LAWS
+        change = STEP_OF_LAWS if array is None and owner.endswith("material") else STEP
         return value, change * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
 
     @contextmanager
