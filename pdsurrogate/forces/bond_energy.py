@@ -88,7 +88,14 @@ class EnergyModel(ForceModel):
 
     @property
     def isochoric_weights(self) -> np.ndarray:
-        """Floating-point constants of `IsochoricEnergy`, a number without effect for the exact energy."""
+        """Floating-point constants of the isochoric energy, shape (k,); a number without effect for the exact energy.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.BondEnergyForce().isochoric_weights
+        array([0.])
+        """
         return np.zeros(1)
 
     @property

@@ -15,6 +15,7 @@ from ..body import Body, ReflectionPlane
 from ..body.body import Cells
 from ..engine.threads import threads_for
 from ..forces import ForceModel
+from ..forces.internal_force import numbers_in_place
 from ..problem import Problem, Stage, compile_scene
 from ..problem.materials import scene_errors
 from ..ranks import Communicator, communicator
@@ -208,7 +209,7 @@ class Run:
         other.problem, other.positions, other.state = problem, self.positions.copy(), State(parameter, parameter)
         other.loading, other.loads = problem.loading, problem.loading.loads
         other.loaded = LoadedForce(self.force, other.loads, other.loading.supports, self.loaded.rigid)
-        with self.force.with_numbers([(portion.law, portion.model) for portion in problem.portions]):
+        with numbers_in_place(self.force, [(portion.law, portion.model) for portion in problem.portions]):
             yield other
 
     def break_again(self) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pdsurrogate as pds
+from pdsurrogate.forces.internal_force import numbers_in_place
 from pdsurrogate.forces.learned import Learned
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.problem.materials import checked_models
@@ -75,7 +76,7 @@ def test_numbers_in_place_give_the_bits_of_a_force_that_is_bound_to_them(name, f
     case = Case(name, force, changes, numbers)
     own, expected = case.forces(case.force), case.forces(case.other.bind("float64")[0])
     assert np.abs(expected[0] - own[0]).max() > 1e-4 * np.abs(own[0]).max()
-    with case.force.with_numbers(case.materials):
+    with numbers_in_place(case.force, case.materials):
         found = case.forces(case.force)
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -87,7 +88,7 @@ def test_numbers_in_place_give_the_bits_of_a_force_that_is_bound_to_them(name, f
 def test_an_error_leaves_no_other_numbers_in_a_force(name, force, changes, numbers):
     case = Case(name, force, changes, numbers)
     own = case.forces(case.force)
-    with pytest.raises(KeyError, match="in the block"), case.force.with_numbers(case.materials):
+    with pytest.raises(KeyError, match="in the block"), numbers_in_place(case.force, case.materials):
         raise KeyError("in the block")
     assert [portion.law for portion in case.force.portions] == [portion.law for portion in case.problem.portions]
     for one, other in zip(case.forces(case.force), own, strict=True):
@@ -98,5 +99,5 @@ def test_other_laws_and_models_are_refused():
     case = Case("hole", "bond-energy", SHEET, ["material.shear_modulus"])
     mooney = compile_scene(pds.load_scene("hole", SHEET | OTHERS), case.models).portions[0].law
     for materials in ([(mooney, case.models[0])], [(case.problem.law, pds.load_surrogate("analytic"))], case.materials * 2):
-        with pytest.raises(ValueError, match="takes other numbers of its laws and models"), case.force.with_numbers(materials):
+        with pytest.raises(ValueError, match="takes other numbers of its laws and models"), numbers_in_place(case.force, materials):
             pass
