@@ -233,7 +233,7 @@ class Result:
     def lowest_mode(self, level: int = -1) -> LowestMode:
         """Return the displacement that the body resists least in an equilibrium, with its stiffness, which tells whether it is stable.
 
-        It is the mode of the least eigenvalue of the tangent, weighted by the volumes of the points (theory, section 27). Supports and
+        It is the mode of the least eigenvalue of the tangent, weighted by the volumes of the points (theory (83a)). Supports and
         loads are those of the output: at given loads, an equilibrium beyond a limit load is not stable. A search costs some hundred to a
         thousand force evaluations.
 
@@ -265,7 +265,7 @@ class Result:
         >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "bond-energy")
         >>> mode = result.lowest_mode()
         >>> round(mode.eigenvalue, 3), mode.stable, mode.displacements.shape
-        (0.0, True, (48, 2))
+        (0.776, True, (48, 2))
         """
         if self.resisting is None:
             raise ValueError("lowest_mode: a result that was read from files has no force model: call it on the result of pds.simulate")

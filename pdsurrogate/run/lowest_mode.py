@@ -1,4 +1,4 @@
-"""Lowest mode of an equilibrium (theory, section 27): the displacement that the body resists least, and whether it is stable."""
+"""Lowest mode of an equilibrium (theory (83a)): the displacement that the body resists least, and whether it is stable."""
 
 from collections.abc import Sequence
 
@@ -32,9 +32,10 @@ def lowest_mode_of(scene: Scene, models: Sequence[ForceModel], result: Result, l
         run = Run(scene, models, Silent())
         if run.force.precision != "float64":
             run.take_double()
+        if not run.force.has_energy:
+            raise ValueError(f"lowest_mode: {models[0].name} is a bond force without energy: use a force with one, such as bond-energy")
         if not run.loaded.has_energy:
-            why = getattr(run.loaded, "no_energy_because", None) or f"{models[0].name} is a bond force without energy"
-            raise ValueError(f"lowest_mode: {why}, so that the tangent is not symmetric; use a force with an energy, such as bond-energy")
+            raise ValueError(f"lowest_mode: the loads have no energy: {run.loaded.no_energy_because}")
         if run.loading.supports or getattr(run.loaded, "rigid", ()):
             raise ValueError("lowest_mode: the scene has rigid regions or supports between points, with which modes are not computed")
         # Bonds that a precut has cut are damage of the undeformed body as well; single precision of files leaves 1e-7.
