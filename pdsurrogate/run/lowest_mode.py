@@ -1,4 +1,4 @@
-"""Lowest mode of an equilibrium (theory (83a)): the displacement that the body resists least, and whether it is stable."""
+"""Lowest mode of an equilibrium, theory (83a): the displacement that the body resists least, and whether it is stable."""
 
 from collections.abc import Sequence
 

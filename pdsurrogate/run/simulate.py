@@ -399,8 +399,11 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
 
 def _derived(scene: Scene, models: Sequence[ForceModel]) -> dict[str, partial]:
     """Return the functions behind methods of `Result`, such as `Result.sensitivity`, with the scene and the force models of the run."""
-    functions = {"differentiated": differentiate, "uncertain": standard_errors, "resisting": lowest_mode_of}
-    return {name: partial(function, scene, models) for name, function in functions.items()}
+    return {
+        "differentiated": partial(differentiate, scene, models),
+        "uncertain": partial(standard_errors, scene, models),
+        "resisting": partial(lowest_mode_of, scene, models),
+    }
 
 
 def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:
