@@ -17,6 +17,7 @@ from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooSmall, check_growth, falls, no_report, window_of
 from .nearest_bonds import strain_of_step
+from .preconditioner import with_short_displacements
 from .stability import FrequencyEstimate
 from .tangent import TangentEquations
 
@@ -384,9 +385,12 @@ class Newton(EquilibriumSolver):
     def equations(self, force: InternalForce, positions: np.ndarray) -> TangentEquations:
         """Return the equations of the tangent at the equilibrium found, with the directions of the last iteration."""
         if self._equations is None:
-            return TangentEquations(force, positions, self.free, self.preconditioner(force))
+            return self._equations_at(force, positions)
         self._equations.move(positions)
         return self._equations
+
+    def _equations_at(self, force: InternalForce, positions: np.ndarray) -> TangentEquations:
+        return TangentEquations(force, positions, self.free, with_short_displacements(self.preconditioner(force), force, self.free))
 
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         self._equations = None
@@ -401,7 +405,7 @@ class Newton(EquilibriumSolver):
         for _ in range(self.MOST):
             if settled:
                 return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
-            self._equations = TangentEquations(force, positions, self.free, self.preconditioner(force))
+            self._equations = self._equations_at(force, positions)
             step, before = self._equations.displacements(forces, self.SHARE_LEFT), residual
             try:
                 self.evaluate(force, positions + step, forces)

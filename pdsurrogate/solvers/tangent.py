@@ -7,6 +7,7 @@ import numpy as np
 from ..forces import InternalForce
 from .equilibrium import NotConverged
 from .nearest_bonds import Preconditioner
+from .preconditioner import stiffness_of_nearest_bonds
 
 MOST_PRODUCTS = 600
 """Greatest number of products of the tangent in one solution; some tens are usual."""
@@ -14,12 +15,6 @@ MOST_PRODUCTS = 600
 STEP = 2e-7
 """Greatest displacement of a point, in spacings, in the one-sided differences of forces that approximate products of the tangent. Chosen:
 their relative errors, by rounding and curvature together, are then some 1e-7 in sheets and 3e-6 in solids at K = 1000 mu."""
-
-SHORT = 2.0
-"""Displacement that is added to those of the preconditioner of a sheet for displacements that alternate from point to point, in units of
-that which the nearest bonds permit. Bodies of points with mean gradients resist such displacements some ten times less than their nearest
-bonds. Chosen: with 0, 1, 2 and 4, ten derivatives in a sheet with a hole need 290, 227, 222 and 247 evaluations. It is left out in nearly
-incompressible bodies, where such displacements change volumes."""
 
 REDUCED = 1e-5
 """Reduction of the residual by such products, after which it is computed anew from central differences."""
@@ -77,11 +72,6 @@ class TangentEquations:
         self._here = np.empty_like(positions)
         self.move(positions)
         preconditioner.update()
-        # Stiffness of the nearest bonds against displacements that alternate from point to point.
-        self._stiffness = (4 * force.body.dimension * force.stiffness_moduli * force.body.volumes / force.body.spacing**2)[:, None]
-        # Displacements also have to keep regions rigid, and the places of supports between points.
-        bound = force.nearly_incompressible or getattr(force, "rigid", ()) or getattr(force, "supports", ())
-        self._short: np.ndarray | float = 0.0 if bound else SHORT * free / self._stiffness
         size = int(np.clip(MEMORY / (16 * positions.size), LEAST_KEPT, MOST_KEPT))
         # Rows are touched, and take memory, when they are first written.
         self._moved, self._pulled, self._kept = np.empty((size, positions.size)), np.empty((size, positions.size)), 0
@@ -146,8 +136,7 @@ class TangentEquations:
                 raise NotConverged(
                     f"the linear equations of the tangent are not solved after {MOST_PRODUCTS} products: it is nearly singular"
                 )
-            forces = left.reshape(self._free.shape)
-            moved = (self._free * self._preconditioner.solve(forces) + self._short * forces).ravel()
+            moved = (self._free * self._preconditioner.solve(left.reshape(self._free.shape))).ravel()
             place = self._keep(moved, self._quick(moved))
             share = float(self._pulled[place] @ left)
             found += share * self._moved[place]
@@ -160,8 +149,8 @@ class TangentEquations:
         """
         for each in displacements:
             moved = self._free * each
-            pulled = self._quick(moved.ravel())
-            if np.linalg.norm(pulled) > FREELY * np.linalg.norm(self._stiffness * moved):
+            pulled, stiffness = self._quick(moved.ravel()), stiffness_of_nearest_bonds(self._force)
+            if np.linalg.norm(pulled) > FREELY * np.linalg.norm(stiffness * moved):
                 self._keep(moved.ravel(), pulled)
 
     def _keep(self, moved: np.ndarray, pulled: np.ndarray) -> int:
