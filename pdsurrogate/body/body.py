@@ -11,7 +11,6 @@ from itertools import combinations
 import numpy as np
 import scipy
 
-from ..engine.block_arrays import BLOCK
 from ..kernels.weights import WEIGHT_FUNCTIONS
 from ..ranks import Halo, Share
 from .cell_mesh import CellMesh
@@ -44,6 +43,9 @@ class Round:
 MOST_POINTS, MOST_BONDS = 20_000_000, 500_000_000
 """Greatest numbers of points and bonds: at some 2 kB a point and 80 bytes a bond, more would exceed the memory of a workstation."""
 
+
+PADDED = 1024
+"""The ends of pairs are stored filled up with zeros to a multiple of this number, which is a multiple of the blocks of all kernels."""
 
 SLAB = 500_000
 """Number of pairs of which `Bonds.slabs` makes a part. Chosen: a temporary array of doubles then takes 4 MB, and calls of NumPy cost
@@ -488,8 +490,8 @@ class Bonds:
         Index at which the neighbors of each point begin.
     neighbors : ndarray of uint32
         Neighbors of all points; numbers from n on are ghosts.
-    ends_in_blocks : ndarray of uint32, shape (2, n_blocks * BLOCK)
-        Ends of the pairs, filled up with zeros to whole blocks, which kernels read; they ignore the results of the filling.
+    ends : ndarray of uint32, shape (2, k)
+        Ends of the pairs, filled up with zeros to a multiple k of `PADDED`.
     n_pairs : int
     pair_pointers : ndarray of uint64, shape (n + 1,)
         Index at which the pairs with each point as `first` begin.
@@ -509,7 +511,7 @@ class Bonds:
 
     pointers: np.ndarray
     neighbors: np.ndarray
-    ends_in_blocks: np.ndarray
+    ends: np.ndarray
     n_pairs: int
     pair_pointers: np.ndarray
     incidence_pointers: np.ndarray
@@ -520,11 +522,19 @@ class Bonds:
 
     @cached_property
     def first(self) -> np.ndarray:
-        return self.ends_in_blocks[0, : self.n_pairs]
+        return self.ends[0, : self.n_pairs]
 
     @cached_property
     def second(self) -> np.ndarray:
-        return self.ends_in_blocks[1, : self.n_pairs]
+        return self.ends[1, : self.n_pairs]
+
+    def ends_in_blocks(self, block: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return `first` and `second` filled up with zeros to a multiple of `block`, which divides `PADDED`.
+
+        Kernels ignore the results of the zeros.
+        """
+        first, second = self.ends[:, : -(-self.n_pairs // block) * block]
+        return first, second
 
     def slabs(self) -> Iterator[slice]:
         """Yield the pairs in parts, whose temporary arrays are small beside those that the pairs of a large body hold."""
@@ -561,7 +571,7 @@ class Bonds:
         if len(first) == 0:
             raise ValueError(f"the horizon {body.horizon:g} is too small: it contains no neighbor at the spacing {body.spacing:g}")
         numbers = np.arange(len(first), dtype=np.uint32)
-        ends = np.stack([np.pad(end, (0, -len(end) % BLOCK)) for end in (first, second)])
+        ends = np.stack([np.pad(end, (0, -len(end) % PADDED)) for end in (first, second)])
 
         within = np.flatnonzero(second < n).astype(np.uint32)
         incidence = within[np.argsort(second[within], kind="stable")]

@@ -75,7 +75,7 @@ class MaterialPoints:
         if own is None:
             self.numbers = self.pairs = slice(None)
             self.own = slice(len(body)), slice(len(body))
-            self.first, self.second = body.bonds.ends_in_blocks
+            self.first, self.second = body.bonds.ends_in_blocks(BLOCK)
             self.positions, self.gradients = kinematics.positions, kinematics.gradients
             self.volume_ratios = self.kept_ratios = np.ones(len(self.positions))
         else:

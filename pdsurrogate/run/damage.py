@@ -39,7 +39,7 @@ class Damage:
         bonds = body.bonds
         self.broken, self.recent = np.zeros(len(bonds.first), dtype=bool), np.zeros(len(bonds.first), dtype=np.int32)
         self._events = 0
-        first, second = bonds.ends_in_blocks
+        first, second = bonds.ends_in_blocks(BLOCK)
         length = _lengths(body, bonds.first, bonds.second)
         self._weights = body.weigh(length)
         self._limits = np.full(len(first), np.inf)

@@ -381,7 +381,7 @@ def test_steps(random):
 
 def test_overstretched_bonds():
     body = cube()
-    first, second = body.bonds.ends_in_blocks
+    first, second = body.bonds.ends_in_blocks(BLOCK)
     y, n_pairs = deformed(body.points), len(body.bonds.first)
     length = np.linalg.norm(body.points[second] - body.points[first], axis=1)
     limits = np.full(len(first), np.inf)
