@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
@@ -42,6 +42,14 @@ class Round:
 
 MOST_POINTS, MOST_BONDS = 20_000_000, 500_000_000
 """Greatest numbers of points and bonds: at some 2 kB a point and 80 bytes a bond, more would exceed the memory of a workstation."""
+
+
+PADDED = 1024
+"""The ends of pairs are stored filled up with zeros to a multiple of this number, which is a multiple of the blocks of all kernels."""
+
+SLAB = 500_000
+"""Number of pairs of which `Bonds.slabs` makes a part. Chosen: a temporary array of doubles then takes 4 MB, and calls of NumPy cost
+nothing beside the work on so many numbers."""
 
 
 COINCIDING = 1e-9
@@ -482,8 +490,9 @@ class Bonds:
         Index at which the neighbors of each point begin.
     neighbors : ndarray of uint32
         Neighbors of all points; numbers from n on are ghosts.
-    first, second : ndarray of uint32, shape (n_pairs,)
-        Ends of the pairs, ordered by `first`, which is a point of the body; `second` is a later point or an image.
+    ends : ndarray of uint32, shape (2, k)
+        Ends of the pairs, filled up with zeros to a multiple k of `PADDED`.
+    n_pairs : int
     pair_pointers : ndarray of uint64, shape (n + 1,)
         Index at which the pairs with each point as `first` begin.
     incidence_pointers : ndarray of uint64, shape (n + 1,)
@@ -496,12 +505,14 @@ class Bonds:
         Ends of the pairs that cuts or holes of the undeformed body separate; these pairs are in none of the lists.
     n_directed : int
         Number of directed bonds within the body, without ghosts.
+    first, second : ndarray of uint32, shape (n_pairs,)
+        Ends of the pairs, ordered by `first`, which is a point of the body; `second` is a later point or an image.
     """
 
     pointers: np.ndarray
     neighbors: np.ndarray
-    first: np.ndarray
-    second: np.ndarray
+    ends: np.ndarray
+    n_pairs: int
     pair_pointers: np.ndarray
     incidence_pointers: np.ndarray
     incidence: np.ndarray
@@ -509,11 +520,26 @@ class Bonds:
     cut: np.ndarray
     n_directed: int
 
+    @cached_property
+    def first(self) -> np.ndarray:
+        return self.ends[0, : self.n_pairs]
+
+    @cached_property
+    def second(self) -> np.ndarray:
+        return self.ends[1, : self.n_pairs]
+
     def ends_in_blocks(self, block: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return `first` and `second` padded with zeros to a multiple of `block`; kernels ignore the results of the padding."""
-        size = -(-len(self.first) // block) * block
-        first, second = (np.pad(ends, (0, size - len(ends))) for ends in (self.first, self.second))
+        """Return `first` and `second` filled up with zeros to a multiple of `block`, which divides `PADDED`.
+
+        Kernels ignore the results of the zeros.
+        """
+        first, second = self.ends[:, : -(-self.n_pairs // block) * block]
         return first, second
+
+    def slabs(self) -> Iterator[slice]:
+        """Yield the pairs in parts, whose temporary arrays are small beside those that the pairs of a large body hold."""
+        for start in range(0, self.n_pairs, SLAB):
+            yield slice(start, min(start + SLAB, self.n_pairs))
 
     @classmethod
     def of(cls, body: Body) -> Bonds:
@@ -545,6 +571,7 @@ class Bonds:
         if len(first) == 0:
             raise ValueError(f"the horizon {body.horizon:g} is too small: it contains no neighbor at the spacing {body.spacing:g}")
         numbers = np.arange(len(first), dtype=np.uint32)
+        ends = np.stack([np.pad(end, (0, -len(end) % PADDED)) for end in (first, second)])
 
         within = np.flatnonzero(second < n).astype(np.uint32)
         incidence = within[np.argsort(second[within], kind="stable")]
@@ -556,8 +583,8 @@ class Bonds:
         return cls(
             pointers_to(owner, n),
             np.ascontiguousarray(neighbors),
-            first,
-            second,
+            ends,
+            len(first),
             pointers_to(first, n),
             pointers_to(second[within], n),
             incidence,

@@ -48,7 +48,7 @@ class PairEnergy(Term):
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        body, bonds, d, whole = self.body, self.body.bonds, self.body.dimension, binding.whole
+        body, d, whole = self.body, self.body.dimension, binding.whole
         self.correction = binding.settings.correction or self.correction
         if self.selective is None:
             self.selective = binding.settings.plane != "stress"
@@ -60,7 +60,7 @@ class PairEnergy(Term):
         for number, model in enumerate(models):
             own = None if whole else owners == number
             # A material has energy in its own bonds.
-            weights = self.shares.weights_of(np.arange(len(bonds.first)), own)
+            weights = self.shares.weights_of(own=own)
             points = self.points_of(number, None if whole else np.flatnonzero(weights))
             self.watches.append(DomainWatch(binding, model, points, "energy", "energy"))
             each.append((binding, self.shares, model, points, weights[points.pairs]))
@@ -200,12 +200,14 @@ class PairEnergy(Term):
     def mean_stress(self) -> np.ndarray:
         """Return the volume mean of the bonds' first Piola-Kirchhoff stresses, (d, d): the derivative of the energy by a homogeneous F."""
         bonds, points, d = self.body.bonds, self.body.all_points, self.body.dimension
-        pairs = np.flatnonzero(self.body.share.own[bonds.first])
-        vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
-        along = self._of_pairs("forces")[pairs].astype(float).T @ vectors
-        # P (I - n (x) n) is twice the moment.
-        across = 2 * self._of_pairs("moments")[pairs].sum(axis=0, dtype=float).reshape(d, d).T
-        return self._unit * (along + across) / whole_volume(self.body)
+        forces, moments, found = self._of_pairs("forces"), self._of_pairs("moments"), np.zeros((d, d))
+        for part in bonds.slabs():
+            pairs = part.start + np.flatnonzero(self.body.share.own[bonds.first[part]])
+            vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
+            found += forces[pairs].astype(float).T @ vectors
+            # P (I - n (x) n) is twice the moment.
+            found += 2 * moments[pairs].sum(axis=0, dtype=float).reshape(d, d).T
+        return self._unit * found / whole_volume(self.body)
 
     def released_by(self, motion: np.ndarray) -> float | None:
         if not self.binding.whole:
@@ -245,7 +247,8 @@ class PairEnergy(Term):
             if self.selective or part.counts()[1]:
                 pairs = np.arange(len(self.body.bonds.first))[part.points.pairs]
                 J = part.volumes[: len(pairs)] if self.selective else np.linalg.det(self._gradients(pairs))
-                found.append(pairs[(self.shares.weights_of(pairs, own) > 0) & ~(J > bond_energy.COLLAPSED)])
+                low = pairs[~(J > bond_energy.COLLAPSED)]
+                found.append(low[self.shares.weights_of(low, own) > 0])
         return np.unique(np.concatenate(found))
 
     def volume_ratios(self) -> np.ndarray:
@@ -316,7 +319,7 @@ class PairEnergy(Term):
 
     def _without_energy(self) -> str:
         """Return an error message that names a point with a bond that has no energy, and the reason."""
-        pairs = np.flatnonzero(self.shares.bond_weights > 0)
+        pairs = np.flatnonzero(self.shares.weights_of() > 0)
         F = self._gradients()[pairs]
 
         def laws(place: int) -> list[Law]:

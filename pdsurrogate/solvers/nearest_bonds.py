@@ -448,17 +448,22 @@ def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
     return whole[share.numbers] * free
 
 
-def bond_stretches(body: Body, positions: np.ndarray) -> np.ndarray:
-    """Return the stretches, deformed length divided by undeformed length, of all bonds between local points at positions (n, d)."""
-    within = body.bonds.second < len(body)
-    first, second = body.bonds.first[within], body.bonds.second[within]
+def bond_stretches(body: Body, positions: np.ndarray, pairs: slice = slice(None)) -> np.ndarray:
+    """Return the stretches, deformed length divided by undeformed length, of bonds between local points at positions (n, d).
+
+    `pairs` chooses among all pairs of the body, of which those with a ghost are omitted.
+    """
+    first, second = body.bonds.first[pairs], body.bonds.second[pairs]
+    within = second < len(body)
+    first, second = first[within], second[within]
     deformed, at_rest = (np.linalg.norm(places[second] - places[first], axis=1) for places in (positions, body.points))
     return deformed / at_rest
 
 
 def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
     """Return the greatest change of length of a local bond from positions `before` to `after`, divided by its undeformed length."""
-    return float(np.abs(bond_stretches(body, after) - bond_stretches(body, before)).max())
+    changes = (bond_stretches(body, after, part) - bond_stretches(body, before, part) for part in body.bonds.slabs())
+    return float(np.max([np.abs(change).max(initial=0.0) for change in changes]))
 
 
 def strain_of_step(body: Body, step: np.ndarray) -> float:
