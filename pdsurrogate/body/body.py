@@ -598,7 +598,7 @@ def _pairs_within(points: np.ndarray, reach: float, count: int, least: float) ->
     else:
         tree = scipy.spatial.cKDTree(points)
         distances, numbers = tree.query(points, k=2, distance_upper_bound=least)
-        near = [[one, *set(numbers[one]) - {one}] for one in np.flatnonzero(np.isfinite(distances[:, 1]))]
+        near = [[one, *{*numbers[one].tolist()} - {one}] for one in np.flatnonzero(np.isfinite(distances[:, 1])).tolist()]
         # Sorting one number per pair is five times as fast as sorting two.
         one, other = tree.query_pairs(reach, output_type="ndarray").T
         keys = np.minimum(one, other) * total + np.maximum(one, other)
