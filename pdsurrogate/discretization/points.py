@@ -1,13 +1,15 @@
 """Discretization of the body of a scene: its points with volumes, and the bonds that precuts and empty space cut."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-import shapely
 
 from ..body import Body, CellMesh, Cells, Round
 from ..body.cloud_cells import cubes, voronoi_cells
@@ -20,6 +22,9 @@ from .clouds import nearest_volumes, relaxed_points
 from .interfaces import divided_volumes, round_interfaces, sides_of
 from .meshes import Sides, mesh_of
 from .planes import held_boundaries, reflected_edges, reflection_planes
+
+if TYPE_CHECKING:
+    import shapely
 
 RASTER = 16
 """Number of sampled places along each side of a cell in the plane, which determine the area of its material to some 1/1000 of a cell."""
@@ -263,6 +268,8 @@ def _sheet(scene: Scene) -> shapely.Geometry | None:
     """Return the region that the body of a scene without a mesh fills in the plane, of exact area; None in three dimensions."""
     if scene.dimension == 3:
         return None
+    import shapely  # here, because few bodies need it
+
     outline, *holes = (shapely.polygons(shape.boundary(np.full(2, scene.spacing))) for shape in (scene.body, *scene.holes))
     return shapely.difference(outline, shapely.union_all(holes))
 
