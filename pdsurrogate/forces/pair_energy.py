@@ -1,5 +1,8 @@
 """Energy of the pairs of a body, and the forces that are its gradient, theory (27)-(31), (48)-(52), (56), (57)."""
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..engine.block_arrays import aligned_rows
@@ -18,6 +21,9 @@ from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
 from .term import Binding, DomainWatch, Term, sum_on_pairs, whole_volume
 from .volume_energy import LinearizedDilatation, VolumeEnergy
+
+if TYPE_CHECKING:
+    from .protocol import Portion
 
 
 class PairEnergy(Term):
@@ -70,24 +76,36 @@ class PairEnergy(Term):
         self._energy, self._stresses = 0.0, aligned_rows((len(body.all_points), d * d))
         self._on_points, chunks = np.zeros((len(body.all_points), d)), self.kinematics.chunks
         if whole:
-            (part,), pairs, self._unit = self._parts, self.shares.pairs_of_points, self._parts[0].unit
+            (part,), pairs = self._parts, self.shares.pairs_of_points
             gather = [sum_moments[d].bind(part.moments, *pairs, 1.0, self._stresses, chunks=chunks)]
-            further = [sum_pair_forces[d].bind(part.forces, *pairs, part.unit, self._on_points, chunks=chunks)]
+            further = [sum_pair_forces[d].bind(part.forces, *pairs, 1.0, self._on_points, chunks=chunks)]
         else:
-            self._unit = 1.0
             seen_forces, seen_moments = (np.zeros_like(array) for array in (self._on_points, self._stresses))
-            gather = material_sums(self.kinematics, self.materials, "moments", self._parts, self._stresses, seen_moments)
-            gather += material_sums(self.kinematics, self.materials, "forces", self._parts, self._on_points, seen_forces)
+            moments = material_sums(self.kinematics, self.materials, "moments", self._parts, self._stresses, seen_moments)
+            forces = material_sums(self.kinematics, self.materials, "forces", self._parts, self._on_points, seen_forces)
+            gather = moments + forces
+            self.in_units = [*enumerate(moments[:-1]), *enumerate(forces[:-1])]
             interfaces = self.kinematics.interfaces
             results = interfaces.on_jumps, interfaces.pulls
             further = interfaces.steps_back(seen_forces, seen_moments, self._stresses[: len(body)], *results)
-        to_points = [*gather, *self.shares.steps_to_points(self._stresses, self._on_points, self._unit, *further)]
+        to_points = [*gather, *self.shares.steps_to_points(self._stresses, self._on_points, 1.0, *further)]
         seen = [step for points in self.materials for step in points.seen]
         before, after = (seen, []) if self.volume is None else (self.volume.dilatation_steps, self.volume.steps)
         leading, after = self.kinematics.steps() if binding.leads else [], [*after, *(part.find for part in self._parts), *to_points]
         self._find_forces, self._find_all = (Steps(body.share, *first, *before, *after) for first in ([], leading))
         self._after, self._sums = (sum(isinstance(step, BoundPass) for step in steps) for steps in (after, to_points))
         self.places, self.nearly_incompressible = bool(leading), self.selective
+
+    @property
+    def _unit(self) -> float:
+        """Unit of the forces that the passes compute: the shear modulus of the material; 1 for several, whose sums have their own units."""
+        return self._parts[0].unit if self.binding.whole else 1.0
+
+    def take_numbers(self, portions: Sequence["Portion"]) -> None:
+        super().take_numbers(portions)
+        self._model = portions[0].model
+        for part, portion in zip(self._parts, portions, strict=True):
+            part.take_numbers(portion.model)
 
     def find(self, out: np.ndarray) -> None:
         outside, invalid, without_force = self._run(self._find_all, out)
@@ -115,7 +133,7 @@ class PairEnergy(Term):
             return [0] * len(self._parts), invalid, 0
         if not any(inside_out):
             self._energy = sum(part.unit * part.energy() for part in self._parts)
-        out[:] = self._on_points[: len(out)]
+        np.multiply(self._on_points[: len(out)], self._unit, out=out)
         if not self.binding.whole:
             out += self.kinematics.interfaces.on_jumps + self.kinematics.interfaces.pulls[: len(out)]
         return list(outside), sum(inside_out), sum(found[-self._sums :])

@@ -127,6 +127,12 @@ class Problem:
 
     def changed(self, scene: Scene, models: Sequence[ForceModel]) -> "Problem":
         """Return the problem of a scene that differs in materials, loads or prescribed motions alone, on the same body, on one rank."""
+        moved = any(getattr(scene, key) != getattr(self.scene, key) for key in ("loads", "prescribed", "obstacles"))
+        if not moved and not len(self.loading.loads):  # loads and obstacles may depend on the laws
+            with scene_errors(scene):
+                portions, _, _ = portions_of(scene, self.body, models, self.regions)
+            measures = measures_of(scene, self.measures.areas)
+            return replace(self, scene=scene, models=models, portions=portions, measures=measures)
         regions = BodyRegions(scene, self.body, self.regions.lower, self.regions.upper, self.regions.surface)
         return _on_body(scene, models, self.whole, regions, ALONE)
 
