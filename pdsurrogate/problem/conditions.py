@@ -264,9 +264,8 @@ def check_steps(loading: Loading, stages: tuple[Stage, ...], modulus: float) -> 
         if stage.inertia is None:
             continue
         crossing = loading.body.horizon * math.sqrt(stage.inertia.density / modulus)  # time of a shear wave through a horizon
-        viscosity = stage.inertia.viscosity or 0.0
-        step = stage.inertia.safety * min(crossing, crossing * crossing / max(2 * viscosity, crossing))
-        duration = stage.motion(begin).duration
+        damped, duration = 2 * (stage.inertia.viscosity or 0.0), stage.motion(begin).duration
+        step = stage.inertia.safety * (crossing if crossing >= damped else crossing * crossing / damped)
         if duration > MOST_STEPS * step:
             many = f"a duration of {duration:.3g} in time steps of less than {step:.1g} needs more than {MOST_STEPS:.0e} steps"
             settings = f"{stage.key}.density, {stage.key}.{stage.inertia.pace}, {stage.key}.viscosity and {stage.key}.safety"
