@@ -474,3 +474,14 @@ def test_the_force_around_an_inclusion_does_not_depend_on_the_unit_of_length(cas
         return pds.simulate(scene, "bond-energy").levels[-1]["nominal_stress"]
 
     np.testing.assert_allclose([stress(unit) for unit in (1e-5, 3.7, 1e3)], stress(1.0), rtol=1e-6)
+
+
+def test_a_ratio_of_moduli_of_four_has_a_derivative():
+    """Beyond it the energy of the stiffer material depends on its own points only: central differences must not fall on both sides."""
+    body, forces = sheet(), []
+    for change in (-2e-6, 0.0, 2e-6):
+        force = bound("bond-energy", body, halves(body), (SOFT, NeoHookean(4.0 * (1 + change), 400.0)))
+        forces.append(np.empty_like(body.points))
+        force(wavy(body.points), forces[-1])
+    below, above = abs(forces[1] - forces[0]).max(), abs(forces[2] - forces[1]).max()
+    assert 0 < above < 1.01 * below
