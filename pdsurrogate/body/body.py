@@ -425,7 +425,7 @@ class Cells:
         for low, high, axis in zip(lower, upper, (f"x{number + 1}" for number in range(len(lower))), strict=True):
             length = float(high - low)
             cells = length / spacing
-            count = max(1, round(cells))
+            count = _count(length, spacing)
             if abs(cells / count - 1) > MOST_MISFIT:
                 if cells < 1:
                     raise ValueError(f"spacing {spacing:g} is larger than the body, {length:g} along {axis}")
@@ -439,7 +439,7 @@ class Cells:
     def near(cls, lower: Sequence[float], upper: Sequence[float], spacing: float) -> Cells:
         """Return equal cells that fill a box, however much their sides deviate from the spacing; see `filling`."""
         lengths = [float(high - low) for low, high in zip(lower, upper, strict=True)]
-        counts = [max(1, round(length / spacing)) for length in lengths]
+        counts = [_count(length, spacing) for length in lengths]
         return cls(tuple(lower), tuple(counts), tuple(length / count for length, count in zip(lengths, counts, strict=True)))
 
     @property
@@ -462,6 +462,11 @@ class Cells:
             shape[-1 - axis] = count
             centers[..., axis] = (low + (np.arange(count) + 0.5) * side).reshape(shape)
         return centers.reshape(-1, len(self.counts))
+
+
+def _count(length: float, spacing: float) -> int:
+    """Return the number of cells nearest to a spacing that fill a length; rounding does not decide between two that are equally near."""
+    return max(1, round(round(length / spacing, 6)))
 
 
 def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.ndarray:
