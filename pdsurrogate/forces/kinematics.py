@@ -220,8 +220,11 @@ class Kinematics:
 
         `plane` is the number of the plane. If `turn`, shape (d, d), is None, the plane keeps the turn of the last call.
         """
+        turned = turn is not None and (self._plane_turns is None or (self._plane_turns[plane] != turn).any())
+        if not turned and (self._plane_displacements[plane] == displacement).all():
+            return
         self._plane_displacements[plane] = displacement
-        if turn is not None:
+        if turned:
             if self._plane_turns is None:
                 self._plane_turns = np.zeros((len(self.body.planes), *turn.shape))
             self._plane_turns[plane] = turn

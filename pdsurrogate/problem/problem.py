@@ -20,7 +20,7 @@ from ..scenes.model import RIGID
 from ..solvers.conditions import Loading
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
-from .conditions import check_speeds, conditions_of, loads_of, warn_of_points
+from .conditions import check_speeds, check_steps, conditions_of, loads_of, warn_of_points
 from .fracture import CriticalStretches
 from .fronts import Fronts
 from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
@@ -256,7 +256,9 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
         bar_rigid_regions(loading, rigid, known_ends(stages))
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
-            check_speeds(scene, loading, stages, min(portion.law.shear_modulus for portion in portions))
+            softest = min(portion.law.shear_modulus for portion in portions)
+            check_speeds(scene, loading, stages, softest)
+            check_steps(loading, stages, softest)
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
         measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))

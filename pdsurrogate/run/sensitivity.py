@@ -305,7 +305,7 @@ class Differentiated:
             moved[points[chosen], axes[chosen]] += change
             for part in loading.held:
                 if part.plane is not None and part.holder == holder and axis in part.components:
-                    motion = loading.plane_motions(run.state.parameter)[part.plane]
+                    motion = loading.plane_motions(run.state.parameter)[part.plane].copy()
                     motion[axis, -1] += change
                     run.loaded.move_plane(part.plane, motion[:, -1])
             run.loaded(moved, forces)

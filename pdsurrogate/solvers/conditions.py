@@ -299,7 +299,7 @@ class Loading:
         """
         levers = np.zeros((len(self.names), self.body.dimension, self.body.dimension))
         if len(self.crossing[0]):
-            self._add_planes(levers, self._levers_on_planes(force, force.pair_forces(self.crossing[0])))
+            self._add_planes(levers, self._levers_on_planes(force))
         if reactions.at_points is not None:
             holder, point, component = self.counted
             np.add.at(levers, (holder, component), reactions.at_points[point, component, None] * force.positions[point])
@@ -310,17 +310,17 @@ class Loading:
         for part in self._of_planes:
             of_holders[part.holder, part.components] += of_planes[part.plane, part.components]
 
-    def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
+    def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray | None = None) -> np.ndarray:
         """Return the first moments of the forces of planes (`Reactions.levers`), sums of outer products f (x) y, shape (planes, d, d).
 
-        If `force` has an energy, it provides these sums. Otherwise f are the forces of the k bonds that cross planes, `crossing` (k, d),
-        and y the middles of these bonds.
+        If `force` has an energy, it provides these sums. Otherwise f are the forces of the k bonds that cross planes, `crossing` (k, d), by
+        default computed here, and y the middles of these bonds.
         """
         levers = force.levers_on_planes()
         if levers is not None:
             return levers
         bonds, planes, shares = self.crossing
-        pulls, ends = crossing * shares, self.body.bonds
+        pulls, ends = (force.pair_forces(bonds) if crossing is None else crossing) * shares, self.body.bonds
         middles = (force.positions[ends.first[bonds]] + force.positions[ends.second[bonds]]) / 2
         levers = np.zeros((len(self.planes), self.body.dimension, self.body.dimension))
         np.add.at(levers, planes, pulls[:, :, None] * middles[:, None])
