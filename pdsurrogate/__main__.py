@@ -1,10 +1,12 @@
 """Entry point of the command line: ``python -m pdsurrogate`` and the command ``pdsurrogate``."""
 
+import gc
 import sys
 
 
 def main() -> None:
     """Run the command line; end with status 130 if Ctrl-C comes during the second that loading the commands takes."""
+    gc.disable()  # until the command is loaded: what is loaded stays, and a search for unused objects finds none
     try:
         from .cli import main as command
 

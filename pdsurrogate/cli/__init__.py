@@ -47,8 +47,14 @@ class Commands(TyperGroup):
         name, command, rest = super().resolve_command(ctx, args)
         if command is not None:
             module, text = COMMANDS[name]
+            if name == "run":
+                # A run uses one thread of BLAS. That others are started with NumPy would take a twelfth of the time of a small run.
+                os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
             function = getattr(import_module(f".{module}", __package__), name.replace("-", "_"))
             command = import_module(".command", __package__).command(function, text)
+            if not gc.isenabled():
+                gc.freeze()
+                gc.enable()
         return name, command, rest
 
     def invoke(self, ctx):

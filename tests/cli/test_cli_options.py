@@ -3,6 +3,7 @@
 import io
 import json
 import logging
+import os
 import re
 import subprocess
 import sys
@@ -309,3 +310,21 @@ def test_training_says_how_far_it_is(monkeypatch, tmp_path):
     assert done.exit_code in (0, 1), done.output
     for words in ("Fitting", "Cross-validating", "fold 2 of 2", r"iteration \d+ of at most 30, loss \d\.\d+e-\d+, [\d.e+]+ iterations/s"):
         assert re.search(words, file.getvalue())
+
+
+def test_a_run_has_a_collector_of_unused_objects_and_one_thread_of_blas():
+    """The collector is off only while the command is loaded; NumPy must be loaded after the number of threads is set."""
+    code = """
+import gc, sys
+sys.argv = ["pdsurrogate", "run", "--help"]
+from pdsurrogate.__main__ import main
+try:
+    main()
+except SystemExit:
+    pass
+from threadpoolctl import threadpool_info
+assert gc.isenabled()
+assert {pool["num_threads"] for pool in threadpool_info() if pool["internal_api"] == "openblas"} <= {1}
+"""
+    own = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, env=own)
