@@ -19,6 +19,7 @@ from ..ranks import communicator
 from ..results import Result
 from ..results.sensitivity import Sensitivities
 from ..scenes import Scene
+from ..scenes.amplitudes import amplitude_of
 from ..scenes.problems import suggestion
 from ..scenes.reading import apply_change, leaves
 from ..solvers.equilibrium import NoEquilibrium
@@ -342,6 +343,11 @@ def _check(scene: Scene, models: Sequence[ForceModel], result: Result, parameter
     number = level % len(levels)
     if "time" in levels[number]:
         raise ValueError(f"level: output {number} is one of dynamics; derivatives are those of equilibria")
+    if not scene.stretched:
+        if scene.steps[levels[number]["step"]].control is not None:
+            raise ValueError(f"level: output {number} has a controlled displacement, at which derivatives are not provided")
+        if loading in parameters:
+            _check_smooth(scene, levels[number][loading])
     known = numbers_in(scene, models)
     if not parameters:
         raise ValueError(f"parameters: name at least one number to differentiate by, such as {loading!r} or 'material.shear_modulus'")
@@ -349,6 +355,22 @@ def _check(scene: Scene, models: Sequence[ForceModel], result: Result, parameter
         if name not in known and name != loading:
             raise ValueError(f"parameters: there is no number {name!r} to differentiate by; {suggestion(name, [*known, loading])}")
     return number
+
+
+def _check_smooth(scene: Scene, t: float) -> None:
+    """Raise ValueError if an amplitude has different derivatives before and after t, which is not the end of the scene."""
+    step = STEP * max(t, 1.0)
+    if t + step > scene.steps[-1].to:
+        return
+    for kind in ("prescribed", "loads", "obstacles"):
+        for number, entry in enumerate(getattr(scene, kind)):
+            behind, here, ahead = (amplitude_of(entry.amplitude)(time) for time in (t - step, t, t + step))
+            before, after = (here - behind) / step, (ahead - here) / step
+            if abs(after - before) > 1e-3 * max(abs(before), abs(after), 1e-3):
+                raise ValueError(
+                    f"parameters: {kind}.{number}.amplitude has a kink at t = {t:g}, with the derivatives {before:.4g} before and "
+                    f"{after:.4g} after it, so that there is no derivative by t: take an output at another t"
+                )
 
 
 def check_precision(scene: Scene, models: Sequence[ForceModel]) -> None:

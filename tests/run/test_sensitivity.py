@@ -234,3 +234,25 @@ def test_what_has_no_derivative_is_refused(tmp_path):
         pds.load_result(tmp_path / "saved").sensitivity(["energy"], ["stretch"])
     with pytest.raises(pds.SceneError, match=r"solver\.method=newton needs precision"):
         pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.25, "solver.method": "newton"}), "neo-hookean")
+
+
+def test_a_kink_of_an_amplitude_has_no_derivative_by_t():
+    """The amplitude rises to 1 at t = 1, and then stays there."""
+    moved = {"region": "right", "x1": 0.2, "x2": 0.0, "amplitude": [[0, 0], [1, 1], [2, 1]]}
+    scene = {"name": "kink", "spacing": 0.25, "steps": [0.5, 1.0, 2.0], "body": {"size": [1.0, 0.5]}, "material": "neo-hookean"}
+    scene |= {"prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}, moved]}
+    result = pds.simulate(pds.Scene.model_validate(scene), "bond-energy")
+    assert result.sensitivity(["forces.right.0"], ["t"], level=0).derivatives[0, 0] > 0
+    assert result.sensitivity(["forces.right.0"], ["prescribed.1.x1"], level=1).derivatives[0, 0] > 0
+    with pytest.raises(ValueError, match=r"prescribed\.1\.amplitude has a kink at t = 1"):
+        result.sensitivity(["forces.right.0"], ["t"], level=1)
+
+
+def test_a_controlled_displacement_has_no_derivatives():
+    """Derivatives at given loads would be those of another state: the controlled displacement would change."""
+    scene = {"name": "controlled", "spacing": 0.25, "body": {"size": [1.0, 0.5]}, "material": "neo-hookean", "plane": "strain"}
+    scene |= {"prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}], "loads": [{"region": "right", "traction": [0.1, 0.0]}]}
+    scene |= {"steps": [{"to": 0.1, "control": "probes.tip.displacement.0"}], "probes": [{"name": "tip", "at": [0.8, 0.25]}]}
+    result = pds.simulate(pds.Scene.model_validate(scene), "bond-energy")
+    with pytest.raises(ValueError, match="level: output 0 has a controlled displacement"):
+        result.sensitivity(["probes.tip.u2"], ["loads.0.traction.0"])
