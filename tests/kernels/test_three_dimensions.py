@@ -332,7 +332,8 @@ def test_shares_of_bonds_center_them(random):
     strength = random.uniform(0.5, 1.5, len(bonds.first))
     shares = np.zeros(len(bonds.neighbors))
     arrays = np.arange(len(body), dtype=np.uint32), bonds.pointers, bonds.neighbors, bonds.pair_of, points, body.volumes, strength
-    reference_state.bond_shares[3].bind(*arrays, body.horizon, shares, chunks=CHUNKS)()
+    supported = np.ones(len(body), dtype=bool)
+    reference_state.bond_shares[3].bind(*arrays, supported, body.horizon, shares, chunks=CHUNKS)()
     epsilon = reference_state.LEAST_TILT_STIFFNESS
     for i in range(0, len(body), 5):
         mine = slice(int(bonds.pointers[i]), int(bonds.pointers[i + 1]))
