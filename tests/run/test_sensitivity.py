@@ -246,13 +246,3 @@ def test_a_kink_of_an_amplitude_has_no_derivative_by_t():
     assert result.sensitivity(["forces.right.0"], ["prescribed.1.x1"], level=1).derivatives[0, 0] > 0
     with pytest.raises(ValueError, match=r"prescribed\.1\.amplitude has a kink at t = 1"):
         result.sensitivity(["forces.right.0"], ["t"], level=1)
-
-
-def test_a_controlled_displacement_has_no_derivatives():
-    """Derivatives at given loads would be those of another state: the controlled displacement would change."""
-    scene = {"name": "controlled", "spacing": 0.25, "body": {"size": [1.0, 0.5]}, "material": "neo-hookean", "plane": "strain"}
-    scene |= {"prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}], "loads": [{"region": "right", "traction": [0.1, 0.0]}]}
-    scene |= {"steps": [{"to": 0.1, "control": "probes.tip.displacement.0"}], "probes": [{"name": "tip", "at": [0.8, 0.25]}]}
-    result = pds.simulate(pds.Scene.model_validate(scene), "bond-energy")
-    with pytest.raises(ValueError, match="level: output 0 has a controlled displacement"):
-        result.sensitivity(["probes.tip.u2"], ["loads.0.traction.0"])
