@@ -201,8 +201,8 @@ class Run:
         The run binds a force of its own if the points of the materials differ, as where a change makes two like materials different.
         """
         problem, numbers = self.problem.changed(scene, models), np.arange(len(self.body))
-        theirs, ours = ([numbers[portion.points].tolist() for portion in portions] for portions in (problem.portions, self.force.portions))
-        if theirs != ours:
+        theirs, ours = ([numbers[portion.points] for portion in portions] for portions in (problem.portions, self.force.portions))
+        if len(theirs) != len(ours) or not all(map(np.array_equal, theirs, ours)):
             yield self.beside(scene, models, parameter)
             return
         other = copy.copy(self)

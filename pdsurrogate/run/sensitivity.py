@@ -15,7 +15,6 @@ from ..forces import ForceModel
 from ..forces.internal_force import PROBE
 from ..forces.learned import Learned
 from ..problem.materials import scene_errors
-from ..ranks import communicator
 from ..results import Result
 from ..results.sensitivity import Sensitivities
 from ..scenes import Scene
@@ -24,8 +23,9 @@ from ..scenes.problems import suggestion
 from ..scenes.reading import apply_change, leaves
 from ..solvers.equilibrium import NoEquilibrium
 from ..solvers.methods import Newton
+from .reopened import check_intact, number_of_output, place, run_in_double
 from .rows import output_row
-from .run import Run, Silent
+from .run import Run
 
 PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
 """Keys of a scene below which numbers can be parameters of sensitivities: they change neither the points nor which of them are held."""
@@ -127,9 +127,7 @@ class Differentiated:
 
     def __init__(self, scene: Scene, models: Sequence[ForceModel], places: np.ndarray | None = None) -> None:
         with thread_count(None):
-            self.run = run = Run(scene, models, Silent())
-            if run.force.precision != "float64":
-                run.take_double()
+            self.run = run = run_in_double(scene, models)
         self.at_places = () if places is None else fields_at(run.body, places, run.force.portion_of)[0]
         self.numbers = numbers_in(scene, models)
 
@@ -165,14 +163,14 @@ class Differentiated:
         with thread_count(None), threadpool_limits(1, user_api="blas"):
             run, loading = self.run, self.run.loading
             run.state.parameter = at
-            _place(run, run.body.points + displacements)
+            place(run, run.body.points + displacements)
             solver = Newton(loading.free, run.body.volumes, BALANCED)
             solver.solve(run.loaded, run.positions)
             measured = self.measured(run.positions)
             names = [*_named(outputs, measured), *(name for name in measured if name.startswith("places."))]
             gradients = self._gradients(names) if 0 < len(names) < len(parameters) else None
             changes = [self._changes(name, names if gradients else ()) for name in parameters]
-            _place(run, run.positions)
+            place(run, run.positions)
             equations = solver.equations(run.loaded, run.positions)
             if gradients:
                 # The reactions of all supports change together if all free points move alike.
@@ -322,9 +320,7 @@ def differentiate(
     loading = "stretch" if scene.stretched else "t"
     number = _check(scene, models, result, parameters, loading, level)
     body, at = Differentiated(scene, models), result.levels[number][loading]
-    # Bonds that a precut has cut are damage of the undeformed body as well; single precision of files leaves 1e-7.
-    if body.run.damage is not None and (result.field("damage", number) > body.run.damage.at_points() + 1e-6).any():
-        raise ValueError(f"level: bonds are broken at output {number}; derivatives are those of bodies whose bonds are intact")
+    check_intact(body.run, result, number, "derivatives")
     try:
         found = body.jacobian(at, result.displacement(number), outputs, parameters)
     except NoEquilibrium as error:
@@ -334,17 +330,9 @@ def differentiate(
 
 def _check(scene: Scene, models: Sequence[ForceModel], result: Result, parameters: Sequence[str], loading: str, level: int) -> int:
     """Check the arguments of `Result.sensitivity`, and return the number of the output."""
-    if communicator().size > 1:
-        raise ValueError("sensitivity: run the scene on one rank, without mpiexec")
-    check_precision(scene, models)
-    levels = result.levels
-    if not -len(levels) <= level < len(levels):
-        raise IndexError(f"level: the result has {len(levels)} outputs, none with the number {level}")
-    number = level % len(levels)
-    if "time" in levels[number]:
-        raise ValueError(f"level: output {number} is one of dynamics; derivatives are those of equilibria")
+    number = number_of_output(scene, models, result, level, "sensitivity", "derivatives")
     if not scene.stretched and loading in parameters:
-        _check_smooth(scene, levels[number][loading])
+        _check_smooth(scene, result.levels[number][loading])
     known = numbers_in(scene, models)
     if not parameters:
         raise ValueError(f"parameters: name at least one number to differentiate by, such as {loading!r} or 'material.shear_modulus'")
@@ -368,13 +356,6 @@ def _check_smooth(scene: Scene, t: float) -> None:
                     f"parameters: {kind}.{number}.amplitude has a kink at t = {t:g}, with the derivatives {before:.4g} before and "
                     f"{after:.4g} after it, so that there is no derivative by t: take an output at another t"
                 )
-
-
-def check_precision(scene: Scene, models: Sequence[ForceModel]) -> None:
-    """Raise ValueError if a force model cannot be evaluated in double precision."""
-    for model in models:
-        if "float64" not in model.honored(scene.plane)["precision"]:
-            raise ValueError(f"sensitivity: {model.name} cannot be evaluated in double precision, which derivatives need")
 
 
 def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
@@ -437,16 +418,10 @@ def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str
 
 def _forces(run: Run, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return positions with the supports of a run in their places, and the forces there; the run is at these positions then."""
-    _place(run, positions)
+    place(run, positions)
     forces = np.empty_like(positions)
     run.loaded(run.positions, forces)
     return run.positions.copy(), forces
-
-
-def _place(run: Run, positions: np.ndarray) -> None:
-    """Bring a run to given positions, with its supports and loads in their places."""
-    run.positions[:] = positions
-    run.loading.apply(run.state.parameter, run.loaded, run.positions)
 
 
 def _named(outputs: Sequence[str], measured: dict[str, float]) -> list[str]:

@@ -147,9 +147,10 @@ class TangentEquations:
 
         Displacements that cause no forces, as those of a body that may move freely, are left out.
         """
+        stiffness = stiffness_of_nearest_bonds(self._force)
         for each in displacements:
             moved = self._free * each
-            pulled, stiffness = self._quick(moved.ravel()), stiffness_of_nearest_bonds(self._force)
+            pulled = self._quick(moved.ravel())
             if np.linalg.norm(pulled) > FREELY * np.linalg.norm(stiffness * moved):
                 self._keep(moved.ravel(), pulled)
 

@@ -133,13 +133,19 @@ def test_shells_complete_names(tmp_path, monkeypatch):
         assert completed(typed) == meant, typed
 
 
+def in_a_process(program):
+    """Run a program that fails by an assertion, in an environment that says nothing of threads of BLAS."""
+    own = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, env=own)
+
+
 def test_commands_are_loaded_when_they_are_called():
     group = typer.main.get_command(app)
     for name, (_, text) in COMMANDS.items():
         with group.make_context("pdsurrogate", [name]) as context:
             assert group.resolve_command(context, [name])[1].help == text
     program = "import sys; from pdsurrogate.cli import app; app(['--help'], standalone_mode=False); assert 'numpy' not in sys.modules"
-    subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
+    in_a_process(program)
 
 
 def test_a_refused_scene_loads_neither_numba_nor_parts_of_scipy():
@@ -149,7 +155,7 @@ def test_a_refused_scene_loads_neither_numba_nor_parts_of_scipy():
         "slow = {'numba', 'llvmlite', 'scipy.spatial', 'scipy.sparse', 'scipy.linalg', 'scipy.optimize', 'joblib', 'sklearn'}\n"
         "assert not slow & set(sys.modules)"
     )
-    subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
+    in_a_process(program)
 
 
 def test_a_command_ends_without_a_search_for_unused_objects():
@@ -159,7 +165,7 @@ def test_a_command_ends_without_a_search_for_unused_objects():
         "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code\n"
         "assert gc.get_freeze_count() > 10000"
     )
-    subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
+    in_a_process(program)
 
 
 def test_json_is_all_that_is_printed_for_programs(tmp_path):
@@ -326,5 +332,4 @@ from threadpoolctl import threadpool_info
 assert gc.isenabled()
 assert {pool["num_threads"] for pool in threadpool_info() if pool["internal_api"] == "openblas"} <= {1}
 """
-    own = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
-    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, env=own)
+    in_a_process(code)
