@@ -113,6 +113,8 @@ def torn(case: dict) -> dict:
     places, damage = result.body.points[:, :2] - center, result.field("damage")
     advance = (places @ along - tip) * case["rows"]
     chosen = (damage > 0) & (advance > 0) & (advance < advance_of(case))
+    if not (damage[advance >= advance_of(case)] > 0).any():
+        raise ValueError(f"the crack does not advance by {advance_of(case)} spacings, along which it is measured")
     # Damage lies on both sides of the crack alike, so that the line of least squares through it, weighted by it, is that of the crack.
     slope = np.polyfit(advance[chosen], (places @ across)[chosen] * case["rows"], 1, w=np.sqrt(damage[chosen]))[0]
 

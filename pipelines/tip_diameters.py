@@ -35,7 +35,11 @@ LONG, PRECUT, ENERGY, RATE = 4.0, 1.5, 0.35, 0.02
 """Of a strip of height 1: length, precut, fracture energy over shear modulus and height, speed of the grips over that of shear waves."""
 
 BEGIN = {0.4: 0.14, 0.8: 0.1, 1.2: 0.08}
-"""Travels over the height at which squares with an edge notch begin to be pulled in dynamics."""
+"""Travels over the height at which squares with an edge notch begin to be pulled in dynamics, with 10 rows per unit length."""
+
+FINER, AT_PEAK, AROUND = 20, {0.4: 1.36, 0.8: 1.08, 1.2: 1.02}, (0.6, 1.25)
+"""Rows per unit length of finer squares, whose notches have twice as many horizons; travels at the peak of squares with 10 rows, and the
+parts of them between which finer squares are pulled in dynamics."""
 
 FAMILIES = {"neo-hookean": "bond force", "bond-energy": "bond energy"}
 """Families of the force models that are measured; learned energies are compared with the exact one."""
@@ -160,6 +164,7 @@ def cases() -> list[dict]:
     others += [{"model": "bond-energy", "plane": "stress", "ratio": 2.2, "angle": 0, "limit": LIMIT} | own for own in STIFFENED]
     notch = {"plane": "stress", "ratio": 3.15, "rows": 10, "high": 4.0, "angle": 0}
     others += [notch | {"model": model, "precut": cut} for model, cut in product(("bond-energy", "neo-hookean"), BEGIN)]
+    others += [notch | {"model": "bond-energy", "rows": FINER, "precut": cut} for cut in BEGIN]
     return stretched() + sheets("stress", ("bond-energy", "neo-hookean")) + sheets("strain", ("bond-energy",)) + solids() + others
 
 
@@ -198,6 +203,8 @@ def strip(case: dict, critical: float | None = None, precut: float | None = None
     prescribed = [{"region": ends[0], "name": "low", "x1": 0.0, "x2": 0.0, **across}]
     prescribed += [{"region": ends[1], "name": "high", "x1": normal[0], "x2": normal[1], **across}]
     first, last, rate = (0.2, 0.75, RATE) if high == 1 else (BEGIN[case["precut"]] * high, 0.5 * high, RATE / high)
+    if high != 1 and case["rows"] == FINER:
+        first, last = (AT_PEAK[case["precut"]] * np.array(AROUND)).tolist()
     if "critical" in case:
         first, last, rate = (expected_travel(case) * np.array(PULLED)).tolist()
         rate = min(rate, RATE)
@@ -345,6 +352,21 @@ def page() -> None:
     head = ["force model", "body", "horizon (spacings)", "rows per unit length", "λ_c", "d / δ"]
     replace_block("other-tips", markdown_table(head, rows))
     replace_block("peaks", peaks())
+    replace_block("notches", notches())
+
+
+def notches() -> str:
+    """G at the peak over the prescribed one, of squares with edge notches, for coarse and finer points."""
+    tears = [case for case in stored().values() if "high" in case and case["model"] in FAMILIES]
+    rows = []
+    for tear in sorted(tears, key=lambda tear: (tear["precut"], tear["rows"])):
+        family, plane, arrangement, ratio = told(tear)
+        prescribed = tip_diameters(plane, ratio, family, arrangement).at(tear["critical_stretch"])
+        horizons = tear["precut"] * tear["rows"] / ratio
+        figures = [f"{tear['precut']:g}", str(tear["rows"]), f"{horizons:.1f}", f"{tear['critical_stretch']:.2f}"]
+        rows.append([family, *figures, f"{tear['G']:.3f}", f"{tear['diameter'] / prescribed:.2f}"])
+    head = ["force model", "notch", "rows per unit length", "notch / horizon", "λ_c", "G / (μ · unit length)", "G / prescribed"]
+    return markdown_table(head, rows)
 
 
 def cell(entry: dict) -> str:
