@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -14,7 +15,7 @@ from ..body.local_fit import REACH
 from ..scenes import Box, Circle, Ellipse, Mesh, Rectangle, Scene, SceneError, Sphere
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
-from ..scenes.solids import Prism
+from ..scenes.solids import AnyPrecut, Prism
 from .clouds import nearest_volumes, relaxed_points
 from .interfaces import divided_volumes, round_interfaces, sides_of
 from .meshes import Sides, mesh_of
@@ -55,6 +56,14 @@ apart."""
 CUT_SHIFT = 1e-6
 """Distance, in extents of the body, from a grip's plane to the cut that determines its area: more than the rounding of single precision."""
 
+
+AT_BOX = 1e-4
+"""Distance, in cells, from a side of the bounding box within which a precut counts as ending at or lying in this side. Chosen: above the
+rounding of coordinates that a scene states, and far below the distance of points from the boundary."""
+
+BESIDE = 0.01
+"""Share of a bond on either side of the bounding box, which it leaves, in which it can meet a precut within `AT_BOX` of the box. Chosen:
+a hundredth of a bond that leaves the box is longer than `AT_BOX`."""
 
 IN_LINE = 1e-3
 """Distance, in spacings, below which two cuts count as lying in one line or plane."""
@@ -101,7 +110,7 @@ def discretize(
         # mean or the larger one some at a distance of (3, 1) cells come in along one direction alone, and errors in pure shear are half as
         # large again.
         horizon = scene.horizon_ratio * (spacing if isinstance(scene.body, Mesh) else min(cell))
-        cuts = _cuts(scene, horizon, cell, lower, upper)
+        cuts = _cuts(scene, horizon, np.array(cell), lower, upper)
         lattice = not isinstance(scene.body, Mesh) and scene.body.arrangement == "lattice"
         inside, rounds = partial(_inside, scene) if lattice and np.ptp(volumes) else None, round_interfaces(scene) if interfaces else ()
         tessellate = None if lattice or isinstance(scene.body, Mesh) else _cells_around(scene)
@@ -114,7 +123,7 @@ def discretize(
         body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, *of_mesh, inside, tessellate, rounds)
         if part_of is not None:
             body = part_of(body)
-        _check_precuts(scene, body)
+        _check_precuts(scene, body, lower, upper)
         return body, lower, upper
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
@@ -439,11 +448,11 @@ def _places_in_a_cell(dimension: int) -> tuple[np.ndarray, np.ndarray]:
     return WITHIN / 2 * around[(around != 0).any(axis=1)], (mirrors[:, None] * eighth).reshape(-1, 3)
 
 
-def _cuts(scene: Scene, horizon: float, cell: Sequence[float], lower: np.ndarray, upper: np.ndarray):
+def _cuts(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray):
     """Return ``separates(starts, ends)``, which flags bonds that precuts or empty space cut; None if a scene has neither."""
-    tests = [precut.crosses for precut in scene.precuts]
+    tests = [partial(_crosses, precut, cell, lower, upper) for precut in scene.precuts]
     if not isinstance(scene.body, Mesh) and (scene.holes or not _surely_convex(scene)):
-        tests.append(_across_empty_space(scene, horizon, np.array(cell), lower, upper))
+        tests.append(_across_empty_space(scene, horizon, cell, lower, upper))
     if not tests:
         return None
 
@@ -454,6 +463,31 @@ def _cuts(scene: Scene, horizon: float, cell: Sequence[float], lower: np.ndarray
         return crossing
 
     return separates
+
+
+def _crosses(precut: AnyPrecut, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Return whether bonds, which start in the body, cross a precut.
+
+    Beyond its bounding box the body and the precut are continued by reflection.
+    """
+    inner = ((ends >= lower) & (ends <= upper)).all(axis=1)
+    crossing = np.zeros(len(starts), dtype=bool)
+    crossing[inner] = precut.crosses(starts[inner], ends[inner])
+    origin, way = starts[~inner], (ends - starts)[~inner]
+
+    # A part that ends on the cut's line need not cross it. Folded a little inside the box, a bond crosses a cut that ends at the box;
+    # folded a little outside, it crosses a cut that lies in a side of the box. Elsewhere the place of the fold must not move.
+    for margin in (0.0, AT_BOX * cell.min(), -AT_BOX * cell.min()):
+        low, high = lower - margin, upper + margin
+        to_box = np.clip(origin + way, low, high) - origin
+        leaves = np.sort(np.divide(to_box, way, out=np.ones_like(way), where=to_box != way), axis=1).T
+        beside = [part for leave in leaves for part in ((leave - BESIDE * (leave < 1), leave), (leave, leave + BESIDE * (leave < 1)))]
+        for begin, end in beside if margin else pairwise((np.zeros(len(way)), *leaves, np.ones(len(way)))):
+            places = [origin + share[:, None] * way for share in (begin, end)]
+            middle = (places[0] + places[1]) / 2
+            mirror = np.clip(middle, low, high)
+            crossing[~inner] |= precut.crosses(*(np.where(mirror == middle, place, 2 * mirror - place) for place in places))
+    return crossing
 
 
 def _surely_convex(scene: Scene) -> bool:
@@ -512,11 +546,11 @@ def _directions(dimension: int) -> np.ndarray:
     return shortest / np.linalg.norm(shortest, axis=1)[:, None]
 
 
-def _check_precuts(scene: Scene, body: Body) -> None:
+def _check_precuts(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -> None:
     """Raise ValueError if a precut crosses no bond, or crosses one that another precut in the same line or plane crosses too."""
     cut, before = body.all_points[body.bonds.cut], []
     for number, precut in enumerate(scene.precuts):
-        crossed = precut.crosses(cut[:, 0], cut[:, 1]) if len(cut) else np.zeros(0, dtype=bool)
+        crossed = _crosses(precut, body.cell, lower, upper, cut[:, 0], cut[:, 1])
         if not body.share.any(crossed.any()):
             raise ValueError(f"precuts.{number}: the precut crosses no bond; it is outside the body, in a hole, or between points")
         edge = precut.edge(body.spacing)[0]

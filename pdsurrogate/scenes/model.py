@@ -389,7 +389,8 @@ class Scene(StrictModel):
     holes : list of shapes
         Shapes that are cut out of the body.
     precuts : list of Precut, ParallelogramCut or DiscCut
-        Cuts of the undeformed body; points on different sides of a cut have no bond.
+        Cuts of the undeformed body; points on different sides of a cut have no bond. An edge that is held by reflection mirrors them as it
+        mirrors the body.
     plane : {"stress", "strain", "space"}
         Plane stress for a thin sheet, plane strain for a long body of constant cross-section, ``"space"`` for a solid. By default plane
         stress for a body in the plane.

@@ -369,3 +369,67 @@ def test_the_bonds_that_a_precut_breaks_do_not_depend_on_the_unit_of_length(dime
     ours, usual = bonds(unit), bonds(1.0)
     np.testing.assert_array_equal(ours.first, usual.first)
     np.testing.assert_array_equal(ours.second, usual.second)
+
+
+def line(start, end):
+    return {"start": start, "end": end}
+
+
+MIRRORED_CUTS = {  # cuts of a sheet of which one half or quarter is computed, and those of the whole sheet
+    "ends at the edge": ([line([0.0, 0.5], [0.5, 0.5])], [line([-0.5, 0.5], [0.5, 0.5])]),
+    "goes on beyond the edge": ([line([-3.0, 0.5], [0.5, 0.5])], [line([-0.5, 0.5], [0.5, 0.5])]),
+    "near the edge": ([line([0.17, 0.2], [0.17, 0.8])], [line([0.17, 0.2], [0.17, 0.8]), line([-0.17, 0.2], [-0.17, 0.8])]),
+    "through a column of points": ([line([0.15, 0.2], [0.15, 0.8])], [line([0.15, 0.2], [0.15, 0.8]), line([-0.15, 0.8], [-0.15, 0.2])]),
+    "in the edge": ([line([0.0, 0.23], [0.0, 0.78])], [line([0.0, 0.23], [0.0, 0.78])]),
+    "in the edge, upside down": ([line([0.0, 0.78], [0.0, 0.23])], [line([0.0, 0.78], [0.0, 0.23])]),
+    "slanting through the edge": ([line([-0.3, 0.32], [0.6, 0.68])], [line([0.0, 0.44], [0.6, 0.68]), line([0.0, 0.44], [-0.6, 0.68])]),
+    "slanting through the corner": (
+        [line([-0.21, -0.2], [0.39, 0.4])],
+        [line([0.0, b * 0.01], [a * 0.39, b * 0.4]) for a in (1, -1) for b in (1, -1)],
+    ),
+}
+
+
+def neighbors_in(corner, body, cuts, rollers):
+    """Places of the neighbors of every point above `corner`, by the place of the point, in multiples of a thousandth."""
+    fields = {"spacing": 0.1, "horizon_ratio": 3.15 if len(corner) == 2 else 1.75, "body": body, "precuts": cuts, "steps": 1.0}
+    held = [{"region": {"near": [0.55] * len(corner)}, "x1": 0.0}, *({"region": edge, f"x{axis}": 0.0} for edge, axis in rollers)]
+    body = discretize(pds.Scene.model_validate({"name": "cut", "material": RUBBER, **fields, "prescribed": held}))[0]
+    places = np.rint(1000 * body.all_points).astype(int)
+    ends = np.split(body.bonds.neighbors, body.bonds.pointers[1:-1].astype(int))
+    inside = (body.points > corner).all(axis=1)
+    return {tuple(places[i]): {tuple(place) for place in places[ends[i]]} for i in np.flatnonzero(inside)}
+
+
+@pytest.mark.parametrize("case", MIRRORED_CUTS)
+def test_a_precut_goes_on_beyond_a_held_edge_as_its_mirror_image(case):
+    """The points of a symmetric sheet have the same bonds if only a half or a quarter of it is computed."""
+    cuts, all_cuts = MIRRORED_CUTS[case]
+    quarter = "corner" in case
+    size, lower = ([2.0, 2.0], [-1.0, -1.0]) if quarter else ([2.0, 1.0], [-1.0, 0.0])
+    rollers = [("left", 1), ("bottom", 2)] if quarter else [("left", 1)]
+    part = neighbors_in([0.0, 0.0], {"size": [1.0, 1.0]}, cuts, rollers)
+    assert part == neighbors_in([0.0, 0.0], {"size": size, "lower": lower}, all_cuts, [])
+
+
+DISC = {"center": [0.0, 0.32, 0.3], "radius": 0.37, "normal": [0.0, 0.0, 1.0]}
+MIRRORED_CUTS_OF_SOLIDS = {
+    "disc": ([DISC], [DISC]),
+    "slanting": (
+        [{"corner": [-0.2, 0.12, 0.21], "sides": [[0.6, 0.0, 0.15], [0.0, 0.3, 0.0]]}],
+        [{"corner": [0.0, 0.12, 0.26], "sides": [[a * 0.4, 0.0, 0.1], [0.0, 0.3, 0.0]]} for a in (1, -1)],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", MIRRORED_CUTS_OF_SOLIDS)
+def test_a_cut_of_a_solid_goes_on_beyond_a_held_face_as_its_mirror_image(case):
+    cuts, all_cuts = MIRRORED_CUTS_OF_SOLIDS[case]
+    part = neighbors_in([0.0] * 3, {"shape": "box", "size": [0.6, 0.6, 0.6]}, cuts, [("left", 1)])
+    assert part == neighbors_in([0.0] * 3, {"shape": "box", "size": [1.2, 0.6, 0.6], "lower": [-0.6, 0.0, 0.0]}, all_cuts, [])
+
+
+def test_a_precut_beyond_a_held_edge_is_refused():
+    """It would cut bonds of images and none of the body."""
+    with pytest.raises(pds.SceneError, match=r"precuts.0: the precut crosses no bond; it is outside the body"):
+        neighbors_in([0.0, 0.0], {"size": [1.0, 1.0]}, [line([-0.1, 0.2], [-0.1, 0.8])], [("left", 1)])
