@@ -82,7 +82,8 @@ class MeasuredScene:
 
     def __init__(self, scene: Scene, rows: Rows, outputs: Sequence[str] | None = None) -> None:
         self.scene, self.rows = scene, rows
-        self.outputs = [pulled(scene)] if outputs is None else [(name, 1.0) for name in outputs]
+        default = [pulled(scene)] if outputs is None and not rows.is_field.all() else []
+        self.outputs = default if outputs is None else [(name, 1.0) for name in outputs]
         self._check()
         self._places, at = np.unique(rows.places[rows.is_field], axis=0, return_inverse=True)
         self._at = np.full(len(rows.step), -1)
@@ -100,9 +101,9 @@ class MeasuredScene:
         SimulationFailed
             If an output is not reached with this law.
         """
-        result = simulate(with_law(self.scene, law, spacing), FORCE)
-        found = np.empty(len(self.rows.step))
-        places = self._interpolation(result)
+        scene = with_law(self.scene, law, spacing)
+        result, found = simulate(scene, FORCE), np.empty(len(self.rows.step))
+        places = self._interpolation(scene, result)
         for step in self._steps:
             level, here = self._level(result, step), self.rows.step == step
             row = dict(leaves(level))
@@ -124,8 +125,7 @@ class MeasuredScene:
         levels = {step: self._level(result, step) for step in self._steps}
         self._parameters = {step: level[self._loading] for step, level in levels.items()}
         self._guesses = {step: result.displacement(level["number"]) for step, level in levels.items()}
-        scene = with_law(self.scene, law)
-        self._base = Differentiated(scene, checked_models(scene, load_surrogate(FORCE)), self._places if len(self._places) else None)
+        self._base = self._differentiated(with_law(self.scene, law))
         return values
 
     def differentiate(self, law: Law, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
@@ -180,12 +180,16 @@ class MeasuredScene:
             raise ValueError(f"step {step}: scene {self.scene.name} has {at_rest} outputs in equilibrium, numbered from 1")
         return levels[step - 1] | {"number": step - 1}
 
-    def _interpolation(self, result: Result) -> tuple:
+    def _differentiated(self, scene: Scene) -> Differentiated:
+        return Differentiated(scene, checked_models(scene, load_surrogate(FORCE)), self._places if len(self._places) else None)
+
+    def _interpolation(self, scene: Scene, result: Result) -> tuple:
         """Return, for each axis, the weights of the points' displacements in those at the places of the rows."""
         if not len(self._places):
             return ()
         try:
-            return fields_at(result.body, self._places, None)[0]
+            # Beside an interface only points of the same material count, which a result does not tell.
+            return self._differentiated(scene).at_places if scene.materials else fields_at(result.body, self._places)[0]
         except ValueError as error:
             raise ValueError(f"a place of the displacements: {error} (places are those of the undeformed body of the scene)") from None
 

@@ -1,6 +1,7 @@
 """Regressor that finds the parameters of a law from measurements on bodies, by simulations of the tests and their derivatives."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from numbers import Integral, Real
 from pathlib import Path
@@ -12,12 +13,13 @@ from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 from scipy.stats import chi2
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from ..arguments import check_kind, in_order
-from ..identification import EnergyRegressor, LawRegressor, fitted_laws, nominal_stress
+from ..identification import EnergyRegressor, LawRegressor, nominal_stress
 from ..identification.energy import half_planes
+from ..identification.regressor import check_fitted
 from ..identification.stress_regressor import BULK_RATIO
 from ..materials import LAWS, Law, Ogden
 from ..materials.covariance import LawCovariance, covariance_of_numbers, derivatives_of_numbers
@@ -55,12 +57,22 @@ SHARE = 0.3
 ROUNDS = 3
 """Most fits with a new correction of the discretization error: each changes the parameters by a small part of the change before."""
 
-FARTHEST = 2.0
-"""Greatest ratio of measured to simulated displacements, and the inverse of the least, of a test that prescribes motions. Its fields differ
-between laws by parts of this; a greater one is an error of units or of the order of the steps."""
+FARTHEST = 0.5
+"""Greatest difference of measured from simulated displacements in a step of a test that prescribes motions, relative to the greater of
+them. Its fields differ between laws by parts of this; a greater difference is an error of units, axes or the order of the steps."""
+
+SUBSTANTIAL = 0.1
+"""Size of one component of the simulated displacements, relative to all, from which on the measured one must have the same sign."""
+
+SIGNIFICANT = 2.0
+"""Noise of the measurements, in standard deviations, that a difference must exceed in order to count as such an error."""
 
 SETTLED = 0.1
 """Change of all parameters, in their standard errors, below which the correction of the discretization error is not computed again."""
+
+DIFFERENCE = 1e-6
+"""Change of a search variable in central differences of the numbers of a law; of a coefficient of an energy, relative to it. Chosen:
+rounding then leaves 1e-10, and curvature less."""
 
 MOST_STEPS = 60
 """Most laws that a search tries: well-posed fits take five to ten."""
@@ -72,9 +84,6 @@ FAIR, STEPS = 0.02, (1, 3, 0)
 """Relative decrease of the cost that ends the least-squares steps of an energy with all terms, and most such steps in each of the `ROUNDS`.
 Chosen: what the steps after these would change is less than the choice of the terms and the next correction do. The last round starts at
 the average of energies, about which the equations are linearized once more."""
-
-PENALTY = 1e3
-"""Residual, in standard deviations, of all rows with parameters for which the scene has no equilibrium: the search then turns back."""
 
 EXPONENTS = ((2.0,), (2.0, -2.0), (1.3, 5.0, -2.0), (1.3, 5.0, -2.0, 8.0))
 """Exponents from which Ogden's law with one to four terms starts: those of Ogden (1972) for three terms."""
@@ -167,7 +176,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
     _parameter_constraints: ClassVar = {
         "scene": "no_validation",
-        "law": [StrOptions(set(fitted_laws())), None],
+        "law": [str, None],  # laws are added while the program runs
         "n_terms": [Interval(Integral, 1, 4, closed="both")],
         "outputs": [None, "array-like"],
         "refine": [None, Interval(Integral, 1, None, closed="left")],
@@ -230,8 +239,9 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If X has other columns, steps or quantities than the scene, a place lies outside the body, the law has no equilibrium at the
-            start of the search, or an energy without a law is to be found from displacements alone or from too few measurements.
+            If the law is unknown, X has other columns, steps or quantities than the scene, a place lies outside the body, displacements
+            are unlike those of the scene, the law has no equilibrium at the start of the search, or an energy without a law is to be found
+            from displacements alone or from too few measurements.
 
         Examples
         --------
@@ -243,6 +253,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         """
         self._forget()
         self._validate_params()
+        if self.law is not None:
+            check_fitted(self.law)
         self._scenes()
         X, y = validate_data(self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True)
         weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
@@ -453,11 +465,12 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             return np.exp(x, out=x.copy(), where=logarithmic) if logarithmic.any() else x
 
         x, low, high = (np.log(each, out=np.array(each, dtype=float), where=logarithmic) for each in (start, low, high))
-        if self.law is not None:
-            x = np.clip(x, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+        if self.law is not None:  # central differences stay between the bounds
+            low, high = low + 2 * DIFFERENCE, high - 2 * DIFFERENCE
+            x = np.clip(x, low, high)
         correction, law_of = np.zeros(len(y)), lambda x: self._unknown.law_of(values(x))
-        self._begin(law_of(x), y)
-        search = _Search(self._tests, law_of, y, root, linear=self.law is None)
+        self._begin(law_of(x), y, root)
+        search = _Search(self._tests, law_of, y, root, self.law is None, self.law is not None and self._without_scale())
         for number in range(ROUNDS if self._ratio > 1 or self.law is None else 1):
             first = self._ratio > 1 and not number
             # Changes of the cost by less than these are those of parameters within a part of their standard errors.
@@ -477,7 +490,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 break
             fine = np.empty(len(y))
             for test, here in self._tests:
-                fine[here] = test.simulate(law_of(x), self._fine(test.scene))[0]
+                with _failing(f"refine: with the spacing {self._fine(test.scene)} the fitted law fails; choose another spacing or refine"):
+                    fine[here] = test.simulate(law_of(x), self._fine(test.scene))[0]
             correction = fine - search.values(x)
             if self.law is None:
                 correction *= self._ratio**MEAN_ORDER / (self._ratio**MEAN_ORDER - 1)
@@ -496,7 +510,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
     def _check_energy(self, count: int) -> None:
         """Raise ValueError for measurements that cannot determine an energy without a law."""
-        if all(test.rows.is_field.all() and not test.scene.loads for test, _ in self._tests):
+        if self._without_scale():
             raise ValueError(
                 "displacements under prescribed motions determine an energy without a law up to a factor alone: add rows of forces "
                 "(quantity 0; --forces)"
@@ -506,6 +520,12 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 f"an energy without a law has {len(self._unknown.terms)} candidate terms, and needs at least as many measurements, not "
                 f"{count}: add displacements (--fields), or fit a law (--law)"
             )
+
+    def _without_scale(self) -> bool:
+        """Return whether all measurements are displacements that do not depend on a common factor of all stresses."""
+        scaled = self.law is None or "bulk_modulus" not in self._bulk()
+        tests = [(test.rows, test.scene) for test, _ in self._tests]
+        return scaled and all(rows.is_field.all() and not scene.loads and not scene.materials for rows, scene in tests)
 
     def _energy(self, search: "_Search", x: np.ndarray, number: int) -> SimpleNamespace:
         """Return the coefficients of all terms and the Jacobian there.
@@ -576,6 +596,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
     def _bulk(self) -> dict[str, float]:
         """Return the bulk modulus or its ratio, as arguments of a `LawRegressor`: given, or that of the first scene with a material."""
+        if self.bulk_modulus is not None and self.bulk_ratio is not None:
+            raise ValueError("bulk_modulus and bulk_ratio exclude each other: choose one")
         if self.bulk_modulus is not None or self.bulk_ratio is not None:
             given = {"bulk_modulus": self.bulk_modulus, "bulk_ratio": self.bulk_ratio}
             return {key: value for key, value in given.items() if value is not None}
@@ -603,12 +625,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             forces = test.rows.quantity < 1
             if test.scene.loads or not forces.any() or not all(name.startswith("forces.") for name in outputs):
                 continue
-            try:
+            with _failing(f"the search cannot start at {self._unknown.law_of(start).describe()}"):
                 simulated = test.simulate(self._unknown.law_of(start))[0]
-            except FAILURES as error:
-                raise ValueError(
-                    f"{self.law or 'energy without a law'}: the search cannot start at {self._unknown.law_of(start).describe()}: {error}"
-                ) from None
             weight = root[here][forces] ** 2
             product += float((weight * simulated[forces] * y[here][forces]).sum())
             square += float((weight * simulated[forces] ** 2).sum())
@@ -620,26 +638,56 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             start[:moduli] *= product / square
         return start
 
-    def _begin(self, law: Law, y: np.ndarray) -> None:
-        """Simulate all tests with a law; raise ValueError for displacements of another size than those of a test that prescribes them."""
+    def _begin(self, law: Law, y: np.ndarray, root: np.ndarray) -> None:
+        """Simulate all tests with a law; raise ValueError for displacements that are unlike those of a test that prescribes them."""
         for test, here in self._tests:
-            field = test.rows.is_field
-            simulated, measured = test.begin(law)[field], y[here][field]
-            if test.scene.loads or not simulated.any():
-                continue
-            ratio = float(simulated @ measured / (simulated @ simulated))
-            if not 1 / FARTHEST < ratio < FARTHEST:
-                raise ValueError(
-                    f"y: the displacements are {ratio:.3g} times those of scene {test.scene.name}, simulated with a law that fits "
-                    "the forces: give places and displacements in the unit of length of the scene, and the steps in its order"
-                )
+            with _failing(f"the search cannot start at {law.describe()}"):
+                simulated = test.begin(law)
+            if not test.scene.loads:
+                _check_displacements(test, simulated, y[here], 1 / root[here])
+
+
+@contextmanager
+def _failing(what: str) -> Iterator[None]:
+    """Raise a ValueError that says what fails, during a context, where a law has no equilibrium."""
+    try:
+        yield
+    except FAILURES as error:
+        raise ValueError(f"{what}: {error}") from None
+
+
+def _check_displacements(test: MeasuredScene, simulated: np.ndarray, measured: np.ndarray, deviation: np.ndarray) -> None:
+    """Raise ValueError for displacements that differ from simulated ones by more than laws do, and than the noise of the measurements."""
+    rows, field = test.rows, test.rows.is_field
+    what = f"those of scene {test.scene.name}, simulated with a law that fits the forces"
+    for axis in np.unique(rows.quantity[field]):
+        here = rows.quantity == axis
+        product, noise = float(simulated[here] @ measured[here]), float(np.linalg.norm(simulated[here] * deviation[here]))
+        substantial = np.linalg.norm(simulated[here]) > SUBSTANTIAL * np.linalg.norm(simulated[field])
+        if substantial and product < -SIGNIFICANT * noise:
+            raise ValueError(
+                f"y: the displacements along x{axis} have the opposite sign of {what}: check the directions of the axes and the columns"
+            )
+    for step in np.unique(rows.step[field]):
+        here = field & (rows.step == step)
+        found, right, scatter = (np.linalg.norm(each[here]) for each in (measured, simulated, deviation))
+        off, most = float(np.linalg.norm((measured - simulated)[here])), max(found, right)
+        if off - SIGNIFICANT * scatter > FARTHEST * most:
+            ratio = simulated[here] @ measured[here] / right**2 if right > 0 else np.inf
+            raise ValueError(
+                f"y: the displacements of step {step} are {ratio:.3g} times {what}, and differ by {off / most:.0%}: give "
+                "places and displacements in the unit of length and along the axes of the scene, and the steps in its order"
+            )
 
 
 class _Search:
-    """Weighted residuals of a law at the measurements, and their Jacobian by the search variables, for `scipy.optimize.least_squares`."""
+    """Weighted residuals of a law at the measurements, and their Jacobian by the search variables, for `scipy.optimize.least_squares`.
 
-    def __init__(self, tests: list, law_of, y: np.ndarray, root: np.ndarray, linear: bool) -> None:
-        self.tests, self.law_of, self.y, self.root, self.linear, self.count = tests, law_of, y, root, linear, 0
+    If `held`, the measurements do not depend on a common factor of all moduli, and the first one keeps its value.
+    """
+
+    def __init__(self, tests: list, law_of, y: np.ndarray, root: np.ndarray, linear: bool, held: bool) -> None:
+        self.tests, self.law_of, self.y, self.root, self.linear, self.held, self.count = tests, law_of, y, root, linear, held, 0
         self.known: dict[bytes, np.ndarray] = {}
         self.differentiated: dict[bytes, np.ndarray] = {}
 
@@ -658,13 +706,15 @@ class _Search:
         try:
             return self.root * (self.values(x) - self.y)
         except (*FAILURES, ValueError):
-            return np.full(len(self.y), PENALTY)
+            return np.full(len(self.y), np.inf)  # the search then turns back
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         if x.tobytes() in self.differentiated:
             return self.root[:, None] * self.differentiated[x.tobytes()]
-        numbers, chain = derivatives_of_numbers(self.law_of, x, 1e-6 * (np.abs(x) if self.linear else np.ones(len(x))))
+        numbers, chain = derivatives_of_numbers(self.law_of, x, DIFFERENCE * (np.abs(x) if self.linear else np.ones(len(x))))
         values, derivatives = self._differentiated(x, [f"material.{name}" for name in numbers])
+        if self.held:
+            chain[:, 0] = 0.0
         self.known[x.tobytes()], self.differentiated[x.tobytes()] = values, derivatives @ chain
         return self.root[:, None] * self.differentiated[x.tobytes()]
 
@@ -695,8 +745,8 @@ def _scatter(rows: Rows, values: np.ndarray, same: np.ndarray) -> float:
     found = []
     for step in np.unique(rows.step[same]):
         here = same & (rows.step == step)
-        places, u = rows.places[here], values[here]
-        d = places.shape[1]
+        places, once = np.unique(rows.places[here], axis=0, return_index=True)
+        u, d = values[here][once], places.shape[1]
         count = NEIGHBORS if d == 2 else 20
         if len(u) < 2 * count:
             continue

@@ -28,7 +28,8 @@ def read_columns(path: Path, columns: tuple[str, ...]) -> tuple[np.ndarray, list
     Raises
     ------
     ValueError
-        If the file cannot be read, lacks a column or has no rows, or an entry is no finite number; the message names the line.
+        If the file cannot be read, lacks a column, has it twice or has no rows, or a row has more entries than there are columns, or one
+        that is no finite number; the message names the line.
     """
     try:
         lines = path.read_text("utf-8-sig").splitlines()
@@ -37,9 +38,16 @@ def read_columns(path: Path, columns: tuple[str, ...]) -> tuple[np.ndarray, list
     reader = csv.DictReader("" if line.lstrip().startswith("#") else line for line in lines)
     names = [name.strip() for name in reader.fieldnames or ()]
     if missing := [name for name in columns if name not in names]:
-        raise ValueError(f"{path}: the columns must be {', '.join(columns)}; there is no {missing[0]} among {', '.join(names) or 'none'}")
+        found = f"there is no {missing[0]} among {', '.join(names) or 'none'}"
+        raise ValueError(f"{path}: the columns, separated by commas, must be {', '.join(columns)}; {found}")
+    if twice := [name for name in columns if names.count(name) > 1]:
+        raise ValueError(f"{path}: there are two columns {twice[0]}")
     reader.fieldnames, found, numbers = names, [], []
     for row in reader:
+        if None in row:
+            raise ValueError(
+                f"{path}, line {reader.line_num}: more entries than the {len(names)} columns; decimals have points, not commas"
+            )
         try:
             found.append([float(row[name]) for name in columns])
         except (TypeError, ValueError):
@@ -53,13 +61,19 @@ def read_columns(path: Path, columns: tuple[str, ...]) -> tuple[np.ndarray, list
 
 
 def _read_steps(scene: Scene, path: Path, columns: tuple[str, ...]) -> np.ndarray:
-    """Return columns of a file, the first of which is ``step``; raise ValueError with the line of a step that the scene does not have."""
+    """Return columns of a file, the first of which is ``step``.
+
+    Raise ValueError with the line of a step that the scene does not have, or of a displacement that is a copy of an earlier row.
+    """
     found, lines = read_columns(path, ("step", *columns))
     most = len(scene.stretches) if scene.stretched else np.inf
     for step, line in zip(found[:, 0], lines, strict=True):
         if step != round(step) or not 1 <= step <= most:
             known = f"1 to {most}, the stretches of scene {scene.name}" if scene.stretched else f"the outputs of scene {scene.name} from 1"
             raise ValueError(f"{path}, line {line}: step {step:g}, but the steps are whole numbers: {known}")
+    first = np.unique(found, axis=0, return_index=True)[1]
+    if len(columns) > 1 and len(first) < len(found):
+        raise ValueError(f"{path}, line {lines[np.delete(np.arange(len(found)), first)[0]]}: this row is a copy of an earlier one")
     return found
 
 

@@ -96,7 +96,7 @@ def _warn_of(result: Result, scene: Scene, model: ForceModel) -> None:
         farthest = max(row["log_stretch"] for row in rows)
         at = f"stretch {worst['stretch']:.4g}" if "stretch" in worst else f"t = {worst['t']:.4g}"
         warn(
-            f"Up to {100 * worst['share']:.2g} % of the bonds (at {at}) were outside the range of the test data of "
+            f"Up to {100 * worst['share']:.3g} % of the bonds (at {at}) were outside the range of the test data of "
             f"{result.summary['force']}, by at most {farthest:.2g} in logarithmic stretch; the fitted energy was extrapolated there."
         )
 

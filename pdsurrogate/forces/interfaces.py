@@ -61,13 +61,13 @@ SECTOR = 0.5
 plane and still be used in the fit of the motion. Chosen: 30 degrees admit interfaces that curve or turn a little, and exclude material
 behind a thin layer."""
 
-YIELDING = 4.0
+YIELDING = 4.001
 """Ratio of the shear moduli of two materials beyond which the energy of the stiffer one depends on its own points only.
 
 Otherwise the error of the fitted motion of the softer material, times the stiffer modulus, acts as a force on the softer one: a layer of 4
 cells moves 33 % too little between halves ten times as stiff, and 83 % between halves a hundred times as stiff. Below this ratio the
 energies of both sides depend on each other's points. That is more accurate: homogeneous states are in equilibrium. Chosen below ten, where
-the error is a third.
+the error is a third, and not round: a derivative by the modulus of one of two materials with a ratio of exactly four must not cross it.
 """
 
 WORST_CONDITION = 1e6

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from sklearn.base import clone
 
-from ..arguments import suggestion
 from ..forces import ForceModel
 from ..forces.homogeneous import nominal_states
 from ..materials import Law
@@ -17,7 +16,7 @@ from ..results.figures import STYLE
 from .data import BIAXIAL, MODES, TestData
 from .energy import EnergyRegressor
 from .examination import examine, standardized
-from .regressor import LawRegressor, fitted_laws
+from .regressor import LawRegressor, check_fitted
 from .stress_regressor import StressRegressor, committee, free_sides, nominal_stress, states
 
 EDGE = 1e-6
@@ -150,8 +149,8 @@ def fitted(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]
 
     `bulk` is a dictionary as `bulk_arguments` returns it.
     """
-    if law is not None and law not in fitted_laws():
-        raise ValueError(f"unknown law {law!r}; {suggestion(law, fitted_laws(), 'laws that can be fitted to tests are')}")
+    if law is not None:
+        check_fitted(law)
     regressor = EnergyRegressor(**bulk) if law is None else LawRegressor(law, n_terms=n_terms, **bulk)
     return regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
 

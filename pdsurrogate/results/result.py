@@ -17,6 +17,7 @@ from ..materials.covariance import LawCovariance
 from ..scenes import Scene
 from .contents import contents_in
 from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, read_summary
+from .lowest_mode import LowestMode
 from .measures import label_of, values_of
 from .sensitivity import Sensitivities
 from .states import States, StatesInFiles, deformed_cells
@@ -47,9 +48,9 @@ class Result:
         also has an entry in `levels`; only outputs in the dynamics of a body between grips have none.
     convergence : list of dict
         Rows of ``convergence.csv``: residual and energy through the search for equilibrium, and increments that failed.
-    differentiated, uncertain : callable, optional
-        Functions of the run behind `sensitivity` and `standard_errors`, with its scene and force; None for a result that was read from
-        files.
+    differentiated, uncertain, resisting : callable, optional
+        Functions of the run behind `sensitivity`, `standard_errors` and `lowest_mode`, with its scene and force; None for a result that
+        was read from files.
 
     See Also
     --------
@@ -74,6 +75,7 @@ class Result:
     convergence: list[dict] = dataclasses.field(default_factory=list)
     differentiated: Callable[..., Sensitivities] | None = dataclasses.field(default=None, compare=False)
     uncertain: Callable[..., dict[str, float]] | None = dataclasses.field(default=None, compare=False)
+    resisting: Callable[..., LowestMode] | None = dataclasses.field(default=None, compare=False)
 
     @property
     def levels(self) -> list[dict]:
@@ -227,6 +229,47 @@ class Result:
         if self.uncertain is None:
             raise ValueError("standard_errors: a result that was read from files has no force model: call it on the result of pds.simulate")
         return self.uncertain(self, outputs, covariance, level)
+
+    def lowest_mode(self, level: int = -1) -> LowestMode:
+        """Return the displacement that the body resists least in an equilibrium, with its stiffness, which tells whether it is stable.
+
+        It is the mode of the least eigenvalue of the tangent, weighted by the volumes of the points (theory (83a)). Supports and
+        loads are those of the output: at given loads, an equilibrium beyond a limit load is not stable. A search costs some hundred to a
+        thousand force evaluations.
+
+        Parameters
+        ----------
+        level : int
+            Number of the output, from 0; the last one by default.
+
+        Returns
+        -------
+        LowestMode
+
+        Raises
+        ------
+        IndexError
+            If there is no such output.
+        ValueError
+            If the result was read from files or has several ranks; if the force or a load has no energy, or the force no double
+            precision; if the scene has rigid regions or supports between points; if the output is one of dynamics or has broken bonds; or
+            if the search does not converge.
+
+        See Also
+        --------
+        pdsurrogate.Result.sensitivity : derivatives of an equilibrium.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "bond-energy")
+        >>> mode = result.lowest_mode()
+        >>> round(mode.eigenvalue, 3), mode.stable, mode.displacements.shape
+        (0.776, True, (48, 2))
+        """
+        if self.resisting is None:
+            raise ValueError("lowest_mode: a result that was read from files has no force model: call it on the result of pds.simulate")
+        return self.resisting(self, level)
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
         """Write ``summary.json``, ``history.csv``, ``convergence.csv``, a VTU series with its PVD index, and pictures.

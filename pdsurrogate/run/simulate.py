@@ -36,6 +36,7 @@ from ..solvers.equilibrium import Diverging, NotConverged, RanAway, TooFar, TooS
 from ..solvers.obstacles import Obstructed
 from .cracks import crack_path
 from .interruption import Interrupted, Interruption
+from .lowest_mode import lowest_mode_of
 from .run import Progress, Run, Silent
 from .sensitivity import differentiate
 from .stages import SinglePrecisionLeft, go
@@ -397,8 +398,12 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
 
 
 def _derived(scene: Scene, models: Sequence[ForceModel]) -> dict[str, partial]:
-    """Return the functions behind `Result.sensitivity` and `Result.standard_errors`, with the scene and the force models of the run."""
-    return {"differentiated": partial(differentiate, scene, models), "uncertain": partial(standard_errors, scene, models)}
+    """Return the functions behind methods of `Result`, such as `Result.sensitivity`, with the scene and the force models of the run."""
+    return {
+        "differentiated": partial(differentiate, scene, models),
+        "uncertain": partial(standard_errors, scene, models),
+        "resisting": partial(lowest_mode_of, scene, models),
+    }
 
 
 def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:

@@ -1,4 +1,6 @@
-"""Highest frequency of a discretized body, which limits explicit time steps, and checks of equilibria for stability and continuity."""
+"""Highest frequency of a discretized body, which limits explicit time steps, its lowest mode, and checks of stability and continuity."""
+
+import warnings
 
 import numpy as np
 import scipy
@@ -6,7 +8,7 @@ import scipy
 from ..forces import InternalForce
 from ..ranks import Share
 from .conditions import Loading
-from .equilibrium import EquilibriumSolver, Unstable
+from .equilibrium import EquilibriumSolver, NotConverged, Unstable
 from .nearest_bonds import Preconditioner, random_vector, strain_of_step
 
 
@@ -140,6 +142,76 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
         for displacement, dual in zip(displacements, duals, strict=True):
             p -= share.dot(displacement, p) * dual
     return least
+
+
+BLOCK = 3
+"""Number of modes that are computed together: equal or nearly equal lowest ones, as of symmetric bodies, then converge as well."""
+
+ITERATIONS, MOST_ROUNDS = 10, 30
+"""Steps of the iteration for the lowest modes between tests of convergence, and most such rounds."""
+
+SEPARATED = 1e-2
+"""Permitted residual of the lowest mode, divided by its distance to the next or its own size: its error is the square of this part."""
+
+
+def lowest_mode(
+    force: InternalForce, positions: np.ndarray, free: np.ndarray, stiffness: Preconditioner
+) -> tuple[float, float, np.ndarray]:
+    """Return the least eigenvalue of the tangent K over the volumes V, K q = e V q, a bound of its error, and its mode q, shape (n, d).
+
+    The locally optimal block method of conjugate gradients (Knyazev 2001) needs products of K and a preconditioner alone.
+
+    Parameters
+    ----------
+    force : InternalForce or LoadedForce
+        Force in double precision that has an energy.
+    positions : ndarray, shape (n, d)
+        Equilibrium.
+    free : ndarray, shape (n, d)
+        1 where a component may move, 0 where it is held.
+    stiffness : Preconditioner
+        Approximation of the tangent.
+
+    Raises
+    ------
+    NotConverged
+        If the mode is not found.
+    """
+    force(positions, np.empty_like(positions))
+    stiffness.update()
+    tangent, moving = force.tangent(positions), free.ravel() > 0
+    root = np.sqrt(np.broadcast_to(force.body.volumes[:, None], free.shape)).ravel()[moving]
+
+    def product(scaled: np.ndarray) -> np.ndarray:
+        """Return the product of V^-1/2 K V^-1/2 with one vector of the free components."""
+        moved = np.zeros(free.size)
+        moved[moving] = scaled.ravel() / root
+        return (tangent @ moved)[moving] / root
+
+    def preconditioned(scaled: np.ndarray) -> np.ndarray:
+        forces = np.zeros(free.size)
+        forces[moving] = scaled.ravel() * root
+        return stiffness.solve(forces.reshape(free.shape)).ravel()[moving] * root
+
+    size = len(root)
+    operators = [scipy.sparse.linalg.LinearOperator((size, size), each, dtype=float) for each in (product, preconditioned)]
+    # The preconditioner leaves out rigid motions that no support resists.
+    vectors = operators[1] @ np.random.default_rng(0).standard_normal((size, min(BLOCK, size)))
+    for _ in range(MOST_ROUNDS):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of steps that do not suffice
+            values, vectors = scipy.sparse.linalg.lobpcg(operators[0], vectors, M=operators[1], tol=0.0, maxiter=ITERATIONS, largest=False)
+        order = np.argsort(values)
+        values, vectors = values[order], vectors[:, order]
+        left = float(np.linalg.norm(product(vectors[:, 0]) - values[0] * vectors[:, 0]))
+        apart = float(values[1] - values[0]) if len(values) > 1 else 0.0
+        if left <= SEPARATED * max(apart, abs(values[0])):
+            mode = np.zeros(free.size)
+            mode[moving] = vectors[:, 0] / root
+            mode = mode.reshape(free.shape)
+            # Of the two bounds (Parlett 1980), the second holds for a mode apart from the others.
+            return float(values[0]), min(left, left**2 / apart) if apart > 0 else left, mode / np.linalg.norm(mode, axis=1).max()
+    raise NotConverged(f"the lowest mode is not found after {MOST_ROUNDS * ITERATIONS} steps; its eigenvalue is about {values[0]:.3g}")
 
 
 def check_branch(

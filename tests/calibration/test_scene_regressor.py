@@ -86,6 +86,7 @@ def test_a_field_without_forces_does_not_determine_moduli(exact, random):
     y = exact + DEVIATION * random.standard_normal(len(X))
     model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X[field], y[field], standard_deviation=NOISE)
     assert model.undetermined_ == ["shear_modulus"]
+    assert (model.parameters_[0], model.standard_errors_[0]) == (1.0, np.inf)  # at its start
     assert model.standard_errors_[1] < 0.2 * 12
     with pytest.raises(ValueError, match="shear_modulus: not determined by the measurements"):
         model.law_covariance()
@@ -170,13 +171,82 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent, exact):
     assert 0 < errors["nominal_stress"] < 0.1 * stored.levels[-1]["nominal_stress"]
 
 
-def test_files_without_their_columns_are_refused(tmp_path):
-    (tmp_path / "F.csv").write_text("step,x1,x2,u1\n1,0,0,0\n")
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("step,x1,x2,u1\n1,0,0,0\n", "there is no u2 among step, x1, x2, u1"),
+        ("step;x1;x2;u1;u2\n1;1;0;0;0\n", "the columns, separated by commas, must be step, x1, x2, u1, u2"),
+        ("step,x1,x2,u1,u2,u2\n1,1,0,0,0,0\n", "there are two columns u2"),
+        ("step,x1,x2,u1,u2\n1,1,5,0,0,1,0,2\n", "line 2: more entries than the 5 columns; decimals have points, not commas"),
+        ("step,x1,x2,u1,u2\n1,1,0,0,1\n1,1.5,0,0,1\n1,1,0,0,1\n", "line 4: this row is a copy of an earlier one"),
+    ],
+)
+def test_files_that_are_no_table_of_displacements_are_refused(text, message, tmp_path):
+    (tmp_path / "F.csv").write_text(text)
     done = CliRunner().invoke(
         app, ["calibrate", "hole", "sheet", "--fields", str(tmp_path / "F.csv"), "--law", "gent", "--out", str(tmp_path)]
     )
     assert done.exit_code == 2
-    assert "there is no u2 among step, x1, x2, u1" in " ".join(done.stderr.split())
+    assert message in " ".join(done.stderr.split())
+
+
+def test_laws_of_the_users_own_are_fitted(tmp_path):
+    """They are defined after the command was loaded."""
+    lines = "from pdsurrogate.materials import NeoHookean\n\n\nclass Own(NeoHookean):\n    name = 'own-law'\n"
+    (tmp_path / "own_law_file.py").write_text(lines)
+    (tmp_path / "G.csv").write_text("step,force\n1,0.86\n")
+    options = ["--set", "spacing=0.25", "--set", "stretches=[1.1]", "--refine", "1", "--law", "own-law", "--out", str(tmp_path / "out")]
+    command = ["calibrate", "hole", "sheet", "--import", str(tmp_path / "own_law_file.py"), "--forces", str(tmp_path / "G.csv")]
+    with patch.dict(pds.materials.LAWS):
+        done = CliRunner().invoke(app, [*command, *options])
+    assert done.exit_code == 0, done.output
+    assert json.loads((tmp_path / "out" / "calibration.json").read_text())["law"]["law"] == "own-law"
+
+
+@pytest.mark.parametrize("law", ["gnet", "polyconvex"])
+def test_laws_that_cannot_be_fitted_are_refused(law):
+    with pytest.raises(ValueError, match=f"unknown law '{law}'; laws that can be fitted to tests are neo-hookean"):
+        pds.SceneRegressor(sheet("neo-hookean"), law, refine=1).fit([[1, 0, 0, 0]], [0.86])
+
+
+def test_a_parameter_at_zero_stays_within_its_bounds(exact):
+    """Gent's rubber has no second invariant: the share of it in Mooney's and Rivlin's law ends at zero."""
+    model = pds.SceneRegressor(sheet("neo-hookean"), "mooney-rivlin", refine=1).fit(X, exact, standard_deviation=DEVIATION)
+    assert model.at_bound_ == ["second_share"]
+    assert 0 <= model.law_.second_share < 1e-5
+
+
+def test_fields_under_loads_determine_moduli(gent):
+    """A scene with loads alone pulls no region whose force could be asked for."""
+    hung = {"stretches": [], "grips": [], "steps": [0.5, 1.0], "prescribed": [{"region": "bottom", "x1": 0.0, "x2": 0.0}]}
+    scene = sheet("neo-hookean", **hung, loads=[{"region": "top", "traction": [0.0, 0.3]}])
+    rows = X[(X[:, 1] > 0) & (X[:, 0] < 3)]
+    model = pds.SceneRegressor(scene, "neo-hookean", refine=1)
+    model.fit(rows, measured(pds.materials.NeoHookean(0.7, 70.0), scene, rows), standard_deviation=NOISE)
+    assert model.parameters_ == pytest.approx([0.7], rel=1e-4)
+
+
+def test_a_field_beside_an_interface_is_that_of_its_own_material():
+    """Runs and derivatives interpolate to the same places; across the interface, gradients jump."""
+    other = {"law": "neo-hookean", "shear_modulus": 2.5, "bulk_modulus": 250.0}
+    scene = sheet("neo-hookean", materials=[{"region": {"box": [[-2.0, -2.0], [2.0, -0.6]]}, "material": other}])
+    law = pds.materials.NeoHookean(0.7, 70.0)
+    model = pds.SceneRegressor(scene, "neo-hookean", refine=1).fit(X, measured(law, scene), standard_deviation=DEVIATION)
+    assert model.parameters_ == pytest.approx([0.7], rel=1e-4)
+    assert model.lack_of_fit_ < 1e-3
+
+
+def test_repeated_measurements_do_not_hide_their_noise(exact, random):
+    """A place measured twice is not its own neighbor: all rows copied, the standard errors fall by the root of two."""
+    y = exact + DEVIATION * random.standard_normal(len(exact))
+    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1)
+    once, twice = (model.stated_deviations(np.vstack([X] * n), np.concatenate([y] * n), {}) for n in (1, 2))
+    np.testing.assert_array_equal(twice, np.concatenate([once, once]))
+
+
+def test_a_bulk_modulus_and_its_ratio_exclude_each_other():
+    with pytest.raises(ValueError, match="bulk_modulus and bulk_ratio exclude each other"):
+        pds.SceneRegressor(sheet("neo-hookean"), bulk_ratio=100.0, bulk_modulus=80.0, refine=1).fit([[1, 0, 0, 0]], [0.86])
 
 
 def test_an_energy_without_a_law_gives_the_stresses_of_a_law_in_other_states(gent, exact):
@@ -231,9 +301,28 @@ def test_displacements_in_another_unit_are_refused(exact):
     """Ten times the displacements of the scene, as in millimetres instead of centimetres."""
     field = X[:, 1] > 0
     with pytest.raises(
-        ValueError, match=r"y: the displacements are (9\.|10)\S* times those of scene hole.*in the unit of length of the scene"
+        ValueError, match=r"y: the displacements of step 1 are (9\.|10)\S* times those of scene hole.*in the unit of length"
     ):
         pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, np.where(field, 10 * exact, exact), standard_deviation=DEVIATION)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        (lambda rows, y: (np.column_stack([4 - rows[:, 0], rows[:, 1:]]), y), "displacements of step 1 are .* and the steps in its order"),
+        (
+            lambda rows, y: (np.where(np.arange(4) == 3, -rows, rows), y),
+            "displacements along x2 have the opposite sign|along the axes of the scene",
+        ),
+        (lambda rows, y: (rows, np.where(rows[:, 1] == 1, -y, y)), "displacements along x1 have the opposite sign of those of scene hole"),
+    ],
+    ids=["steps in another order", "x2 downwards", "u1 mirrored"],
+)
+def test_displacements_along_other_axes_or_of_other_steps_are_refused(changed, message, exact, random):
+    """Before a search for a law that they cannot give."""
+    rows, y = changed(X, exact + DEVIATION * random.standard_normal(len(exact)))
+    with pytest.raises(ValueError, match=message):
+        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(rows, y, standard_deviation=DEVIATION)
 
 
 OTHER_COLUMNS = "its table has other columns than step, quantity, x1, x2 or no whole numbers there"

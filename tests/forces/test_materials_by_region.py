@@ -452,3 +452,14 @@ def test_dynamics_refuse_what_outruns_the_waves_of_the_softest_material():
     steps = [{"to": 1.0, "dynamics": {"duration": 0.12, "density": 0.01}}]
     with pytest.raises(SceneError, match="faster than shear waves at 10"):
         pds.simulate(general(prescribed=moving, steps=steps), "analytic")
+
+
+def test_a_ratio_of_moduli_of_four_has_a_derivative():
+    """Beyond it the energy of the stiffer material depends on its own points only: central differences must not fall on both sides."""
+    body, forces = sheet(), []
+    for change in (-2e-6, 0.0, 2e-6):
+        force = bound("bond-energy", body, halves(body), (SOFT, NeoHookean(4.0 * (1 + change), 400.0)))
+        forces.append(np.empty_like(body.points))
+        force(wavy(body.points), forces[-1])
+    below, above = abs(forces[1] - forces[0]).max(), abs(forces[2] - forces[1]).max()
+    assert 0 < above < 1.01 * below
