@@ -276,6 +276,18 @@ print(json.dumps({
 """
 
 
+FIRST_FORCE = """
+import os
+import pdsurrogate as pds
+from pdsurrogate.run.simulate import Progress
+class UntilFirst(Progress):
+    def residual(self, *given):
+        os._exit(0)
+pds.simulate(pds.load_scene("uniaxial", spacing=0.1), progress=UntilFirst())
+"""
+"""A run that ends when the first force is known."""
+
+
 @contextmanager
 def checkouts(references: list[str]):
     """Context with a folder for each commit."""
@@ -483,6 +495,7 @@ SECONDS = "processor time (s)"
 def rows(points: int) -> dict[str, Row]:
     """Costs by name; the large body has so many points a side."""
     small_run, refused = ["run", "uniaxial", "--set", "spacing=0.1"], ["run", "uniaxial", "--set", "spacings=0.1"]
+    saved = [*small_run, "--out", "small-run", "--overwrite"]
     wanted = {SECONDS: "must 0.6, aim 0.4"}
     stiff = {"material.bulk_modulus": 1000.0, "stretches": 1.3, "spacing": 1 / 24}
     large = {"spacing": 1 / points, "solver.tolerance": 1e-5}
@@ -534,7 +547,9 @@ def rows(points: int) -> dict[str, Row]:
         "failing": Row("outputs that do not exist", script(FAILING), fails, 1),
         "help": Row("`pdsurrogate --help`", command("--help"), wanted, 9, command("--help")),
         "refused": Row("scene that is refused", command(*refused, status=2), wanted, 9, command(*refused, status=2)),
+        "first-force": Row("run of 300 points, up to the first force", script(FIRST_FORCE), {SECONDS: ""}, 9, script(FIRST_FORCE)),
         "small-run": Row("run of 300 points", command(*small_run), wanted, 9, command(*small_run)),
+        "pictures": Row("run of 300 points, with files and a picture", command(*saved), {SECONDS: ""}, 9, command(*saved)),
         "compile": Row("empty cache", with_empty_cache(script(COMPILE)), {"first run: compiling (s)": "aim 6"}),
         "three": Row(
             "three runs at once on an empty cache",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
@@ -43,6 +43,17 @@ class Round:
 MOST_POINTS, MOST_BONDS = 20_000_000, 500_000_000
 """Greatest numbers of points and bonds: at some 2 kB a point and 80 bytes a bond, more would exceed the memory of a workstation."""
 
+
+PADDED = 1024
+"""The ends of pairs are stored filled up with zeros to a multiple of this number, which is a multiple of the blocks of all kernels."""
+
+SLAB = 500_000
+"""Number of pairs of which `Bonds.slabs` makes a part. Chosen: a temporary array of doubles then takes 4 MB, and calls of NumPy cost
+nothing beside the work on so many numbers."""
+
+MOST_COMPARED = 1000
+"""Greatest number of points and images whose pairs are found by comparing each with each other. Chosen: this takes some 20 ms and 20 MB; to
+load SciPy's search trees, which larger bodies need, takes 200 ms and 30 MB."""
 
 COINCIDING = 1e-9
 """Distance of two points, divided by the horizon, below which the points are refused as coinciding: a bond between them has no direction.
@@ -141,7 +152,7 @@ class Body:
         if self.weight not in WEIGHT_FUNCTIONS:
             raise ValueError(f"unknown weight function {self.weight!r}; there are {', '.join(WEIGHT_FUNCTIONS)}")
         if self.cell is None and self.mesh_cells is None:  # those of a grid or a mesh lie apart
-            _check_apart(scipy.spatial.cKDTree(points), COINCIDING * self.horizon)
+            _pairs_within(points, 0.0, 0, COINCIDING * self.horizon)
         object.__setattr__(self, "points", points)
         if self.share is None:
             object.__setattr__(self, "share", Share.whole(len(points)))
@@ -414,7 +425,7 @@ class Cells:
         for low, high, axis in zip(lower, upper, (f"x{number + 1}" for number in range(len(lower))), strict=True):
             length = float(high - low)
             cells = length / spacing
-            count = max(1, round(cells))
+            count = _count(length, spacing)
             if abs(cells / count - 1) > MOST_MISFIT:
                 if cells < 1:
                     raise ValueError(f"spacing {spacing:g} is larger than the body, {length:g} along {axis}")
@@ -428,7 +439,7 @@ class Cells:
     def near(cls, lower: Sequence[float], upper: Sequence[float], spacing: float) -> Cells:
         """Return equal cells that fill a box, however much their sides deviate from the spacing; see `filling`."""
         lengths = [float(high - low) for low, high in zip(lower, upper, strict=True)]
-        counts = [max(1, round(length / spacing)) for length in lengths]
+        counts = [_count(length, spacing) for length in lengths]
         return cls(tuple(lower), tuple(counts), tuple(length / count for length, count in zip(lengths, counts, strict=True)))
 
     @property
@@ -451,6 +462,11 @@ class Cells:
             shape[-1 - axis] = count
             centers[..., axis] = (low + (np.arange(count) + 0.5) * side).reshape(shape)
         return centers.reshape(-1, len(self.counts))
+
+
+def _count(length: float, spacing: float) -> int:
+    """Return the number of cells nearest to a spacing that fill a length; rounding does not decide between two that are equally near."""
+    return max(1, round(round(length / spacing, 6)))
 
 
 def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.ndarray:
@@ -482,8 +498,9 @@ class Bonds:
         Index at which the neighbors of each point begin.
     neighbors : ndarray of uint32
         Neighbors of all points; numbers from n on are ghosts.
-    first, second : ndarray of uint32, shape (n_pairs,)
-        Ends of the pairs, ordered by `first`, which is a point of the body; `second` is a later point or an image.
+    ends : ndarray of uint32, shape (2, k)
+        Ends of the pairs, filled up with zeros to a multiple k of `PADDED`.
+    n_pairs : int
     pair_pointers : ndarray of uint64, shape (n + 1,)
         Index at which the pairs with each point as `first` begin.
     incidence_pointers : ndarray of uint64, shape (n + 1,)
@@ -496,12 +513,14 @@ class Bonds:
         Ends of the pairs that cuts or holes of the undeformed body separate; these pairs are in none of the lists.
     n_directed : int
         Number of directed bonds within the body, without ghosts.
+    first, second : ndarray of uint32, shape (n_pairs,)
+        Ends of the pairs, ordered by `first`, which is a point of the body; `second` is a later point or an image.
     """
 
     pointers: np.ndarray
     neighbors: np.ndarray
-    first: np.ndarray
-    second: np.ndarray
+    ends: np.ndarray
+    n_pairs: int
     pair_pointers: np.ndarray
     incidence_pointers: np.ndarray
     incidence: np.ndarray
@@ -509,11 +528,26 @@ class Bonds:
     cut: np.ndarray
     n_directed: int
 
+    @cached_property
+    def first(self) -> np.ndarray:
+        return self.ends[0, : self.n_pairs]
+
+    @cached_property
+    def second(self) -> np.ndarray:
+        return self.ends[1, : self.n_pairs]
+
     def ends_in_blocks(self, block: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return `first` and `second` padded with zeros to a multiple of `block`; kernels ignore the results of the padding."""
-        size = -(-len(self.first) // block) * block
-        first, second = (np.pad(ends, (0, size - len(ends))) for ends in (self.first, self.second))
+        """Return `first` and `second` filled up with zeros to a multiple of `block`, which divides `PADDED`.
+
+        Kernels ignore the results of the zeros.
+        """
+        first, second = self.ends[:, : -(-self.n_pairs // block) * block]
         return first, second
+
+    def slabs(self) -> Iterator[slice]:
+        """Yield the pairs in parts, whose temporary arrays are small beside those that the pairs of a large body hold."""
+        for start in range(0, self.n_pairs, SLAB):
+            yield slice(start, min(start + SLAB, self.n_pairs))
 
     @classmethod
     def of(cls, body: Body) -> Bonds:
@@ -524,17 +558,7 @@ class Bonds:
         if estimate > MOST_BONDS:
             raise ValueError(f"a horizon of {reach:.3g} spacings makes {estimate:.1g} bonds, more than {MOST_BONDS:.1g}; reduce it")
         # The tolerance includes points at exactly the horizon, whose computed distance may exceed it by rounding.
-        tree = scipy.spatial.cKDTree(points)
-        _check_apart(tree, COINCIDING * body.horizon)
-        pairs = tree.query_pairs(body.horizon * WITH_ROUNDING, output_type="ndarray")
-        # Sorting one number per pair is five times as fast as sorting two.
-        one, other = pairs.T
-        keys = np.minimum(one, other) * len(points) + np.maximum(one, other)
-        del pairs, one, other
-        keys = keys[keys < n * len(points)]
-        keys.sort()
-        first, second = (ends.astype(np.uint32) for ends in np.divmod(keys, len(points)))
-        del keys
+        first, second = _pairs_within(points, body.horizon * WITH_ROUNDING, n, COINCIDING * body.horizon)
         first, second = _with_partners(body, first, second)
         cut = np.empty((0, 2), dtype=np.uint32)
         if body.separates is not None and len(first):
@@ -545,6 +569,7 @@ class Bonds:
         if len(first) == 0:
             raise ValueError(f"the horizon {body.horizon:g} is too small: it contains no neighbor at the spacing {body.spacing:g}")
         numbers = np.arange(len(first), dtype=np.uint32)
+        ends = np.stack([np.pad(end, (0, -len(end) % PADDED)) for end in (first, second)])
 
         within = np.flatnonzero(second < n).astype(np.uint32)
         incidence = within[np.argsort(second[within], kind="stable")]
@@ -556,8 +581,8 @@ class Bonds:
         return cls(
             pointers_to(owner, n),
             np.ascontiguousarray(neighbors),
-            first,
-            second,
+            ends,
+            len(first),
             pointers_to(first, n),
             pointers_to(second[within], n),
             incidence,
@@ -591,13 +616,30 @@ def _with_partners(body: Body, first: np.ndarray, second: np.ndarray) -> tuple[n
     return first[kept], second[kept]
 
 
-def _check_apart(points: scipy.spatial.cKDTree, least: float) -> None:
-    """Raise ValueError if two points are nearer to each other than `least`."""
-    distances, numbers = points.query(points.data, k=2, distance_upper_bound=least)
-    nearest = int(distances[:, 1].argmin())
-    if np.isfinite(distances[nearest, 1]):
-        other = next(int(number) for number in numbers[nearest] if number != nearest)
-        raise ValueError(f"points {nearest} and {other} coincide at {points.data[nearest]}")
+def _pairs_within(points: np.ndarray, reach: float, count: int, least: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pairs i < j of points (n, d) within `reach` of each other, with i < `count`, as sorted arrays of i and of j.
+
+    Raise ValueError if two points are nearer to each other than `least`.
+    """
+    total = len(points)
+    if total <= MOST_COMPARED:
+        squared = sum((column[:, None] - column) ** 2 for column in points.T)
+        near = np.argwhere(np.triu(squared < least**2, 1)).tolist()
+        keys = np.flatnonzero(np.triu(squared <= reach**2, 1)[:count])
+    else:
+        tree = scipy.spatial.cKDTree(points)
+        distances, numbers = tree.query(points, k=2, distance_upper_bound=least)
+        near = [[one, *{*numbers[one].tolist()} - {one}] for one in np.flatnonzero(np.isfinite(distances[:, 1])).tolist()]
+        # Sorting one number per pair is five times as fast as sorting two.
+        one, other = tree.query_pairs(reach, output_type="ndarray").T
+        keys = np.minimum(one, other) * total + np.maximum(one, other)
+        del one, other
+        keys = keys[keys < count * total]
+        keys.sort()
+    if len(near):
+        raise ValueError(f"points {near[0][0]} and {near[0][1]} coincide at {points[near[0][0]]}")
+    first, second = np.divmod(keys, total)
+    return first.astype(np.uint32), second.astype(np.uint32)
 
 
 def _check_distance_of_planes(body: Body) -> None:

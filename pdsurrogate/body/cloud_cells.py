@@ -1,10 +1,16 @@
 """Cells around the points of a cloud, which lie on no lattice: Voronoi polygons in the plane, cubes in three dimensions."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy
-import shapely
 
 from .cell_mesh import CORNERS, CellMesh
+
+if TYPE_CHECKING:
+    import shapely
 
 FAR = 10.0
 """Distance, in sizes of the body, of four points around it that bound the outermost cells before the outline cuts them."""
@@ -20,6 +26,8 @@ def voronoi_cells(points: np.ndarray, outline: shapely.Geometry) -> CellMesh:
     All cells have as many corners as the cell with the most; others repeat their last one. Of a cell that the outline cuts into pieces, the
     piece with or nearest to the point remains.
     """
+    import shapely  # here, because few bodies need it
+
     middle, size = (points.min(axis=0) + points.max(axis=0)) / 2, np.ptp(points, axis=0).max() + 1e-300
     around = scipy.spatial.Voronoi(np.concatenate([points, middle + FAR * size * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])]))
     regions = [around.regions[number] for number in around.point_region[: len(points)]]

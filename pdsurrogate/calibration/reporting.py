@@ -127,10 +127,20 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray) -> dict:
         "lack_of_fit": _plain(model.lack_of_fit_),
         "p_value": _plain(model.p_value_),
         "measurements": fits,
+        "worst": _worst(model, X),
         "forces": steps,
         "stresses": stresses,
         "simulations": model.n_simulations_,
     }
+
+
+def _worst(model: SceneRegressor, X: np.ndarray) -> dict:
+    """Return what the measurement is with the greatest residual in standard deviations, and this residual."""
+    off = np.abs(model.residuals_) / model.standard_deviations_
+    row = int(np.nanargmax(off))
+    step, quantity, *place = X[row].tolist()
+    what = f"u{quantity:.0f} at ({', '.join(f'{x:g}' for x in place)})" if quantity > 0 else "the force"
+    return {"step": int(step), "measured": what, "standard_deviations": float(off[row])}
 
 
 def _plain(value: float) -> float | None:

@@ -4,6 +4,7 @@ Exit status 0: done; 1: the run failed, and what it reached is saved; 2: bad inp
 ended by --max-time, and a checkpoint is left.
 """
 
+import gc
 import os
 import sys
 from importlib import import_module
@@ -90,6 +91,8 @@ def main() -> None:
         finally:
             # Flushed here, not at the exit of the interpreter: this may fail, too.
             sys.stdout.flush()
+            # An interpreter that ends searches all objects for unused ones, several times; the system frees them all at once.
+            gc.freeze()
     except OSError as error:  # standard output on a full disk; commands name the folders that they write to
         complain(f"{error.filename or 'standard output'}: {error.strerror}")
         # The interpreter shall not try again to write what is left in the buffer.

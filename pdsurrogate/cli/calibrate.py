@@ -115,7 +115,9 @@ def print_calibrated(found: dict) -> None:
         names = ", ".join(found["at_bound"])
         warn(f"{names} reached a bound of the search: another law may fit better, or a unit of the data is not that of the scene.")
     if found["lack_of_fit"] is not None and found["lack_of_fit"] > 1.5:
+        worst = found["worst"]
         warn(
             f"The law leaves residuals of {found['lack_of_fit'] ** 0.5:.2g} standard deviations: the law, the scene, the units of the data "
-            "or the stated noise are not those of the test. Standard errors are increased by this factor."
+            "or the stated noise are not those of the test. Standard errors are increased by this factor. The greatest residual, of "
+            f"{worst['standard_deviations']:.2g} standard deviations, is that of {worst['measured']} in step {worst['step']}."
         )

@@ -2,7 +2,6 @@
 
 import numpy as np
 import scipy
-import shapely
 
 from ..ranks.share import connected
 
@@ -38,6 +37,8 @@ def boundary_of(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray,
     chain : ndarray of int, shape (f,)
         Number of the polygon on which each facet lies; the least if it lies on several.
     """
+    import shapely  # here, because few bodies need it
+
     body, *holes = (shapely.make_valid(shapely.polygons(nodes), method="structure", keep_collapsed=False) for nodes in chains)
     for hole in holes:
         # Sides that run along each other receive the same nodes, so that no slivers are left between them.

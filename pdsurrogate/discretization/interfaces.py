@@ -6,6 +6,12 @@ import numpy as np
 
 from ..body import Round
 from ..scenes import Region, Scene
+from .chains import ROUNDING
+
+TIED = 1e-6
+"""Relative difference of distances up to which points are equally near to a part of a cell, which is then divided among them: on the
+diagonal of a circle rounding, and so the unit of length, would otherwise choose one of two. Chosen: far above rounding, and far below the
+distance of sampled places."""
 
 
 def round_interfaces(scene: Scene) -> tuple[Round, ...]:
@@ -24,14 +30,17 @@ def _round_shapes(scene: Scene, reference: str | Region) -> Iterator:
 
 
 def sides_of(places: np.ndarray, rounds: Sequence[Round]) -> np.ndarray:
-    """Number the sides of round interfaces on which places (k, d) lie, by the bits of one integer, shape (k,)."""
-    return (1 << np.arange(len(rounds))) @ np.array([each.distances(places) <= 0 for each in rounds])
+    """Number the sides of round interfaces on which places (k, d) lie, by the bits of one integer, shape (k,).
+
+    A place on an interface, to rounding, lies within it, as in the region that it bounds.
+    """
+    return (1 << np.arange(len(rounds))) @ np.array([each.distances(places) <= ROUNDING * each.radius for each in rounds])
 
 
 def divided_volumes(points: np.ndarray, volumes: np.ndarray, sides: np.ndarray, raster: np.ndarray, rounds: Sequence[Round]) -> np.ndarray:
     """Return volumes of the points of a lattice, shape (n,), so that the points on each side of round interfaces have its whole volume.
 
-    The point of a cell that an interface divides keeps the part of the cell on its own side. The other parts go to the nearest point of
+    The point of a cell that an interface divides keeps the part of the cell on its own side. The other parts go to the nearest points of
     theirs. Cells that the boundary of the body cuts remain as they are.
 
     Parameters
@@ -54,8 +63,9 @@ def divided_volumes(points: np.ndarray, volumes: np.ndarray, sides: np.ndarray, 
             part = numbers == other
             heirs = np.flatnonzero(whole & (own == other))
             if len(heirs):  # an inclusion smaller than a cell has no point
-                arms = points[heirs] - places[part].mean(axis=0)
+                distances = np.linalg.norm(points[heirs] - places[part].mean(axis=0), axis=1)
+                nearest = heirs[distances <= distances.min() * (1 + TIED)]
                 volume = sides.prod() * part.mean()
                 found[cell] -= volume
-                found[heirs[np.einsum("ij,ij->i", arms, arms).argmin()]] += volume
+                found[nearest] += volume / len(nearest)
     return found

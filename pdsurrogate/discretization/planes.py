@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 import numpy as np
-import shapely
 
 from ..body import HeldBoundary, ReflectionPlane
 from ..scenes import Mesh, Polygon, Rectangle, Sphere
@@ -106,6 +105,8 @@ def _why_at_points(scene: Scene, name: str, components: set[int], curves: bool) 
     shape = _shape_of(scene, name)
     if isinstance(shape, Outline):
         nodes = shape.boundary(np.full(2, scene.spacing))
+        import shapely  # here, because few bodies need it
+
         polygon = shapely.polygons(nodes)
         if polygon.convex_hull.area > (1 + 1e-9) * polygon.area if name == "outline" else isinstance(shape, Rectangle | Polygon):
             return f"it has reentrant corners; {finer}"

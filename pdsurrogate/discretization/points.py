@@ -1,13 +1,15 @@
 """Discretization of the body of a scene: its points with volumes, and the bonds that precuts and empty space cut."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-import shapely
 
 from ..body import Body, CellMesh, Cells, Round
 from ..body.cloud_cells import cubes, voronoi_cells
@@ -17,9 +19,12 @@ from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
 from ..scenes.solids import AnyPrecut, Prism
 from .clouds import nearest_volumes, relaxed_points
-from .interfaces import divided_volumes, round_interfaces, sides_of
+from .interfaces import TIED, divided_volumes, round_interfaces, sides_of
 from .meshes import Sides, mesh_of
 from .planes import held_boundaries, reflected_edges, reflection_planes
+
+if TYPE_CHECKING:
+    import shapely
 
 RASTER = 16
 """Number of sampled places along each side of a cell in the plane, which determine the area of its material to some 1/1000 of a cell."""
@@ -263,6 +268,8 @@ def _sheet(scene: Scene) -> shapely.Geometry | None:
     """Return the region that the body of a scene without a mesh fills in the plane, of exact area; None in three dimensions."""
     if scene.dimension == 3:
         return None
+    import shapely  # here, because few bodies need it
+
     outline, *holes = (shapely.polygons(shape.boundary(np.full(2, scene.spacing))) for shape in (scene.body, *scene.holes))
     return shapely.difference(outline, shapely.union_all(holes))
 
@@ -391,7 +398,7 @@ def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.nda
 
 
 def _material_of_cells(centers: np.ndarray, kept: np.ndarray, cells: Cells, material) -> tuple[np.ndarray, np.ndarray]:
-    """Return centroids and volumes of the material in each cell; a cell less than half full is merged into the nearest other cell.
+    """Return centroids and volumes of the material in each cell; a cell less than half full is merged into the nearest other cells.
 
     `material(places)` flags places in material; `kept` flags the cells whose centers lie in material.
 
@@ -413,10 +420,12 @@ def _material_of_cells(centers: np.ndarray, kept: np.ndarray, cells: Cells, mate
     if not len(whole):
         whole, slivers = slivers, whole
     if len(slivers):
-        _, nearest = scipy.spatial.cKDTree(points[whole]).query(points[slivers])
-        heirs = whole[nearest]
+        tree = scipy.spatial.cKDTree(points[whole])
+        nearest = tree.query_ball_point(points[slivers], tree.query(points[slivers])[0] * (1 + TIED))
+        counts = np.array([len(numbers) for numbers in nearest])
+        givers, heirs, share = np.repeat(slivers, counts), whole[np.concatenate(nearest)], 1 / np.repeat(counts, counts)
         moments = volumes[:, None] * points
-        for sums, parts in ((volumes, volumes[slivers]), (moments, moments[slivers])):
+        for sums, parts in ((volumes, share * volumes[givers]), (moments, share[:, None] * moments[givers])):
             np.add.at(sums, heirs, parts)
         points[heirs] = moments[heirs] / volumes[heirs, None]
     return points[whole], volumes[whole]

@@ -29,8 +29,9 @@ import numpy as np
 from llvmlite import ir
 from numba import carray, types
 from numba.core import event
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
+from numba.core.runtime import rtsys
 from numba.extending import is_jitted, register_jitable
 
 from ..errors import CompilerSwitchedOff
@@ -138,12 +139,26 @@ def _checksum(data: bytes) -> bytes:
     return zlib.crc32(data).to_bytes(4, "little")
 
 
+class _Stored(CompileResultCacheImpl):
+    """Form in which compiled code is stored: as numba stores it, without environments of called functions that hold no constants.
+
+    Only constants are read from an environment, and loading it imports the module of its function: parts of the compiler.
+    """
+
+    def reduce(self, cres):
+        """Return the parts of a compiled function that are stored."""
+        *parts, environments = super().reduce(cres)
+        return *parts, tuple(environment for environment in environments if environment.consts)
+
+
 class DigestCache(FunctionCache):
     """Disk cache of numba for one function, in files named by the digest of everything that the code of the function depends on.
 
     Without a given `digest` the cache computes it at the first look-up, when everything that the function calls is defined. A `parallel`
     function needs numba's threads started before it is compiled or loaded.
     """
+
+    _impl_class = _Stored
 
     def __init__(self, function: Callable, digest: str | None = None, parallel: bool = False) -> None:
         super().__init__(function)
@@ -173,8 +188,15 @@ class DigestCache(FunctionCache):
         return sig, codegen.magic_tuple()
 
     def load_overload(self, sig, target_context):
+        """Return the code stored for a signature, or None.
+
+        Unlike numba's caches, this one does not fill the compiler's registries of types and functions first (a quarter of a second): only
+        compilation reads them, and fills them itself. Stored code needs the runtime that allocates arrays.
+        """
         self._open()
-        return super().load_overload(sig, target_context)
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
     def save_overload(self, sig, data):
         self._open()

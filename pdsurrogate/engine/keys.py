@@ -56,7 +56,7 @@ class _Walk:
         self.digest = hashlib.sha256()
         self._numbers: dict[int, int] = {}
         self._kept: list = []
-        self._overloads = _overloads()
+        self._overloads = _overloads(len(builtin_registry.globals))
 
     def add(self, value) -> None:
         if isinstance(value, np.ndarray):
@@ -180,10 +180,11 @@ def _is_of_library(value) -> bool:
     return (root in LIBRARIES or root in sys.stdlib_module_names) and (file is None or file.startswith(_FOLDERS))
 
 
-def _overloads() -> dict[int, list[Callable]]:
+@cache
+def _overloads(registered: int) -> dict[int, list[Callable]]:
     """Return the compiled-code implementations registered with `numba.extending.overload`, by the id of the function that each replaces.
 
-    Functions and implementations of libraries are left out.
+    Functions and implementations of libraries are left out. `registered` is the number of all that are registered, which only grows.
     """
     found: dict[int, list[Callable]] = {}
     for function, kind in builtin_registry.globals:

@@ -223,6 +223,11 @@ class BoundPass:
         self._kept[name] = array
         self._words[self._places[name]] = _address(array)
 
+    def give_number(self, name: str, number: float) -> None:
+        """Replace the argument `name` of the bound pass, a floating-point number, by another one."""
+        self._kept[name] = number
+        (self._words[self._places[name]],) = _described(name, float(number))[1]
+
 
 class Chain:
     """Passes, bound for the same number of threads, that run one after another in a single call, which returns the count of each pass.

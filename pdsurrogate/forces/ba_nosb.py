@@ -86,6 +86,7 @@ class BondAssociatedStress(Term):
         # The force on a point is the sum of its bonds' forces minus those of the reverse bonds.
         sums = self.bond_forces, bond_pointers, bond_pointers, self._reverse, material.law.shear_modulus, np.empty_like(body.points)
         self._sum_forces = sum_pair_forces[2].bind(*sums, chunks=chunks)
+        self.in_units = [(0, self._sum_forces)]
         self._find_forces = Chain(ba_nosb.ba_nosb_forces.bind(*arrays, chunks=chunks), self._sum_forces)
 
     def find(self, out: np.ndarray) -> None:

@@ -35,7 +35,7 @@ def balanced_changes(body: Body) -> np.ndarray:
     kinematics, bonds, share, n, d = Kinematics(body, "float64"), body.bonds, body.share, len(body), body.dimension
     owners, ends, ghosts, supported = body.bond_owners, bonds.neighbors, body.ghosts, kinematics.supported[: len(body)] > 0
     weights = kinematics.gradient_weights(kinematics.weighted_bonds, kinematics.inverse_shape)
-    volumes = BondShares(kinematics, "float64").bond_weights
+    volumes = BondShares(kinematics, "float64").weights_of()
     vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
     length = np.linalg.norm(vectors, axis=1)[:, None]
     along, signs = vectors / length, np.vstack([np.ones((n, d)), ghosts.reflection])

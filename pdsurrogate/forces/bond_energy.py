@@ -51,7 +51,7 @@ class IsochoricEnergy:
     @classmethod
     def exact(cls, law: Law, plane: str) -> Self:
         """Return the exact isochoric energy of a law; `plane` is "strain" or "space" (three dimensions)."""
-        return cls(PLANES[plane].isochoric_response.block(law).address or 0, law.parameters)
+        return cls(PLANES[plane].isochoric_response.block(law).address or 0, law.parameters.copy())
 
     @property
     def arguments(self) -> tuple:
@@ -85,6 +85,18 @@ class EnergyModel(ForceModel):
 
     family = "bond energy"
     domain: Domain | None
+
+    @property
+    def isochoric_weights(self) -> np.ndarray:
+        """Floating-point constants of the isochoric energy, shape (k,); a number without effect for the exact energy.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.BondEnergyForce().isochoric_weights
+        array([0.])
+        """
+        return np.zeros(1)
 
     @property
     def honors(self) -> Mapping[str, tuple]:

@@ -1,7 +1,7 @@
 """Force models that map quantities of a bond to its force (learned or exact), and the force term that evaluates such models."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Self, cast
@@ -23,7 +23,7 @@ from .cloud_balance import Around, balancing_factors
 from .errors import at_point
 from .kinematics import find_shapes
 from .material_points import MaterialPoints, material_sums
-from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel
+from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel, Portion
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from .term import Binding, DomainWatch, Term, sum_on_pairs
 
@@ -92,8 +92,6 @@ class PairForces:
         Pass that finds `forces` and counts the pairs outside the model's domain.
     learns_thickness : bool
         Whether the volume ratios J3 of the points are computed with the model, since the law is costly to evaluate.
-    unit : float
-        Shear modulus of the material.
     """
 
     def __init__(
@@ -101,8 +99,9 @@ class PairForces:
     ) -> None:
         law, kinematics, precision, plane = points.law, binding.kinematics, binding.precision, binding.settings.plane
         body, threads, blocks = kinematics.body, kinematics.chunks.threads, len(points.first) // BLOCK
-        self.model, self.points, self.unit, self._kinematics = model, points, law.shear_modulus, kinematics
+        self.model, self.points, self._kinematics, self._precision = model, points, kinematics, precision
         compiled = model.compiled(precision)
+        self._weights = compiled.weights
         if plane == "strain" and not compiled.asks_law:
             compiled = in_plane_strain(compiled, law, precision)
         divided = body.share.divided
@@ -125,6 +124,16 @@ class PairForces:
         buffers = aligned_rows((threads, bond_force.BUFFER_ROWS, BLOCK), precision)
         memory = buffers, compiled.memory(threads, precision), kinematics.scratch
         self.find = bond_force.pair_forces.bind(*arrays, *force, memory, self.forces, chunks=kinematics.chunks)
+
+    @property
+    def unit(self) -> float:
+        """Shear modulus of the material."""
+        return self.points.law.shear_modulus
+
+    def take_numbers(self, model) -> None:
+        """Replace the model by one of the same kind with other numbers, after `points` have taken those of the law."""
+        self.model = model
+        self._weights[:] = model.compiled(self._precision).weights
 
     def find_geometry(self, pairs: np.ndarray, strength: np.ndarray, correction: str, inverse_shape: np.ndarray) -> None:
         """Compute the rows of `geometry` for some `pairs` of the material.
@@ -173,9 +182,17 @@ class BondForces(Term):
         if binding.whole:
             (part,), lists = self._parts, (bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence)
             sums = [sum_pair_forces[2].bind(part.forces, *lists, part.unit, out, chunks=chunks)]
+            self.in_units = [(0, sums[0])]
         else:
             sums = material_sums(self.kinematics, self.materials, "forces", self._parts, out)
+            self.in_units = list(enumerate(sums[:-1]))
         self.bind_steps(*(part.find for part in self._parts), *sums)
+
+    def take_numbers(self, portions: Sequence[Portion]) -> None:
+        super().take_numbers(portions)
+        self._model = cast("ForceSurrogate", portions[0].model)
+        for part, portion in zip(self._parts, portions, strict=True):
+            part.take_numbers(portion.model)
 
     def diagnose(self, out: np.ndarray) -> str:
         body = self.body

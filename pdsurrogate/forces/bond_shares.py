@@ -32,8 +32,6 @@ class BondShares:
     ----------
     bond_shares : ndarray, shape (n_bonds,)
         Share of its point's volume that every directed bond represents.
-    bond_weights : ndarray, shape (n_pairs,)
-        Volume for which the energy of every pair counts; zero for pairs that carry no force.
     strength : ndarray, shape (n_pairs,)
         Product w V_i V_j of the weight of every pair and the volumes of its ends; zero for broken pairs.
     pairs_of_points : tuple of ndarray
@@ -56,7 +54,7 @@ class BondShares:
         self._of_points = bonds.pointers, bonds.neighbors, kinematics.weighted_bonds, body.volumes
         self._of_ghosts = pointers_to(bonds.neighbors[toward] - n, total - n), neighbors, weighted_bonds, body.all_volumes
         self._node_parts = np.zeros((total, body.dimension))
-        self._counted, self.bond_shares, self.bond_weights = np.zeros(len(length)), np.zeros(len(bonds.neighbors)), np.zeros(len(length))
+        self.bond_shares = np.zeros(len(bonds.neighbors))
         self._factors: np.ndarray | None = None
         self.renew(np.arange(len(length)))
         if body.relaxed and kinematics.interfaces is None:
@@ -64,15 +62,11 @@ class BondShares:
             self.renew(np.arange(len(length)))
 
     def renew(self, pairs: np.ndarray) -> np.ndarray:
-        """Update `bond_shares` and `bond_weights` after a change of `pairs`; return all pairs whose weights may have changed.
+        """Update `bond_shares` after a change of `pairs`; return all pairs whose weights (`weights_of`) may have changed.
 
         `pairs` must contain all pairs whose `strength`, or whose ends' flags `Kinematics.supported`, have changed.
         """
         kinematics, body, bonds, n = self._kinematics, self._body, self._body.bonds, len(self._body)
-        supported = kinematics.supported.astype(bool)
-        # A point without support has no gradient; its bonds carry nothing, and so have no share of the other end's volume either.
-        carries = supported[bonds.first[pairs]] & supported[bonds.second[pairs]]
-        self._counted[pairs] = np.where(carries, self.strength[pairs], 0.0)
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
         affected = np.unique(bonds.pair_of[entries_of(bonds.pointers, touched)])
@@ -80,14 +74,16 @@ class BondShares:
         if body.share.divided:
             body.bond_halo.fill(self.bond_shares)
             affected = np.union1d(affected, body.share.beside_halo(bonds.first, bonds.second))
-        self.bond_weights[affected] = self.weights_of(affected)
         _, neighbors, weighted_bonds, volumes = self._of_ghosts
         ratio = volumes[neighbors] / volumes[bonds.neighbors[self._ghost_bonds]]
         weighted_bonds[:] = -kinematics.weighted_bonds[self._ghost_bonds] * ratio[:, None]
         return affected
 
-    def weights_of(self, pairs: np.ndarray, own: np.ndarray | None = None) -> np.ndarray:
-        """Return the volumes for which the energies of pairs count: the shares of their directed bonds, or of those flagged in `own`."""
+    def weights_of(self, pairs: np.ndarray | slice = slice(None), own: np.ndarray | None = None) -> np.ndarray:
+        """Return the volumes for which the energies of pairs count, by default of all; zero for pairs that carry no force.
+
+        They are the sums of the shares of both directed bonds of a pair, or of those flagged in `own`.
+        """
         one, other = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
         of_one, of_other = (self.bond_shares[bonds] if own is None else self.bond_shares[bonds] * own[bonds] for bonds in (one, other))
         return of_one + np.where(other != one, of_other, 0.0)
@@ -95,13 +91,14 @@ class BondShares:
     def _divide_volumes(self, rows: np.ndarray) -> None:
         """Divide the volumes of the points `rows` among their directed bonds; bonds that an interface omits get no share."""
         body, bonds, interfaces = self._body, self._body.bonds, self._kinematics.interfaces
-        numbers, strength = bonds.pair_of, self._counted
+        numbers, strength = bonds.pair_of, self.strength
         if interfaces is not None:
             strength = strength[numbers]
             strength[interfaces.left_out] = 0.0
             numbers = np.arange(len(numbers), dtype=numbers.dtype)
         directed = bonds.pointers, bonds.neighbors, numbers
-        bond_shares[body.dimension](rows, *directed, body.all_points, body.volumes, strength, body.horizon, self.bond_shares)
+        arrays = body.all_points, body.volumes, strength, self._kinematics.supported
+        bond_shares[body.dimension](rows, *directed, *arrays, body.horizon, self.bond_shares)
         if self._factors is not None:
             self._multiply(rows, self._factors, self.bond_shares)
 
@@ -152,7 +149,7 @@ class BondShares:
         If bonds may break (`breakable`), a pair with a ghost is flagged only if its mirrored pair carries force too: the smoothing of
         volume ratios is then symmetric.
         """
-        carries = self.bond_weights > 0
+        carries = self.weights_of() > 0
         if breakable and len(self._body.ghosts):
             carries[self._kinematics.outer_pairs] &= carries[self._kinematics.mirrored_pairs]
         return carries
@@ -234,14 +231,15 @@ class BondShares:
         `forces` (n_pairs, d) and `moments` (n_pairs, d d) are those of the pairs, and `stresses` the moments of points and ghosts after the
         steps of `steps_to_points`; `unit` is a factor of the forces alone.
         """
-        n, d, pairs = len(self._body), self._body.dimension, self.pairs_of_points
-        found, on_ghosts = np.empty_like(stresses), np.empty_like(self._node_parts)
+        n, d, (own, others, incidence) = len(self._body), self._body.dimension, self.pairs_of_points
+        pairs = own[n:], others[n:], incidence
+        found, on_ghosts = np.empty_like(stresses[n:]), np.empty_like(self._node_parts)
         sum_moments[d](moments, *pairs, 1.0, found)
-        sum_pair_forces[d](forces, *pairs, unit, on_ghosts)
+        sum_pair_forces[d](forces, *pairs, unit, on_ghosts[n:])
         add_node_forces[d](stresses, *self._of_ghosts, unit, n, self._node_parts, on_ghosts)
         if (changed := self._kinematics.changed_bonds) is not None:
             np.subtract.at(on_ghosts, self._body.bonds.neighbors[changed[0]], unit * self.pulls(stresses, *changed[1:]))
-        return on_ghosts[n:], found[n:]
+        return on_ghosts[n:], found
 
     def pulls(self, stresses: np.ndarray, owners: np.ndarray, changes: np.ndarray) -> np.ndarray:
         """Return the derivatives of the energy by the ends of bonds whose weights in gradients of their `owners` are changed, (k, d).

@@ -345,7 +345,8 @@ class Interfaces:
         body, neighbors = self._body, self._body.bonds.neighbors[across]
         normals = np.vstack([self.normals, body.ghosts.reflected_vectors(self.normals)])[neighbors]
         arms = body.all_points[owners[across]] - body.all_points[neighbors]
-        behind = (self.depths[neighbors] > 0) & (np.einsum("bi,bi->b", arms, normals) <= 0)
+        # A bond along the interface counts as one behind it, whatever rounding says.
+        behind = (self.depths[neighbors] > 0) & (np.einsum("bi,bi->b", arms, normals) <= 1e-9 * body.spacing)
         return across[(moduli[owners[across]] > YIELDING * moduli[neighbors]) | behind]
 
     def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray, breakable: bool) -> np.ndarray:
@@ -441,7 +442,7 @@ class Interfaces:
         ]
 
 
-def _rounded(values: np.ndarray, unit: float) -> np.ndarray:
+def _rounded(values: np.ndarray | float, unit: float) -> np.ndarray:
     """Return values rounded to multiples of `ROUNDED` units."""
     return np.round(values / (ROUNDED * unit)) * (ROUNDED * unit)
 
@@ -506,14 +507,15 @@ def _round_beside(body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarra
     rounds = [each for each in body.rounds if each.radius > LEAST_RADIUS * body.spacing]
     if not rounds:
         return None
-    distances = [float(each.distances(body.points[i : i + 1])[0]) for each in rounds]
+    distances = [float(_rounded(each.distances(body.points[i : i + 1])[0], body.spacing)) for each in rounds]
     nearest = int(np.abs(distances).argmin())
     depth, arm = abs(distances[nearest]), body.points[i] - rounds[nearest].center
     normal = -np.sign(distances[nearest]) * arm / np.linalg.norm(arm)
-    beyond = int(tree.query(body.points[i] + (depth + body.spacing / 2) * normal)[1])
-    if not 0 < depth <= FARTHEST * body.horizon or portion_of[beyond] == portion_of[i]:
-        return None
-    return depth, normal, int(portion_of[beyond]), 0.0, rounds[nearest]
+    # Of points equally near to the place beyond the interface, those on the interface may be of the own material.
+    place = body.points[i] + (depth + body.spacing / 2) * normal
+    beyond = portion_of[tree.query_ball_point(place, tree.query(place)[0] * (1 + 1e-6), return_sorted=True)]
+    others = beyond[beyond != portion_of[i]]
+    return (depth, normal, int(others[0]), 0.0, rounds[nearest]) if 0 < depth <= FARTHEST * body.horizon and len(others) else None
 
 
 def _interface_beside(body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarray, i: int) -> Near | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import reduce
 from operator import add
@@ -20,7 +21,8 @@ from .settings import BALANCED, QUADRATIC, ForceSettings
 from .term import Binding, Release
 
 if TYPE_CHECKING:
-    from .protocol import Portion
+    from ..materials import Law
+    from .protocol import ForceModel, Portion
     from .volume_energy import LinearizedDilatation
 
 PROBE = 1e-5
@@ -361,6 +363,45 @@ def tangent_of(force: InternalForce, positions: np.ndarray) -> scipy.sparse.lina
 
     adjoint = multiply if force.has_energy else None
     return scipy.sparse.linalg.LinearOperator((positions.size, positions.size), multiply, adjoint, dtype=float)
+
+
+@contextmanager
+def numbers_in_place(force: InternalForce, materials: Sequence[tuple[Law, ForceModel]]) -> Iterator[None]:
+    """Replace the laws and models of a force by others that differ in numbers alone, until the end of a ``with`` block.
+
+    The forces are then those of a force that is bound to these laws and models. `stiffness_moduli`, `force_scale`, and the interfaces
+    across which one material is much stiffer than the other remain those of the laws with which the force was bound.
+
+    Parameters
+    ----------
+    force : InternalForce
+    materials : sequence of tuple
+        Law and model of each of its `portions`, of the same classes and with arrays of the same shapes.
+
+    Raises
+    ------
+    ValueError
+        If the number of materials or a class differs, or laws have lists of other lengths.
+    """
+    own = [(portion.law, portion.model) for portion in force.portions]
+    kinds = [[(type(law), type(model), law.parameters.shape) for law, model in each] for each in (own, materials)]
+    if kinds[0] != kinds[1]:
+        raise ValueError("a force takes other numbers of its laws and models, but no other laws or models: bind a force to these")
+
+    def give(materials: Sequence[tuple[Law, ForceModel]]) -> None:
+        """Give the numbers to all terms of the force, which have copies of them."""
+        new = zip(force.portions, materials, strict=True)
+        force.portions = [replace(portion, law=law, model=model) for portion, (law, model) in new]
+        force.law = max((portion.law for portion in force.portions), key=lambda law: law.shear_modulus)
+        force.laws = [(portion.law, portion.points) for portion in force.portions]
+        for term in force.terms:
+            term.take_numbers(force.portions)
+
+    try:
+        give(materials)
+        yield
+    finally:
+        give(own)
 
 
 def released_by(force: InternalForce, motion: np.ndarray) -> float | None:

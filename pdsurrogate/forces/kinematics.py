@@ -140,7 +140,8 @@ class Kinematics:
     def bonds_of_pairs(self) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of the two directed bonds of every pair, from its first and its second end; for a pair with a ghost, the first twice."""
         pair_of = self.body.bonds.pair_of
-        order, pointers = np.argsort(pair_of, kind="stable"), pointers_to(pair_of, len(self.body.bonds.first)).astype(np.int64)
+        order = np.argsort(pair_of, kind="stable").astype(np.uint32)
+        pointers = pointers_to(pair_of, len(self.body.bonds.first)).astype(np.int64)
         return order[pointers[:-1]], order[pointers[1:] - 1]
 
     @cached_property
@@ -219,8 +220,11 @@ class Kinematics:
 
         `plane` is the number of the plane. If `turn`, shape (d, d), is None, the plane keeps the turn of the last call.
         """
+        turned = turn is not None and (self._plane_turns is None or (self._plane_turns[plane] != turn).any())
+        if not turned and (self._plane_displacements[plane] == displacement).all():
+            return
         self._plane_displacements[plane] = displacement
-        if turn is not None:
+        if turned:
             if self._plane_turns is None:
                 self._plane_turns = np.zeros((len(self.body.planes), *turn.shape))
             self._plane_turns[plane] = turn

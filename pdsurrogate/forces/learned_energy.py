@@ -308,13 +308,17 @@ class IsochoricNetwork(LearnedEnergy):
         response, exact = PLANES[plane].isochoric_response, IsochoricEnergy.exact(law, plane)
         parts = ACTIVATIONS[self.activation], response.invariants, response.of_invariants
         block = block_function_of(kernel.network_block, isochoric_energy_signature(precision), *parts)
-        units = pack_units(self.hidden_weights, self.hidden_biases, self.output_weights)
         guard = {"fallback": kernel.TAKE_OVER, "extrapolate": kernel.EXTRAPOLATE}.get(outside, kernel.COUNT)
+        sizes = np.array([len(self._units()) // GROUP, guard, 0])
+        return replace(exact, address=block.address or 0, sizes=sizes, weights=self.isochoric_weights, precision=precision)
+
+    @property
+    def isochoric_weights(self) -> np.ndarray:
         distances = distance_coefficients(self.domain.least_stretch, self.domain.greatest_stretch)
-        weights = np.concatenate([distances.ravel(), [self.at_rest[0]], units])
-        return replace(
-            exact, address=block.address or 0, sizes=np.array([len(units) // GROUP, guard, 0]), weights=weights, precision=precision
-        )
+        return np.concatenate([distances.ravel(), [self.at_rest[0]], self._units()])
+
+    def _units(self) -> np.ndarray:
+        return pack_units(self.hidden_weights, self.hidden_biases, self.output_weights)
 
     def member_deviations(self, law: Law, stretches: np.ndarray) -> np.ndarray:
         """Return the greatest deviation of committee members' principal Kirchhoff stresses from the model's.

@@ -58,7 +58,7 @@ class MaterialPoints:
     records : ndarray, shape (k, 4)
         (cos, sin) of the rotation, J and C33 of every point, which bond forces read; empty in three dimensions.
     response, parameters
-        Compiled response function of the law, and the parameters of the law.
+        Compiled response function of the law, and the parameters of the law, changed in place by `take_numbers`.
     seen : list of BoundPass
         In a body of several materials, the passes that update positions, gradients and volume ratios from the body.
     state_pass : BoundPass or None
@@ -68,7 +68,7 @@ class MaterialPoints:
     def __init__(self, kinematics: Kinematics, law: Law, precision: str, rotation: str | None = None, own=None, pairs=None) -> None:
         body = kinematics.body
         self._kinematics, self.law, self.whole = kinematics, law, own is None
-        self.response, self.parameters = PLANES[kinematics.plane].response.block(law), law.parameters
+        self.response, self.parameters = PLANES[kinematics.plane].response.block(law), law.parameters.copy()
         self.state_pass: BoundPass | None = None
         self.seen: list[BoundPass] = []
         self._keep, self._found_at = self.seen, -1
@@ -83,6 +83,11 @@ class MaterialPoints:
         self.records = aligned_rows((len(self.positions) if body.dimension == 2 else 0, 4), precision)
         turn = ROTATIONS[rotation or ROTATION]
         self._turn = turn and turn.bind(self.gradients, self.records, chunks=kinematics.chunks)
+
+    def take_numbers(self, law: Law) -> None:
+        """Replace the law by one of the same kind with other numbers; passes that are bound to `parameters` evaluate it from then on."""
+        self.law, self._found_at = law, -1
+        self.parameters[:] = law.parameters
 
     def _see(self, own: np.ndarray, pairs: np.ndarray) -> None:
         """Set up copies of the arrays for the material's own points and the other ends of its pairs, in a body of several materials."""
@@ -196,7 +201,7 @@ def material_sums(
 ) -> list[BoundPass]:
     """Return the passes that sum the "forces" or "moments" of pairs at the points of a body of several materials, see `gathered`.
 
-    `parts` hold the pairs of each material in units of ``part.unit``.
+    `parts` hold the pairs of each material in units of ``part.unit``. There is one pass for each material, in order, and a last one.
     """
     rows, of_each = rows_of(materials, out.shape[1])
     add_up, passes = {"forces": sum_pair_forces, "moments": sum_moments}[quantity][kinematics.body.dimension], []

@@ -33,6 +33,7 @@ class PointStress(Term):
             state = points.gradients, points.volume_ratios, shapes
             law = points.law.shear_modulus, points.response.address, points.parameters, kinematics.scratch
             passes.append(nosb.weighted_stresses[d].bind(*state, *law, stresses, chunks=kinematics.chunks))
+        self.in_units = list(enumerate(passes))
         if not binding.whole:
             passes.append(gathered(kinematics, materials, rows, self._stresses))
         sums = self._stresses, bonds.pointers, bonds.neighbors, kinematics.weighted_bonds, body.volumes

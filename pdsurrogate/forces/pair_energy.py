@@ -1,5 +1,8 @@
 """Energy of the pairs of a body, and the forces that are its gradient, theory (27)-(31), (48)-(52), (56), (57)."""
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..engine.block_arrays import aligned_rows
@@ -18,6 +21,9 @@ from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
 from .term import Binding, DomainWatch, Term, sum_on_pairs, whole_volume
 from .volume_energy import LinearizedDilatation, VolumeEnergy
+
+if TYPE_CHECKING:
+    from .protocol import Portion
 
 
 class PairEnergy(Term):
@@ -42,7 +48,7 @@ class PairEnergy(Term):
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        body, bonds, d, whole = self.body, self.body.bonds, self.body.dimension, binding.whole
+        body, d, whole = self.body, self.body.dimension, binding.whole
         self.correction = binding.settings.correction or self.correction
         if self.selective is None:
             self.selective = binding.settings.plane != "stress"
@@ -54,7 +60,7 @@ class PairEnergy(Term):
         for number, model in enumerate(models):
             own = None if whole else owners == number
             # A material has energy in its own bonds.
-            weights = self.shares.weights_of(np.arange(len(bonds.first)), own)
+            weights = self.shares.weights_of(own=own)
             points = self.points_of(number, None if whole else np.flatnonzero(weights))
             self.watches.append(DomainWatch(binding, model, points, "energy", "energy"))
             each.append((binding, self.shares, model, points, weights[points.pairs]))
@@ -70,24 +76,36 @@ class PairEnergy(Term):
         self._energy, self._stresses = 0.0, aligned_rows((len(body.all_points), d * d))
         self._on_points, chunks = np.zeros((len(body.all_points), d)), self.kinematics.chunks
         if whole:
-            (part,), pairs, self._unit = self._parts, self.shares.pairs_of_points, self._parts[0].unit
+            (part,), pairs = self._parts, self.shares.pairs_of_points
             gather = [sum_moments[d].bind(part.moments, *pairs, 1.0, self._stresses, chunks=chunks)]
-            further = [sum_pair_forces[d].bind(part.forces, *pairs, part.unit, self._on_points, chunks=chunks)]
+            further = [sum_pair_forces[d].bind(part.forces, *pairs, 1.0, self._on_points, chunks=chunks)]
         else:
-            self._unit = 1.0
             seen_forces, seen_moments = (np.zeros_like(array) for array in (self._on_points, self._stresses))
-            gather = material_sums(self.kinematics, self.materials, "moments", self._parts, self._stresses, seen_moments)
-            gather += material_sums(self.kinematics, self.materials, "forces", self._parts, self._on_points, seen_forces)
+            moments = material_sums(self.kinematics, self.materials, "moments", self._parts, self._stresses, seen_moments)
+            forces = material_sums(self.kinematics, self.materials, "forces", self._parts, self._on_points, seen_forces)
+            gather = moments + forces
+            self.in_units = [*enumerate(moments[:-1]), *enumerate(forces[:-1])]
             interfaces = self.kinematics.interfaces
             results = interfaces.on_jumps, interfaces.pulls
             further = interfaces.steps_back(seen_forces, seen_moments, self._stresses[: len(body)], *results)
-        to_points = [*gather, *self.shares.steps_to_points(self._stresses, self._on_points, self._unit, *further)]
+        to_points = [*gather, *self.shares.steps_to_points(self._stresses, self._on_points, 1.0, *further)]
         seen = [step for points in self.materials for step in points.seen]
         before, after = (seen, []) if self.volume is None else (self.volume.dilatation_steps, self.volume.steps)
         leading, after = self.kinematics.steps() if binding.leads else [], [*after, *(part.find for part in self._parts), *to_points]
         self._find_forces, self._find_all = (Steps(body.share, *first, *before, *after) for first in ([], leading))
         self._after, self._sums = (sum(isinstance(step, BoundPass) for step in steps) for steps in (after, to_points))
         self.places, self.nearly_incompressible = bool(leading), self.selective
+
+    @property
+    def _unit(self) -> float:
+        """Unit of the forces that the passes compute: the shear modulus of the material; 1 for several, whose sums have their own units."""
+        return self._parts[0].unit if self.binding.whole else 1.0
+
+    def take_numbers(self, portions: Sequence["Portion"]) -> None:
+        super().take_numbers(portions)
+        self._model = portions[0].model
+        for part, portion in zip(self._parts, portions, strict=True):
+            part.take_numbers(portion.model)
 
     def find(self, out: np.ndarray) -> None:
         outside, invalid, without_force = self._run(self._find_all, out)
@@ -115,7 +133,7 @@ class PairEnergy(Term):
             return [0] * len(self._parts), invalid, 0
         if not any(inside_out):
             self._energy = sum(part.unit * part.energy() for part in self._parts)
-        out[:] = self._on_points[: len(out)]
+        np.multiply(self._on_points[: len(out)], self._unit, out=out)
         if not self.binding.whole:
             out += self.kinematics.interfaces.on_jumps + self.kinematics.interfaces.pulls[: len(out)]
         return list(outside), sum(inside_out), sum(found[-self._sums :])
@@ -182,12 +200,14 @@ class PairEnergy(Term):
     def mean_stress(self) -> np.ndarray:
         """Return the volume mean of the bonds' first Piola-Kirchhoff stresses, (d, d): the derivative of the energy by a homogeneous F."""
         bonds, points, d = self.body.bonds, self.body.all_points, self.body.dimension
-        pairs = np.flatnonzero(self.body.share.own[bonds.first])
-        vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
-        along = self._of_pairs("forces")[pairs].astype(float).T @ vectors
-        # P (I - n (x) n) is twice the moment.
-        across = 2 * self._of_pairs("moments")[pairs].sum(axis=0, dtype=float).reshape(d, d).T
-        return self._unit * (along + across) / whole_volume(self.body)
+        forces, moments, found = self._of_pairs("forces"), self._of_pairs("moments"), np.zeros((d, d))
+        for part in bonds.slabs():
+            pairs = part.start + np.flatnonzero(self.body.share.own[bonds.first[part]])
+            vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
+            found += forces[pairs].astype(float).T @ vectors
+            # P (I - n (x) n) is twice the moment.
+            found += 2 * moments[pairs].sum(axis=0, dtype=float).reshape(d, d).T
+        return self._unit * found / whole_volume(self.body)
 
     def released_by(self, motion: np.ndarray) -> float | None:
         if not self.binding.whole:
@@ -227,7 +247,8 @@ class PairEnergy(Term):
             if self.selective or part.counts()[1]:
                 pairs = np.arange(len(self.body.bonds.first))[part.points.pairs]
                 J = part.volumes[: len(pairs)] if self.selective else np.linalg.det(self._gradients(pairs))
-                found.append(pairs[(self.shares.weights_of(pairs, own) > 0) & ~(J > bond_energy.COLLAPSED)])
+                low = pairs[~(J > bond_energy.COLLAPSED)]
+                found.append(low[self.shares.weights_of(low, own) > 0])
         return np.unique(np.concatenate(found))
 
     def volume_ratios(self) -> np.ndarray:
@@ -298,7 +319,7 @@ class PairEnergy(Term):
 
     def _without_energy(self) -> str:
         """Return an error message that names a point with a bond that has no energy, and the reason."""
-        pairs = np.flatnonzero(self.shares.bond_weights > 0)
+        pairs = np.flatnonzero(self.shares.weights_of() > 0)
         F = self._gradients()[pairs]
 
         def laws(place: int) -> list[Law]:

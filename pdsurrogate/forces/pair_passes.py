@@ -40,8 +40,6 @@ class Pairs:
 
     Attributes
     ----------
-    unit : float
-        Shear modulus of the material.
     forces : ndarray, shape (n_blocks * BLOCK, d)
         Forces of the pairs on their first points, in units of `unit`.
     moments : ndarray, shape (n_blocks * BLOCK, d d)
@@ -53,11 +51,20 @@ class Pairs:
     find: BoundPass
 
     def __init__(self, model, points: MaterialPoints, geometry: np.ndarray, precision: str) -> None:
-        self.model, self.points, self.geometry, self.unit = model, points, geometry, points.law.shear_modulus
+        self.model, self.points, self.geometry = model, points, geometry
         count, d = len(points.first), points.positions.shape[1]
         self.forces, self.moments = aligned_rows((count, d), precision), aligned_rows((count, d * d), precision)
         self.places, self.pairs = (points.positions, points.gradients), ((points.first, points.second), geometry)
         self._energies = np.zeros(len(geometry))
+
+    @property
+    def unit(self) -> float:
+        """Shear modulus of the material."""
+        return self.points.law.shear_modulus
+
+    def take_numbers(self, model) -> None:
+        """Replace the model by one of the same kind with other numbers, after `points` have taken those of the law."""
+        self.model = model
 
     def energy(self) -> float:
         """Return the total energy of the material's pairs in the state last evaluated, divided by the shear modulus."""
@@ -80,7 +87,8 @@ class PairEnergies(Pairs):
     def __init__(self, binding: Binding, shares: BondShares, model, points: MaterialPoints, weights: np.ndarray) -> None:
         kinematics, precision, domain = binding.kinematics, binding.precision, model.domain
         super().__init__(model, points, shares.geometry(points.pairs, weights, precision), precision)
-        compiled, threads, self._outside = model.compiled(precision), kinematics.chunks.threads, binding.outside
+        compiled, threads = model.compiled(precision), kinematics.chunks.threads
+        self._weights, self._precision = compiled.weights, precision
         guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(binding.outside, bond_energy.COUNTED) if domain else UNGUARDED
         self._counts = np.zeros((kinematics.chunks.number, 3), dtype=np.int64)
         limits = (domain or EVERYWHERE).limits(precision)
@@ -89,6 +97,10 @@ class PairEnergies(Pairs):
         memory = *buffers, compiled.memory(threads, precision), kinematics.scratch
         results = self._counts, self._energies, self.forces, self.moments
         self.find = bond_energy.pair_energies.bind(*self.places, self.pairs, *energy, memory, results, chunks=kinematics.chunks)
+
+    def take_numbers(self, model) -> None:
+        super().take_numbers(model)
+        self._weights[:] = model.compiled(self._precision).weights
 
     def counts(self) -> tuple[int, int, int]:
         """Return the numbers of pairs outside the model's domain, of pairs with det F_ij below `COLLAPSED`, and of pairs inside out."""
@@ -143,6 +155,10 @@ class SelectivePairs(Pairs):
         self.find = selective_energy.pair_energies[dimension].bind(
             *self.places, self.pressures, self.pairs, *shares_and_energy, memory, results, chunks=chunks
         )
+
+    def take_numbers(self, model) -> None:
+        super().take_numbers(model)
+        self.isochoric.parameters[:], self.isochoric.weights[:] = self.points.law.parameters, model.isochoric_weights
 
     def energy(self) -> float:
         return super().energy() + float(self.volume_energies.sum())

@@ -11,10 +11,6 @@ from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
 from ..kernels import dilatation, selective_energy
 
-SLAB = 4_000_000
-"""Number of pairs that are prepared together. Chosen: each temporary array of doubles then takes 32 MB, little beside what so many pairs
-hold anyway."""
-
 
 class Smoothing:
     """Smoothing W of the dilatations of points: weights of each point and its neighbors in a mean (theory (50)).
@@ -38,12 +34,11 @@ class Smoothing:
         bonds, ghosts, n = body.bonds, body.ghosts, len(body)
         mirrors = np.concatenate([np.ones(n, dtype=bool), (ghosts.parity == ghosts.reflection).all(axis=1)])
         found = []
-        for start in range(0, len(bonds.first), SLAB):
-            part = slice(start, start + SLAB)
+        for part in bonds.slabs():
             first, second = bonds.first[part], bonds.second[part]
             offsets = np.abs(body.all_points[second] - body.all_points[first]) / body.cell
             near = carries[part] & mirrors[second] & (offsets < 2).all(axis=1)
-            found.append((start + np.flatnonzero(near), (0.5 - offsets[near] / 4).prod(axis=1)))
+            found.append((part.start + np.flatnonzero(near), (0.5 - offsets[near] / 4).prod(axis=1)))
         pairs, weights = (np.concatenate(parts) for parts in zip(*found, strict=True))
         first, second = bonds.first[pairs], bonds.second[pairs]
         weights *= body.volumes[first] * body.all_volumes[second] / body.cell.prod()

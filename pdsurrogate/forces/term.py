@@ -3,7 +3,7 @@
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -147,6 +147,8 @@ class Term(ABC):
         Points of each material, with the points of other materials that are bonded to them.
     watches : list of DomainWatch
         Counters of the pairs outside the domain of each model.
+    in_units : list of tuple
+        Passes with an argument ``unit``, each after the number of the material whose shear modulus it is.
     """
 
     needs_gradients: ClassVar[bool] = True
@@ -162,6 +164,18 @@ class Term(ABC):
         self.kept = {array.name: array.values for array in self.state}
         self.materials: list[MaterialPoints] = []
         self.watches: list[DomainWatch] = []
+        self.in_units: list[tuple[int, BoundPass]] = []
+
+    def take_numbers(self, portions: Sequence["Portion"]) -> None:
+        """Replace laws and models in place by others of the same kinds, on the same points, that differ in numbers alone.
+
+        A term that copies numbers of laws or models elsewhere than to `materials` and `in_units` overrides it.
+        """
+        self.binding = replace(self.binding, portions=portions)
+        for points, portion in zip(self.materials, portions, strict=True):
+            points.take_numbers(portion.law)
+        for number, bound in self.in_units:
+            bound.give_number("unit", portions[number].law.shear_modulus)
 
     def points_of(self, number: int, pairs: np.ndarray | None = None) -> MaterialPoints:
         """Return the points of material `number` and the points bonded to them by given pairs; their J3 become part of `state`."""

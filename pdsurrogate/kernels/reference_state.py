@@ -108,7 +108,7 @@ def bond_shares(algebra):
     """Build the pass that divides the volume of each given point among the bonds of the point."""
 
     @Pass
-    def bond_shares(chunk, rows, pointers, neighbors, pair_of, points, volumes, strength, horizon, shares):
+    def bond_shares(chunk, rows, pointers, neighbors, pair_of, points, volumes, strength, supported, horizon, shares):
         """Divide the volume V_i of each point of `rows` among its bonds; the shares sum to V_i, or to zero where no bond is left.
 
         A bond's energy is that of the material about its middle. Shares proportional to w V_j, weight times volume of the second end, would
@@ -117,7 +117,7 @@ def bond_shares(algebra):
         convex function log sum w V_j exp(-a . x/horizon): these are the weights of greatest entropy with zero mean (Arroyo, Ortiz, Int. J.
         Numer. Meth. Engng 65 (2006) 2167). Since no positive weights have a zero mean at an edge, epsilon/2 |a|^2 is added to the function:
         this keeps a finite, and the mean bond vector becomes epsilon a horizon. `strength` is w V_i V_j of every pair, zero for a pair that
-        has no bond.
+        has no bond. A point that is not `supported` has no gradient: its bonds carry nothing, and have no share of the other end's volume.
         """
         for r in share_of(rows.shape[0], chunk):
             i = rows[r]
@@ -130,7 +130,7 @@ def bond_shares(algebra):
                 second = algebra.no_symmetric()
                 for b in range(pointers[i], pointers[i + 1]):
                     x = algebra.times(1.0 / horizon, algebra.minus(algebra.vector_at(points, neighbors[b]), own))
-                    weight = strength[pair_of[b]] * np.exp(-algebra.dot(tilt, x))
+                    weight = supported[i] * supported[neighbors[b]] * strength[pair_of[b]] * np.exp(-algebra.dot(tilt, x))
                     shares[b] = weight
                     total += weight
                     mean = algebra.plus(mean, algebra.times(weight, x))

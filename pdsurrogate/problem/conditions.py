@@ -36,6 +36,9 @@ SAMPLES = 5
 """Number of values of the loading parameter in each stage at which two prescribed motions are compared; motions equal at all of them count
 as equal. Chosen: amplitudes are smooth or tables, and two different ones that agree at five values are not written by accident."""
 
+MOST_STEPS = 1e9
+"""Maximum number of steps of a stage: more would run for weeks even on the smallest body, and indicate wrong units of density or rate."""
+
 LEAST_SPREAD = 1e-6
 """Singular value of the matrix of constraints on the rigid motions below which a motion counts as free. Chosen: two held points that are a
 thousandth of the body apart yield more."""
@@ -250,6 +253,23 @@ def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modu
             slowest = f"the shortest possible duration is {least}"
         apart = f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}"
         raise ValueError(f"{stage.key}.{stage.inertia.pace}: {apart}; {slowest}")
+
+
+def check_steps(loading: Loading, stages: tuple[Stage, ...], modulus: float) -> None:
+    """Raise ValueError if a stage in dynamics needs more than `MOST_STEPS` time steps for sure; `modulus` is the least shear modulus.
+
+    The estimate is generous, as the horizon is longer than the waves that limit the step, and pressure waves are faster than shear waves.
+    """
+    for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
+        if stage.inertia is None:
+            continue
+        crossing = loading.body.horizon * math.sqrt(stage.inertia.density / modulus)  # time of a shear wave through a horizon
+        damped, duration = 2 * (stage.inertia.viscosity or 0.0), stage.motion(begin).duration
+        step = stage.inertia.safety * (crossing if crossing >= damped else crossing * crossing / damped)
+        if duration > MOST_STEPS * step:
+            many = f"a duration of {duration:.3g} in time steps of less than {step:.1g} needs more than {MOST_STEPS:.0e} steps"
+            settings = f"{stage.key}.density, {stage.key}.{stage.inertia.pace}, {stage.key}.viscosity and {stage.key}.safety"
+            raise ValueError(f"{stage.key}: {many}; check {settings} and their units")
 
 
 def _greatest_speed(loading: Loading, motion: Motion) -> float:

@@ -20,7 +20,7 @@ from ..scenes.model import RIGID
 from ..solvers.conditions import Loading
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
-from .conditions import check_speeds, conditions_of, loads_of, warn_of_points
+from .conditions import check_speeds, check_steps, conditions_of, loads_of, warn_of_points
 from .fracture import CriticalStretches
 from .fronts import Fronts
 from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
@@ -127,6 +127,12 @@ class Problem:
 
     def changed(self, scene: Scene, models: Sequence[ForceModel]) -> "Problem":
         """Return the problem of a scene that differs in materials, loads or prescribed motions alone, on the same body, on one rank."""
+        moved = any(getattr(scene, key) != getattr(self.scene, key) for key in ("loads", "prescribed", "obstacles"))
+        if not moved and not len(self.loading.loads):  # loads and obstacles may depend on the laws
+            with scene_errors(scene):
+                portions, _, _ = portions_of(scene, self.body, models, self.regions)
+            measures = measures_of(scene, self.measures.areas)
+            return replace(self, scene=scene, models=models, portions=portions, measures=measures)
         regions = BodyRegions(scene, self.body, self.regions.lower, self.regions.upper, self.regions.surface)
         return _on_body(scene, models, self.whole, regions, ALONE)
 
@@ -250,7 +256,9 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
         bar_rigid_regions(loading, rigid, known_ends(stages))
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
-            check_speeds(scene, loading, stages, min(portion.law.shear_modulus for portion in portions))
+            softest = min(portion.law.shear_modulus for portion in portions)
+            check_speeds(scene, loading, stages, softest)
+            check_steps(loading, stages, softest)
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
         measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))

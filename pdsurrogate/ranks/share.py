@@ -263,8 +263,19 @@ def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.nd
     Bonds join the points `first` to the points `second`. Only the bonds given here count: ranks do not communicate, unlike in
     `Share.pieces`.
     """
-    graph = scipy.sparse.coo_matrix((np.ones(len(first), np.int8), (first, second)), shape=(n, n))
-    return scipy.sparse.csgraph.connected_components(graph, directed=False)
+    root = np.arange(n, dtype=np.uint32)
+    while True:
+        one, other = root[first], root[second]
+        apart = one != other
+        if not apart.any():
+            break
+        first, second, one, other = first[apart], second[apart], one[apart], other[apart]
+        # Every root becomes a child of the least root that its bonds reach; then all points become children of roots again.
+        np.minimum.at(root, np.maximum(one, other), np.minimum(one, other))
+        while (root[root] != root).any():
+            root = root[root]
+    roots = root == np.arange(n)
+    return int(np.count_nonzero(roots)), (np.cumsum(roots) - 1)[root]
 
 
 def bond_counts(points: np.ndarray, radius: float, chosen: slice = slice(None)) -> np.ndarray:

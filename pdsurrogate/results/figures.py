@@ -7,6 +7,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import LightSource, Normalize
 from matplotlib.figure import Figure
@@ -73,8 +74,15 @@ TRIAD = 30.0
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as a PNG file, whole or not at all; `MARK` in the PNG metadata identifies the file as written by this package."""
+    box, layout = "tight", figure.get_layout_engine()
+    if layout is not None:
+        # Once the layout is final, the box to keep is known without drawing; `savefig` would draw twice to find it.
+        FigureCanvasAgg(figure)
+        layout.execute(figure)
+        figure.set_layout_engine("none")
+        box = figure.get_tightbbox().padded(matplotlib.rcParams["savefig.pad_inches"])
     with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", bbox_inches="tight", metadata={"Software": MARK})
+        figure.savefig(temporary, format="png", bbox_inches=box, metadata={"Software": MARK})
 
 
 def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
@@ -176,7 +184,6 @@ def contour_figure(
         figure.colorbar(drawn, ax=axes, label=label, **style)
         if any(nodes.any() for _, nodes in moved):
             figure.legend(handles=[LineCollection([], label="undeformed", **AT_REST)], loc="outside lower right", borderpad=0)
-        figure.draw_without_rendering()  # the layout settles at the second drawing
         return figure
 
 

@@ -17,8 +17,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from filelock import SoftFileLock, Timeout
-
 from .checkpoint import NAME as CHECKPOINT
 from .checkpoint import identity_in
 from .contents import contents_in, differences_between, differences_of, told
@@ -49,6 +47,8 @@ def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
     FolderTaken
         If another run is still writing there after the wait.
     """
+    from filelock import SoftFileLock, Timeout  # here, because only runs with a folder need them
+
     with made(folder):
         path = folder.resolve() / LOCK
         lock = SoftFileLock(path, is_singleton=True)

@@ -342,7 +342,7 @@ class Probes:
         return {
             name: {
                 # The weights of a row sum to 1 and reproduce the place, so they apply to displacements as to positions.
-                "displacement": self._share.total(_read(moved, state.displacement)).tolist(),
+                "displacement": self._displacement(moved, state.displacement).tolist(),
                 "stress": self._share.total(_read(tensors, stress)).reshape(3, 3).tolist(),
                 "F": self._share.total(_read(tensors, gradient)).reshape(3, 3).tolist(),
             }
@@ -353,12 +353,20 @@ class Probes:
         """Return, for each component of the displacement at a probe, the weights of the points, shape (1, n)."""
         return self._rows[self._names.index(name)][0]
 
+    def displacements(self, displacements: np.ndarray) -> dict[str, dict[str, list]]:
+        """Return the entries of `read` that are displacements, from the displacements of the points, shape (n, d)."""
+        rows = zip(self._names, self._rows, strict=True)
+        return {name: {"displacement": self._displacement(moved, displacements).tolist()} for name, (moved, _) in rows}
+
+    def _displacement(self, rows: Sequence[scipy.sparse.csr_array], displacements: np.ndarray) -> np.ndarray:
+        return self._share.total(_read(rows, displacements))
+
     def columns(self, displacements: np.ndarray) -> dict[str, float]:
         """Return the displacements at the probes as columns of the history, from the displacements of the points, shape (n, d)."""
         return {
             f"{name}_displacement_{component}": float(value)
             for name, (moved, _) in zip(self._names, self._rows, strict=True)
-            for component, value in enumerate(self._share.total(_read(moved, displacements)), 1)
+            for component, value in enumerate(self._displacement(moved, displacements), 1)
         }
 
 

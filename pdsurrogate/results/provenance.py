@@ -44,9 +44,9 @@ def git_state() -> dict | None:
     if not (root / ".git").exists():
         return None
 
-    def git(*words: str) -> str:
-        return subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True, timeout=10, check=True).stdout.strip()
-
+    words = ["git", "-C", str(root), "status", "--porcelain=v2", "--branch", "--untracked-files=no"]
     with suppress(OSError, subprocess.SubprocessError):
-        return {"commit": git("rev-parse", "HEAD"), "modified": bool(git("status", "--porcelain", "--untracked-files=no"))}
+        lines = subprocess.run(words, capture_output=True, text=True, timeout=10, check=True).stdout.splitlines()
+        (commit,) = (line.split()[-1] for line in lines if line.startswith("# branch.oid "))
+        return {"commit": commit, "modified": any(not line.startswith("#") for line in lines)}
     return None

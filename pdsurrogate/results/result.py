@@ -139,7 +139,7 @@ class Result:
         """Return derivatives of measurements in equilibrium with respect to parameters of the scene.
 
         The equilibrium is first solved to a residual of 1e-10. Each parameter then costs one solution of linear equations with the tangent,
-        some 20 to 40 force evaluations, and fewer for parameters that act like earlier ones. If there are fewer measurements than
+        some 15 to 40 force evaluations, and fewer for parameters that act like earlier ones. If there are fewer measurements than
         parameters, each measurement costs such a solution instead (adjoint), provided that the tangent is symmetric and that the
         measurements are reactions of supports, the nominal stress, the energy, or displacements of probes. The derivatives are those of the
         discrete body (theory, section 23).
@@ -148,7 +148,8 @@ class Result:
         ----------
         outputs : sequence of str
             Measurements: dotted keys of an entry of `levels`, such as ``"nominal_stress"``, ``"forces.right.0"`` or
-            ``"probes.tip.displacement"``; a key that is continued in several entries stands for all of them.
+            ``"probes.tip.displacement"``; a key that is continued in several entries stands for all of them. ``"probes.tip.u2"`` is the
+            second component of the displacement of a probe, ``"probes.tip.displacement.1"``.
         parameters : sequence of str
             Dotted keys of numbers in the scene's ``material``, ``materials``, ``loads``, ``prescribed`` or ``obstacles``, such as
             ``"material.bulk_modulus"`` or ``"loads.0.pressure"``; the loading parameter, ``"stretch"`` or ``"t"``; or numbers in the arrays

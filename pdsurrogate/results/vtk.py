@@ -1,8 +1,8 @@
 """Writing and reading of states as VTU files with a PVD index, for ParaView."""
 
+from html import escape
 from pathlib import Path
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -50,7 +50,7 @@ def write_state(path: Path, cells: CellMesh, nodes: np.ndarray, fields: dict[str
         # meshio reads field data from VTU files but does not write them.
         head, grid, rest = temporary.read_text("utf-8").partition("<UnstructuredGrid>")
         arrays = "".join(
-            f'<DataArray type="Float64" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{value:.17g}</DataArray>'
+            f'<DataArray type="Float64" Name="{escape(name)}" NumberOfTuples="1" format="ascii">{value:.17g}</DataArray>'
             for name, value in values.items()
         )
         temporary.write_text(f"{head}<!--{MARK}-->{grid}<FieldData>{arrays}</FieldData>{rest}", encoding="utf-8")
@@ -74,17 +74,17 @@ def write_pieces(path: Path, pieces: list[str], fields: dict[str, int]) -> None:
 
     def array(name: str, kind: type, components: int) -> str:
         type_in_vtk = np.dtype(kind).name.capitalize()
-        return f'<PDataArray type="{type_in_vtk}" Name={quoteattr(name)} NumberOfComponents="{components}"/>'
+        return f'<PDataArray type="{type_in_vtk}" Name="{escape(name)}" NumberOfComponents="{components}"/>'
 
     on_cells = "".join(array(name, _kind(name), components) for name, components in fields.items())
     points = f"<PPoints>{array('Points', np.float64, 3)}</PPoints>", f"<PPointData>{array(DISPLACEMENT, np.float32, 3)}</PPointData>"
-    listed = (f"<Piece Source={quoteattr(piece)}/>" for piece in pieces)
+    listed = (f'<Piece Source="{escape(piece)}"/>' for piece in pieces)
     _write_listing(path, "PUnstructuredGrid", ' GhostLevel="0"', [*points, f"<PCellData>{on_cells}</PCellData>", *listed])
 
 
 def write_index(path: Path, entries: list[tuple[float, str]]) -> None:
     """Write a PVD index file, which lists states: `entries` are the time and the file name of each."""
-    lines = [f'<DataSet timestep="{time:.17g}" part="0" file={quoteattr(file)}/>' for time, file in entries]
+    lines = [f'<DataSet timestep="{time:.17g}" part="0" file="{escape(file)}"/>' for time, file in entries]
     _write_listing(path, "Collection", "", lines)
 
 

@@ -67,7 +67,7 @@ class Account:
     on_planes, levers : list or None
         Part of the reactions that is due to the elastic forces alone (see `ExplicitDynamics.elastic`): the force of each reflection plane
         on the body, and the sum of the outer products f (x) y of the forces f that the plane exerts at the places y, which gives the power
-        of a plane that turns. None until they are computed; `levers` stays None if no plane turns.
+        of a plane that turns. None until they are computed, and while no plane moves; `levers` stays None if no plane turns.
     last_break : int
         Step in which a bond last broke.
     outputs : int
@@ -147,7 +147,16 @@ class Bookkeeping:
         """Add work and damped energy to the account after a time step without a row in the history, if `every_step`."""
         if self.every_step:
             breaking = self.closes and self._integrator.steps - self.account.last_break < STEPS_PER_ROW
-            self.advance(self._run.loading.reactions(self._run.force, self._integrator.forces), evaluate=breaking or self._uneven())
+            moving = self._planes_move()
+            reactions = self._run.loading.reactions(self._run.force, self._integrator.forces, moving)
+            unknown = moving and self.account.on_planes is None
+            self.advance(reactions, breaking or unknown or self._uneven(), moving)
+
+    def _planes_move(self) -> bool:
+        """Return whether a reflection plane moves in the last step or the next; otherwise its reaction does no work in them."""
+        motion, time, step = self._motion, self.account.time, self._integrator.last_step
+        now, *others = (self._run.loading.plane_motions(motion.at(time + ahead)) for ahead in (0.0, -step, step))
+        return any((now != other).any() for other in others)
 
     def _uneven(self) -> bool:
         """Return whether supports change velocity within the retardation time by more than `LEAST_UNEVENNESS`, relatively."""
@@ -168,12 +177,13 @@ class Bookkeeping:
             return 0.5 * elapsed * (last.after + power.before)
         return 0.5 * elapsed * (last.now + power.now)
 
-    def advance(self, reactions: Reactions, evaluate: bool) -> None:
+    def advance(self, reactions: Reactions, evaluate: bool, of_planes: bool = True) -> None:
         """Add to the account the work of supports and loads, and the energy dissipated by damping, since the last call.
 
         `reactions` are those of the supports to the forces that move the points, which include viscosity. The energy dissipated by
         viscosity follows from the difference between these forces and the elastic forces: with `evaluate` the elastic forces are evaluated
-        at the present positions, otherwise `ExplicitDynamics.elastic` approximates them.
+        at the present positions, otherwise `ExplicitDynamics.elastic` approximates them. Without `of_planes` the planes do not move, and
+        their reactions, which do no work, are omitted.
         """
         run, account, integrator = self._run, self.account, self._integrator
         elapsed, held = account.time - account.rate_time, self._power_of_holders(reactions)
@@ -189,7 +199,7 @@ class Bookkeeping:
         damped, last = integrator.damped_power(), Power(*account.damped_power)
         if self.every_step and self._viscosity > 0:
             # Viscosity dissipates a part of the work of the holders as well.
-            elastic = self._power_of_holders(self._elastic_reactions(reactions, evaluate))
+            elastic = self._power_of_holders(self._elastic_reactions(reactions, evaluate, of_planes))
             damped = damped.plus(held).plus(elastic, -1.0)
         if self.closes and account.last_break == integrator.steps:
             # Bonds that broke in this step changed the power since the last step; until then it was constant.
@@ -199,7 +209,7 @@ class Bookkeeping:
         account.damped_energy += self._work_over(elapsed, last, damped)
         account.power, account.damped_power, account.rate_time = power, damped, account.time
 
-    def _elastic_reactions(self, held: Reactions, evaluated: bool) -> Reactions:
+    def _elastic_reactions(self, held: Reactions, evaluated: bool, of_planes: bool) -> Reactions:
         """Return the reactions of the supports to the elastic forces alone.
 
         They are exact if the elastic forces were just `evaluated`, else approximated from `held`, the reactions to all forces,
@@ -207,13 +217,14 @@ class Bookkeeping:
         """
         account, loading, on_points = self.account, self._run.loading, self._integrator.elastic_with_loads()
         if evaluated:
-            found = loading.reactions(self._run.force, on_points)
+            found = loading.reactions(self._run.force, on_points, of_planes)
         else:
             share = self._integrator.followed
-            planes = (account.on_planes, held.on_planes), (account.levers, held.levers)
-            on_planes, levers = (None if now is None else (1 - share) * np.reshape(old, now.shape) + share * now for old, now in planes)
-            found = loading.reactions_of(on_planes, levers, on_points)
-        account.on_planes, account.levers = found.on_planes.tolist(), None if found.levers is None else found.levers.tolist()
+            planes = [(account.on_planes, held.on_planes), (account.levers, held.levers)] if of_planes else []
+            followed = [None if now is None else (1 - share) * np.reshape(old, now.shape) + share * now for old, now in planes]
+            found = loading.reactions_of(*(followed or (held.on_planes, None)), on_points)
+        known = (found.on_planes, found.levers) if of_planes else (None, None)
+        account.on_planes, account.levers = (None if one is None else one.tolist() for one in known)
         return found
 
     def columns(self, kinetic: float, strain: float, first: bool) -> dict[str, float]:

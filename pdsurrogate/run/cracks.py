@@ -67,20 +67,20 @@ class Cracks:
         """
         run = self._run
         bonds, n, share = run.body.bonds, len(run.body), run.body.share
-        F = run.force.deformation_gradients()
-        ratio = F[:, 0, 0] * F[:, 1, 1] - F[:, 1, 0] * F[:, 0, 1] if F.shape[1] == 2 else np.linalg.det(F)
-        collapsed, crushed = np.flatnonzero(~(ratio > LEAST_RATIO)), run.force.collapsed_pairs()
+        if not run.state.crack["broken_bonds"]:
+            return np.empty(0, dtype=np.int64)
+        broken, lost, failed = np.flatnonzero(self._damage.broken), *np.zeros((2, len(run.body.all_points)), dtype=bool)
+        lost[bonds.first[broken]] = lost[bonds.second[broken]] = True
+        points = np.flatnonzero(lost[:n])
+        ratios = np.linalg.det(run.force.deformation_gradients()[points])
+        collapsed, crushed = points[~(ratios > LEAST_RATIO)], run.force.collapsed_pairs()
         if not share.any(len(collapsed) or len(crushed)):
             return collapsed
-        broken = np.flatnonzero(self._damage.broken)
-        failed = np.zeros(len(run.body.all_points), dtype=bool)
-        failed[np.intersect1d(collapsed, np.concatenate([bonds.first[broken], bonds.second[broken]]))] = True
+        failed[collapsed] = True
         run.body.ghosts.fill(failed)
         failing = failed[bonds.first] | failed[bonds.second]
         if share.any(len(crushed)):
             # A bond whose own gradient has collapsed is broken if one of its ends has lost other bonds.
-            lost = np.zeros(len(run.body.all_points), dtype=bool)
-            lost[bonds.first[broken]] = lost[bonds.second[broken]] = True
             run.body.ghosts.fill(lost)
             failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True
         pairs = np.flatnonzero(failing & ~self._damage.broken)

@@ -91,7 +91,7 @@ def component_columns(kind: str, values: dict[str, np.ndarray | list | float]) -
     return columns
 
 
-def output_row(run: Run, time: float | None = None, drive: float | None = None) -> dict:
+def output_row(run: Run, time: float | None = None, drive: float | None = None, costly: bool = True) -> dict:
     """Return the measurements at an output, a row of ``summary["levels"]``: stress, forces, moments, displacements, energy and probes.
 
     Parameters
@@ -102,6 +102,9 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
         Time since the dynamics began; None in equilibrium.
     drive : float, optional
         Sum of the magnitudes of the loads or of the reactions (`Equilibrium.drive`), by which the force balance is divided.
+    costly : bool
+        Whether to take the measurements that need stresses, or sums over all bonds of the body: the work-conjugate stress, moments,
+        stability, lateral contraction, cracks and probes.
     """
     reactions, declared = run.loading.reactions(run.loaded), run.problem.measures
     row: dict = {run.loading.parameter: run.state.parameter}
@@ -109,18 +112,15 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
         row["step"] = run.state.stage
     else:
         axis, stress = run.loading.course.axis, declared.nominal_stress
-        row |= {
-            "nominal_stress": stress.of(reactions.forces),
-            "nominal_stress_grip": stress.edge,
-            "nominal_stress_area": stress.area,
-            "nominal_stress_work_conjugate": float(run.body.share.total(run.force.mean_stress())[axis, axis]),
-        }
+        row |= {"nominal_stress": stress.of(reactions.forces), "nominal_stress_grip": stress.edge, "nominal_stress_area": stress.area}
+        if costly:
+            row["nominal_stress_work_conjugate"] = float(run.body.share.total(run.force.mean_stress())[axis, axis])
     if time is None:
         row["force_balance"] = force_balance(run, reactions, drive)
     else:
         row["time"] = time
     row["forces"] = {name: force.tolist() for name, force in forces_by_name(run, reactions).items()}
-    if declared.nominal_stress is None:
+    if declared.nominal_stress is None and costly:
         row["moments"] = moments_by_name(run, reactions)
     row["displacements"] = {name: displacement.tolist() for name, displacement in displacements_by_name(run).items()}
     if run.loads.obstacles:
@@ -130,7 +130,7 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
     if regions := getattr(run.loaded, "rigid", ()):
         internal = run.loading.internal_forces(run.force)
         row["rigid"] = {region.name: region.describe(run.positions, internal) for region in regions}
-    if time is None:
+    if time is None and costly:
         # A pull that rounding of the residual may show is no push.
         least = run.problem.scene.solver.tolerance * run.problem.law.shear_modulus * min(run.problem.measures.areas.values(), default=0.0)
         if run.loading.course.pushes(run.loaded, least):
@@ -138,9 +138,9 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
         if declared.lateral is not None:
             displacements, box = run.body.share.gather(run.positions - run.body.points), np.array(run.problem.scene.body.bounds())
             row |= run.ranks.to_all(None if displacements is None else _lateral(run.whole, displacements, declared.lateral, box))
-    if run.measures_cracks:
+    if run.measures_cracks and costly:
         row["cracks"] = crack_rows(run)
-    if len(run.probes):
+    if len(run.probes) and costly:
         row["probes"] = run.probes.read(measures.PointState(run.force, run.positions))
     for key, reference in declared.reference(run.state.parameter).items():
         if key in row:

@@ -3,7 +3,8 @@
 import copy
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -14,6 +15,7 @@ from ..body import Body, ReflectionPlane
 from ..body.body import Cells
 from ..engine.threads import threads_for
 from ..forces import ForceModel
+from ..forces.internal_force import numbers_in_place
 from ..problem import Problem, Stage, compile_scene
 from ..problem.materials import scene_errors
 from ..ranks import Communicator, communicator
@@ -21,6 +23,7 @@ from ..results import measures
 from ..results.contents import contents_of
 from ..results.states import Moment, States, StatesInFiles
 from ..scenes import Mesh, Scene
+from ..solvers.loads import LoadedForce
 from .checkpoints import Checkpoints, Record, State
 from .damage import Damage
 from .interruption import Interruption
@@ -190,6 +193,24 @@ class Run:
         other.force, other.loaded = other.problem.bind("float64")
         other.state = State(parameter, parameter)
         return other
+
+    @contextmanager
+    def lending_force(self, scene: Scene, models: Sequence[ForceModel], parameter: float) -> Iterator["Run"]:
+        """Provide a run as `beside` returns, which has the force of this run with other numbers until the end of a ``with`` block.
+
+        The run binds a force of its own if the points of the materials differ, as where a change makes two like materials different.
+        """
+        problem, numbers = self.problem.changed(scene, models), np.arange(len(self.body))
+        theirs, ours = ([numbers[portion.points].tolist() for portion in portions] for portions in (problem.portions, self.force.portions))
+        if theirs != ours:
+            yield self.beside(scene, models, parameter)
+            return
+        other = copy.copy(self)
+        other.problem, other.positions, other.state = problem, self.positions.copy(), State(parameter, parameter)
+        other.loading, other.loads = problem.loading, problem.loading.loads
+        other.loaded = LoadedForce(self.force, other.loads, other.loading.supports, self.loaded.rigid)
+        with numbers_in_place(self.force, [(portion.law, portion.model) for portion in problem.portions]):
+            yield other
 
     def break_again(self) -> None:
         """Remove all broken bonds of the run from its force again, after the force was bound to the body anew or a checkpoint was read."""

@@ -1,7 +1,9 @@
 """Sensitivities of an equilibrium (theory, section 23): derivatives of its measurements by parameters of the scene."""
 
+import copy
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,17 +23,25 @@ from ..scenes.problems import suggestion
 from ..scenes.reading import apply_change, leaves
 from ..solvers.equilibrium import NoEquilibrium
 from ..solvers.methods import Newton
-from ..solvers.tangent import TangentEquations
 from .rows import output_row
 from .run import Run, Silent
 
 PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
 """Keys of a scene below which numbers can be parameters of sensitivities: they change neither the points nor which of them are held."""
 
-STEP = 1e-6
-"""Change of a parameter, relative to its value or to the greatest number of its list in a law or array in a learned model, in central
-differences. Chosen: rounding then leaves relative errors of 1e-10 times K/mu, and curvature less, also where a support moves by this
-part of its displacement while the points beside it stay."""
+STEP, STEP_OF_LAWS = 1e-6, 1e-4
+"""Changes of parameters in central differences, relative to the value or to the greatest number of a list or an array; the second one of
+numbers of laws. Chosen: where a support moves by the first part of its displacement, while the points beside it stay, and where a number of
+a network far below the greatest one changes, curvature leaves relative errors below 1e-6, elsewhere below 1e-9. In numbers of laws, forces
+are linear or weakly curved: the second step leaves 2e-8 for an exponent of 5, and 1e-6 at nine tenths of the limit of a Gent law. Rounding
+leaves errors of 1e-12 times the forces over those that the number causes: K/mu for a bulk modulus, 1e4 for a term with 1e-4 of the
+stress."""
+
+LEAST_STEP = 1e-8
+"""Least change of the coefficient of a term, relative to the greatest one: rounding and curvature leave relative errors of this size."""
+
+QUICK = re.compile(r"(forces|places)\..*|nominal_stress|energy|probes\..+\.displacement\.\d")
+"""Names of measurements that `output_row` takes without the costly ones, and of those that need displacements alone."""
 
 BALANCED = 1e-10
 """Residual, in units of shear modulus / spacing, of the equilibrium whose derivatives are computed."""
@@ -40,8 +50,8 @@ SOLVED = 5e-8
 """Permitted relative residual of the linear equations for the displacements: some five times the error of products of the tangent, which
 are differences of forces."""
 
-ROUNDED = 1e-9
-"""Norm of the rounding errors in the derivatives of the forces, divided by the norm of the forces over the value of the parameter."""
+ROUNDED = 1e-15
+"""Norm of the rounding errors of forces, divided by the norm of the forces."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +75,31 @@ class Jacobian:
     derivatives: np.ndarray
     displacements: np.ndarray
     moved: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class _Change:
+    """Rates with which a parameter changes an equilibrium while the free components do not move.
+
+    Attributes
+    ----------
+    name : str
+        Name of the parameter.
+    moved : ndarray, shape (n, d)
+        Derivative of the displacements of held parts.
+    forces : ndarray, shape (n, d)
+        Derivative of the forces.
+    measured : ndarray, shape (measurements,)
+        Derivatives of the measurements.
+    rounding : float
+        Norm of the rounding errors of `forces`.
+    """
+
+    name: str
+    moved: np.ndarray
+    forces: np.ndarray
+    measured: np.ndarray
+    rounding: float
 
 
 class Differentiated:
@@ -128,68 +163,99 @@ class Differentiated:
         """
         with thread_count(None), threadpool_limits(1, user_api="blas"):
             run, loading = self.run, self.run.loading
-            run.positions[:], run.state.parameter = run.body.points + displacements, at
-            loading.apply(at, run.loaded, run.positions)
+            run.state.parameter = at
+            _place(run, run.body.points + displacements)
             solver = Newton(loading.free, run.body.volumes, BALANCED)
             solver.solve(run.loaded, run.positions)
             measured = self.measured(run.positions)
             names = [*_named(outputs, measured), *(name for name in measured if name.startswith("places."))]
             gradients = self._gradients(names) if 0 < len(names) < len(parameters) else None
-            equations = TangentEquations(run.loaded, run.positions, loading.free, solver.preconditioner(run.loaded))
-            adjoint = gradients and [equations.displacements(each, SOLVED) for each in gradients]
-            columns = [self._derivatives(equations, names, adjoint, name) for name in parameters]
-        derivatives = np.array([column for column, _ in columns]).reshape(len(parameters), len(names)).T
-        moved = None if adjoint else np.array([moved for _, moved in columns]).reshape(len(parameters), *run.positions.shape)
+            changes = [self._changes(name, names if gradients else ()) for name in parameters]
+            _place(run, run.positions)
+            equations = solver.equations(run.loaded, run.positions)
+            if gradients:
+                # The reactions of all supports change together if all free points move alike.
+                equations.learn(np.broadcast_to(axis, run.positions.shape) for axis in np.eye(run.body.dimension))
+                adjoint = [loading.free * equations.displacements(each, SOLVED) for each in gradients]
+                columns = [change.measured + [np.vdot(each, change.forces) for each in adjoint] for change in changes]
+                moved = None
+            else:
+                moved = np.empty((len(parameters), *run.positions.shape))
+                for change, u in zip(changes, moved, strict=True):
+                    u[:] = change.moved + equations.displacements(change.forces, SOLVED, change.rounding)
+                columns = [self._along(change, u, names) for change, u in zip(changes, moved, strict=True)]
+        derivatives = np.array(columns).reshape(len(parameters), len(names)).T
         values = np.array([measured[name] for name in names])
         return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved)
 
     def measured(self, positions: np.ndarray) -> dict[str, float]:
         """Return the measurements at given positions (n, d), by dotted key, with the displacements at `places` as the last ones."""
         _forces(self.run, positions)
-        found = {key: value for key, value in leaves(output_row(self.run)) if isinstance(value, float)}
-        moved = [rows @ (positions - self.run.body.points)[:, axis] for axis, rows in enumerate(self.at_places)]
+        return self._read()
+
+    def _read(self, costly: bool = True) -> dict[str, float]:
+        """Return the measurements where the force was last evaluated, see `measured`; `costly` as for `output_row`."""
+        run, displacements = self.run, self.run.positions - self.run.body.points
+        row = {"probes": run.probes.displacements(displacements)} | output_row(run, costly=costly)
+        found = {key: value for key, value in leaves(row) if isinstance(value, float)}
+        moved = [rows @ displacements[:, axis] for axis, rows in enumerate(self.at_places)]
         return found | {
             f"places.{place}.{axis}": float(u) for place, each in enumerate(zip(*moved, strict=True)) for axis, u in enumerate(each)
         }
 
-    def _derivatives(
-        self, equations: TangentEquations, names: Sequence[str], adjoint: list[np.ndarray] | None, name: str
-    ) -> tuple[np.ndarray, np.ndarray | None]:
-        """Return the derivatives of the named measurements by one parameter, and those of the displacements, shape (n, d).
-
-        With the solutions `adjoint` of the adjoint equations of all measurements, the displacements are not solved for.
-        """
-        run, positions = self.run, self.run.positions
+    def _changes(self, name: str, names: Sequence[str]) -> "_Change":
+        """Return what a change of one parameter does while free components do not move; `names` are the measurements to take."""
         value, step = self._step(name)
-        sides = [self._beside(name, value + change) for change in (step, -step)]
-        (ahead, forces), (behind, opposite) = (_forces(side.run, positions) for side in sides)
-        moved, rate = (ahead - behind) / (2 * step), (forces - opposite) / (2 * step)
-        if adjoint is None:
-            moved += equations.displacements(rate, SOLVED, ROUNDED * float(np.linalg.norm(forces)) * STEP / step)
-        after, before = (side.measured(positions + change * moved) for side, change in zip(sides, (step, -step), strict=True))
-        found = np.array([(after.get(key, np.nan) - before.get(key, np.nan)) / (2 * step) for key in names])
-        if adjoint is None:
-            return found, moved
-        return found + [float(np.vdot(each, run.loading.free * rate)) for each in adjoint], None
+        states = []
+        for change in (step, -step):
+            with self._beside(name, value + change) as side:
+                states.append((*_forces(side.run, self.run.positions), side.values_of(names)))
+        moved, rate, measured = ((after - before) / (2 * step) for after, before in zip(*states, strict=True))
+        return _Change(name, moved, rate, measured, ROUNDED * float(np.linalg.norm(states[0][1])) / step)
+
+    def _along(self, change: "_Change", moved: np.ndarray, names: Sequence[str]) -> np.ndarray:
+        """Return the derivatives of measurements by a parameter with which the points move by `moved` (n, d)."""
+        (value, step), found = self._step(change.name), []
+        for way in (step, -step):
+            with self._beside(change.name, value + way) as side:
+                _forces(side.run, self.run.positions + way * moved)
+                found.append(side.values_of(names))
+        return (found[0] - found[1]) / (2 * step)
+
+    def values_of(self, names: Sequence[str]) -> np.ndarray:
+        """Return the named measurements where the force was last evaluated; NaN for one that there is not."""
+        costly = not all(QUICK.fullmatch(name) for name in names)
+        measured = self._read(costly) if names else {}
+        return np.array([measured.get(name, np.nan) for name in names])
 
     def _step(self, name: str) -> tuple[float, float]:
-        """Return the value of a parameter, and its change in central differences."""
+        """Return the middle of the values of a parameter in central differences, and the change from it.
+
+        The middle is the value of the parameter. Coefficients of the terms of an energy keep their sign: if half of one is less than the
+        least change, the middle lies beside it by this change.
+        """
         run, array = self.run, array_of(name, self.run.problem.models)
         value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
         owner, _, last = name.rpartition(".")
         scale = abs(value) if array is None else float(np.abs(array).max())
         if array is None and owner.startswith("material") and last.isdigit():
-            # Coefficients of the terms of an energy may be small parts of the greatest one.
             scale = max(abs(number) for key, number in self.numbers.items() if key.rpartition(".")[0] == owner)
-        return value, STEP * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
+            step = min(STEP_OF_LAWS * scale, max(LEAST_STEP * scale, abs(value) / 2))
+            return value + (np.copysign(step, value) if step > abs(value) / 2 else 0.0), step
+        change = STEP_OF_LAWS if array is None and owner.endswith("material") else STEP
+        return value, change * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
 
-    def _beside(self, name: str, value: float) -> "Differentiated":
-        """Return the scene with another value of one parameter, or of the loading parameter."""
-        if name != self.run.loading.parameter:
-            return self.changed({name: value})
-        other = self.changed({})
-        other.run.state.parameter = value
-        return other
+    @contextmanager
+    def _beside(self, name: str, value: float) -> Iterator["Differentiated"]:
+        """Provide the scene with another value of one parameter, or of the loading parameter, with the force of this one in the block."""
+        run, (scene, models), at = self.run, (self.run.problem.scene, self.run.problem.models), self.run.state.parameter
+        if name == run.loading.parameter:
+            at = value
+        else:
+            scene, models = with_numbers(scene, models, {name: value})
+        other = copy.copy(self)
+        with run.lending_force(scene, models, at) as other.run:
+            yield other
 
     def _gradients(self, names: Sequence[str]) -> list[np.ndarray] | None:
         """Return the derivatives (n, d) of measurements by the positions of free components.
@@ -239,7 +305,7 @@ class Differentiated:
             moved[points[chosen], axes[chosen]] += change
             for part in loading.held:
                 if part.plane is not None and part.holder == holder and axis in part.components:
-                    motion = loading.plane_motions(run.state.parameter)[part.plane]
+                    motion = loading.plane_motions(run.state.parameter)[part.plane].copy()
                     motion[axis, -1] += change
                     run.loaded.move_plane(part.plane, motion[:, -1])
             run.loaded(moved, forces)
@@ -352,18 +418,28 @@ def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str
 
 def _forces(run: Run, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return positions with the supports of a run in their places, and the forces there; the run is at these positions then."""
-    run.positions[:] = positions
-    run.loading.apply(run.state.parameter, run.loaded, run.positions)
+    _place(run, positions)
     forces = np.empty_like(positions)
     run.loaded(run.positions, forces)
     return run.positions.copy(), forces
 
 
+def _place(run: Run, positions: np.ndarray) -> None:
+    """Bring a run to given positions, with its supports and loads in their places."""
+    run.positions[:] = positions
+    run.loading.apply(run.state.parameter, run.loaded, run.positions)
+
+
 def _named(outputs: Sequence[str], measured: dict[str, float]) -> list[str]:
-    """Return the names of all measurements that `outputs` names, each with all below it; raise ValueError for one that there is not."""
+    """Return the names of all measurements that `outputs` names, each with all below it; raise ValueError for one that there is not.
+
+    ``"probes.tip.u2"`` names the same measurement as ``"probes.tip.displacement.1"``.
+    """
     found: list[str] = []
     for output in outputs:
-        below = [name for name in measured if name == output or name.startswith(f"{output}.")]
+        component = re.fullmatch(r"(probes\..+)\.u([123])", output)
+        key = f"{component[1]}.displacement.{int(component[2]) - 1}" if component else output
+        below = [name for name in measured if name == key or name.startswith(f"{key}.")]
         if not below:
             raise ValueError(f"outputs: the result has no {output!r}; {suggestion(output, measured)}")
         found += below

@@ -112,7 +112,7 @@ UNDER_WAY = "the run is under way, or was ended from without"
 ADVICE = {
     NotConverged: "increase solver.most_evaluations, decrease solver.largest_increment, or use another solver.method",
     Diverging: "use another solver.method",
-    TooSmall: "apply larger strains and scale the results, or use precision=float64 instead of float32",
+    TooSmall: "apply larger strains and scale the results",
     Unbalanced: "use a smaller solver.tolerance; for bond forces where two edges held by reflection meet, use force=bond-energy, "
     "support=points or a smaller spacing",
     TooFar: "use a smaller steps.largest_increment, or more outputs",
@@ -442,7 +442,7 @@ def _advice(run: Run, error: Exception) -> list[str]:
         return []
     moving = run.stages[run.state.stage].inertia is not None and run.state.steps > 0
     advice = [DYNAMICS_ADVICE] if moving else [text for kind, text in ADVICE.items() if type(error) is kind]
-    single = isinstance(error, NotConverged | Unstable) and run.force.precision == "float32"
+    single = isinstance(error, NotConverged | Unstable | TooSmall) and run.force.precision == "float32"
     return [*advice, SINGLE_ADVICE] if single else advice
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..forces import InvalidState
 from ..problem import Stage
+from ..problem.conditions import MOST_STEPS
 from ..results.checkpoint import Checkpoint
 from ..solvers.dynamics import ExplicitDynamics
 from ..solvers.equilibrium import Diverging
@@ -17,9 +18,6 @@ from .cracks import Cracks
 from .interruption import Interrupted
 from .rows import component_columns, crack_rows, forces_by_name, moments_by_name, output_row, place_columns, state_columns
 from .run import Run
-
-MOST_STEPS = 1e9
-"""Maximum number of steps of a stage: more would run for weeks even on the smallest body, and indicate wrong units of density or rate."""
 
 CRACK_VISCOSITY = 0.7
 """Default viscosity (retardation time) of scenes with fracture, in units of the spacing divided by the speed of shear waves.

@@ -380,7 +380,8 @@ class Scene(StrictModel):
         Title of tables and figures.
     spacing : float
         Distance between neighboring points, which is the side of their cells. If it does not divide a side of the body, the cells have the
-        nearest side that does. A mesh defines its own spacing, so that this key is optional. Unit: length.
+        nearest side that does; a spacing from which it differs by more than 10 % is an error. A mesh defines its own spacing, so that this
+        key is optional. Unit: length.
     stretches : float or list of float
         Stretches that the grips reach in equilibrium, in this order; a stretch is the distance of the grips divided by their undeformed
         distance. A single number means a list with this number. Unit: none.

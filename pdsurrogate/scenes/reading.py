@@ -121,6 +121,9 @@ def parse_change(change: str) -> tuple[str, Any]:
             return key, tomllib.loads(f"value = {candidate}")["value"]
         except (tomllib.TOMLDecodeError, RecursionError):
             continue
+    if value[0] in "{[":
+        needs = "text inside a table or list needs quotes, and numbers a digit before the point"
+        raise SceneError(f"{key}: {value} is not valid TOML; {needs}")
     return key, [item.strip() for item in value.split(",")] if "," in value else value
 
 

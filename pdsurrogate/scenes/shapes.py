@@ -6,7 +6,6 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import scipy
-import shapely
 from pydantic import BeforeValidator, Field
 
 from ..kernels.polygons import encloses
@@ -329,6 +328,8 @@ def nearest_on_sphere(places: np.ndarray, center: np.ndarray, radius: float) -> 
 
 def _nearest_on_sides(places: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the points of a polygon nearest to places, shape (k, 2), and the curvature of its sides, zeros of shape (k, 1)."""
+    import shapely  # here, because few bodies need it
+
     sides = shapely.linearrings(corners)
     feet = shapely.line_interpolate_point(sides, shapely.line_locate_point(sides, shapely.points(places)))
     return shapely.get_coordinates(feet), np.zeros((len(places), 1))
@@ -348,6 +349,8 @@ def _crossing(corners: np.ndarray) -> str | None:
     Sides may touch, and may run back along each other, as the two sides do that connect an inner opening with the outer outline. The
     outline divides the plane into faces. It is valid if it winds around every face 0 or 1 times (0 or -1 times if it is clockwise).
     """
+    import shapely  # here, because few bodies need it
+
     extent = float(np.ptp(corners, axis=0).max())
     windings = {}
     for face in shapely.polygonize([shapely.node(shapely.linearrings(corners))]).geoms:

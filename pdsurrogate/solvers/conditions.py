@@ -1,7 +1,8 @@
 """Boundary conditions of a body: held points and reflection planes, their positions along the loading, and the reaction forces."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from .rigid import displaced, moment_of
 ONE_SIDED = 0.1
 """Distance along a reflection plane, divided by the horizon, between a point and the mean position of its neighbors, beyond which the
 point counts as next to a free side. The distance is 0 for a full horizon, and 0.4 horizons for half of one."""
+
+MOST_MOTIONS = 8
+"""Number of values of the loading parameter at which `Loading` keeps the motions of all held parts. A step of dynamics asks
+some twenty times for the motions at four values."""
 
 ON_A_PLANE = 1e-6
 """Distance from a reflection plane, in spacings, within which a point counts as lying in the plane. Chosen above the rounding of
@@ -117,6 +122,7 @@ class Loading:
         self.there = self.point[self.at_points], self.component[self.at_points]
         self.free = np.ones((len(body), body.dimension))
         self.free[self.there] = 0
+        self._motions = lru_cache(maxsize=MOST_MOTIONS)(partial(_motions_at, held, len(planes), (self.part, self.component, self.place)))
 
     def pieces(self, intact: np.ndarray | None = None) -> tuple[int, np.ndarray]:
         """Return the number of connected pieces of the body, and the number of the piece of every point; bonds to images do not connect.
@@ -135,24 +141,20 @@ class Loading:
         return f"t = {parameter:g}" if self.parameter == "t" else f"{self.parameter} {parameter:g}"
 
     def moves(self, parameter: float, places: np.ndarray | None = None) -> np.ndarray:
-        """Return the prescribed displacements of all k held components at a value of the loading parameter, shape (k,).
+        """Return the prescribed displacements of all k held components at a value of the loading parameter, shape (k,), not to be changed.
 
         They are the displacements of the held places or, if given, of other `places` (k, d) of the undeformed body in the same motions.
         """
-        dimension = self.body.dimension
-        motions = np.array([part.motion(parameter) for part in self.held]).reshape(-1, dimension, dimension + 1)
-        rows = motions[self.part, self.component]
-        return (rows[:, :-1] * (self.place if places is None else places)).sum(axis=1) + rows[:, -1]
+        motions = self._motions(parameter)
+        return motions.moves if places is None else _moves(motions.of_parts, self.part, self.component, places)
 
     def plane_motions(self, parameter: float) -> np.ndarray:
         """Return the motions of all reflection planes at a value of the loading parameter, shape (planes, d, d + 1).
 
-        A motion is the matrix [Q - I, c] of a rotation Q and a translation c (see `Held`), with 0 in free components.
+        A motion is the matrix [Q - I, c] of a rotation Q and a translation c (see `Held`), with 0 in free components. The array is not to
+        be changed.
         """
-        found = np.zeros((len(self.planes), self.body.dimension, self.body.dimension + 1))
-        for part in self._of_planes:
-            found[part.plane, part.components] = part.motion(parameter)[list(part.components)]
-        return found
+        return self._motions(parameter).of_planes
 
     def at_rest(self, parameter: float) -> bool:
         """Return whether all held parts are in their undeformed places and all loads are zero, at a value of the loading parameter."""
@@ -244,7 +246,7 @@ class Loading:
         middle = np.average(arms, axis=0, weights=self.body.all_volumes[neighbors])
         return bool(np.linalg.norm(np.delete(middle, axis)) > ONE_SIDED * self.body.horizon)
 
-    def reactions(self, force: InternalForce, on_points: np.ndarray | None = None) -> Reactions:
+    def reactions(self, force: InternalForce, on_points: np.ndarray | None = None, of_planes: bool = True) -> Reactions:
         """Return the reaction forces of all supports on the body in the state last evaluated.
 
         The reaction at a held point balances the internal force and the loads there.  The reaction of a reflection plane is the force that
@@ -257,14 +259,19 @@ class Loading:
         force : InternalForce
         on_points : ndarray, shape (n, d), optional
             Internal force and loads on every point in that state; by default summed from the forces of all pairs.
+        of_planes : bool
+            Whether the reactions of planes are computed; otherwise they are 0.
         """
-        bonds, planes, shares = self.crossing
-        crossing, on_planes = force.pair_forces(bonds), np.zeros(self.plane_components.shape)
-        np.add.at(on_planes, planes, crossing * shares)
-        levers = self._share.total(self._levers_on_planes(force, crossing)) if self.turning else None
+        on_planes, levers = np.zeros(self.plane_components.shape), None
+        if of_planes:
+            bonds, planes, shares = self.crossing
+            crossing = force.pair_forces(bonds)
+            np.add.at(on_planes, planes, crossing * shares)
+            on_planes, levers = self._share.total(on_planes), self._levers_on_planes(force, crossing) if self.turning else None
+            levers = None if levers is None else self._share.total(levers)
         if on_points is None and self._of_points:
             on_points = self._on_points(force)
-        return self.reactions_of(self._share.total(on_planes), levers, on_points)
+        return self.reactions_of(on_planes, levers, on_points)
 
     def reactions_of(self, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None) -> Reactions:
         """Return the reactions from the forces and levers of planes (see `Reactions`), and internal force plus loads on points (n, d)."""
@@ -292,7 +299,7 @@ class Loading:
         """
         levers = np.zeros((len(self.names), self.body.dimension, self.body.dimension))
         if len(self.crossing[0]):
-            self._add_planes(levers, self._levers_on_planes(force, force.pair_forces(self.crossing[0])))
+            self._add_planes(levers, self._levers_on_planes(force))
         if reactions.at_points is not None:
             holder, point, component = self.counted
             np.add.at(levers, (holder, component), reactions.at_points[point, component, None] * force.positions[point])
@@ -303,17 +310,17 @@ class Loading:
         for part in self._of_planes:
             of_holders[part.holder, part.components] += of_planes[part.plane, part.components]
 
-    def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
+    def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray | None = None) -> np.ndarray:
         """Return the first moments of the forces of planes (`Reactions.levers`), sums of outer products f (x) y, shape (planes, d, d).
 
-        If `force` has an energy, it provides these sums. Otherwise f are the forces of the k bonds that cross planes, `crossing` (k, d),
-        and y the middles of these bonds.
+        If `force` has an energy, it provides these sums. Otherwise f are the forces of the k bonds that cross planes, `crossing` (k, d), by
+        default computed here, and y the middles of these bonds.
         """
         levers = force.levers_on_planes()
         if levers is not None:
             return levers
         bonds, planes, shares = self.crossing
-        pulls, ends = crossing * shares, self.body.bonds
+        pulls, ends = (force.pair_forces(bonds) if crossing is None else crossing) * shares, self.body.bonds
         middles = (force.positions[ends.first[bonds]] + force.positions[ends.second[bonds]]) / 2
         levers = np.zeros((len(self.planes), self.body.dimension, self.body.dimension))
         np.add.at(levers, planes, pulls[:, :, None] * middles[:, None])
@@ -404,3 +411,31 @@ class Loading:
                 points = points[np.abs(depths) < (self.body.cell.max() if plane.axis is None else self.body.cell[plane.axis])]
             near.append(points[self._share.own[points]])
         return self._by_holder(near)
+
+
+class _Motions(NamedTuple):
+    """Motions of all held parts (parts, d, d + 1) and of all planes (planes, d, d + 1), and `Loading.moves`, at one time."""
+
+    of_parts: np.ndarray
+    of_planes: np.ndarray
+    moves: np.ndarray
+
+
+def _motions_at(held: list[Held], planes: int, components: tuple[np.ndarray, ...], parameter: float) -> _Motions:
+    """Return the motions of held parts and planes, and the moves of the table of held `components`, at a value of the parameter."""
+    dimension = components[-1].shape[1]
+    motions = np.array([part.motion(parameter) for part in held]).reshape(-1, dimension, dimension + 1)
+    of_planes = np.zeros((planes, dimension, dimension + 1))
+    for part, motion in zip(held, motions, strict=True):
+        if part.plane is not None:
+            of_planes[part.plane, part.components] = motion[list(part.components)]
+    found = _Motions(motions, of_planes, _moves(motions, *components))
+    for array in found:
+        array.flags.writeable = False
+    return found
+
+
+def _moves(motions: np.ndarray, parts: np.ndarray, components: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the displacements (k,) of `components` (k,) of `places` (k, d) of the undeformed body, each in the motion of a part."""
+    rows = motions[parts, components]
+    return (rows[:, :-1] * places).sum(axis=1) + rows[:, -1]

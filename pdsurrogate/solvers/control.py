@@ -1,5 +1,7 @@
 """Equilibrium at a prescribed displacement of a place, with the factor of the loads as a further unknown (theory, section 27)."""
 
+from __future__ import annotations
+
 from contextlib import suppress
 
 import numpy as np

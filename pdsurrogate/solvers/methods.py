@@ -17,6 +17,7 @@ from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooSmall, check_growth, falls, no_report, window_of
 from .nearest_bonds import strain_of_step
+from .preconditioner import with_short_displacements
 from .stability import FrequencyEstimate
 from .tangent import TangentEquations
 
@@ -376,11 +377,23 @@ class Newton(EquilibriumSolver):
     def __init__(self, *settings) -> None:
         super().__init__(*settings)
         self._first = Automatic(*settings)
+        self._equations: TangentEquations | None = None
 
     def preconditioner(self, force):
         return self._first.preconditioner(force)
 
+    def equations(self, force: InternalForce, positions: np.ndarray) -> TangentEquations:
+        """Return the equations of the tangent at the equilibrium found, with the directions of the last iteration."""
+        if self._equations is None:
+            return self._equations_at(force, positions)
+        self._equations.move(positions)
+        return self._equations
+
+    def _equations_at(self, force: InternalForce, positions: np.ndarray) -> TangentEquations:
+        return TangentEquations(force, positions, self.free, with_short_displacements(self.preconditioner(force), force, self.free))
+
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
+        self._equations = None
         tolerance, began = tolerance or self.tolerance, force.evaluations
         found = self._first.solve(force, positions, max(tolerance, self.START), report, least_drive)
         if tolerance >= self.START:
@@ -392,8 +405,8 @@ class Newton(EquilibriumSolver):
         for _ in range(self.MOST):
             if settled:
                 return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
-            equations = TangentEquations(force, positions, self.free, self.preconditioner(force))
-            step, before = equations.displacements(forces, self.SHARE_LEFT), residual
+            self._equations = self._equations_at(force, positions)
+            step, before = self._equations.displacements(forces, self.SHARE_LEFT), residual
             try:
                 self.evaluate(force, positions + step, forces)
             except InvalidState as error:

@@ -56,6 +56,10 @@ MOST_FACTORIZED = {2: 300_000, 3: 5_000}
 """Greatest number of points, by dimension, for which a Laplacian is factorized; multigrid replaces larger factors, which fill in. Chosen:
 entries grow as n log n in the plane, and as n^(4/3) in three dimensions."""
 
+MOST_DENSE = 800
+"""Greatest number of rows of a stiffness matrix that is stored and inverted as a dense array. Chosen: this takes some 20 ms and 10 MB; to
+load SciPy's sparse solvers, which larger matrices need, takes 200 ms and 30 MB."""
+
 STIFFENED = 9.0
 """Increase of the stiffness of a spring at a point with corrected gradients, divided by the squared component of its mean bond along the
 spring: corrections amplify motions that alternate from layer to layer. The mean bond is 0.37 of the mean length at a flat face, whose
@@ -185,9 +189,10 @@ class NearestBonds:
             forces += (self._excess * np.einsum("bi,bi->b", self._along, changes))[:, None] * self._along
         return sums_at_points(len(self.body), self.first, self.second, forces, -1)
 
-    def matrix(self, rigid: np.ndarray | None = None) -> scipy.sparse.csc_array:
+    def matrix(self, rigid: np.ndarray | None = None) -> np.ndarray | scipy.sparse.sparray:
         """Return the stiffness matrix of all components, held or free, shape (d n, d n), with the components of a point in sequence.
 
+        It is a dense array for at most `MOST_DENSE` rows, and sparse for more, as are the matrices of `systems`.
         Springs between two points that are True in `rigid`, shape (n,), are omitted.
         """
         d = self.body.dimension
@@ -197,10 +202,9 @@ class NearestBonds:
         rows, columns, values = self._entries(blocks, self._parity()[:, None])
         rows, columns = d * rows[:, None, None] + np.arange(d)[:, None], d * columns[:, None, None] + np.arange(d)
         places = [np.broadcast_to(numbers, values.shape).ravel() for numbers in (rows, columns)]
-        matrix = scipy.sparse.coo_array((values.ravel(), places), shape=(d * len(self.body),) * 2).tocsc()
-        return (matrix + matrix.T) / 2
+        return _symmetric(d * len(self.body), *places, values.ravel())
 
-    def systems(self, free: np.ndarray) -> list[tuple[list[int], scipy.sparse.sparray]]:
+    def systems(self, free: np.ndarray) -> list[tuple[list[int], np.ndarray | scipy.sparse.sparray]]:
         """Return the stiffness matrix in parts that are not coupled, as pairs of component numbers and the matrix of these components.
 
         A network with `coupled` components has one part, with all components in one `matrix`. Otherwise a part consists of the components
@@ -211,9 +215,8 @@ class NearestBonds:
         if self.coupled:
             return [(list(range(self.body.dimension)), self.matrix())]
         for components in self._alike(free):
-            rows, columns, values = self._entries(self._across, self._parity()[:, components[0]])
-            matrix = scipy.sparse.csr_array((values, (rows, columns)), shape=(len(self.body),) * 2)
-            found.append((components, (matrix + matrix.T) / 2))
+            entries = self._entries(self._across, self._parity()[:, components[0]])
+            found.append((components, _symmetric(len(self.body), *entries)))
         return found
 
     def _alike(self, free: np.ndarray) -> list[list[int]]:
@@ -282,13 +285,28 @@ def laplacian_of(body: Body, shear_moduli: float | np.ndarray, corrected: np.nda
     return NearestBonds(body, shear_moduli, RAISED, RAISED, corrected=corrected)
 
 
-def held_matrix(matrix: scipy.sparse.sparray, free: np.ndarray, mean: float | None = None) -> scipy.sparse.sparray:
+def _symmetric(size: int, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> np.ndarray | scipy.sparse.sparray:
+    """Return the symmetric part of the square matrix that is the sum of the given entries."""
+    if size <= MOST_DENSE:
+        matrix = np.bincount(rows * size + columns, values, size * size).reshape(size, size)
+    else:
+        matrix = scipy.sparse.csr_array((values, (rows, columns)), shape=(size, size))
+    return (matrix + matrix.T) / 2
+
+
+def held_matrix(
+    matrix: np.ndarray | scipy.sparse.sparray, free: np.ndarray, mean: float | None = None
+) -> np.ndarray | scipy.sparse.sparray:
     """Return a stiffness matrix with held components, where `free` is 0, decoupled, and with `SHIFT` added to the diagonal.
 
     `mean` is the mean of the diagonal in the whole body, by default that of the matrix.
     """
-    keep, mean = scipy.sparse.diags_array(free), mean or matrix.diagonal().mean()
-    return keep @ matrix @ keep + scipy.sparse.diags_array(SHIFT * mean * free + mean * (1 - free))
+    mean = mean or matrix.diagonal().mean()
+    diagonal = SHIFT * mean * free + mean * (1 - free)
+    if isinstance(matrix, np.ndarray):
+        return matrix * free * free[:, None] + np.diag(diagonal)
+    keep = scipy.sparse.diags_array(free)
+    return keep @ matrix @ keep + scipy.sparse.diags_array(diagonal)
 
 
 def by_systems(systems: list[tuple[list[int], int, Operator]], values: np.ndarray) -> np.ndarray:
@@ -333,6 +351,9 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
         system = held_matrix(matrix, column)
         if count == len(body) > MOST_FACTORIZED[body.dimension]:
             inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components), network.relaxation).cycle
+        elif isinstance(system, np.ndarray):
+            inverted = np.linalg.inv(system)
+            inverse = ((inverted + inverted.T) / 2).__matmul__
         else:
             inverse = factor_of(system).solve
         inverses.append((components, count, inverse))
@@ -377,7 +398,7 @@ def _inverse_by_multigrid(network: NearestBonds, free: np.ndarray) -> Operator:
     balanced = drift_remover(body, around)
     for components, matrix in network.systems(around):
         column = around[:, components[0]]
-        system = held_matrix(matrix, column, share.sum(matrix.diagonal()) / share.size).tocsr()
+        system = scipy.sparse.csr_array(held_matrix(matrix, column, share.sum(matrix.diagonal()) / share.size))
         cycle = SharedMultigrid(system, body.points, body.spacing, column > 0, len(components), network.relaxation, share).cycle
         inverses.append((components, len(body), cycle))
     return lambda forces: balanced(by_systems(inverses, balanced(forces * free))) * free
@@ -448,17 +469,22 @@ def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
     return whole[share.numbers] * free
 
 
-def bond_stretches(body: Body, positions: np.ndarray) -> np.ndarray:
-    """Return the stretches, deformed length divided by undeformed length, of all bonds between local points at positions (n, d)."""
-    within = body.bonds.second < len(body)
-    first, second = body.bonds.first[within], body.bonds.second[within]
+def bond_stretches(body: Body, positions: np.ndarray, pairs: slice = slice(None)) -> np.ndarray:
+    """Return the stretches, deformed length divided by undeformed length, of bonds between local points at positions (n, d).
+
+    `pairs` chooses among all pairs of the body, of which those with a ghost are omitted.
+    """
+    first, second = body.bonds.first[pairs], body.bonds.second[pairs]
+    within = second < len(body)
+    first, second = first[within], second[within]
     deformed, at_rest = (np.linalg.norm(places[second] - places[first], axis=1) for places in (positions, body.points))
     return deformed / at_rest
 
 
 def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
     """Return the greatest change of length of a local bond from positions `before` to `after`, divided by its undeformed length."""
-    return float(np.abs(bond_stretches(body, after) - bond_stretches(body, before)).max())
+    changes = (bond_stretches(body, after, part) - bond_stretches(body, before, part) for part in body.bonds.slabs())
+    return float(np.max([np.abs(change).max(initial=0.0) for change in changes]))
 
 
 def strain_of_step(body: Body, step: np.ndarray) -> float:

@@ -209,7 +209,7 @@ def inverse_with_regions(network: NearestBonds, free: np.ndarray, regions: Seque
         motions_free.append(np.full(own.shape[-1], float(region.free_motions(own).any())))
     by_motion = scipy.sparse.hstack([scipy.sparse.diags_array(np.repeat(1.0 - inside, d)), *columns], format="csr")
     column = np.concatenate([kept.ravel(), *motions_free])
-    matrix = by_motion.T @ network.matrix(inside) @ by_motion
+    matrix = by_motion.T @ scipy.sparse.csc_array(network.matrix(inside)) @ by_motion
     factor = factor_of(held_matrix(matrix.tocsc(), column))
 
     def solve(forces: np.ndarray) -> np.ndarray:

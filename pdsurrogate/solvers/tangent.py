@@ -1,10 +1,13 @@
 """Linear equations of the tangent of a force: the displacements that small changes of the forces cause."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from ..forces import InternalForce
 from .equilibrium import NotConverged
 from .nearest_bonds import Preconditioner
+from .preconditioner import stiffness_of_nearest_bonds
 
 MOST_PRODUCTS = 600
 """Greatest number of products of the tangent in one solution; some tens are usual."""
@@ -16,17 +19,29 @@ their relative errors, by rounding and curvature together, are then some 1e-7 in
 REDUCED = 1e-5
 """Reduction of the residual by such products, after which it is computed anew from central differences."""
 
+UNSURE = 1e-3
+"""Relative error of such products up to which the residual at the end need not be computed anew, hundreds of times the usual error."""
+
+FREELY = 1e-6
+"""Forces on a body that moves freely, divided by those that its bonds cause at displacements that alternate from point to point. Chosen:
+rounding of differences leaves some 1e-9."""
+
+LOST = 0.1
+"""Share of a vector that is left after the components along others are subtracted, below which rounding requires to do so again."""
+
 LEFT_BY_ROUNDING = 1e-5
 """Greatest relative residual at which a solution that further products do not improve is accepted. Where a body is soft, as when it is
 slender or near a limit load, forces cause large displacements, whose products have rounding errors of more than the aim: 2e-7 to 1e-6 of
 the forces for a ring near its greatest pressure. The residual in the soft mode is about the relative error of the displacements."""
 
-MEMORY, LEAST_KEPT, MOST_KEPT = 2.5e8, 40, 200
-"""Bytes of the directions kept from one solution for the next, and least and greatest number of these directions."""
+MEMORY, LEAST_KEPT, MOST_KEPT = 4e7, 100, 200
+"""Bytes of the directions kept from one solution for the next, and least and greatest number of these directions. Chosen: they then add a
+quarter or less to the memory of a simulation, 22 kB for a point; with 100 and 130 instead of 200, eight derivatives in a block need 314 and
+285 instead of 228 evaluations, and the derivatives of a sheet as many."""
 
 
 class TangentEquations:
-    """Linear equations of the tangent of a force in one state, for displacements of the free components.
+    """Linear equations of the tangent of a force in one state, for displacements of the free components; `move` takes a state near it.
 
     The solver is the flexible generalized conjugate residual method, which permits preconditioners that are themselves iterations, and
     tangents that are not symmetric. Its directions, and their products with the tangent, are kept from one solution to the next: right-hand
@@ -53,13 +68,28 @@ class TangentEquations:
     """
 
     def __init__(self, force: InternalForce, positions: np.ndarray, free: np.ndarray, preconditioner: Preconditioner) -> None:
-        self._force, self._positions, self._free, self._preconditioner = force, positions.copy(), free, preconditioner
-        self._tangent, self._here, self.products = force.tangent(self._positions), np.empty_like(positions), 0
-        force(self._positions, self._here)
+        self._force, self._free, self._preconditioner, self.products = force, free, preconditioner, 0
+        self._here = np.empty_like(positions)
+        self.move(positions)
         preconditioner.update()
         size = int(np.clip(MEMORY / (16 * positions.size), LEAST_KEPT, MOST_KEPT))
         # Rows are touched, and take memory, when they are first written.
         self._moved, self._pulled, self._kept = np.empty((size, positions.size)), np.empty((size, positions.size)), 0
+
+    def move(self, positions: np.ndarray) -> None:
+        """Take another state near the present one: positions (n, d).
+
+        Directions, and their products with the tangent before, are kept: residuals that are computed anew correct the change.
+        """
+        self._positions = positions.copy()
+        self._tangent = self._force.tangent(self._positions)
+        self._force(self._positions, self._here)
+
+    def _projected(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the displacements that the directions so far give for forces (n d,), and the forces that they leave."""
+        kept = min(self._kept, len(self._moved))
+        shares = self._pulled[:kept] @ forces
+        return shares @ self._moved[:kept], forces - shares @ self._pulled[:kept]
 
     def displacements(self, forces: np.ndarray, share_left: float, negligible: float = 0.0) -> np.ndarray:
         """Return the displacements under small forces (n, d).
@@ -83,7 +113,7 @@ class TangentEquations:
         while (size := float(np.linalg.norm(left))) > aim:
             goal = max(aim / 2, REDUCED * size)
             self._reduce(found, left, goal, began + MOST_PRODUCTS)
-            if share_left > REDUCED:
+            if share_left > REDUCED or UNSURE * size <= aim / 2:
                 break
             left = (self._free * (forces - self.forces(found))).ravel()
             if not float(np.linalg.norm(left)) < size / 2:
@@ -99,27 +129,41 @@ class TangentEquations:
 
     def _reduce(self, found: np.ndarray, left: np.ndarray, goal: float, most: int) -> None:
         """Reduce the residual `left` to the norm `goal`, and add the displacements to `found`, both in place."""
-        kept = min(self._kept, len(self._moved))
-        shares = self._pulled[:kept] @ left
-        found += shares @ self._moved[:kept]
-        left -= shares @ self._pulled[:kept]
+        moved, left[:] = self._projected(left)
+        found += moved
         while not float(np.linalg.norm(left)) <= goal:
             if self.products >= most or not np.isfinite(left).all():
                 raise NotConverged(
                     f"the linear equations of the tangent are not solved after {MOST_PRODUCTS} products: it is nearly singular"
                 )
             moved = (self._free * self._preconditioner.solve(left.reshape(self._free.shape))).ravel()
-            pulled = self._quick(moved)
-            kept = min(self._kept, len(self._moved))
-            for _ in range(2):  # rounding leaves components after the first time
-                shares = self._pulled[:kept] @ pulled
-                pulled -= shares @ self._pulled[:kept]
-                moved -= shares @ self._moved[:kept]
-            size, place = float(np.linalg.norm(pulled)), self._kept % len(self._moved)
-            self._moved[place], self._pulled[place], self._kept = moved / size, pulled / size, self._kept + 1
+            place = self._keep(moved, self._quick(moved))
             share = float(self._pulled[place] @ left)
             found += share * self._moved[place]
             left -= share * self._pulled[place]
+
+    def learn(self, displacements: Iterable[np.ndarray]) -> None:
+        """Keep displacements of the free components, each (n, d), as directions: solutions that contain them are then found sooner.
+
+        Displacements that cause no forces, as those of a body that may move freely, are left out.
+        """
+        for each in displacements:
+            moved = self._free * each
+            pulled, stiffness = self._quick(moved.ravel()), stiffness_of_nearest_bonds(self._force)
+            if np.linalg.norm(pulled) > FREELY * np.linalg.norm(stiffness * moved):
+                self._keep(moved.ravel(), pulled)
+
+    def _keep(self, moved: np.ndarray, pulled: np.ndarray) -> int:
+        """Keep displacements and the forces that cause them, made orthonormal to those before, and return their place."""
+        kept, before, size = min(self._kept, len(self._moved)), np.inf, float(np.linalg.norm(pulled))
+        while before == np.inf or size < LOST * before:
+            shares = self._pulled[:kept] @ pulled
+            pulled -= shares @ self._pulled[:kept]
+            moved -= shares @ self._moved[:kept]
+            before, size = size, float(np.linalg.norm(pulled))
+        place = self._kept % len(self._moved)
+        self._moved[place], self._pulled[place], self._kept = moved / size, pulled / size, self._kept + 1
+        return place
 
     def _quick(self, moved: np.ndarray) -> np.ndarray:
         """Return about the product of the tangent with free displacements, by a one-sided difference."""

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import pdsurrogate.body.body as body_module
 from pdsurrogate.body import Body, ReflectionPlane, grid
 from pdsurrogate.kernels.weights import WEIGHT_FUNCTIONS
 
@@ -26,6 +27,20 @@ def test_bonds_are_all_pairs_within_the_horizon(random):
         assert (bonds.second[listed] == i).all()
         own = slice(int(bonds.pair_pointers[i]), int(bonds.pair_pointers[i + 1]))
         assert (bonds.first[own] == i).all()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_search_tree_finds_the_pairs_that_comparing_all_points_finds(random, monkeypatch, dimension):
+    points = random.uniform(0, 1, (200, dimension))
+    planes = (ReflectionPlane(0, 0.0, -1, (-1,) + (1,) * (dimension - 1)),)
+    compared = Body(points, np.full(200, 1 / 200), 0.25, planes=planes).bonds
+    monkeypatch.setattr(body_module, "MOST_COMPARED", 0)
+    by_tree = Body(points, np.full(200, 1 / 200), 0.25, planes=planes).bonds
+    assert len(compared.first) > 200
+    for name in ("first", "second", "neighbors", "pointers", "pair_of"):
+        assert (getattr(compared, name) == getattr(by_tree, name)).all(), name
+    with pytest.raises(ValueError, match="points 1 and 199 coincide"):
+        Body(np.vstack([points[:199], points[1]]), np.full(200, 1 / 200), 0.25)
 
 
 def test_the_papers_sheet_has_the_papers_bonds():

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.calibration.free import TERMS
 from pdsurrogate.calibration.measured import MeasuredScene, Rows
+from pdsurrogate.calibration.reporting import report
 from pdsurrogate.cli import app
 from pdsurrogate.forces.protocol import Domain
 from pdsurrogate.identification import MODES, nominal_stress
@@ -407,3 +408,12 @@ def test_places_outside_the_body_are_named():
         pds.SceneRegressor(pds.load_scene("hole", spacing=0.25), refine=1).fit(
             [[1, 0, 0, 0], [1, 1, 99.0, 0]], [3.0, 0.1], standard_deviation=0.03
         )
+
+
+def test_an_outlier_is_named(gent, exact):
+    y = exact.copy()
+    y[7] += 0.5
+    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, y, standard_deviation=DEVIATION)
+    worst = report(model, X, y)["worst"]
+    assert (worst["step"], worst["measured"]) == (1, f"u1 at ({PLACES[7][0]:g}, {PLACES[7][1]:g})")
+    assert worst["standard_deviations"] == pytest.approx(0.5 / NOISE, rel=0.05)

@@ -151,6 +151,16 @@ def test_a_refused_scene_loads_neither_numba_nor_parts_of_scipy():
     subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
 
 
+def test_a_command_ends_without_a_search_for_unused_objects():
+    program = (
+        "import gc, sys; from pdsurrogate.cli import main\n"
+        "sys.argv = ['pdsurrogate', 'materials']\n"
+        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code\n"
+        "assert gc.get_freeze_count() > 10000"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
+
+
 def test_json_is_all_that_is_printed_for_programs(tmp_path):
     run = invoke("run", "uniaxial", *FAST, "--json", "--out", tmp_path / "out")
     assert run.exit_code == 0, run.output

@@ -371,6 +371,30 @@ def test_the_bonds_that_a_precut_breaks_do_not_depend_on_the_unit_of_length(dime
     np.testing.assert_array_equal(ours.second, usual.second)
 
 
+@pytest.mark.parametrize("unit", [1e-5, 1e-3, 3.7, 1e3])
+@pytest.mark.parametrize("radius", [0.22, 0.25])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_cells_at_a_round_hole_do_not_depend_on_the_unit_of_length(dimension, radius, unit):
+    """Two (in space three) cells are equally near to the part of a cell on a diagonal: rounding must not decide which of them gets it."""
+
+    def sheet(unit):
+        shape, hole = (("rectangle", "circle"), ("box", "sphere"))[dimension - 2]
+        body, center = {"shape": shape, "size": [unit] * dimension}, [0.5 * unit] * dimension
+        holes = [{"shape": hole, "center": center, "radius": radius * unit}]
+        grips = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
+        fields = {"spacing": 0.1 * unit, "body": body, "holes": holes, "grips": grips, "stretches": [1.5], "material": RUBBER}
+        return discretize(pds.Scene.model_validate({"name": "hole", **fields}))[0]
+
+    ours, usual = sheet(unit), sheet(1.0)
+    np.testing.assert_allclose(ours.points / unit, usual.points, rtol=1e-9)
+    np.testing.assert_allclose(ours.volumes / unit**dimension, usual.volumes, rtol=1e-9)
+    # Like the sheet, its points are symmetric about the diagonal; the places sampled in a cell of a solid are so about its middle alone.
+    turned = usual.points[:, ::-1] if dimension == 2 else 1 - usual.points
+    places = np.lexsort(np.rint(1e6 * turned).T), np.lexsort(np.rint(1e6 * usual.points).T)
+    np.testing.assert_allclose(turned[places[0]], usual.points[places[1]], rtol=1e-9)
+    np.testing.assert_allclose(usual.volumes[places[0]], usual.volumes[places[1]], rtol=1e-9)
+
+
 def line(start, end):
     return {"start": start, "end": end}
 

@@ -454,6 +454,28 @@ def test_dynamics_refuse_what_outruns_the_waves_of_the_softest_material():
         pds.simulate(general(prescribed=moving, steps=steps), "analytic")
 
 
+INCLUSIONS = {  # some of their circles and sides pass through points, or equally near to two points
+    "on a diagonal": ((1.0, 1.0), "disc", lambda unit: {"center": (0.5 * unit, 0.5 * unit), "radius": 0.22 * unit}),
+    "through points": ((1.4, 1.4), "disc", lambda unit: {"center": (0.65 * unit, 0.75 * unit), "radius": 0.5 * unit}),
+    "box": ((1.4, 1.0), "box", lambda unit: ((0.35 * unit, 0.25 * unit), (1.05 * unit, 0.75 * unit))),
+}
+
+
+@pytest.mark.parametrize("case", INCLUSIONS)
+def test_the_force_around_an_inclusion_does_not_depend_on_the_unit_of_length(case):
+    """Rounding decides nothing: forces agree to one part in a million, the tolerance of the solver."""
+    size, shape, inclusion = INCLUSIONS[case]
+
+    def stress(unit):
+        body = {"size": tuple(unit * side for side in size)}
+        part = {"region": {shape: inclusion(unit)}, "material": NeoHookean(10.0, 200.0)}
+        fields = {"spacing": 0.1 * unit, "body": body, "material": NeoHookean(1.0, 20.0), "materials": (part,), "stretches": (1.2,)}
+        scene = Scene(name="unit", grips=({"edge": "left"}, {"edge": "right", "travel": 1.0}), **fields)
+        return pds.simulate(scene, "bond-energy").levels[-1]["nominal_stress"]
+
+    np.testing.assert_allclose([stress(unit) for unit in (1e-5, 3.7, 1e3)], stress(1.0), rtol=1e-6)
+
+
 def test_a_ratio_of_moduli_of_four_has_a_derivative():
     """Beyond it the energy of the stiffer material depends on its own points only: central differences must not fall on both sides."""
     body, forces = sheet(), []

@@ -11,11 +11,13 @@ import time
 
 import numpy as np
 import pytest
+import scipy
 from several_ranks import HERE, TIMEOUT, Ranks, environment, on_ranks, several
 
 import pdsurrogate as pds
 from pdsurrogate.body import grid
 from pdsurrogate.ranks import ALONE, NotUnderMPI, bisected, bond_counts, communicator
+from pdsurrogate.ranks.share import connected
 from pdsurrogate.results.states import StatesInFiles
 from pdsurrogate.stress_test.conformance import TABLE
 
@@ -46,6 +48,18 @@ def test_parts_have_as_many_bonds_and_each_point_once(parts):
     of_parts = np.bincount(part, bonds)
     # A cut goes between points: it may be off by one at each of the levels, and one has 30 of some 400 bonds.
     assert of_parts.max() / of_parts.mean() < 1.1
+
+
+@pytest.mark.parametrize("joined", [0, 60, 150, 1000])
+def test_connected_components_are_those_of_scipy(random, joined):
+    first, second = random.integers(0, 200, (2, joined))
+    graph = scipy.sparse.coo_array((np.ones(joined), (first, second)), shape=(200, 200))
+    expected, labels = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    count, found = connected(200, first, second)
+    assert count == expected
+    assert (found == labels).all()
+    chain = random.permutation(200)  # the longest way from one end of a component to the other
+    assert connected(200, chain[:-1], chain[1:])[0] == 1
 
 
 def test_bonds_are_counted_with_the_point_itself():

@@ -437,8 +437,22 @@ def test_dynamics_without_a_time_step_are_refused():
     integrator = ExplicitDynamics(force, lambda positions, ahead: None, body.points.copy(), still, still, body.volumes, **settings)
     with pytest.raises(Diverging, match="there is no time step"):
         integrator.begin()
-    with pytest.raises(pds.SimulationFailed, match=r"more than 1e\+09 steps; check the units of dynamics\.density"):
-        simulate(small(**{"dynamics.density": 1e-40}), "analytic")
+
+
+@pytest.mark.parametrize("changes", [{"density": 1e-40}, {"viscosity": 1e4}, {"safety": 1e-10}])
+def test_too_many_time_steps_are_refused_before_the_equilibrium(changes, tmp_path):
+    with pytest.raises(
+        pds.SceneError, match=r"dynamics: a duration of .* more than 1e\+09 steps; check dynamics\.density, .*dynamics\.safety"
+    ):
+        simulate(small(**{f"dynamics.{key}": value for key, value in changes.items()}), "analytic", folder=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_more_time_steps_than_estimated_are_refused_where_the_dynamics_start(monkeypatch):
+    """The estimate before the run takes a longer step than the critical one, so that it refuses nothing that could run."""
+    monkeypatch.setattr(transient, "MOST_STEPS", 10)
+    with pytest.raises(pds.SimulationFailed, match=r"more than 1e\+01 steps; check the units of dynamics\.density"):
+        simulate(small(), "analytic")
 
 
 def test_a_level_at_which_a_bond_would_break_is_missed_aloud():

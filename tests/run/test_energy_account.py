@@ -151,11 +151,16 @@ def test_forces_without_an_energy_have_no_account_and_say_so(tmp_path):
         assert said in done.output
 
 
+RESTING = [[0.0, 0.0], [0.3, 0.0], [0.6, 0.5], [0.7, 0.5], [1.0, 0.0]]
+"""Amplitude of an end that rests, moves, rests and returns."""
+
+
+@pytest.mark.parametrize("amplitude", ["sin(6*t)", RESTING], ids=["sine", "resting"])
 @pytest.mark.parametrize("support", ["reflected", "points"])
-def test_what_viscosity_takes_of_the_work_of_holders_is_counted(support):
-    """Ends that move to and fro: their forces are followed between rows as those of the points are."""
+def test_what_viscosity_takes_of_the_work_of_holders_is_counted(support, amplitude):
+    """Ends that move to and fro: their forces are followed between rows as those of the points are, also after an end has rested."""
     scene = pulled(2.0, viscosity=0.05).model_dump(by_alias=True, exclude_unset=True) | {"loads": [], "support": support}
-    scene["prescribed"] = [CLAMP, {"region": "right", "x1": 0.1, "x2": 0.0, "amplitude": "sin(6*t)"}]
+    scene["prescribed"] = [CLAMP, {"region": "right", "x1": 0.1, "x2": 0.0, "amplitude": amplitude}]
     told = account(pds.simulate(pds.Scene.model_validate(scene), "bond-energy"))
     assert abs(told["greatest_energy_gap"]) < 0.5
 

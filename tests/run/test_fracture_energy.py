@@ -50,6 +50,13 @@ def test_diameters_are_those_of_tears_within_seven_percent():
         np.testing.assert_allclose([*entry.get("rows", {}).values()], entry["diameter"], rtol=0.07, err_msg=f"{entry}")
 
 
+def test_a_fracture_energy_is_refused_with_weights_that_were_not_measured():
+    pds.Scene.model_validate({**STRIP, "weight": "inverse"})
+    pds.Scene.model_validate({**STRIP, "weight": "constant", "fracture": {"critical_stretch": 2.0}})
+    with pytest.raises(ValueError, match=r"\(weight=inverse\), not for weight=constant; set fracture.critical_stretch instead"):
+        pds.Scene.model_validate({**STRIP, "weight": "constant"})
+
+
 def test_every_case_has_diameters_at_several_critical_stretches():
     """Two at least, so that a remark can say how the diameter changes; and between two horizons a common range of stretches."""
     found = {}

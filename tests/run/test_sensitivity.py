@@ -56,6 +56,35 @@ def test_the_stress_of_a_homogeneous_state_has_the_derivatives_of_its_exact_solu
     assert found.derivatives[0] == pytest.approx(exact, rel=1e-6)
 
 
+def test_coefficients_near_zero_have_the_derivatives_of_the_exact_solution():
+    """Differences keep the sign of such coefficients, which the law requires."""
+    terms = {"law": "polyconvex", "first": [0.4, 1e-5, 1e-12], "second": [0.05], "bulk_modulus": 100.0}
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material=terms)
+    parameters = ["material.first.0", "material.first.1", "material.first.2"]
+    found = pds.simulate(scene, "bond-energy").sensitivity(["nominal_stress"], parameters)
+
+    def stress(parameter, change):
+        data = scene.model_dump(mode="json", exclude={"material": {"shear_modulus"}})
+        apply_change(data, parameter, dict(leaves(data))[parameter] + change)
+        return uniaxial(type(scene).model_validate(data).law(), 1.5).nominal_stress
+
+    h = 1e-4  # one-sided, of second order: the stress is nearly linear in coefficients
+    exact = [(4 * stress(name, h) - 3 * stress(name, 0.0) - stress(name, 2 * h)) / (2 * h) for name in parameters]
+    assert found.derivatives[0] == pytest.approx(exact, rel=1e-6)
+
+
+def test_components_of_a_probe_have_short_names():
+    probe = {"probes": [{"name": "tip", "at": [0.75, 0.25]}]}
+    scene = pds.load_scene("uniaxial", {"spacing": 0.25, "stretches": [1.2, 1.5], **probe})
+    result = pds.simulate(scene, "bond-energy")
+    found = result.sensitivity(["nominal_stress", "probes.tip.u2", "forces.right.1"], ["material.bulk_modulus"], level=-1)
+    assert found.outputs == ("nominal_stress", "probes.tip.displacement.1", "forces.right.1")
+    whole = result.sensitivity(["probes.tip.displacement"], ["material.bulk_modulus"])
+    assert found.derivatives[1, 0] == pytest.approx(whole.derivatives[1, 0], rel=1e-6)
+    with pytest.raises(ValueError, match=r"the result has no 'probes\.tip\.u3'"):
+        result.sensitivity(["probes.tip.u3"], ["stretch"])
+
+
 @pytest.mark.parametrize("force", ["bond-energy", "analytic"])
 def test_derivatives_of_a_sheet_with_a_hole_are_those_of_converged_runs(force):
     """Bond forces have no energy, so their tangent is not symmetric."""

@@ -537,6 +537,21 @@ assert not find_overstretched
     subprocess.run([sys.executable, "-c", code, str(SHIPPED / "neo-hookean")], check=True)
 
 
+def test_a_small_run_loads_neither_the_compiler_nor_parts_of_scipy():
+    """A run of 300 points whose kernels are in the cache."""
+    code = """
+import sys
+import pdsurrogate as pds
+assert pds.simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2])).summary["converged"]
+slow = {"scipy.sparse", "scipy.spatial", "scipy.linalg", "scipy.optimize", "shapely", "filelock", "urllib.request", "matplotlib"}
+compiler = {"numba.cpython.unicode", "numba.np.linalg", "numba.typed.typedlist"}
+if sys.argv[1] == "cached":
+    assert not (slow | compiler) & set(sys.modules), (slow | compiler) & set(sys.modules)
+"""
+    for cache in ("perhaps empty", "cached"):
+        subprocess.run([sys.executable, "-c", code, cache], check=True)
+
+
 def test_compression_says_whether_stability_was_checked():
     """A force map has no energy whose curvature could be looked at; levels under tension need none."""
     for force, expected in (("analytic", "not checked"), ("bond-energy", "checked")):

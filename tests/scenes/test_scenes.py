@@ -120,6 +120,8 @@ def test_parsing_of_changes(change, key, value):
         (["body.size=1,-2"], "body.size.1"),
         (["spacing"], "a change must have the form key=value"),
         (["=3"], "a change must have the form key=value"),
+        (["material={law=gent}"], "material: {law=gent} is not valid TOML; text inside a table or list needs quotes"),
+        (["steps=[0.5,.7]"], "steps: [0.5,.7] is not valid TOML; text inside a table or list needs quotes, and numbers a digit"),
         (["spacing.deep=3"], "spacing is 0.02, which has no keys or entries; set spacing="),
         (
             ["stretches=1.5", "stretches.0=1.2"],

@@ -87,6 +87,14 @@ def test_spacings_that_divide_give_squares_to_the_last_bit():
         assert np.array_equal(np.unique(cells.centers()[:, 0]), (np.arange(round(3 / spacing)) + 0.5) * spacing)
 
 
+@pytest.mark.parametrize("make", [Cells.filling, Cells.near])
+def test_the_number_of_cells_does_not_depend_on_the_unit_of_length(make):
+    """1.15 by 0.1 is 11.5: rounding must not decide between 11 and 12 cells."""
+    for unit in (1e-5, 1e-3, 3.7, 1e3):
+        for length in (1.05, 1.15, 1.65, 2.05):
+            assert make((0.0, 0.0), (length * unit, unit), 0.1 * unit).counts == make((0.0, 0.0), (length, 1.0), 0.1).counts
+
+
 def test_the_nearest_cells_fill_a_body_that_the_spacing_does_not_divide():
     """``pdsurrogate run tear --set spacing=0.06``: "spacing 0.06 does not divide the body's 11 along x1; 0.0601093 would"."""
     body = build_body(load_scene("tear", {"spacing": 0.06, "precuts": [{"start": [0.0, 1.5], "end": [3.0, 1.5]}]}))
