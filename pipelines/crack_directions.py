@@ -243,7 +243,8 @@ def compared() -> list[tuple[str, Callable[[dict], dict[str, float]]]]:
     flat = {"plane": "stress", "rows": 12, "angle": 0}
     tears = [flat | {"model": "neo-hookean", "ratio": RATIO}, *(flat | {"model": "bond-energy", "ratio": ratio} for ratio in (RATIO, 2.2))]
     for case in (*tears, SOLID | {"model": "bond-energy", "rows": 8, "angle": 0}):
-        found.append((f"strip, {FAMILIES[case['model']]}, horizon {case['ratio']}", partial(costs_of_tear, case)))
+        strips = "strip in space" if case["plane"] == "space" else "strip"
+        found.append((f"{strips}, {FAMILIES[case['model']]}, horizon {case['ratio']}", partial(costs_of_tear, case)))
     return found
 
 
