@@ -145,6 +145,8 @@ class _Stored(CompileResultCacheImpl):
     Only constants are read from an environment, and loading it imports the module of its function: parts of the compiler.
     """
 
+    form = "no environments without constants"
+
     def reduce(self, cres):
         """Return the parts of a compiled function that are stored."""
         *parts, environments = super().reduce(cres)
@@ -184,8 +186,8 @@ class DigestCache(FunctionCache):
         self._cache_file = CacheFile(self._cache_path, f"{name}-{digest[:20]}.{python}", digest)
 
     def _index_key(self, sig, codegen):
-        # The digest covers all that the function closes over.
-        return sig, codegen.magic_tuple()
+        # The digest covers all that the function closes over; code stored in another form is compiled again.
+        return sig, codegen.magic_tuple(), _Stored.form
 
     def load_overload(self, sig, target_context):
         """Return the code stored for a signature, or None.
