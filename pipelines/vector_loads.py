@@ -247,7 +247,8 @@ def scaled(dimension):
     @compiled
     def fast(records, factors, pointers, others, indices, vectors, matrices):
         for i in range(pointers.shape[0] - 1):
-            intrinsic(records, factors, (pointers[i], pointers[i + 1]), indices, (others[i], others[i + 1]), i, (vectors, matrices))
+            both = (pointers[i], pointers[i + 1]), indices, indices.shape[0], (others[i], others[i + 1])
+            intrinsic(records, factors, *both, i, (vectors, matrices))
 
     @compiled
     def plain(records, factors, pointers, others, indices, vectors, matrices):
