@@ -206,13 +206,16 @@ class Differentiated:
             names = [*_named(outputs, measured), *(name for name in measured if name.startswith("places."))]
             few = 0 < len(names) < len(parameters) and self.contrast <= MOST_CONTRAST
             gradients = self._gradients(names) if few else None
-            equations, moved = solver.equations(run.loaded, run.positions), None
+            moved = None if gradients else np.empty((len(parameters), *run.positions.shape))
+            derivatives, errors = np.empty((2, len(names), len(parameters)))
+            if parameters:
+                equations = solver.equations(run.loaded, run.positions)
             if gradients:
                 derivatives, errors = self._adjoint(equations, gradients, names, parameters)
             else:
-                found = [self._forward(equations, self._change(name), names) for name in parameters]
-                columns, moved, off = map(np.array, zip(*found, strict=True))
-                derivatives, errors = columns.T, off.T
+                for number, name in enumerate(parameters):
+                    found = self._forward(equations, self._change(name), names)
+                    derivatives[:, number], moved[number], errors[:, number] = found
         values = np.array([measured[name] for name in names])
         return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved, errors)
 
