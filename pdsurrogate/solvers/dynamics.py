@@ -149,7 +149,9 @@ class ExplicitDynamics:
         self._ahead += self.positions
         self._hold(self._ahead, self._viscosity)
         self.force(self._ahead, self.forces)
-        self.elastic += self.followed * (self.forces - self.elastic)
+        change = np.subtract(self.forces, self.elastic, out=self._ahead)
+        change *= self.followed
+        self.elastic += change
         self._add_loads()
 
     @property
