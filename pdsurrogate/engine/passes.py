@@ -20,7 +20,7 @@ from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
 
 from .block_arrays import CACHE_LINE, add_to, aligned_rows, array_over
-from .compile import compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
+from .compile import compile_block_function, compiled_digest, expanded, inlined, kernel, parallel_kernel
 from .threads import Chunks, chunks_of, threads_are_lost
 
 CHUNK_FUNCTION = types.int64(types.CPointer(types.int64), types.int64, types.int64, types.int64)
@@ -155,6 +155,16 @@ class Chunk(NamedTuple):
     thread: int
 
 
+ENTRY = """
+def entry(arguments, thread, number, of):
+    items = unpack(arguments)
+    found = function(Chunk(number, of, thread), {})
+    return 0 if found is None else found
+"""
+"""Function that reads the arguments of a pass and runs the pass, whose code numba copies into it: a pass that it called would be optimized
+twice. numba copies only functions whose arguments are listed one by one."""
+
+
 class Pass:
     """Function that works on one chunk of a body, compiled for the types of the arrays that it is bound to; used as a decorator.
 
@@ -167,7 +177,7 @@ class Pass:
         self.__doc__, self.__name__ = function.__doc__, function.__name__
         self.names = tuple(inspect.signature(function).parameters)[1:]
         self._code: dict[tuple, CFunc] = {}
-        self._compiled = plain_function(function)
+        self._compiled = expanded(function)
 
     def bind(self, *arguments, chunks: Chunks | None = None) -> BoundPass:
         """Return the pass bound to `arguments`, the values of its parameters after `chunk`; by default it has one chunk for each thread.
@@ -184,15 +194,13 @@ class Pass:
         """Return the address of the pass's code for arguments of the given kinds; the code is compiled at the first request."""
         if kinds not in self._code:
             numba_types = tuple(map(_type_of, kinds))
-            function, unpack = self._compiled, _unpacker(numba_types)
-            digest = compiled_digest(self.function, unpack, [str(one) for one in numba_types])
-
-            def entry(arguments, thread, number, of):
-                found = function(Chunk(number, of, thread), *unpack(arguments))
-                return 0 if found is None else found
-
-            entry.__qualname__ = self.function.__qualname__
-            self._code[kinds] = compile_block_function(entry, CHUNK_FUNCTION, digest)
+            unpack, source = _unpacker(numba_types), ENTRY.format(", ".join(f"items[{number}]" for number in range(len(kinds))))
+            digest = compiled_digest(self.function, unpack, [str(one) for one in numba_types], source)
+            # The entry counts as code of the module of the pass, beside which it is cached.
+            names = {"unpack": unpack, "function": self._compiled, "Chunk": Chunk, "__name__": self.function.__module__}
+            exec(compile(source, self.function.__code__.co_filename, "exec"), names)
+            names["entry"].__qualname__ = self.function.__qualname__
+            self._code[kinds] = compile_block_function(names["entry"], CHUNK_FUNCTION, digest)
         return self._code[kinds].address
 
 
