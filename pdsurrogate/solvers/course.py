@@ -202,7 +202,7 @@ class Paths:
         power += float((reactions.on_planes * shifts).sum()) / step
         if reactions.at_points is not None:
             moved, loading = np.zeros_like(reactions.at_points), self._loading
-            moved[loading.there] = (loading.moves(after) - loading.moves(before))[loading.at_points]
+            moved[loading.there] = loading.moves_of_points(after) - loading.moves_of_points(before)
             power += self._share.sum(reactions.at_points * moved) / step
         return power
 
