@@ -211,7 +211,9 @@ def lowest_mode(
             mode = mode.reshape(free.shape)
             # Of the two bounds (Parlett 1980), the second holds for a mode apart from the others.
             return float(values[0]), min(left, left**2 / apart) if apart > 0 else left, mode / np.linalg.norm(mode, axis=1).max()
-    raise NotConverged(f"the lowest mode is not found after {MOST_ROUNDS * ITERATIONS} steps; its eigenvalue is about {values[0]:.3g}")
+    raise NotConverged(
+        f"the lowest mode is not found after {MOST_ROUNDS * ITERATIONS} steps: the body may be too slender, or its modes too close"
+    )
 
 
 def check_branch(
