@@ -76,11 +76,11 @@ def calibrate(
     seconds = time.perf_counter() - began
     print_calibrated(found)
     data = f"{fields.name if fields else ''}{' and ' if fields and forces else ''}{forces.name if forces else ''} in {test.name}"
-    settings, members, hull = FitSettings(energy=test.plane != "stress", folds=0), [], None
-    if free:
-        settings, members, hull = settings.within(*model.stretch_range_), model.members_, model.domain_hull_
+    settings = FitSettings(energy=test.plane != "stress", folds=0)
+    if free:  # a law is trusted beyond the states of the test, an energy of terms is not
+        settings = settings.within(*model.stretch_range_)
     with TrainingBar() as bar, listening(bar.iteration):
-        write = settings.train(model.law_, members, hull, {"data": data, **found}, bar.begin)
+        write = settings.train(model.law_, model.members_, model.domain_hull_, {"data": data, **found}, bar.begin)
     with writing(folder), bad_input(TooInexact, status=FAILED):
         path = write(folder, name, None)
         write_json(folder / "calibration.json", {"asked": asked, "artifact": str(path), **found, "seconds": seconds})

@@ -10,15 +10,14 @@ from ..materials import Law
 from ..materials.covariance import LawCovariance
 from ..results import Result
 from ..scenes import Scene
-from .sensitivity import differentiate
+from .sensitivity import differentiate, laws_of
 
 
 def standard_errors(
     scene: Scene, models: Sequence[ForceModel], result: Result, outputs: Sequence[str], covariance: LawCovariance | None, level: int
 ) -> dict[str, float]:
     """Return standard errors of measurements of a result, see `Result.standard_errors`; `models` are those of its run."""
-    laws = {"material": scene.law()}
-    laws |= {f"materials.{n}.material": part.material.build() for n, part in enumerate(scene.materials) if not part.material.rigid}
+    laws = laws_of(scene)
     found = [(covariance, laws)] if covariance is not None else _stated(models, laws)
     groups = [(one, *_same(one, some)) for one, some in found]
     parameters = [f"{key}.{name}" for one, keys, _ in groups for key in keys for name in one.names]

@@ -89,6 +89,7 @@ def test_a_field_without_forces_does_not_determine_moduli(exact, random):
     assert model.undetermined_ == ["shear_modulus"]
     assert (model.parameters_[0], model.standard_errors_[0]) == (1.0, np.inf)  # at its start
     assert model.standard_errors_[1] < 0.2 * 12
+    assert model.members_ == []
     with pytest.raises(ValueError, match="shear_modulus: not determined by the measurements"):
         model.law_covariance()
 
@@ -131,6 +132,38 @@ def test_stresses_have_the_errors_of_the_parameters():
     np.testing.assert_allclose(error / stress, 0.05, rtol=1e-2)  # a modulus is known as well as the force
 
 
+def test_the_spread_of_members_is_the_standard_error_of_stresses(exact, random):
+    """The spread of 400 members has an error of 4 %; the curvature of stresses over the chain limit adds a few percent."""
+    y, model = exact + DEVIATION * random.standard_normal(len(X)), pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1)
+    with patch("pdsurrogate.calibration.regressor.MEMBERS", 400):
+        model.fit(X, y, standard_deviation=DEVIATION)
+    states = np.array([[at, MODES[mode](at)] for mode in MODES for at in (1.2, 2.0)])
+    stress, error = model.nominal_stress(states)
+    off = np.array([nominal_stress(law, states) - stress for law in model.members_])
+    np.testing.assert_allclose(np.sqrt((off**2).mean(axis=0)) / error, 1.0, atol=4 * 0.04)
+
+
+def test_members_repeat_from_their_seed(exact):
+    forces = X[:, 1] == 0
+    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1)
+    first, second, other = (
+        model.set_params(random_state=seed).fit(X[forces], exact[forces], standard_deviation=FORCE_NOISE).members_ for seed in (0, 0, 1)
+    )
+    assert first == second
+    assert not set(map(str, first)) & set(map(str, other))
+
+
+def test_members_of_an_undetermined_law_describe_the_test(exact, random):
+    """Ogden's six numbers are not determined by the sheet; in its states the members have the stresses within three errors all the same."""
+    y = exact + DEVIATION * random.standard_normal(len(X))
+    model = pds.SceneRegressor(sheet("neo-hookean"), "ogden", refine=1).fit(X, y, standard_deviation=DEVIATION)
+    assert model.undetermined_
+    states = np.array([[at, MODES["uniaxial"](at)] for at in (1.1, 1.3, 1.5)])
+    stress, error = model.nominal_stress(states)
+    off = np.array([nominal_stress(law, states) - stress for law in model.members_])
+    assert 0 < np.sqrt((off**2).mean()) < 3 * error.max()
+
+
 @pytest.mark.parametrize(
     ("row", "message"),
     [
@@ -162,6 +195,17 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent, exact):
     assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"calibration-forces.png", "calibration-residuals.png"}
     stored = pds.load_card(tmp_path / "out" / "sheet")
     assert stored.material.trained_with == found["law"]
+    assert [member.material.trained_with["law"] for member in stored.members] == 8 * ["gent"]
+    members = [pds.simulate(sheet(None, stretches=[1.4]), f"{tmp_path}/out/sheet#{n}").levels[-1]["nominal_stress"] for n in range(1, 9)]
+    error = pds.simulate(sheet(found["law"], stretches=[1.4]), "analytic").standard_errors(
+        ["nominal_stress"], pds.materials.LawCovariance(sheet(found["law"]).law(), **found["covariance"])
+    )
+    # Eight members have a spread known to 25 %.
+    assert 0.25 < np.std(members) / error["nominal_stress"] < 2
+    biaxial = pds.load_scene("biaxial-hole", spacing=0.1)
+    visited = [pds.simulate(one, tmp_path / "out" / "sheet").summary["beyond_data"] for one in (sheet(None, stretches=[1.2]), biaxial)]
+    # States of bonds differ a little from those of points, whose hull is the domain.
+    assert visited[0][-1]["share"] < 0.01 < visited[1][-1]["share"]
     scene, models = sheet(found["law"], stretches=[1.2]), (pds.load_surrogate(tmp_path / "out" / "sheet"), "analytic")
     stored, of_the_law = (pds.simulate(scene, model) for model in models)
     assert stored.levels[-1]["nominal_stress"] == pytest.approx(of_the_law.levels[-1]["nominal_stress"], rel=1e-3)
@@ -215,6 +259,8 @@ def test_a_parameter_at_zero_stays_within_its_bounds(exact):
     model = pds.SceneRegressor(sheet("neo-hookean"), "mooney-rivlin", refine=1).fit(X, exact, standard_deviation=DEVIATION)
     assert model.at_bound_ == ["second_share"]
     assert 0 <= model.law_.second_share < 1e-5
+    assert len({law.shear_modulus for law in model.members_}) == 8
+    assert all(0 <= law.second_share <= 1 for law in model.members_)
 
 
 def test_fields_under_loads_determine_moduli(gent):
