@@ -1,5 +1,6 @@
 """Regressor that finds the parameters of a law from measurements on bodies, by simulations of the tests and their derivatives."""
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ from ..materials import LAWS, Law, Ogden
 from ..materials.covariance import LawCovariance, covariance_of_numbers, derivatives_of_numbers
 from ..scenes import Mesh, Scene, load_scene
 from .free import FLOOR, HALVINGS, EnergyUnknowns, average, floored, grouping, minimized
-from .measured import FAILURES, MeasuredScene, Rows
+from .measured import DISPLACEMENTS, FAILURES, MeasuredScene, Rows
 
 REFINED, REFINED_FREE = 3, 6
 """Default ratio of the spacing of a scene to that of the finer simulation, with a law and without. Chosen: for Carroll's law, fields with
@@ -53,6 +54,9 @@ UNDETERMINED = 0.5
 
 SHARE = 0.3
 """Least component of a parameter, in the unit vector of an undetermined combination, at which the parameter is named."""
+
+FORCES = re.compile(r"forces\..*")
+"""Names of outputs that are forces, to which the moduli are fitted at the start."""
 
 ROUNDS = 3
 """Most fits with a new correction of the discretization error: each changes the parameters by a small part of the change before."""
@@ -113,7 +117,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         Number of terms of Ogden's law; without effect for other laws.
     outputs : sequence of str, optional
         Dotted keys of measurements of an output, such as ``"forces.right.0"`` or ``"probes.tip.displacement.1"``: those of the quantities
-        0, -1, -2 and so on. By default the force of the region that is pulled, positive in tension.
+        0, -1, -2 and so on. ``"force"``, the default, is the force of the region that is pulled, positive in tension.
     refine : int, optional
         Ratio of the spacing of the scene to that of the finer simulation; 1 for no correction of the discretization error. By default 3
         with a law and 6 without: an energy of free terms follows the error that is left.
@@ -370,7 +374,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         return covariance_of_numbers(self._unknown.law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
 
     def stated_deviations(self, X, y, stated: dict[int, float | None]) -> np.ndarray:
-        """Return standard deviations of measurements: stated ones of all displacements or all outputs, and estimated ones of the others.
+        """Return standard deviations of measurements: stated ones of all displacements or of an output, and estimated ones of the others.
 
         Parameters
         ----------
@@ -378,7 +382,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             As for `fit`.
         y : array-like, shape (n_samples,)
         stated : dict
-            Standard deviation by kind: 1 for displacements, 0 for outputs; None for an estimate, as `fit` makes it.
+            Standard deviation by quantity: 1 for all displacements, 0, -1, ... for `outputs`; None for an estimate, as `fit` makes it.
 
         Returns
         -------
@@ -394,9 +398,9 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         found = np.empty(len(y))
         for test, here in self._tests_of(X):
             found[here] = _estimated(test.rows, y[here])
-            for kind, value in stated.items():
+            for quantity, value in stated.items():
                 if value is not None:
-                    found[here[test.rows.is_field == bool(kind)]] = value
+                    found[here[test.rows.is_field if quantity > 0 else test.rows.quantity == quantity]] = value
         return found
 
     def _stress_derivatives(self, X: np.ndarray) -> np.ndarray:
@@ -539,8 +543,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     def _without_scale(self) -> bool:
         """Return whether all measurements are displacements that do not depend on a common factor of all stresses."""
         scaled = self.law is None or "bulk_modulus" not in self._bulk()
-        tests = [(test.rows, test.scene) for test, _ in self._tests]
-        return scaled and all(rows.is_field.all() and not scene.loads and not scene.materials for rows, scene in tests)
+        tests = [test for test, _ in self._tests if not (test.rows.is_field | test.among(DISPLACEMENTS)).all()]
+        return scaled and not tests and not any(test.scene.loads or test.scene.materials for test, _ in self._tests)
 
     def _energy(self, search: "_Search", x: np.ndarray, number: int) -> SimpleNamespace:
         """Return the coefficients of all terms and the Jacobian there.
@@ -663,10 +667,10 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         else:
             law = stated[0] if stated else LAWS[self.law]()
             start = np.array([getattr(law, name) for name in self._unknown.unknowns()])
-        outputs, product, square = self.outputs or ["forces."], 0.0, 0.0
+        product, square = 0.0, 0.0
         for test, here in self._tests:
-            forces = test.rows.quantity < 1
-            if test.scene.loads or not forces.any() or not all(name.startswith("forces.") for name in outputs):
+            forces = test.among(FORCES)
+            if test.scene.loads or not forces.any():
                 continue
             with _failing(f"the search cannot start at {self._unknown.law_of(start).describe()}"):
                 simulated = test.simulate(self._unknown.law_of(start))[0]

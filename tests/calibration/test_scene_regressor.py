@@ -1,6 +1,7 @@
 """Laws from fields and forces: parameters come back with their standard errors, and bad tables are refused."""
 
 import json
+import re
 from unittest.mock import patch
 
 import numpy as np
@@ -192,7 +193,7 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent, exact):
     assert done.exit_code == 0, done.output
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert found["parameters"]["chain_limit"] == pytest.approx(12.0, rel=2e-3)
-    assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"calibration-forces.png", "calibration-residuals.png"}
+    assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"calibration-outputs.png", "calibration-residuals.png"}
     stored = pds.load_card(tmp_path / "out" / "sheet")
     assert stored.material.trained_with == found["law"]
     assert [member.material.trained_with["law"] for member in stored.members] == 8 * ["gent"]
@@ -214,6 +215,61 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent, exact):
     errors = stored.standard_errors(["nominal_stress"])
     assert errors == pytest.approx(of_the_law.standard_errors(["nominal_stress"], exact), rel=1e-6)
     assert 0 < errors["nominal_stress"] < 0.1 * stored.levels[-1]["nominal_stress"]
+
+
+def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
+    """Two displacements of a probe and the force of a region; an empty entry was not measured."""
+    probe = [{"name": "tip", "at": [0.9, 0.3]}]
+    scene = sheet(gent.describe(), probes=probe)
+    result = pds.simulate(scene, "bond-energy")
+    u = [level["probes"]["tip"]["displacement"] for level in result.levels]
+    force = [level["forces"]["bottom"][1] for level in result.levels]
+    lines = ["# a comment", "step, force_bottom_2, tip_displacement_1, probe_tip_u2, note"]
+    lines += [f"{n + 1},{force[n]:.9f},{u[n][0] if n else '':},{u[n][1]:.9f},x" for n in range(3)]
+    (tmp_path / "G.csv").write_text("\n".join(lines))
+    options = ["--set", "spacing=0.25", "--set", f"stretches={STRETCHES}", "--set", "probes=[{name='tip',at=[0.9,0.3]}]"]
+    command = ["calibrate", "hole", "tip", "--forces", str(tmp_path / "G.csv"), *options, "--refine", "1", "--law", "gent"]
+    done = CliRunner().invoke(app, [*command, "--field-noise", "0.001", "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    found = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    assert found["parameters"]["chain_limit"] == pytest.approx(12.0, rel=2e-3)
+    assert {name: row["rows"] for name, row in found["measurements"].items()} == {
+        "force_bottom_2": 3,
+        "tip_displacement_1": 2,
+        "probe_tip_u2": 3,
+    }
+    assert found["measurements"]["probe_tip_u2"]["standard_deviation"] == pytest.approx(0.001)
+    assert found["measurements"]["force_bottom_2"]["standard_deviation"] == pytest.approx(0.005 * abs(force[-1]))
+    assert found["outputs"]["force_bottom_2"][0]["fit"] == pytest.approx(force[0], rel=1e-3)
+    assert (tmp_path / "out" / "calibration-outputs.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("step,load\n1,2.0\n", "there is no column force, nor another one with a measurement"),
+        ("step,probe_end_u1\n1,2.0\n", "scene hole has no 'probes.end.displacement.0'"),
+        ("step,force_left_1\n1,2.0\n", "scene hole has no 'forces.left.0'"),
+        ("step,force,force\n1,2.0,1.0\n", "there are two columns force"),
+        ("step,stretch,evaluations,force_top_2\n0,1.1,20,2.0\n", "this is the history of a run|the steps are whole numbers"),
+        ("step,force\n1,\n", "there are no measurements"),
+    ],
+)
+def test_tables_of_outputs_that_make_no_sense_are_refused(text, message, tmp_path):
+    (tmp_path / "G.csv").write_text(text)
+    options = ["--set", "spacing=0.25", "--law", "neo-hookean", "--refine", "1", "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", "--forces", str(tmp_path / "G.csv"), *options])
+    assert done.exit_code == 2
+    assert re.search(message, " ".join(done.stderr.split()))
+
+
+def test_probes_alone_do_not_determine_moduli():
+    """As displacements of fields, those of probes depend on ratios of moduli alone."""
+    scene = sheet("neo-hookean", probes=[{"name": "tip", "at": [0.9, 0.3]}])
+    model = pds.SceneRegressor(scene, "gent", outputs=["probes.tip.displacement.0", "probes.tip.displacement.1"], refine=1)
+    model.fit([[2, 0, 0, 0], [3, 0, 0, 0], [3, -1, 0, 0]], [0.06, 0.09, 0.2], standard_deviation=0.01)
+    assert "shear_modulus" in model.undetermined_
+    assert model.parameters_[0] == 1.0  # at its start
 
 
 @pytest.mark.parametrize(
