@@ -156,7 +156,7 @@ def products(intrinsic, dimension):
 
 def record_sums(length, sign):
     """Return the pass that sums records by an intrinsic, and its plain twin."""
-    intrinsic = loads.sum_records(length, sign)
+    intrinsic = loads.sum_records(length, sign, fetched=length in (3, 9))
     record = entries("rows, k", [f"np.float64(rows[k, {r}])" for r in range(length)])
     plus = entries("v, w", [f"v[{r}] + w[{r}]" for r in range(length)])
     combine = plus if sign > 0 else entries("v, w", [f"v[{r}] - w[{r}]" for r in range(length)])
@@ -165,7 +165,7 @@ def record_sums(length, sign):
     @compiled
     def fast(records, pointers, others, indices, out):
         for i in range(pointers.shape[0] - 1):
-            intrinsic(records, (pointers[i], pointers[i + 1]), indices, (others[i], others[i + 1]), 1.0, i, out)
+            intrinsic(records, (pointers[i], pointers[i + 1]), indices, indices.shape[0], (others[i], others[i + 1]), 1.0, i, out)
 
     @compiled
     def plain(records, pointers, others, indices, out):
@@ -247,7 +247,8 @@ def scaled(dimension):
     @compiled
     def fast(records, factors, pointers, others, indices, vectors, matrices):
         for i in range(pointers.shape[0] - 1):
-            intrinsic(records, factors, (pointers[i], pointers[i + 1]), indices, (others[i], others[i + 1]), i, (vectors, matrices))
+            both = (pointers[i], pointers[i + 1]), indices, indices.shape[0], (others[i], others[i + 1])
+            intrinsic(records, factors, *both, i, (vectors, matrices))
 
     @compiled
     def plain(records, factors, pointers, others, indices, vectors, matrices):

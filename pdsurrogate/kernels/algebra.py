@@ -16,6 +16,7 @@ import numpy as np  # noqa: F401 - read by expressions
 from ..engine import vector_loads
 from ..engine.block_arrays import put_row, rows_of
 from ..engine.compile import inlined
+from ..engine.vector_loads import AHEAD
 from .elementary import like  # noqa: F401 - read by expressions
 
 
@@ -121,8 +122,8 @@ def _components(d):
         "put_matrices": vector_loads.put_records(len(matrix)),
         "subtract_positions": vector_loads.subtract_positions(d),
         "sum_matrix_products": vector_loads.sum_matrix_products(d),
-        "sum_signed_records": vector_loads.sum_records(d, -1),
-        "sum_matrices": vector_loads.sum_records(d * d, 1),
+        "sum_signed_records": vector_loads.sum_records(d, -1, fetched=d == 3),
+        "sum_matrices": vector_loads.sum_records(d * d, 1, fetched=d == 3),
         # Vectors; 1 if a component is infinite or NaN, else 0: the sum of finite components must not overflow.
         "no_vector": entries("", ["0.0" for _ in axes]),
         "plus": entries("v, w", [f"v[{r}] + w[{r}]" for r in axes]),
@@ -178,6 +179,8 @@ def _space(algebra):
     """Return, by name, the functions on matrices and states whose formulas hold in three dimensions only."""
     right_cauchy_green = entries("F", [total(f"F[{3 * r + k}] * F[{3 * c + k}]" for k in range(3)) for r in range(3) for c in range(r, 3)])
 
+    fetch = vector_loads.fetch(3)
+
     @inlined
     def response_state(F, volume_ratio):
         """Return the state on which the response of a law depends in three dimensions: tr C, tr cof C and det F.
@@ -205,6 +208,7 @@ def _space(algebra):
         own = algebra.vector_at(positions, point)
         summed = algebra.no_matrix()
         for b in range(bonds[0], bonds[1]):
+            fetch(weights, 3 * (b + AHEAD))
             x = algebra.minus(algebra.vector_at(positions, neighbors[b]), own)
             summed = algebra.add_outer_product(summed, x, algebra.vector_at(weights, b))
         algebra.put(out, point, summed)

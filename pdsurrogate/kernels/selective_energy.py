@@ -7,6 +7,7 @@ volume zero and is given the undeformed state.
 from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from
 from ..engine.compile import call_block, inline, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import fetch
 from .algebra import ByDimension
 from .elementary import like
 
@@ -64,6 +65,7 @@ def pair_volumes(algebra):
     """Build the pass that computes det F_ij, the volume ratio, of every pair of points."""
     of_bond = gradient_of_bond(algebra)
     matrix = algebra.MATRIX
+    fetch_geometry, fetch_volumes = fetch(4 * (algebra.DIMENSION + 2)), fetch(4, to_write=True)
 
     @Pass
     def pair_volumes(chunk, positions, gradients, pairs, buffers, volumes):
@@ -83,6 +85,8 @@ def pair_volumes(algebra):
             found = volumes[at : at + BLOCK]
             for k in range(0, BLOCK, 4):
                 algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
+                fetch_geometry(geometry, (at + BLOCK + k) * geometry.shape[1])
+                fetch_volumes(volumes, at + k)
             for k in range(BLOCK):
                 J = algebra.determinant(of_bond(sums, bonds, reference, k))
                 found[k] = J
@@ -167,6 +171,8 @@ def pair_energies(algebra):
     matrix, dimension = algebra.MATRIX, algebra.DIMENSION
     state_rows, result_rows = matrix + dimension, matrix + dimension + STATE_ROWS
     length, volume = dimension, dimension + 1
+    fetch_geometry, fetch_shares = fetch(4 * (dimension + 2)), fetch(4 * 2)
+    fetch_force, fetch_moment = fetch(4 * dimension, to_write=True), fetch(4 * matrix, to_write=True)
 
     @Pass
     def pair_energies(chunk, positions, gradients, pressures, pairs, shares, energy, constants, buffers, results):
@@ -194,6 +200,11 @@ def pair_energies(algebra):
             share = block_rows(shares[block])
             for k in range(0, BLOCK, 4):
                 algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
+                # The reference data of the next block, and where this one writes: four pairs at a time, since each is used at once.
+                fetch_geometry(geometry, (at + BLOCK + k) * geometry.shape[1])
+                fetch_shares(shares, (at + BLOCK + k) * 2)
+                fetch_force(forces, (at + k) * dimension)
+                fetch_moment(moments, (at + k) * matrix)
             for k in range(BLOCK):
                 F = of_bond(sums, bonds, reference, k)
                 put_column(sums, k, F)

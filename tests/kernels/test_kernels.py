@@ -129,7 +129,7 @@ def test_sums_of_records(random, dtype, length, sign):
 
     @kernel
     def total(table, count, listed, out):
-        add_up(table, (5, 5 + count), listed, (0, listed.shape[0]), 2.0, 0, out)
+        add_up(table, (5, 5 + count), listed, listed.shape[0], (0, listed.shape[0]), 2.0, 0, out)
 
     for count in (0, 1, 3, 4, 7, 29):
         listed, out = random.integers(0, 100, count).astype(np.uint32), np.zeros((1, length))
