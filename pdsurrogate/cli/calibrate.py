@@ -70,7 +70,8 @@ def calibrate(
     with bad_input(OSError):
         new_artifact(folder, name, next_version(folder, name))
     asked = {"scene": test.model_dump(mode="json"), "law": law, "terms": terms or N_TERMS, **bulk, "refine": refine, "name": name}
-    asked |= {"field_noise": field_noise, "force_noise": force_noise, "digest": digest_of({"X": X.tolist(), "y": y.tolist()})}
+    asked |= {"field_noise": field_noise, "force_noise": force_noise, "outputs": outputs}
+    asked["digest"] = digest_of({"X": X.tolist(), "y": y.tolist()})
     check_folder(folder, "calibration.json", asked, overwrite)
     model = SceneRegressor(test, law, terms or N_TERMS, outputs=[*outputs.values()] or None, refine=refine, **bulk)
     noises, began = {1: field_noise}, time.perf_counter()
