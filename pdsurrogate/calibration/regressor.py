@@ -71,6 +71,9 @@ SUBSTANTIAL = 0.1
 SIGNIFICANT = 2.0
 """Noise of the measurements, in standard deviations, that a difference must exceed in order to count as such an error."""
 
+AT_BOUND = 0.01
+"""Distance from a bound, in standard errors, at which a parameter counts as at the bound: interior steps of a search end short of it."""
+
 SETTLED = 0.1
 """Change of all parameters, in their standard errors, below which the correction of the discretization error is not computed again."""
 
@@ -519,6 +522,9 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             found.spread, logarithmic = found.spread[np.ix_(kept, kept)], logarithmic[kept]
             found.active_mask = found.active_mask[kept]
             search.forget()
+        else:
+            errors = np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac, rcond=1e-14, hermitian=True)))
+            found.active_mask = (found.active_mask != 0) | (np.minimum(x - low, high - x) < AT_BOUND * errors)
         visited = self._set_domain(law_of(x))
         self.n_simulations_ = search.count
         simulated = search.values(x) + correction
