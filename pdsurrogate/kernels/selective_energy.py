@@ -200,9 +200,6 @@ def pair_energies(algebra):
             share = block_rows(shares[block])
             for k in range(0, BLOCK, 4):
                 algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
-                # The reference data of the next block, and where this one writes: four pairs at a time, since each is used at once.
-                fetch_geometry(geometry, (at + BLOCK + k) * geometry.shape[1])
-                fetch_shares(shares, (at + BLOCK + k) * 2)
                 fetch_force(forces, (at + k) * dimension)
                 fetch_moment(moments, (at + k) * matrix)
             for k in range(BLOCK):
@@ -229,6 +226,9 @@ def pair_energies(algebra):
             for k in range(0, BLOCK, 4):
                 algebra.put_vectors(bonds, k, forces, at + k)
                 algebra.put_matrices(sums, k, moments, at + k)
+                # For the next block. Requests for memory are made here and above, since too many at once wait for one another.
+                fetch_geometry(geometry, (at + BLOCK + k) * geometry.shape[1])
+                fetch_shares(shares, (at + BLOCK + k) * 2)
             energies[block] = total
 
     return pair_energies

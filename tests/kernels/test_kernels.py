@@ -1,5 +1,8 @@
 """Kernels against plain twins written for reading."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from bodies import disc_with_hole, gripped_sheet, jittered, sheet
@@ -136,6 +139,40 @@ def test_sums_of_records(random, dtype, length, sign):
         total(table, count, listed, out)
         expected = 2 * (table[5 : 5 + count].astype(float).sum(axis=0) + sign * table[listed].astype(float).sum(axis=0))
         np.testing.assert_allclose(out[0], expected, atol=1e-13)
+
+
+AT_THE_END_OF_MEMORY = """
+import ctypes, mmap
+import numpy as np
+from pdsurrogate.engine import vector_loads
+from pdsurrogate.engine.compile import kernel
+size = mmap.PAGESIZE
+memory = mmap.mmap(-1, 2 * size)
+pages = np.frombuffer(memory, dtype=np.uint8)
+assert ctypes.CDLL(None).mprotect(ctypes.c_void_p(pages.ctypes.data + size), ctypes.c_size_t(size), 0) == 0
+def at_end(values):
+    place = pages[size - values.nbytes : size].view(values.dtype).reshape(values.shape)
+    place[...] = values
+    return place
+add_up = vector_loads.sum_records(3, -1, fetched=True)
+@kernel
+def total(records, listed, out):
+    add_up(records, (0, 5), listed, listed.shape[0], (0, listed.shape[0]), 1.0, 0, out)
+table, listed, out = np.arange(15.0).reshape(5, 3), np.array([4, 0, 1], dtype=np.uint32), np.zeros((1, 3))
+total(table, at_end(listed), out)
+print(out.tolist())
+total(at_end(table), listed, out)
+print(out.tolist())
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="pages of memory are closed by a call of Linux")
+def test_asking_for_memory_reads_nothing_beyond_the_arrays():
+    """Behind the records, and behind the list of their numbers, lies a page whose use would end the process."""
+    run = subprocess.run([sys.executable, "-c", AT_THE_END_OF_MEMORY], capture_output=True, text=True, check=False)
+    table = np.arange(15.0).reshape(5, 3)
+    expected = f"{[(table.sum(axis=0) - table[[4, 0, 1]].sum(axis=0)).tolist()]}\n"
+    assert (run.returncode, run.stdout) == (0, 2 * expected), run.stderr
 
 
 def test_compiled_code_is_cached_and_compilation_is_announced():
