@@ -354,13 +354,16 @@ class Ghosts:
         """
         kernels.fill_matrices(changes, *self.of_gradients, 0.0, np.zeros((len(self), changes.shape[1])))
 
-    def fill_shapes(self, shapes: np.ndarray) -> None:
-        """Write the shape tensors of the ghosts (or their inverses), S K_source S with the reflection S, into `shapes`."""
-        one, other = np.triu_indices(self.reflection.shape[1])
-        self.fill(shapes)
-        found = shapes[len(shapes) - len(self) :]
-        flips = np.eye(self.normal.shape[1]) - 2 * self.normal[:, :, None] * self.normal[:, None]
-        found[:] = (flips @ symmetric(found) @ flips)[:, one, other] * self.reflection[:, one] * self.reflection[:, other]
+    def fill_shapes(self, shapes: np.ndarray, images: np.ndarray | slice = slice(None)) -> None:
+        """Write shape tensors (or their inverses) of ghosts, S K_source S with the reflection S, into `shapes`; of all or some `images`."""
+        self.share.fill(shapes)
+        normal, reflection = self.normal[images], self.reflection[images]
+        if not len(normal):
+            return
+        one, other = np.triu_indices(reflection.shape[1])
+        flips = np.eye(normal.shape[1]) - 2 * normal[:, :, None] * normal[:, None]
+        found = flips @ symmetric(shapes[self.source[images]]) @ flips
+        shapes[len(shapes) - len(self) :][images] = found[:, one, other] * reflection[:, one] * reflection[:, other]
 
     def reflected_vectors(self, vectors: np.ndarray) -> np.ndarray:
         """Return vectors (n, d) at the points, such as normals of an interface, as the ghosts' neighborhoods have them, shape (m, d)."""

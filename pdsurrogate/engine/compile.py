@@ -235,12 +235,7 @@ def kernel(function: Callable) -> Callable:
     A function that a pass calls should be `inline` instead. Numba optimizes a copy of a called `kernel` within the pass; whether this copy
     or the kernel itself runs depends on what was compiled or loaded before, and the last bits of their results may differ.
     """
-    return _enable_cache(plain_function(function), function)
-
-
-def plain_function(function: Callable) -> Callable:
-    """Compile a function without a disk cache of its own: its code is cached as part of its callers."""
-    return numba.njit(**OPTIONS)(function)
+    return _enable_cache(numba.njit(**OPTIONS)(function), function)
 
 
 def inline(function: Callable) -> Callable:

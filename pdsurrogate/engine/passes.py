@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 import itertools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numba
 import numpy as np
@@ -20,7 +20,7 @@ from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
 
 from .block_arrays import CACHE_LINE, add_to, aligned_rows, array_over
-from .compile import compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
+from .compile import compile_block_function, compiled_digest, expanded, inlined, kernel, parallel_kernel
 from .threads import Chunks, chunks_of, threads_are_lost
 
 CHUNK_FUNCTION = types.int64(types.CPointer(types.int64), types.int64, types.int64, types.int64)
@@ -87,6 +87,11 @@ def _run_here(calls, found):
             found[number] += _call_chunk(calls[number, 0], calls[number, 1], 0, chunk, calls[number, 2])
 
 
+Kind: TypeAlias = "type | tuple"
+"""Kind of an argument of a pass, on which its code depends: ``int``, ``float``, type and number of dimensions of an array, or a tuple of
+kinds. It is found and compared faster than the numba type of the argument, since many passes are bound while bonds break."""
+
+
 def _unpacker(kinds: tuple):
     """Return an intrinsic that reads the arguments of a pass, of the numba types `kinds`, from a vector of 64-bit words.
 
@@ -116,23 +121,30 @@ def _unpacker(kinds: tuple):
     return unpack
 
 
-def _described(name: str, value) -> tuple[types.Type, list[int]]:
-    """Return the numba type of an argument of a pass, and the 64-bit words that hold it: an array's address and shape, or a number.
+def _described(name: str, value) -> tuple[Kind, list[int]]:
+    """Return the kind of an argument of a pass, and the 64-bit words that hold it: an array's address and shape, or a number.
 
     A tuple has the words of its items. Raise TypeError, with the argument's name, for an array that is not in C order.
     """
     if isinstance(value, tuple):
         kinds, words = zip(*(_described(name, item) for item in value), strict=True)
-        return types.Tuple(kinds), list(itertools.chain(*words))
+        return kinds, list(itertools.chain(*words))
     if isinstance(value, np.ndarray):
-        kind = numba.typeof(value)
-        if kind.layout != "C" or not value.flags.c_contiguous:
+        if not value.flags.c_contiguous:
             raise TypeError(f"{name} must be an array in C order")
-        # Read-only arrays share the code of writable ones.
-        return types.Array(kind.dtype, kind.ndim, "C"), [_address(value), *value.shape]
+        return (value.dtype, value.ndim), [_address(value), *value.shape]
     if isinstance(value, float | np.floating):
-        return types.float64, [int(np.float64(value).view(np.int64))]
-    return types.int64, [int(value)]
+        return float, [int(np.float64(value).view(np.int64))]
+    return int, [int(value)]
+
+
+def _type_of(kind: Kind) -> types.Type:
+    """Return the numba type of the arguments of a kind; read-only arrays share the code of writable ones."""
+    if kind in (int, float):
+        return types.int64 if kind is int else types.float64
+    if isinstance(kind[0], np.dtype):
+        return types.Array(numba.from_dtype(kind[0]), kind[1], "C")
+    return types.Tuple([_type_of(item) for item in kind])
 
 
 class Chunk(NamedTuple):
@@ -141,6 +153,16 @@ class Chunk(NamedTuple):
     number: int
     of: int
     thread: int
+
+
+ENTRY = """
+def entry(arguments, thread, number, of):
+    items = unpack(arguments)
+    found = function(Chunk(number, of, thread), {})
+    return 0 if found is None else found
+"""
+"""Function that reads the arguments of a pass and runs the pass, whose code numba copies into it: a pass that it called would be optimized
+twice. numba copies only functions whose arguments are listed one by one."""
 
 
 class Pass:
@@ -155,7 +177,7 @@ class Pass:
         self.__doc__, self.__name__ = function.__doc__, function.__name__
         self.names = tuple(inspect.signature(function).parameters)[1:]
         self._code: dict[tuple, CFunc] = {}
-        self._compiled = plain_function(function)
+        self._compiled = expanded(function)
 
     def bind(self, *arguments, chunks: Chunks | None = None) -> BoundPass:
         """Return the pass bound to `arguments`, the values of its parameters after `chunk`; by default it has one chunk for each thread.
@@ -168,18 +190,17 @@ class Pass:
         """Run the pass once on all chunks with the given arguments, and return the sum of the counts of its chunks."""
         return self.bind(*arguments)()
 
-    def address(self, kinds: tuple) -> int:
-        """Return the address of the pass's code for arguments of the given numba types; the code is compiled at the first request."""
+    def address(self, kinds: tuple[Kind, ...]) -> int:
+        """Return the address of the pass's code for arguments of the given kinds; the code is compiled at the first request."""
         if kinds not in self._code:
-            function, unpack = self._compiled, _unpacker(kinds)
-            digest = compiled_digest(self.function, unpack, [str(kind) for kind in kinds])
-
-            def entry(arguments, thread, number, of):
-                found = function(Chunk(number, of, thread), *unpack(arguments))
-                return 0 if found is None else found
-
-            entry.__qualname__ = self.function.__qualname__
-            self._code[kinds] = compile_block_function(entry, CHUNK_FUNCTION, digest)
+            numba_types = tuple(map(_type_of, kinds))
+            unpack, source = _unpacker(numba_types), ENTRY.format(", ".join(f"items[{number}]" for number in range(len(kinds))))
+            digest = compiled_digest(self.function, unpack, [str(one) for one in numba_types], source)
+            # The entry counts as code of the module of the pass, beside which it is cached.
+            names = {"unpack": unpack, "function": self._compiled, "Chunk": Chunk, "__name__": self.function.__module__}
+            exec(compile(source, self.function.__code__.co_filename, "exec"), names)
+            names["entry"].__qualname__ = self.function.__qualname__
+            self._code[kinds] = compile_block_function(names["entry"], CHUNK_FUNCTION, digest)
         return self._code[kinds].address
 
 

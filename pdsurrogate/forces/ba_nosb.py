@@ -5,7 +5,7 @@ from typing import ClassVar
 import numpy as np
 import scipy
 
-from ..body.body import pointers_to
+from ..body.body import lengths_of, pointers_to
 from ..body.ghosts import WITH_ROUNDING, symmetric
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import Chain
@@ -58,7 +58,7 @@ class BondAssociatedStress(Term):
         table_owners = np.concatenate([owners[: len(bonds.neighbors)], around_images[:, 0]])
         self._table_pointers = pointers_to(table_owners, total)
         bond = points[self._table] - points[table_owners]
-        weights = body.weigh(np.linalg.norm(bond, axis=1))
+        weights = body.weigh(lengths_of(bond))
         self._table_weights = np.ascontiguousarray(bond * (weights * volumes[self._table])[:, None])
         horizon_volumes = np.bincount(table_owners, volumes[self._table], total)
         # The horizon of an image extends beyond the existing images, so it has the volume of the mirrored point's horizon.

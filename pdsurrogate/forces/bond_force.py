@@ -9,6 +9,7 @@ from typing import Self, cast
 import numpy as np
 
 from ..body import Body
+from ..body.body import lengths_of
 from ..body.ghosts import symmetric
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
@@ -275,7 +276,7 @@ class BondForces(Term):
         pairs = np.flatnonzero(part.geometry[:, 2].ravel()[: len(bonds.first)] > 0)
         first, second = bonds.first[pairs], bonds.second[pairs]
         vectors, between = points[second] - points[first], self.kinematics.positions[second] - self.kinematics.positions[first]
-        length = np.linalg.norm(vectors, axis=1)
+        length = lengths_of(vectors)
         cos, sin, J, C33 = (part.points.records[first].astype(float) + part.points.records[second]).T
         turn = np.hypot(cos, sin)
         n1 = (cos * vectors[:, 0] - sin * vectors[:, 1]) / turn
@@ -316,7 +317,7 @@ def pair_strength(body: Body) -> np.ndarray:
     w is the weight of the pair, l its undeformed length, and V_i and V_j are the volumes of its ends.
     """
     bonds, volumes = body.bonds, body.all_volumes
-    length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
+    length = lengths_of(body.all_points[bonds.second] - body.all_points[bonds.first])
     return 2 * body.weigh(length) * length * volumes[bonds.first] * volumes[bonds.second]
 
 

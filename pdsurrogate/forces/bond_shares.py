@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..body.body import pointers_to
+from ..body.body import lengths_of, pointers_to
 from ..body.ghosts import symmetric
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels.ghosts import fold_matrices, fold_vectors
@@ -42,7 +42,7 @@ class BondShares:
         self._kinematics, self._body = kinematics, kinematics.body
         body, bonds = self._body, self._body.bonds
         n, total = len(body), len(body.all_points)
-        length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
+        length = lengths_of(body.all_points[bonds.second] - body.all_points[bonds.first])
         self.strength = body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         self.pairs_of_points = pairs_of_points(bonds.first, bonds.second, total)  # ghosts are first in none
         # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
@@ -124,7 +124,7 @@ class BondShares:
         weights[kinematics.outer_pairs] += shares[one[kinematics.mirrored_pairs]]
 
         def directions(some: Around) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            length = np.linalg.norm(some.vectors, axis=1)
+            length = lengths_of(some.vectors)
             return some.vectors / length[:, None], length, weights[bonds.pair_of[some.bonds]]
 
         moments = np.zeros((n + len(ghosts), d, d))
@@ -163,7 +163,7 @@ class BondShares:
         body, d = self._body, self._body.dimension
         pairs = np.arange(len(body.bonds.first))[pairs]
         vectors = body.all_points[body.bonds.second[pairs]] - body.all_points[body.bonds.first[pairs]]
-        length = np.linalg.norm(vectors, axis=1)
+        length = lengths_of(vectors)
         places, rows = np.arange(len(pairs)), d + (3 if body.share.divided else 2)
         geometry = aligned_rows((-(-len(pairs) // BLOCK), rows, BLOCK), precision)
         geometry[places // BLOCK, : d + 1, places % BLOCK] = np.column_stack([vectors / length[:, None], 1 / length])

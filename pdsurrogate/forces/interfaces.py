@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from functools import partial
 from typing import TypeAlias
 
@@ -149,7 +150,7 @@ class Interfaces:
     def __init__(
         self, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool, breakable: bool
     ) -> None:
-        self._body, self._portion_of, self._kinematics = kinematics.body, portion_of, kinematics
+        self._body, self._portion_of, self._kinematics = kinematics.body, portion_of, weakref.proxy(kinematics)
         body, share = self._body, self._body.share
         n, total, bonds, owners = len(body), len(body.all_points), body.bonds, body.bond_owners
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbors])

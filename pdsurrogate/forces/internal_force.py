@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 
 from ..body import Body
+from ..body.body import lengths_of
 from .balanced import balanced_changes
 from .interfaces import YIELDING, Interfaces
 from .kinematics import Kinematics
@@ -130,7 +131,7 @@ class InternalForce:
     def _moduli(self, moduli: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and ghosts, which are infinite for rigid ones."""
         body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self.body.bond_owners
-        around, length = moduli[bonds.neighbors], np.linalg.norm(body.all_points[bonds.neighbors] - body.points[owners], axis=1)
+        around, length = moduli[bonds.neighbors], lengths_of(body.all_points[bonds.neighbors] - body.points[owners])
         # A bond between very different moduli carries the force of the softer material: each point counts its own modulus only.
         apart = self.has_energy & (np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners]))
         around[apart] = moduli[owners[apart]]

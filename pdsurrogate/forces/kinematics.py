@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from ..body import Body
-from ..body.body import pointers_to
+from ..body.body import lengths_of, pointers_to
 from ..body.ghosts import symmetric
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import BoundPass, Chain
@@ -79,7 +79,7 @@ class Kinematics:
         self.chunks = chunks_of(len(bonds.first))
         self.scratch = aligned_rows((self.chunks.threads, SCRATCH_ROWS, BLOCK), value=1)
         vectors = points[bonds.neighbors] - points[body.bond_owners]
-        factors = body.weigh(np.linalg.norm(vectors, axis=1)) * body.all_volumes[bonds.neighbors]
+        factors = body.weigh(lengths_of(vectors)) * body.all_volumes[bonds.neighbors]
         self.weighted_bonds = aligned_rows(vectors.shape, precision)
         self.weighted_bonds[:] = vectors * factors[:, None]
         self.inverse_shape = np.zeros((total, d * (d + 1) // 2))
@@ -102,7 +102,8 @@ class Kinematics:
         self._plane_displacements = np.zeros((len(body.planes), d))
         self._plane_turns = None
         ghosts = body.ghosts
-        self._shifts = ghosts.shifts(body.points, self._plane_displacements)
+        self._unmoved = ghosts.shifts(body.points, self._plane_displacements)
+        self._shifts = self._unmoved.copy()
         self.gradient_ghosts = ghosts if plane == "stress" else ghosts.held_by_clamps(SHARE_ALONG_CLAMPS[plane])
         images = ghosts.source, ghosts.parity, self._shifts
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks)
@@ -125,13 +126,13 @@ class Kinematics:
         self.weighted_bonds[np.concatenate([bonds[pairs] for bonds in self.bonds_of_pairs])] = 0.0
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
-        find_shapes(self.body, touched, self.weighted_bonds, self.inverse_shape, self.supported)
-        if self.interfaces is not None:
-            self.interfaces.break_bonds(pairs)
-        self.formed, self.changes = False, self.changes + 1
         reached = np.zeros(len(self.body.all_points), dtype=bool)
         reached[touched] = True
         self.body.ghosts.fill(reached)
+        find_shapes(self.body, touched, self.weighted_bonds, self.inverse_shape, self.supported, np.flatnonzero(reached[n:]))
+        if self.interfaces is not None:
+            self.interfaces.break_bonds(pairs)
+        self.formed, self.changes = False, self.changes + 1
         own, outer = bonds.pair_of[entries_of(bonds.pointers, touched)], self.outer_pairs
         beside = self.body.share.beside_halo(bonds.first, bonds.second)  # other ranks may have broken pairs that this rank does not have
         return np.unique(np.concatenate([own, outer[reached[bonds.second[outer]]], beside]))
@@ -229,7 +230,7 @@ class Kinematics:
                 self._plane_turns = np.zeros((len(self.body.planes), *turn.shape))
             self._plane_turns[plane] = turn
             self._gradient_shifts[:] = self.gradient_ghosts.gradient_shifts(self._plane_turns)
-        self._shifts[:] = self.body.ghosts.shifts(self.body.points, self._plane_displacements, self._plane_turns)
+        np.add(self._unmoved, self.body.ghosts.moved_by_planes(self._plane_displacements, self._plane_turns), out=self._shifts)
 
     def steps(self) -> list[Step]:
         """Return the steps that place points and ghosts at the positions last taken and compute deformation gradients.
@@ -276,11 +277,21 @@ class Kinematics:
         return matrices(self.gradients[: len(self.body)])
 
 
-def find_shapes(body: Body, rows: np.ndarray, weighted_bonds: np.ndarray, inverse_shape: np.ndarray, supported: np.ndarray) -> None:
-    """Write inverse shape tensors and flags of support of the points `rows`, see `Kinematics`, and complete them on halo and ghosts."""
+def find_shapes(
+    body: Body,
+    rows: np.ndarray,
+    weighted_bonds: np.ndarray,
+    inverse_shape: np.ndarray,
+    supported: np.ndarray,
+    images: np.ndarray | slice = slice(None),
+) -> None:
+    """Write inverse shape tensors and flags of support of the points `rows`, see `Kinematics`, and complete them on halo and ghosts.
+
+    `images` are the ghosts of points that change, by default all; those of halo points that other ranks change are among them.
+    """
     bonds = body.bonds
     shape_rows[body.dimension](rows, bonds.pointers, bonds.neighbors, body.all_points, weighted_bonds, inverse_shape, supported)
-    body.ghosts.fill_shapes(inverse_shape)
+    body.ghosts.fill_shapes(inverse_shape, images)
     body.ghosts.fill(supported)
 
 

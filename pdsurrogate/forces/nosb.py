@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..body.body import lengths_of
 from ..engine.block_arrays import aligned_rows
 from ..kernels import nosb
 from ..materials import PLANES
@@ -50,7 +51,7 @@ class PointStress(Term):
         bonds, body = self.body.bonds, self.body
         first, second = bonds.first[pairs], bonds.second[pairs]
         bond = body.all_points[second] - body.all_points[first]
-        factor = body.weigh(np.linalg.norm(bond, axis=1)) * body.all_volumes[first] * body.all_volumes[second]
+        factor = body.weigh(lengths_of(bond)) * body.all_volumes[first] * body.all_volumes[second]
         factor[self._broken[pairs]] = 0
         return factor[:, None] * np.einsum("bij,bj->bi", matrices(self._stresses[first] + self._stresses[second]), bond)
 

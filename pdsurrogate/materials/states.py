@@ -45,19 +45,24 @@ def principal_stretches(F: np.ndarray) -> np.ndarray:
 
 
 def cofactor(F: np.ndarray) -> np.ndarray:
-    """Return the cofactor of F, det F times F^-T, in the shape of F."""
-    if F.shape[-1] == 2:
-        return np.flip(F, (-2, -1)) * [[1, -1], [-1, 1]]
+    """Return the cofactor of F, det F times F^-T, in the shape of F, (..., 3, 3)."""
     # The columns are cross products of those of F.
     return np.stack([np.cross(F[..., (k + 1) % 3], F[..., (k + 2) % 3]) for k in range(3)], axis=-1)
+
+
+def determinant(F: np.ndarray) -> np.ndarray:
+    """Return det F, of shape (...), of matrices of two or three rows; for many small ones several times as fast as NumPy's function."""
+    if F.shape[-1] == 2:
+        return F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]
+    of_rest = [determinant(F[..., 1:, [k for k in range(3) if k != column]]) for column in range(3)]
+    return F[..., 0, 0] * of_rest[0] - F[..., 0, 1] * of_rest[1] + F[..., 0, 2] * of_rest[2]
 
 
 def invariants(F) -> tuple:
     """Return tr C and det F of a sheet, or tr C, tr cof C and det F of a solid, each of shape (...)."""
     F = np.asarray(F, dtype=float)
-    cof = cofactor(F)
-    traces = [(tensor * tensor).sum(axis=(-2, -1)) for tensor in (F, cof)[: F.shape[-1] - 1]]
-    return *traces, (F[..., 0] * cof[..., 0]).sum(axis=-1)
+    tensors = (F, cofactor(F)) if F.shape[-1] == 3 else (F,)
+    return *(np.einsum("...ij,...ij->...", tensor, tensor) for tensor in tensors), determinant(F)
 
 
 def stretch_squares(trace: float, area_ratio: float) -> np.ndarray:
@@ -142,7 +147,10 @@ class PlaneStrain(Solid):
     def in_plane_stress(self, F, p, q):
         """Return the in-plane stress P = p F + q F^-T, shape (..., 2, 2), from its coefficients p and q, shape (...)."""
         F = np.asarray(F, dtype=float)
-        return p[..., None, None] * F + (q / invariants(F)[1])[..., None, None] * cofactor(F)
+        found, of_cofactor = np.empty((*np.shape(p), 2, 2)), q / determinant(F)
+        for i, j in np.ndindex(2, 2):
+            found[..., i, j] = p * F[..., i, j] + (of_cofactor if i == j else -of_cofactor) * F[..., 1 - i, 1 - j]
+        return found
 
     def _stress(self, F, rows, bulk_stress):
         p, q, across = rows

@@ -22,6 +22,8 @@ class Sensitivities:
     displacements : ndarray, shape (parameters, n, d), or None
         Derivatives of the displacements of all points; None if there are fewer measurements than parameters, where adjoint equations are
         solved, one for each measurement.
+    errors : ndarray, shape (outputs, parameters)
+        Estimated errors of the derivatives by the linear equations left unsolved and by rounding.
 
     See Also
     --------
@@ -33,3 +35,4 @@ class Sensitivities:
     values: np.ndarray
     derivatives: np.ndarray
     displacements: np.ndarray | None
+    errors: np.ndarray

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import weakref
 from dataclasses import astuple, dataclass, field
 from functools import cache, partial
 from typing import TYPE_CHECKING
@@ -106,7 +107,7 @@ class Checkpoints:
     """
 
     def __init__(self, run: Run) -> None:
-        self.run, self._share, self._rows = run, run.body.share, cache(partial(rows_of, run.body))
+        self.run, self._share, self._rows = weakref.proxy(run), run.body.share, cache(partial(rows_of, run.body))
         self.resumable, self._due = False, time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
 
     @property
@@ -193,7 +194,7 @@ class Record:
     """
 
     def __init__(self, run: Run) -> None:
-        self._run, self._summary, self._began, self._earliest = run, None, 0.0, 0.0
+        self._run, self._summary, self._began, self._earliest = weakref.proxy(run), None, 0.0, 0.0
 
     def begin(self, summary: dict) -> None:
         """Set the summary of the run at its start, of which later tables contain updated copies; before this call nothing is written."""

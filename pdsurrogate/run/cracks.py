@@ -6,6 +6,7 @@ import numpy as np
 import scipy
 
 from ..forces import InvalidState
+from ..materials.states import determinant
 from ..ranks.share import connected
 from ..solvers.dynamics import ExplicitDynamics
 from .account import Account
@@ -31,6 +32,9 @@ class Cracks:
 
     def __init__(self, run: Run, integrator: ExplicitDynamics, account: Account) -> None:
         self._run, self._integrator, self._account, self._damage = run, integrator, account, run.damage
+        # Flags of points and ghosts that have lost bonds, and the numbers of such points.
+        self._lost, self._torn = np.zeros(len(run.body.all_points), dtype=bool), np.empty(0, dtype=np.int64)
+        self._count_lost(np.flatnonzero(run.damage.broken))
         if run.state.crack is None:
             run.state.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
 
@@ -69,13 +73,11 @@ class Cracks:
         bonds, n, share = run.body.bonds, len(run.body), run.body.share
         if not run.state.crack["broken_bonds"]:
             return np.empty(0, dtype=np.int64)
-        broken, lost, failed = np.flatnonzero(self._damage.broken), *np.zeros((2, len(run.body.all_points)), dtype=bool)
-        lost[bonds.first[broken]] = lost[bonds.second[broken]] = True
-        points = np.flatnonzero(lost[:n])
-        ratios = np.linalg.det(run.force.deformation_gradients()[points])
-        collapsed, crushed = points[~(ratios > LEAST_RATIO)], run.force.collapsed_pairs()
+        ratios = determinant(run.force.deformation_gradients()[self._torn])
+        collapsed, crushed = self._torn[~(ratios > LEAST_RATIO)], run.force.collapsed_pairs()
         if not share.any(len(collapsed) or len(crushed)):
             return collapsed
+        lost, failed = self._lost.copy(), np.zeros_like(self._lost)
         failed[collapsed] = True
         run.body.ghosts.fill(failed)
         failing = failed[bonds.first] | failed[bonds.second]
@@ -88,6 +90,12 @@ class Cracks:
             run.state.crack["failed_points"] += share.total(int(np.count_nonzero(failed[:n] & share.own)))
         return pairs
 
+    def _count_lost(self, pairs: np.ndarray) -> None:
+        """Count the ends of broken pairs, given by number, among the points that have lost bonds."""
+        bonds = self._run.body.bonds
+        self._lost[bonds.first[pairs]] = self._lost[bonds.second[pairs]] = True
+        self._torn = np.flatnonzero(self._lost[: len(self._run.body)])
+
     def _break(self, pairs: np.ndarray) -> None:
         """Break pairs, given by number, in one event: update damage, force, energy account and the summary about cracks.
 
@@ -96,6 +104,7 @@ class Cracks:
         run, crack, share = self._run, self._run.state.crack, self._run.body.share
         crack["broken_bonds"] += share.total(int(np.count_nonzero(share.own[run.body.bonds.first[pairs]])))
         self._damage.break_bonds(pairs)
+        self._count_lost(pairs)
         if crack["start"] is None:
             places = starts_of_cracks(*self._damage.in_order(pairs), run.body.horizon)
             row = run.state.history[-1]

@@ -5,6 +5,7 @@ from functools import cached_property
 import numpy as np
 
 from ..body import Body, rows_of
+from ..body.body import lengths_of
 from ..engine.block_arrays import BLOCK
 from ..engine.passes import Chain
 from ..engine.threads import chunks_of
@@ -119,7 +120,7 @@ class Damage:
 
 
 def _lengths(body: Body, first, second) -> np.ndarray:
-    return np.linalg.norm(body.all_points[second] - body.all_points[first], axis=1)
+    return lengths_of(body.all_points[second] - body.all_points[first])
 
 
 def _by_points(body: Body, first: np.ndarray, second: np.ndarray, weights: np.ndarray) -> np.ndarray:

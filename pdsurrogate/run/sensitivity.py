@@ -2,6 +2,7 @@
 
 import copy
 import re
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -12,7 +13,6 @@ from threadpoolctl import threadpool_limits
 from ..body import fields_at
 from ..engine.threads import thread_count
 from ..forces import ForceModel
-from ..forces.internal_force import PROBE
 from ..forces.learned import Learned
 from ..materials import Law
 from ..materials.covariance import numbers_of, with_numbers_of
@@ -23,8 +23,10 @@ from ..scenes import Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.problems import suggestion
 from ..scenes.reading import apply_change, leaves
-from ..solvers.equilibrium import NoEquilibrium
+from ..solvers.equilibrium import NoEquilibrium, NotConverged
 from ..solvers.methods import Newton
+from ..solvers.nearest_bonds import strain_rounding
+from ..solvers.tangent import COARSE, FINE, TangentEquations
 from .reopened import check_intact, number_of_output, place, run_in_double
 from .rows import output_row
 from .run import Run
@@ -52,9 +54,40 @@ QUICK = re.compile(r"(forces|places)\..*|nominal_stress|energy|probes\..+\.displ
 BALANCED = 1e-10
 """Residual, in units of shear modulus / spacing, of the equilibrium whose derivatives are computed."""
 
-SOLVED = 5e-8
-"""Permitted relative residual of the linear equations for the displacements: some five times the error of products of the tangent, which
-are differences of forces."""
+ROUNDED_STRAIN = 4.0
+"""Least residual of this equilibrium, divided by K/mu times the strain of a bond by rounding of the positions. Chosen: residuals at which
+Newton's method ends for K/mu of 1e5 and 1e6, where they exceed `BALANCED`, are 0.8 and 0.5 of these."""
+
+ROUGH = 1e-4
+"""Relative residual of each solution of the linear equations. The residual that it leaves is computed anew, from differences of forces
+along the displacements found, and is solved for the next correction."""
+
+EXACT, LEAST_EXACT = 3e-7, 1e-6
+"""Estimated error of derivatives, divided by the greatest one by the same parameter, at which corrections end, and greatest one without a
+warning."""
+
+MOST_ROUNDS, IDLE = 8, 0.5
+"""Greatest number of corrections; two are usual, and four where K = 10,000 mu."""
+
+SINGULAR = 1e-2
+"""Estimated error of the derivatives of the displacements, relative to the greatest, beyond which the tangent counts as singular."""
+
+TINY = 1e-9
+"""Estimated error of the derivatives of the displacements, relative to the greatest, below which those of measurements are rounding."""
+
+STIFF = 300.0
+"""K/mu of nearly incompressible bodies beyond which differences are of fourth order, over wider steps: the others then have errors of
+3e-8."""
+
+MOST_CONTRAST = 2e4
+"""Greatest K/mu with adjoint equations, whose estimated errors leave out rounding. It stays below 1e-6 up to there; beyond, the corrections
+of the solutions for parameters tell how great it is."""
+
+CAREFUL = 1e-4
+"""Greatest displacement of a point, in spacings, in differences of fourth order with obstacles: wider steps would change contacts."""
+
+WIDER = 10.0
+"""Steps of parameters in differences of fourth order, divided by those of central ones."""
 
 ROUNDED = 1e-15
 """Norm of the rounding errors of forces, divided by the norm of the forces."""
@@ -74,6 +107,8 @@ class Jacobian:
         Displacements of the points in equilibrium.
     moved : ndarray, shape (parameters, n, d), or None
         Derivatives of the displacements; None if there are fewer measurements than parameters, where adjoint equations are solved.
+    errors : ndarray, shape (measurements, parameters)
+        Estimated errors of the derivatives.
     """
 
     names: tuple[str, ...]
@@ -81,11 +116,12 @@ class Jacobian:
     derivatives: np.ndarray
     displacements: np.ndarray
     moved: np.ndarray | None
+    errors: np.ndarray
 
 
 @dataclass(frozen=True)
 class _Change:
-    """Rates with which a parameter changes an equilibrium while the free components do not move.
+    """Rates with which a parameter changes an equilibrium while the free components do not move, or move at given rates.
 
     Attributes
     ----------
@@ -169,28 +205,104 @@ class Differentiated:
             run, loading = self.run, self.run.loading
             run.state.parameter = at
             place(run, run.body.points + displacements)
-            solver = Newton(loading.free, run.body.volumes, BALANCED)
+            solver = Newton(loading.free, run.body.volumes, max(BALANCED, ROUNDED_STRAIN * self.contrast * strain_rounding(run.body)))
             solver.solve(run.loaded, run.positions)
             measured = self.measured(run.positions)
             names = [*_named(outputs, measured), *(name for name in measured if name.startswith("places."))]
-            gradients = self._gradients(names) if 0 < len(names) < len(parameters) else None
-            changes = [self._changes(name, names if gradients else ()) for name in parameters]
-            place(run, run.positions)
-            equations = solver.equations(run.loaded, run.positions)
+            few = 0 < len(names) < len(parameters) and self.contrast <= MOST_CONTRAST
+            gradients = self._gradients(names) if few else None
+            moved = None if gradients else np.empty((len(parameters), *run.positions.shape))
+            derivatives, errors = np.empty((2, len(names), len(parameters)))
+            if parameters:
+                equations = solver.equations(run.loaded, run.positions)
             if gradients:
-                # The reactions of all supports change together if all free points move alike.
-                equations.learn(np.broadcast_to(axis, run.positions.shape) for axis in np.eye(run.body.dimension))
-                adjoint = [loading.free * equations.displacements(each, SOLVED) for each in gradients]
-                columns = [change.measured + [np.vdot(each, change.forces) for each in adjoint] for change in changes]
-                moved = None
+                derivatives, errors = self._adjoint(equations, gradients, names, parameters)
             else:
-                moved = np.empty((len(parameters), *run.positions.shape))
-                for change, u in zip(changes, moved, strict=True):
-                    u[:] = change.moved + equations.displacements(change.forces, SOLVED, change.rounding)
-                columns = [self._along(change, u, names) for change, u in zip(changes, moved, strict=True)]
-        derivatives = np.array(columns).reshape(len(parameters), len(names)).T
+                for number, name in enumerate(parameters):
+                    found = self._forward(equations, self._change(name), names)
+                    derivatives[:, number], moved[number], errors[:, number] = found
         values = np.array([measured[name] for name in names])
-        return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved)
+        return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved, errors)
+
+    def _forward(self, equations: TangentEquations, change: "_Change", names: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the derivatives of measurements by a parameter, those of the displacements (n, d), and estimated errors of the former.
+
+        Differences along the displacements found so far give the measurements, and the forces that are left. The next correction, under
+        these forces, would change the measurements by about the last change times the ratio of the roots of the work of both corrections.
+        """
+        moved, left, measured, size, idle = change.moved.copy(), change.forces, np.zeros(len(names)), np.inf, 0
+        for number in range(MOST_ROUNDS):
+            moved += equations.displacements(left, ROUGH, change.rounding)
+            now = self._change(change.name, names, moved)
+            (wrong, size), before = equations.estimate(now.forces), size
+            share = float(np.abs(wrong).max()) / max(float(np.abs(moved).max()), 1e-300)
+            last, measured, left = measured, now.measured, now.forces
+            if number == 0:
+                continue
+            part = size / before if before else 0.0
+            errors = min(part, 1.0) * np.abs(measured - last)
+            close = (errors <= EXACT * np.abs(measured).max(initial=0.0)).all()
+            idle = idle + 1 if part > IDLE else 0
+            if (close and share <= (LEAST_EXACT if names else EXACT)) or share <= TINY or idle == 2:
+                break
+        if share > SINGULAR:
+            raise NotConverged("the linear equations of the tangent are not solved: it is nearly singular")
+        return measured, moved, errors
+
+    def _adjoint(
+        self, equations: TangentEquations, gradients: Sequence[np.ndarray], names: Sequence[str], parameters: Sequence[str]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the derivatives of measurements by parameters, by one solution for each measurement, and their estimated errors.
+
+        An error is the work of the forces that are left in a solution on the displacements under those of the change of a parameter. By
+        the inequality of Cauchy and Schwarz it is at most the product of the roots of the work of both on their own displacements.
+        """
+        free = self.run.loading.free
+        # The reactions of all supports change together if all free points move alike.
+        equations.learn(np.broadcast_to(axis, free.shape) for axis in np.eye(free.shape[1]))
+        solutions = [equations.displacements(each, ROUGH) for each in gradients]
+        changes = [self._change(name, names) for name in parameters]
+        for number, change in enumerate(changes):
+            if change.moved.any():  # forces are much smaller where the body moves with its supports
+                moved = change.moved + equations.displacements(change.forces, ROUGH, change.rounding)
+                changes[number] = self._change(change.name, names, moved)
+        sizes = np.array([equations.estimate(change.forces)[1] for change in changes])
+        found, errors = np.empty((2, len(names), len(changes)))
+        left, work, rows = list(gradients), np.full(len(names), np.inf), np.arange(len(names))
+        for _ in range(MOST_ROUNDS):
+            before = work.copy()
+            for row in rows:
+                left[row] = gradients[row] - equations.forces(solutions[row], self.width)
+                work[row] = equations.estimate(left[row])[1]
+                found[row] = [change.measured[row] + np.vdot(free * solutions[row], change.forces) for change in changes]
+                errors[row] = work[row] * sizes
+            greatest = np.abs(found).max(axis=0)
+            rows = np.flatnonzero((errors > EXACT * greatest).any(axis=1) & (work < IDLE * before))
+            if not len(rows):
+                break
+            for row in rows:
+                solutions[row] += equations.displacements(left[row], ROUGH)
+        for number in np.flatnonzero((errors > LEAST_EXACT * greatest).any(axis=0)):  # the bound may be too great
+            found[:, number], _, errors[:, number] = self._forward(equations, self._change(parameters[number]), names)
+        return found, errors
+
+    @property
+    def contrast(self) -> float:
+        """Greatest K/mu of the materials of a nearly incompressible body, else 1."""
+        force = self.run.force
+        return max(law.bulk_modulus / law.shear_modulus for law, _ in force.laws) if force.nearly_incompressible else 1.0
+
+    @property
+    def width(self) -> float:
+        """Greatest displacement of a point in differences of forces, in spacings; beyond `COARSE` they are of fourth order."""
+        if self.contrast <= STIFF:
+            return COARSE
+        return CAREFUL if self.run.loads.obstacles else FINE
+
+    @property
+    def fine(self) -> bool:
+        """Whether differences are of fourth order."""
+        return self.width > COARSE
 
     def measured(self, positions: np.ndarray) -> dict[str, float]:
         """Return the measurements at given positions (n, d), by dotted key, with the displacements at `places` as the last ones."""
@@ -207,24 +319,26 @@ class Differentiated:
             f"places.{place}.{axis}": float(u) for place, each in enumerate(zip(*moved, strict=True)) for axis, u in enumerate(each)
         }
 
-    def _changes(self, name: str, names: Sequence[str]) -> "_Change":
-        """Return what a change of one parameter does while free components do not move; `names` are the measurements to take."""
-        value, step = self._step(name)
-        states = []
-        for change in (step, -step):
-            with self._beside(name, value + change) as side:
-                states.append((*_forces(side.run, self.run.positions), side.values_of(names)))
-        moved, rate, measured = ((after - before) / (2 * step) for after, before in zip(*states, strict=True))
-        return _Change(name, moved, rate, measured, ROUNDED * float(np.linalg.norm(states[0][1])) / step)
+    def _change(self, name: str, names: Sequence[str] = (), moved: np.ndarray | None = None) -> "_Change":
+        """Return the rates with which a parameter changes the equilibrium, and the measurements `names`.
 
-    def _along(self, change: "_Change", moved: np.ndarray, names: Sequence[str]) -> np.ndarray:
-        """Return the derivatives of measurements by a parameter with which the points move by `moved` (n, d)."""
-        (value, step), found = self._step(change.name), []
-        for way in (step, -step):
-            with self._beside(change.name, value + way) as side:
-                _forces(side.run, self.run.positions + way * moved)
-                found.append(side.values_of(names))
-        return (found[0] - found[1]) / (2 * step)
+        Free components move at the rates `moved` (n, d); None stands for zeros.
+        """
+        run, fine = self.run, self.fine or name.endswith("bulk_modulus")
+        value, step = self._step(name, fine, moved is not None)
+        if moved is not None:
+            step = min(step, (max(self.width, CAREFUL) if fine else COARSE) * run.body.spacing / max(np.abs(moved).max(), 1e-300))
+        found = []
+        for width in (step, step / 2) if fine else (step,):
+            states = []
+            for way in (width, -width):
+                with self._beside(name, value + way) as side:
+                    positions = run.positions if moved is None else run.positions + way * moved
+                    states.append((*_forces(side.run, positions), side.values_of(names)))
+            found.append([(after - before) / (2 * width) for after, before in zip(*states, strict=True)])
+        place(run, run.positions)  # planes of reflection have moved
+        rates = [(4 * near - far) / 3 for far, near in zip(*found, strict=True)] if fine else found[0]
+        return _Change(name, *rates, ROUNDED * float(np.linalg.norm(states[0][1])) / step)
 
     def values_of(self, names: Sequence[str]) -> np.ndarray:
         """Return the named measurements where the force was last evaluated; NaN for one that there is not."""
@@ -232,7 +346,7 @@ class Differentiated:
         measured = self._read(costly) if names else {}
         return np.array([measured.get(name, np.nan) for name in names])
 
-    def _step(self, name: str) -> tuple[float, float]:
+    def _step(self, name: str, fine: bool, whole: bool) -> tuple[float, float]:
         """Return the middle of the values of a parameter in central differences, and the change from it.
 
         The middle is the value of the parameter. Coefficients of the terms of an energy keep their sign: if half of one is less than the
@@ -248,15 +362,19 @@ class Differentiated:
             scale = scale or laws_of(run.problem.scene)[owner.rpartition(".")[0]].shear_modulus
             step = min(STEP_OF_LAWS * scale, max(LEAST_STEP * scale, abs(value) / 2))
             return value + (np.copysign(step, value) if step > abs(value) / 2 else 0.0), step
-        if array is None and owner.endswith("material"):
-            law, step = laws_of(run.problem.scene)[owner], STEP_OF_LAWS * (scale or 1.0)
-            for off, change in ((0, step), (step / 10, step / 10), (-step / 10, step / 10)):
-                with suppress(ValueError):
-                    for side in (-change, change):
-                        with_numbers_of(law, {last: value + off + side})
-                    return value + off, change
-            raise ValueError(f"parameters: {law.name} permits no change of {last} = {value:g}, so that there is no derivative by it")
-        return value, STEP * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
+        of_law = array is None and owner.endswith("material")
+        change = STEP_OF_LAWS if of_law or (array is None and whole) else STEP
+        if fine:
+            change *= WIDER**2 if last == "bulk_modulus" else WIDER
+        if not of_law:
+            return value, change * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
+        law, step = laws_of(run.problem.scene)[owner], change * (scale or 1.0)
+        for off, change in ((0, step), (step / 10, step / 10), (-step / 10, step / 10)):
+            with suppress(ValueError):
+                for side in (-change, change):
+                    with_numbers_of(law, {last: value + off + side})
+                return value + off, change
+        raise ValueError(f"parameters: {law.name} permits no change of {last} = {value:g}, so that there is no derivative by it")
 
     @contextmanager
     def _beside(self, name: str, value: float) -> Iterator["Differentiated"]:
@@ -309,22 +427,25 @@ class Differentiated:
 
         As K is symmetric, it is minus the derivative of the forces by a displacement of the support.
         """
-        run, loading, step = self.run, self.run.loading, PROBE * self.run.body.spacing
+        run, loading, fine = self.run, self.run.loading, self.fine
         holders, points, axes = loading.counted
-        chosen, sides = (holders == holder) & (axes == axis), []
-        for change in (step, -step):
-            moved, forces = run.positions.copy(), np.empty_like(run.positions)
-            loading.hold(run.state.parameter, run.loaded, moved)
-            moved[points[chosen], axes[chosen]] += change
-            for part in loading.held:
-                if part.plane is not None and part.holder == holder and axis in part.components:
-                    motion = loading.plane_motions(run.state.parameter)[part.plane].copy()
-                    motion[axis, -1] += change
-                    run.loaded.move_plane(part.plane, motion[:, -1])
-            run.loaded(moved, forces)
-            sides.append(forces)
+        chosen, found = (holders == holder) & (axes == axis), []
+        for width in (self.width, self.width / 2) if fine else (COARSE,):
+            sides, step = [], width * run.body.spacing
+            for change in (step, -step):
+                moved, forces = run.positions.copy(), np.empty_like(run.positions)
+                loading.hold(run.state.parameter, run.loaded, moved)
+                moved[points[chosen], axes[chosen]] += change
+                for part in loading.held:
+                    if part.plane is not None and part.holder == holder and axis in part.components:
+                        motion = loading.plane_motions(run.state.parameter)[part.plane].copy()
+                        motion[axis, -1] += change
+                        run.loaded.move_plane(part.plane, motion[:, -1])
+                run.loaded(moved, forces)
+                sides.append(forces)
+            found.append((sides[1] - sides[0]) / (2 * step))
         loading.hold(run.state.parameter, run.loaded, run.positions)
-        return (sides[1] - sides[0]) / (2 * step)
+        return (4 * found[1] - found[0]) / 3 if fine else found[0]
 
 
 def differentiate(
@@ -339,7 +460,32 @@ def differentiate(
         found = body.jacobian(at, result.displacement(number), outputs, parameters)
     except NoEquilibrium as error:
         raise ValueError(f"sensitivity at {loading} {at:g}: {error}") from None
-    return Sensitivities(found.names, tuple(parameters), found.values, found.derivatives, found.moved)
+    row, values = dict(leaves(result.levels[number])), body.numbers | {loading: at}
+    _warn_of_errors(found, row, {name: values[name] for name in parameters})
+    return Sensitivities(found.names, tuple(parameters), found.values, found.derivatives, found.moved, found.errors)
+
+
+def _warn_of_errors(found: Jacobian, row: Mapping[str, float], parameters: Mapping[str, float]) -> None:
+    """Warn of parameters whose derivatives have estimated errors above `LEAST_EXACT` of the greatest one.
+
+    Errors that would change measurements by less than `TINY` of the greatest one of their kind, where the parameter doubles, are rounding,
+    as in measurements that vanish by symmetry. `row` has all measurements of the output, and `parameters` the values of the parameters.
+    """
+    sizes: dict[str, float] = {}
+    for key, value in row.items():
+        if isinstance(value, float):
+            kind = key.split(".")[0]
+            sizes[kind] = max(sizes.get(kind, 0.0), abs(value))
+    rounding = TINY * np.array([sizes.get(name.split(".")[0], 0.0) for name in found.names])
+    poor = []
+    for (name, value), column, errors in zip(parameters.items(), found.derivatives.T, found.errors.T, strict=True):
+        greatest = float(np.abs(column).max(initial=0.0))
+        off = errors[errors * abs(value) > rounding].max(initial=0.0)
+        if off > LEAST_EXACT * greatest:
+            poor.append(f"{name} ({off / greatest:.0e})" if greatest else name)
+    if poor:
+        told = f"more than {LEAST_EXACT:g} of the greatest derivative by {', '.join(poor)}"
+        warnings.warn(f"sensitivity: errors of the derivatives are estimated as {told}", stacklevel=4)
 
 
 def _check(scene: Scene, models: Sequence[ForceModel], result: Result, parameters: Sequence[str], loading: str, level: int) -> int:

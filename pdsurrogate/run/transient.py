@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
 
@@ -13,6 +14,7 @@ from ..problem.conditions import MOST_STEPS
 from ..results.checkpoint import Checkpoint
 from ..solvers.dynamics import ExplicitDynamics
 from ..solvers.equilibrium import Diverging
+from ..solvers.increments import Motion
 from .account import STEPS_PER_ROW, Bookkeeping
 from .cracks import Cracks
 from .interruption import Interrupted
@@ -50,7 +52,13 @@ class Transient:
             self.viscosity = 0.0 if run.damage is None else of_cracks
         at_rest = run.positions, np.zeros_like(run.positions), run.loading.free, spec.density * run.body.volumes
         self.integrator = ExplicitDynamics(
-            run.force, self._hold, *at_rest, damping=spec.damping, viscosity=self.viscosity, safety=spec.safety, loads=run.loads
+            run.force,
+            _holding(run, self.motion),
+            *at_rest,
+            damping=spec.damping,
+            viscosity=self.viscosity,
+            safety=spec.safety,
+            loads=run.loads,
         )
         # A stage with a duration ends, and is recorded, exactly at that time. A stage at a rate ends at the first step past an output.
         self._timed = stage.inertia.pace == "duration"
@@ -195,10 +203,6 @@ class Transient:
         """Move all held parts of the run to their places at the present time, and set the loads to their size then."""
         self.run.loading.apply(self.run.state.parameter, self.run.force, self.run.positions)
 
-    def _hold(self, positions: np.ndarray, ahead: float) -> None:
-        """Move held points, in `positions`, and reflection planes, in the force, to their places at the present time plus `ahead`."""
-        self.run.loading.hold(self.run.state.parameter + ahead * self.motion.rate, self.run.force, positions)
-
     def _last_row(self) -> None:
         """Add a row for the present time to the history, unless the last row is already for this time."""
         if self.account.time > self.account.row_time:
@@ -244,3 +248,12 @@ class Transient:
         run.record(account.time)
         account.outputs += 1
         return through
+
+
+def _holding(run: Run, motion: Motion) -> Callable[[np.ndarray, float], None]:
+    """Return a function that moves held points, in positions (n, d), and reflection planes to their places some time from now."""
+
+    def hold(positions: np.ndarray, ahead: float) -> None:
+        run.loading.hold(run.state.parameter + ahead * motion.rate, run.force, positions)
+
+    return hold

@@ -122,7 +122,8 @@ class Loading:
         self.there = self.point[self.at_points], self.component[self.at_points]
         self.free = np.ones((len(body), body.dimension))
         self.free[self.there] = 0
-        self._motions = lru_cache(maxsize=MOST_MOTIONS)(partial(_motions_at, held, len(planes), (self.part, self.component, self.place)))
+        of_points = self.part[self.at_points], self.component[self.at_points], self.place[self.at_points]
+        self._motions = lru_cache(maxsize=MOST_MOTIONS)(partial(_motions_at, held, len(planes), of_points))
 
     def pieces(self, intact: np.ndarray | None = None) -> tuple[int, np.ndarray]:
         """Return the number of connected pieces of the body, and the number of the piece of every point; bonds to images do not connect.
@@ -141,12 +142,15 @@ class Loading:
         return f"t = {parameter:g}" if self.parameter == "t" else f"{self.parameter} {parameter:g}"
 
     def moves(self, parameter: float, places: np.ndarray | None = None) -> np.ndarray:
-        """Return the prescribed displacements of all k held components at a value of the loading parameter, shape (k,), not to be changed.
+        """Return the prescribed displacements of all k held components at a value of the loading parameter, shape (k,).
 
         They are the displacements of the held places or, if given, of other `places` (k, d) of the undeformed body in the same motions.
         """
-        motions = self._motions(parameter)
-        return motions.moves if places is None else _moves(motions.of_parts, self.part, self.component, places)
+        return _moves(self._motions(parameter).of_parts, self.part, self.component, self.place if places is None else places)
+
+    def moves_of_points(self, parameter: float) -> np.ndarray:
+        """Return the part of `moves` that belongs to held points (True in `at_points`), not to be changed."""
+        return self._motions(parameter).of_points
 
     def plane_motions(self, parameter: float) -> np.ndarray:
         """Return the motions of all reflection planes at a value of the loading parameter, shape (planes, d, d + 1).
@@ -168,7 +172,7 @@ class Loading:
 
     def hold(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move held points, in `positions`, and reflection planes, in `force`, to their places at a value of the loading parameter."""
-        positions[self.there] = self.body.points[self.there] + self.moves(parameter)[self.at_points]
+        positions[self.there] = self.body.points[self.there] + self.moves_of_points(parameter)
         for support in self.supports:
             support.set(parameter)
             support.place(positions)
@@ -183,7 +187,7 @@ class Loading:
         """
         if now == last:
             return 0.0
-        before, present, after = (np.append(self.moves(t)[self.at_points], self.plane_motions(t)) for t in (last, now, ahead))
+        before, present, after = (np.append(self.moves_of_points(t), self.plane_motions(t)) for t in (last, now, ahead))
         way, evenly = after - present, (present - before) * ((ahead - now) / (now - last))
         off, *ways = (self._share.greatest(np.abs(change)) for change in (way - evenly, way, evenly))
         return off / max(ways) if off > 0 else 0.0
@@ -414,22 +418,22 @@ class Loading:
 
 
 class _Motions(NamedTuple):
-    """Motions of all held parts (parts, d, d + 1) and of all planes (planes, d, d + 1), and `Loading.moves`, at one time."""
+    """Motions of all held parts (parts, d, d + 1) and of all planes (planes, d, d + 1), and `Loading.moves_of_points`, at one time."""
 
     of_parts: np.ndarray
     of_planes: np.ndarray
-    moves: np.ndarray
+    of_points: np.ndarray
 
 
 def _motions_at(held: list[Held], planes: int, components: tuple[np.ndarray, ...], parameter: float) -> _Motions:
-    """Return the motions of held parts and planes, and the moves of the table of held `components`, at a value of the parameter."""
+    """Return the motions of held parts and planes, and the moves of a table of held `components`, at a value of the parameter."""
     dimension = components[-1].shape[1]
     motions = np.array([part.motion(parameter) for part in held]).reshape(-1, dimension, dimension + 1)
     of_planes = np.zeros((planes, dimension, dimension + 1))
     for part, motion in zip(held, motions, strict=True):
         if part.plane is not None:
             of_planes[part.plane, part.components] = motion[list(part.components)]
-    found = _Motions(motions, of_planes, _moves(motions, *components))
+    found = _Motions(motions, of_planes, _moves(motions, *components) if len(components[0]) else np.empty(0))
     for array in found:
         array.flags.writeable = False
     return found

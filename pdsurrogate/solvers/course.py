@@ -1,6 +1,7 @@
 """First guesses of equilibria, initial velocities of dynamics, and the rate of work of supports, from the motions of held parts."""
 
 import math
+import weakref
 from collections.abc import Callable
 from functools import cached_property
 from itertools import pairwise
@@ -65,7 +66,7 @@ class Pull:
     """True if increments are lengthened only after increments of few force evaluations, and begin from the best of several guesses."""
 
     def __init__(self, loading: Loading, axis: int, lower: float, length: float, travels: np.ndarray) -> None:
-        self._loading, self.axis, self._lower, self._length, self._travels = loading, axis, lower, length, travels
+        self._loading, self.axis, self._lower, self._length, self._travels = weakref.proxy(loading), axis, lower, length, travels
         self._lower_travel = travels[:, axis].min()  # the grip at the lower end moves down
 
     def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float | None:
@@ -121,7 +122,7 @@ class Paths:
     adaptive = True
 
     def __init__(self, loading: Loading, springs: float | np.ndarray, shear_modulus: float, largest_strain: float) -> None:
-        self._loading, self.body, self._share = loading, loading.body, loading.body.share
+        self._loading, self.body, self._share = weakref.proxy(loading), loading.body, loading.body.share
         # A slightly larger bound accepts increments of exactly that strain.
         self._springs, self._shear_modulus, self._largest_strain = springs, shear_modulus, largest_strain * (1 + 1e-6)
 
@@ -201,7 +202,7 @@ class Paths:
         power += float((reactions.on_planes * shifts).sum()) / step
         if reactions.at_points is not None:
             moved, loading = np.zeros_like(reactions.at_points), self._loading
-            moved[loading.there] = (loading.moves(after) - loading.moves(before))[loading.at_points]
+            moved[loading.there] = loading.moves_of_points(after) - loading.moves_of_points(before)
             power += self._share.sum(reactions.at_points * moved) / step
         return power
 

@@ -114,7 +114,7 @@ class ExplicitDynamics:
         self._ahead, self.elastic = np.empty_like(positions), np.zeros_like(positions)
         self.frequency = FrequencyEstimate(mass, free, self._share)
         self.forces = np.empty_like(positions)
-        self._kicks = None
+        self._kicks = self._around = None
         self.time_step = self.last_step = self.longest = np.inf
         self.steps = 0
 
@@ -145,11 +145,14 @@ class ExplicitDynamics:
         if self._viscosity == 0:
             self.evaluate_at_rest()
             return
+        self._around = None
         np.multiply(self.velocities, self._viscosity, out=self._ahead)
         self._ahead += self.positions
         self._hold(self._ahead, self._viscosity)
         self.force(self._ahead, self.forces)
-        self.elastic += self.followed * (self.forces - self.elastic)
+        change = np.subtract(self.forces, self.elastic, out=self._ahead)
+        change *= self.followed
+        self.elastic += change
         self._add_loads()
 
     @property
@@ -159,6 +162,7 @@ class ExplicitDynamics:
 
     def evaluate_at_rest(self) -> None:
         """Evaluate the forces, including loads, at the present positions without viscous part, as if the velocities were zero."""
+        self._around = None
         self.force(self.positions, self.forces)
         self._add_loads()
 
@@ -177,6 +181,7 @@ class ExplicitDynamics:
     def center(self) -> None:
         """Shift the velocities in time from the present positions back by half a step, as central differences need them."""
         self.velocities += self._half_step_of(-self.forces)
+        self._around = None
 
     def part_of(self, span: float) -> float:
         """Return the longest stable step that divides a span of time into a whole number of steps."""
@@ -188,7 +193,7 @@ class ExplicitDynamics:
         self._step(self.positions, self.velocities, step)
         self.last_step = step
         self.steps += 1
-        self._kicks = None
+        self._kicks = self._around = None
 
     def _step(self, positions: np.ndarray, velocities: np.ndarray, step: float) -> None:
         """Advance arrays of velocities and positions, the body's own or copies, by one step with the present forces, in place."""
@@ -210,6 +215,7 @@ class ExplicitDynamics:
         kick = self._half_step_of(forces)
         self.velocities += kick
         self._kicks = kick if self._kicks is None else self._kicks + kick
+        self._around = None
 
     def _half_step_of(self, forces: np.ndarray) -> np.ndarray:
         return 0.5 * self.last_step * forces / self._mass[:, None] * self._free
@@ -227,11 +233,14 @@ class ExplicitDynamics:
     def velocities_around(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the velocities half a step before the present time, at the present time, and half a step after, shape (n, d) each.
 
-        The velocities before exclude the impulse of bonds that broke at the present positions.
+        The velocities before exclude the impulse of bonds that broke at the present positions. The arrays are not to be changed.
         """
-        before = self.velocities if self._kicks is None else self.velocities - self._kicks
-        now = 0.5 * (self.velocities + self._following_velocities(self.last_step))
-        return before, now, self._following_velocities(self.next_step())
+        step = self.next_step()
+        if self._around is None or self._around[0] != step:
+            before = self.velocities if self._kicks is None else self.velocities - self._kicks
+            now = 0.5 * (self.velocities + self._following_velocities(self.last_step))
+            self._around = step, (before, now, self._following_velocities(step))
+        return self._around[1]
 
     def kept_energy(self) -> tuple[float, float]:
         """Return two kinetic energies at the present time, from before and from after it, whose sums with the strain energy are conserved.
@@ -250,7 +259,7 @@ class ExplicitDynamics:
 
     def _following_velocities(self, step: float) -> np.ndarray:
         following = self.velocities.copy()
-        self._step(self.positions.copy(), following, step)
+        self._step(self._ahead, following, step)  # positions are not needed: the array is free between evaluations
         return following
 
     def elastic_with_loads(self) -> np.ndarray:

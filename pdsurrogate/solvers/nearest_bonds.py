@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from ..body import Body
-from ..body.body import sums_at_points
+from ..body.body import lengths_of, sums_at_points
 from ..forces import InternalForce
 from ..kernels.steps import greatest_strain
 from ..ranks import Share
@@ -147,7 +147,7 @@ class NearestBonds:
     ) -> None:
         bonds, points, share = body.bonds, body.all_points, body.share
         vector = points[bonds.second] - points[bonds.first]
-        length = np.linalg.norm(vector, axis=1)
+        length = lengths_of(vector)
         volumes = body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         if isinstance(shear_moduli, np.ndarray):
             ends = np.concatenate([shear_moduli, shear_moduli[body.ghosts.source]])
@@ -247,7 +247,7 @@ def _squared_lopsidedness(body: Body, corrected: np.ndarray) -> np.ndarray:
     """
     bonds, owners, n = body.bonds, body.bond_owners, len(body)
     vectors = body.all_points[bonds.neighbors] - body.points[owners]
-    length = np.linalg.norm(vectors, axis=1)
+    length = lengths_of(vectors)
     weights = body.weigh(length) * body.all_volumes[bonds.neighbors]
     lengths, *sums = (np.bincount(owners, weights * values, n)[corrected] for values in (length, *vectors.T))
     means = np.zeros_like(body.all_points)
@@ -474,17 +474,25 @@ def bond_stretches(body: Body, positions: np.ndarray, pairs: slice = slice(None)
 
     `pairs` chooses among all pairs of the body, of which those with a ghost are omitted.
     """
+    deformed, at_rest = _bond_lengths(body, pairs, positions, body.points)
+    return deformed / at_rest
+
+
+def _bond_lengths(body: Body, pairs: slice, *places: np.ndarray) -> list[np.ndarray]:
+    """Return the lengths of those of some `pairs` without a ghost, where the points are at each of `places` (n, d)."""
     first, second = body.bonds.first[pairs], body.bonds.second[pairs]
     within = second < len(body)
     first, second = first[within], second[within]
-    deformed, at_rest = (np.linalg.norm(places[second] - places[first], axis=1) for places in (positions, body.points))
-    return deformed / at_rest
+    return [lengths_of(there[second] - there[first]) for there in places]
 
 
 def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
     """Return the greatest change of length of a local bond from positions `before` to `after`, divided by its undeformed length."""
-    changes = (bond_stretches(body, after, part) - bond_stretches(body, before, part) for part in body.bonds.slabs())
-    return float(np.max([np.abs(change).max(initial=0.0) for change in changes]))
+    greatest = []
+    for part in body.bonds.slabs():
+        old, new, at_rest = _bond_lengths(body, part, before, after, body.points)
+        greatest.append(np.abs((new - old) / at_rest).max(initial=0.0))
+    return float(np.max(greatest))
 
 
 def strain_of_step(body: Body, step: np.ndarray) -> float:

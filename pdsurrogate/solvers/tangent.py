@@ -16,11 +16,10 @@ STEP = 2e-7
 """Greatest displacement of a point, in spacings, in the one-sided differences of forces that approximate products of the tangent. Chosen:
 their relative errors, by rounding and curvature together, are then some 1e-7 in sheets and 3e-6 in solids at K = 1000 mu."""
 
-REDUCED = 1e-5
-"""Reduction of the residual by such products, after which it is computed anew from central differences."""
-
-UNSURE = 1e-3
-"""Relative error of such products up to which the residual at the end need not be computed anew, hundreds of times the usual error."""
+COARSE, FINE = 1e-5, 1e-3
+"""Greatest displacements of a point, in spacings, in central differences of forces, and in the wider ones of fourth order, with half of it
+as well. Chosen: at K = 100 mu the first ones have relative errors of 1e-8, by curvature and rounding alike; both grow with K. The errors of
+the second ones are 1e-12 K/mu."""
 
 FREELY = 1e-6
 """Forces on a body that moves freely, divided by those that its bonds cause at displacements that alternate from point to point. Chosen:
@@ -28,11 +27,6 @@ rounding of differences leaves some 1e-9."""
 
 LOST = 0.1
 """Share of a vector that is left after the components along others are subtracted, below which rounding requires to do so again."""
-
-LEFT_BY_ROUNDING = 1e-5
-"""Greatest relative residual at which a solution that further products do not improve is accepted. Where a body is soft, as when it is
-slender or near a limit load, forces cause large displacements, whose products have rounding errors of more than the aim: 2e-7 to 1e-6 of
-the forces for a ring near its greatest pressure. The residual in the soft mode is about the relative error of the displacements."""
 
 MEMORY, LEAST_KEPT, MOST_KEPT = 4e7, 100, 200
 """Bytes of the directions kept from one solution for the next, and least and greatest number of these directions. Chosen: they then add a
@@ -46,7 +40,7 @@ class TangentEquations:
     The solver is the flexible generalized conjugate residual method, which permits preconditioners that are themselves iterations, and
     tangents that are not symmetric. Its directions, and their products with the tangent, are kept from one solution to the next: right-hand
     sides that resemble earlier ones need few further products. Directions are extended with one-sided differences of forces, one evaluation
-    each, and residuals are corrected with central ones, so that their errors do not add up.
+    each. Their errors remain in a solution: who needs a better one computes the residual, as with `forces`, and solves for the correction.
 
     Parameters
     ----------
@@ -82,7 +76,6 @@ class TangentEquations:
         Directions, and their products with the tangent before, are kept: residuals that are computed anew correct the change.
         """
         self._positions = positions.copy()
-        self._tangent = self._force.tangent(self._positions)
         self._force(self._positions, self._here)
 
     def _projected(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -92,13 +85,13 @@ class TangentEquations:
         return shares @ self._moved[:kept], forces - shares @ self._pulled[:kept]
 
     def displacements(self, forces: np.ndarray, share_left: float, negligible: float = 0.0) -> np.ndarray:
-        """Return the displacements under small forces (n, d).
+        """Return about the displacements (n, d) under small forces (n, d).
 
         Parameters
         ----------
         forces : ndarray, shape (n, d)
         share_left : float
-            Norm of the residual at the end, divided by that of the forces on free components.
+            Norm of the residual at the end, divided by that of the forces on free components, as far as one-sided differences tell.
         negligible : float
             Norm of forces that rounding alone may cause; a smaller residual is no aim.
 
@@ -108,24 +101,32 @@ class TangentEquations:
             If the equations are not solved, as near limit loads and buckling, where the tangent is nearly singular.
         """
         left = (self._free * forces).ravel()
-        found, aim, began = np.zeros_like(left), max(share_left * float(np.linalg.norm(left)), negligible), self.products
-        rounding = LEFT_BY_ROUNDING * float(np.linalg.norm(left))
-        while (size := float(np.linalg.norm(left))) > aim:
-            goal = max(aim / 2, REDUCED * size)
-            self._reduce(found, left, goal, began + MOST_PRODUCTS)
-            if share_left > REDUCED or UNSURE * size <= aim / 2:
-                break
-            left = (self._free * (forces - self.forces(found))).ravel()
-            if not float(np.linalg.norm(left)) < size / 2:
-                if size <= rounding:
-                    break
-                raise NotConverged("the linear equations of the tangent are not solved: it is nearly singular")
+        found = np.zeros_like(left)
+        self._reduce(found, left, max(share_left * float(np.linalg.norm(left)), negligible), self.products + MOST_PRODUCTS)
         return found.reshape(forces.shape)
 
-    def forces(self, displacements: np.ndarray) -> np.ndarray:
-        """Return the product of the tangent with displacements, by central differences: the forces, shape (n, d), that cause them."""
+    def estimate(self, forces: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return a first estimate of the displacements (n, d) under small forces (n, d), without products, and the root of their work.
+
+        It consists of the shares of the directions that are kept, and of the displacements of the preconditioner under the rest.
+        """
+        moved, left = self._projected((self._free * forces).ravel())
+        moved = moved.reshape(forces.shape) + self._free * self._preconditioner.solve(left.reshape(forces.shape))
+        return moved, float(np.sqrt(abs(np.vdot(moved, forces))))
+
+    def forces(self, displacements: np.ndarray, width: float = COARSE) -> np.ndarray:
+        """Return the product of the tangent with displacements (n, d), the forces that cause them, by central differences.
+
+        Points move by at most `width` spacings. Differences over more than `COARSE` are of fourth order.
+        """
         self.products += 1
-        return (self._tangent @ displacements.ravel()).reshape(self._free.shape)
+        unit = self._force.body.spacing / max(np.abs(displacements).max(), 1e-300)
+        (ahead, behind), found = np.empty((2, *self._free.shape)), []
+        for step in (width * unit, width * unit / 2)[: 1 + (width > COARSE)]:
+            self._force(self._positions + step * displacements, ahead)
+            self._force(self._positions - step * displacements, behind)
+            found.append((behind - ahead) / (2 * step))
+        return (4 * found[1] - found[0]) / 3 if width > COARSE else found[0]
 
     def _reduce(self, found: np.ndarray, left: np.ndarray, goal: float, most: int) -> None:
         """Reduce the residual `left` to the norm `goal`, and add the displacements to `found`, both in place."""

@@ -10,6 +10,7 @@ from pdsurrogate.materials import LAWS, MooneyRivlin, NeoHookean, Yeoh
 from pdsurrogate.materials.covariance import numbers_of, with_numbers_of
 from pdsurrogate.materials.homogeneous import uniaxial
 from pdsurrogate.problem.materials import checked_models
+from pdsurrogate.run.reopened import place
 from pdsurrogate.run.sensitivity import Differentiated, numbers_in
 from pdsurrogate.scenes.reading import apply_change, leaves
 
@@ -286,3 +287,91 @@ def test_a_kink_of_an_amplitude_has_no_derivative_by_t():
     assert result.sensitivity(["forces.right.0"], ["prescribed.1.x1"], level=1).derivatives[0, 0] > 0
     with pytest.raises(ValueError, match=r"prescribed\.1\.amplitude has a kink at t = 1"):
         result.sensitivity(["forces.right.0"], ["t"], level=1)
+
+
+RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0}
+STIFF = RUBBER | {"bulk_modulus": 1e4}
+OF_STIFF = ["material.shear_modulus", "material.bulk_modulus", "stretch"]
+DISC = {"disc": {"center": (0.6, 1.5), "radius": 0.5}, "x1": 0.05, "x2": -0.1, "name": "disc"}
+
+
+def pressed(**keys):
+    """A sheet on rollers into which a disc is pressed."""
+    rollers = [{"region": "bottom", "x2": 0.0}, {"region": "left", "x1": 0.0}]
+    material = RUBBER | {"bulk_modulus": 10.0}
+    given = {"name": "pressed", "spacing": 0.125, "steps": [1.0], "body": {"size": (1.0, 1.0)}, "material": material}
+    return pds.Scene.model_validate(given | {"prescribed": rollers, "obstacles": [DISC]} | keys)
+
+
+def cantilever(length, force):
+    """A cantilever of the thickness 1 under a force at its end."""
+    end = {"probes": [{"name": "end", "at": (length, 0.5)}], "loads": [{"region": "right", "force": (0.0, force), "name": "end"}]}
+    given = {"name": "cantilever", "spacing": 0.25, "steps": [1.0], "body": {"size": (length, 1.0)}}
+    held = {"prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}], "material": RUBBER | {"bulk_modulus": 100.0}}
+    return pds.Scene.model_validate(given | held | end)
+
+
+def settled(body, at, displacements):
+    """Return the measurements of an equilibrium that Newton's method with the dense tangent has converged to rounding."""
+    run = body.run
+    run.state.parameter = at
+    place(run, run.body.points + displacements)
+    free, forces = run.loading.free.ravel() > 0, np.empty_like(run.positions)
+    chosen = np.eye(free.size)[:, free]
+    for number in range(8):
+        if number < 5:  # the last steps are corrections of 1e-8 and less
+            tangent = (run.loaded.tangent(run.positions) @ chosen)[free]
+        run.loaded(run.positions, forces)
+        moved = np.zeros(free.size)
+        moved[free] = np.linalg.solve(tangent, forces.ravel()[free])
+        run.positions += moved.reshape(forces.shape)
+    return body.measured(run.positions)
+
+
+def by_settled(body, at, start, names, parameter):
+    """Return derivatives of measurements by Richardson's extrapolation of the differences of four equilibria."""
+    loading = body.run.loading.parameter
+    value = at if parameter == loading else body.numbers[parameter]
+    # Nearly incompressible bodies hardly depend on their bulk modulus.
+    step, found = (1e-2 if parameter.endswith("bulk_modulus") else 1e-4) * value, {}
+    for way in (-2, -1, 1, 2):
+        if parameter == loading:  # bodies move about in proportion to their supports
+            rest = body.run.loading.rest
+            measured = settled(body, at + way * step, start * (1 + way * step / (at - rest)))
+        else:
+            measured = settled(body.changed({parameter: value + way * step}), at, start)
+        found[way] = np.array([measured[name] for name in names])
+    near, far = (found[1] - found[-1]) / (2 * step), (found[2] - found[-2]) / (4 * step)
+    return (4 * near - far) / 3
+
+
+@pytest.mark.parametrize(
+    ("scene", "outputs", "parameters"),
+    [
+        (lambda: pds.load_scene("plane-strain-block", {"spacing": 0.1, "stretches": [1.3], "material": STIFF}), ["forces"], OF_STIFF),
+        (
+            lambda: pds.load_scene("plane-strain-block", {"spacing": 0.1, "stretches": [1.3], "material": STIFF}),
+            ["nominal_stress"],
+            OF_STIFF,
+        ),
+        (lambda: pds.load_scene("bonded-block", {"spacing": 0.25, "stretches": [1.3], "material": STIFF}), ["forces"], OF_STIFF),
+        (lambda: pds.load_scene("bonded-block", {"spacing": 0.25, "stretches": [1.3], "material": STIFF}), ["nominal_stress"], OF_STIFF),
+        (pressed, ["forces"], ["obstacles.0.x1", "obstacles.0.x2", "obstacles.0.disc.radius", "material.shear_modulus", "t"]),
+        (lambda: pressed(plane="strain"), ["forces"], ["obstacles.0.x1", "obstacles.0.x2", "material.bulk_modulus", "t"]),
+        (lambda: cantilever(10.0, 2e-3), ["probes.end.displacement", "forces.left"], ["material.shear_modulus", "loads.0.force.1", "t"]),
+        (lambda: cantilever(10.0, 2e-3), ["probes.end.displacement"], ["material.shear_modulus", "loads.0.force.1", "t"]),
+    ],
+    ids=["strain", "strain, adjoint", "solid", "solid, adjoint", "disc", "disc in plane strain", "cantilever", "cantilever, adjoint"],
+)
+def test_derivatives_at_large_bulk_moduli_in_contact_and_of_slender_bodies_are_those_of_converged_equilibria(scene, outputs, parameters):
+    """K/mu is 10,000 in the first four. Equilibria are converged to rounding."""
+    scene = scene()
+    result = pds.simulate(scene, "bond-energy")
+    found = result.sensitivity(outputs, parameters)
+    body = Differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy")))
+    at = result.levels[-1]["stretch" if scene.stretched else "t"]
+    for number, parameter in enumerate(parameters):
+        column = found.derivatives[:, number]
+        expected = by_settled(body, at, result.displacement(), found.outputs, parameter)
+        assert np.abs(column - expected).max() < CLOSE * np.abs(expected).max(), parameter
+        assert found.errors[:, number].max() < CLOSE * np.abs(expected).max()
