@@ -7,7 +7,7 @@ python pipelines/crack_directions.py --table           puts them there without a
 python pipelines/crack_directions.py --costs           compares accuracy and cost of relaxed clouds and lattices where
                                                         docs/figures/relaxed-costs.json lacks it, and puts that table there
 
-The strip, its grips and its rate are those of `tip_diameters.py`, with more spacings. The tears in the plane take some 25 minutes of
+The strip, its grips and its rate are those of `tip_diameters.py`, with more spacings. The tears in the plane take some 70 minutes of
 processor time on a core of 2 GHz, those in space some 20; the comparison of costs takes some 8 minutes.
 """
 

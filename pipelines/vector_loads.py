@@ -165,7 +165,7 @@ def record_sums(length, sign):
     @compiled
     def fast(records, pointers, others, indices, out):
         for i in range(pointers.shape[0] - 1):
-            intrinsic(records, (pointers[i], pointers[i + 1]), indices, indices.shape[0], (others[i], others[i + 1]), 1.0, i, out)
+            intrinsic(records, (pointers[i], pointers[i + 1]), (indices, indices.shape[0]), (others[i], others[i + 1]), 1.0, i, out)
 
     @compiled
     def plain(records, pointers, others, indices, out):
@@ -247,7 +247,7 @@ def scaled(dimension):
     @compiled
     def fast(records, factors, pointers, others, indices, vectors, matrices):
         for i in range(pointers.shape[0] - 1):
-            both = (pointers[i], pointers[i + 1]), indices, indices.shape[0], (others[i], others[i + 1])
+            both = (pointers[i], pointers[i + 1]), (indices, indices.shape[0]), (others[i], others[i + 1])
             intrinsic(records, factors, *both, i, (vectors, matrices))
 
     @compiled

@@ -413,15 +413,16 @@ def _sum_of(builder, records, length, bonds, listed=None, factors=None, size=Non
 def sum_records(length, sign, fetched):
     """Return an intrinsic that sums records: ``out[point] = factor * (sum of records[own] + sign * sum of records[indices[others]])``.
 
-    Each record has `length` reals. `own` and `others` are start and stop, and `size` is the number of all `indices`; the sums are in double
-    precision, and `sign` is 1 or -1. If `fetched`, records are asked for before they are needed. A plain loop takes 2.4 (float32) or 1.8
-    (float64) times as long for records of two reals, 1.8 times for three, 3.9 or 2.6 times for four, 3.2 or 2.4 times for
+    Each record has `length` reals. `own` and `others` are start and stop, and `listed` holds the `indices` and their number; the sums are
+    in double precision, and `sign` is 1 or -1. If `fetched`, records are asked for before they are needed. A plain loop takes 2.4
+    (float32) or 1.8 (float64) times as long for records of two reals, 1.8 times for three, 3.9 or 2.6 times for four, 3.2 or 2.4 times for
     nine.
     """
 
     @writes
-    def add_up(builder, records, own, indices, size, others, factor, point, out):
-        combine, size = builder.fadd if sign > 0 else builder.fsub, size if fetched else None
+    def add_up(builder, records, own, listed, others, factor, point, out):
+        indices, size = listed[0], listed[1] if fetched else None
+        combine = builder.fadd if sign > 0 else builder.fsub
         sums = (_sum_of(builder, records, length, *bonds, size=size) for bonds in ((own,), (others, indices)))
         both = [combine(*parts) for parts in zip(*sums, strict=True)]
         _put_record(builder, [builder.fmul(part, _vector(builder, [factor] * part.type.count)) for part in both], out, point, length)
@@ -478,15 +479,15 @@ def sum_scaled_records(dimension):
     """Return an intrinsic that sums, at a point, the records of its pairs, each times a factor.
 
     A record has d + d*d reals in single precision. Two sums are formed: over the pairs `own` that have `point` as first point, and over the
-    pairs ``indices[others]`` that have it as second point; `size` is the number of all `indices`. `outputs` are two arrays: row `point` of
-    ``outputs[0]`` receives the first d entries of (first sum - second sum), and row `point` of ``outputs[1]`` the other d*d entries of
-    (first sum + second sum). A plain loop takes 5.6 times as long in the plane and 5.8 times in three dimensions.
+    pairs ``indices[others]`` that have it as second point; `listed` holds the `indices` and their number. `outputs` are two arrays: row
+    `point` of ``outputs[0]`` receives the first d entries of (first sum - second sum), and row `point` of ``outputs[1]`` the other d*d
+    entries of (first sum + second sum). A plain loop takes 5.6 times as long in the plane and 5.8 times in three dimensions.
     """
     length = dimension + dimension**2
 
     @writes
-    def add_up(builder, records, factors, own, indices, size, others, point, outputs):
-        size = size if dimension == 3 else None
+    def add_up(builder, records, factors, own, listed, others, point, outputs):
+        indices, size = listed[0], listed[1] if dimension == 3 else None
 
         def components(sums):
             return [builder.extract_element(part, _lane(n)) for part in sums for n in range(part.type.count)]

@@ -117,7 +117,7 @@ def sum_pressures(algebra):
         for i in share_of(forces.shape[0], chunk):
             own = pair_pointers[i], pair_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
-            add_up(derivatives, pressures, own, incidence, incidence.shape[0], others, i, (forces, moments))
+            add_up(derivatives, pressures, own, (incidence, incidence.shape[0]), others, i, (forces, moments))
 
     return sum_pressures
 

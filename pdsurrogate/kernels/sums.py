@@ -26,7 +26,7 @@ def sum_pair_forces(algebra):
         for i in share_of(out.shape[0], chunk):
             own = pair_pointers[i], pair_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
-            algebra.sum_signed_records(forces, own, incidence, incidence.shape[0], others, unit, i, out)
+            algebra.sum_signed_records(forces, own, (incidence, incidence.shape[0]), others, unit, i, out)
             without_force += algebra.not_finite(algebra.vector_at(out, i))
         return without_force
 
@@ -42,7 +42,7 @@ def sum_moments(algebra):
         for i in share_of(out.shape[0], chunk):
             own = own_pointers[i], own_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
-            algebra.sum_matrices(moments, own, incidence, incidence.shape[0], others, unit, i, out)
+            algebra.sum_matrices(moments, own, (incidence, incidence.shape[0]), others, unit, i, out)
 
     return sum_moments
 

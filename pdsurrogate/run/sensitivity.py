@@ -453,32 +453,36 @@ def differentiate(
 ) -> Sensitivities:
     """Return the derivatives of measurements of a result in equilibrium, see `Result.sensitivity`; `models` are those of its run."""
     loading = "stretch" if scene.stretched else "t"
+    for what, names in (("outputs", outputs), ("parameters", parameters)):
+        if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+            raise ValueError(f"{what}: must be a list of names such as ['nominal_stress'] or ['material.shear_modulus'], not {names!r}")
     number = _check(scene, models, result, parameters, loading, level)
     body, at = Differentiated(scene, models), result.levels[number][loading]
     check_intact(body.run, result, number, "derivatives")
     try:
         found = body.jacobian(at, result.displacement(number), outputs, parameters)
     except NoEquilibrium as error:
-        raise ValueError(f"sensitivity at {loading} {at:g}: {error}") from None
+        why = "" if body.run.force.has_energy else f"; the forces of {models[0].name} have no energy: use bond-energy"
+        raise ValueError(f"sensitivity at {loading} {at:g}: {error}{why}") from None
     row, values = dict(leaves(result.levels[number])), body.numbers | {loading: at}
-    _warn_of_errors(found, row, {name: values[name] for name in parameters})
+    _warn_of_errors(found, row, [values[name] for name in parameters], parameters)
     return Sensitivities(found.names, tuple(parameters), found.values, found.derivatives, found.moved, found.errors)
 
 
-def _warn_of_errors(found: Jacobian, row: Mapping[str, float], parameters: Mapping[str, float]) -> None:
+def _warn_of_errors(found: Jacobian, row: Mapping[str, float], values: Sequence[float], parameters: Sequence[str]) -> None:
     """Warn of parameters whose derivatives have estimated errors above `LEAST_EXACT` of the greatest one.
 
     Errors that would change measurements by less than `TINY` of the greatest one of their kind, where the parameter doubles, are rounding,
-    as in measurements that vanish by symmetry. `row` has all measurements of the output, and `parameters` the values of the parameters.
+    as in measurements that vanish by symmetry. `row` has all measurements of the output, and `values` are those of the parameters.
     """
     sizes: dict[str, float] = {}
-    for key, value in row.items():
-        if isinstance(value, float):
+    for key, size in row.items():
+        if isinstance(size, float):
             kind = key.split(".")[0]
-            sizes[kind] = max(sizes.get(kind, 0.0), abs(value))
+            sizes[kind] = max(sizes.get(kind, 0.0), abs(size))
     rounding = TINY * np.array([sizes.get(name.split(".")[0], 0.0) for name in found.names])
     poor = []
-    for (name, value), column, errors in zip(parameters.items(), found.derivatives.T, found.errors.T, strict=True):
+    for name, value, column, errors in zip(parameters, values, found.derivatives.T, found.errors.T, strict=True):
         greatest = float(np.abs(column).max(initial=0.0))
         off = errors[errors * abs(value) > rounding].max(initial=0.0)
         if off > LEAST_EXACT * greatest:

@@ -17,6 +17,10 @@ def standard_errors(
     scene: Scene, models: Sequence[ForceModel], result: Result, outputs: Sequence[str], covariance: LawCovariance | None, level: int
 ) -> dict[str, float]:
     """Return standard errors of measurements of a result, see `Result.standard_errors`; `models` are those of its run."""
+    if not (covariance is None or isinstance(covariance, LawCovariance)):
+        raise ValueError(f"covariance: must be a LawCovariance, such as regressor.law_covariance(), not a {type(covariance).__name__}")
+    if isinstance(outputs, str) or not outputs:
+        raise ValueError(f"outputs: must be a list of at least one name, such as ['nominal_stress'], not {outputs!r}")
     laws = laws_of(scene)
     found = [(covariance, laws)] if covariance is not None else _stated(models, laws)
     groups = [(one, *_same(one, some)) for one, some in found]

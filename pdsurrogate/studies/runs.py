@@ -5,7 +5,7 @@ import json
 import os
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -17,7 +17,7 @@ import numba
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from .. import artifacts
-from ..arguments import check_whole_number
+from ..arguments import check_whole_number, suggestion
 from ..artifacts.store import parted
 from ..discretization import check_size
 from ..forces import FORCES, ForceModel
@@ -229,6 +229,7 @@ def _derivatives(study: Study, scene: Scene, model: ForceModel, parameters: Mapp
         check_precision(scene, checked_models(scene, model))
     except ValueError as error:
         raise SceneError(f"derivatives: {error}") from None
+    _check_measurements(study.derivatives, scene, model)
     known = numbers_in(scene, ())
     numbers = {key: key for key in parameters if key in known}
     if scene.stretched and "stretches" in parameters:
@@ -238,6 +239,29 @@ def _derivatives(study: Study, scene: Scene, model: ForceModel, parameters: Mapp
         places = f"a number of {', '.join(PLACES)}, or stretches"
         raise SceneError(f"derivatives: none of the parameters ({told}) is {places}: an equilibrium has derivatives by these alone")
     return study.derivatives, numbers
+
+
+def _check_measurements(names: Iterable[str], scene: Scene, model: ForceModel) -> None:
+    """Raise SceneError for a name whose derivative no equilibrium of the scene can have, as far as the scene and the force tell."""
+    if scene.dynamics is not None or any(step.dynamics is not None for step in (scene.steps or ())[-1:]):
+        raise SceneError("derivatives: the last output of the scene is one of dynamics; derivatives are those of equilibria")
+    energy = all(kind.has_energy for kind in model.terms(scene.plane))
+    missing = {
+        "energy": None if energy else f"the forces of {model.name} have no energy: use bond-energy",
+        "nominal_stress": None if scene.stretched else "scenes with steps have none: use forces",
+        "moments": None if not scene.stretched else "scenes with stretches have none: use forces",
+        "contact": None if scene.obstacles else "the scene has no obstacles",
+        "cracks": None if scene.precuts else "the scene has no precuts",
+        **dict.fromkeys(("method", "stability", "residual", "evaluations", "kinetic_energy", "time", "step"), "it has no derivative"),
+    }
+    probes = [probe.name for probe in scene.probes]
+    for name in names:
+        first, *others = name.split(".")
+        why = missing.get(first)
+        if first == "probes" and (not probes or (others and others[0] not in probes)):
+            why = f"there is no such probe; {suggestion(others[0], probes)}" if probes and others else "the scene has no probes"
+        if why:
+            raise SceneError(f"derivatives: {name!r}: {why}")
 
 
 def _scene_digest(scene: Scene, model: ForceModel) -> str:

@@ -132,7 +132,7 @@ def test_sums_of_records(random, dtype, length, sign):
 
     @kernel
     def total(table, count, listed, out):
-        add_up(table, (5, 5 + count), listed, listed.shape[0], (0, listed.shape[0]), 2.0, 0, out)
+        add_up(table, (5, 5 + count), (listed, listed.shape[0]), (0, listed.shape[0]), 2.0, 0, out)
 
     for count in (0, 1, 3, 4, 7, 29):
         listed, out = random.integers(0, 100, count).astype(np.uint32), np.zeros((1, length))
@@ -157,7 +157,7 @@ def at_end(values):
 add_up = vector_loads.sum_records(3, -1, fetched=True)
 @kernel
 def total(records, listed, out):
-    add_up(records, (0, 5), listed, listed.shape[0], (0, listed.shape[0]), 1.0, 0, out)
+    add_up(records, (0, 5), (listed, listed.shape[0]), (0, listed.shape[0]), 1.0, 0, out)
 table, listed, out = np.arange(15.0).reshape(5, 3), np.array([4, 0, 1], dtype=np.uint32), np.zeros((1, 3))
 total(table, at_end(listed), out)
 print(out.tolist())

@@ -268,11 +268,24 @@ def test_what_has_no_derivative_is_refused(tmp_path):
         result.sensitivity(["nominal_stres"], ["stretch"])
     with pytest.raises(ValueError, match="parameters: name at least one number to differentiate by, such as 'stretch'"):
         result.sensitivity([], [])
+    with pytest.raises(ValueError, match=r"outputs: must be a list of names such as .* not 'energy'"):
+        result.sensitivity("energy", ["stretch"])
+    with pytest.raises(ValueError, match=r"parameters: must be a list of names .* not \[1\]"):
+        result.sensitivity(["energy"], [1])
+    with pytest.raises(ValueError, match=r"outputs: must be a list of at least one name, .* not \[\]"):
+        result.standard_errors([])
+    with pytest.raises(ValueError, match=r"covariance: must be a LawCovariance, .* not a float"):
+        result.standard_errors(["energy"], 1.0)
+    twice = result.sensitivity(["energy"], ["stretch", "stretch"]).derivatives[0]
+    assert twice[0] == pytest.approx(twice[1], rel=1e-6)
     with pytest.raises(IndexError, match="has 1 outputs, none with the number 1"):
         result.sensitivity(["energy"], ["stretch"], level=1)
     result.save(tmp_path / "saved")
     with pytest.raises(ValueError, match="read from files"):
         pds.load_result(tmp_path / "saved").sensitivity(["energy"], ["stretch"])
+    soft = pds.simulate(result.scene, "ba-nosb")
+    with pytest.raises(ValueError, match="the forces of ba-nosb have no energy: use bond-energy"):
+        soft.sensitivity(["nominal_stress"], ["stretch"])
     with pytest.raises(pds.SceneError, match=r"solver\.method=newton needs precision"):
         pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.25, "solver.method": "newton"}), "neo-hookean")
 

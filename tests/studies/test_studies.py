@@ -77,6 +77,11 @@ def test_random_samples_follow_their_distribution():
         ({"scene": "uniaxal"}, "unknown scene 'uniaxal'"),
         ({"scene": None}, "needs either a scene or a [fit]"),
         ({"fit": {}}, "needs either a scene or a [fit]"),
+        ({"derivatives": "stability"}, "derivatives: 'stability': it has no derivative"),
+        ({"derivatives": "moments"}, "derivatives: 'moments': scenes with stretches have none: use forces"),
+        ({"derivatives": "contact.disc.area"}, "derivatives: 'contact.disc.area': the scene has no obstacles"),
+        ({"derivatives": "probes.tip.u2"}, "derivatives: 'probes.tip.u2': the scene has no probes"),
+        ({"derivatives": "energy", "force": "analytic"}, "derivatives: 'energy': the forces of analytic have no energy"),
         ({"derivatives": "nominal_stres"}, "derivatives: no output has 'nominal_stres'; did you mean nominal_stress?"),
         (
             {"derivatives": "nominal_stress", "parameters": {"spacing": [0.5]}, "set": {}},
