@@ -132,7 +132,7 @@ class Average:
     members: np.ndarray
 
 
-def average(jacobian: np.ndarray, right: np.ndarray, correlated: float, count: int) -> Average:
+def average(jacobian: np.ndarray, right: np.ndarray, correlated: float, count: int, random_state: int = 0) -> Average:
     """Return the average of all sets of `TERMS` that solve the linear equations J x = right, with `count` members.
 
     Parameters
@@ -143,6 +143,8 @@ def average(jacobian: np.ndarray, right: np.ndarray, correlated: float, count: i
     correlated : float
         Number of measurements that tell as much as one independent measurement (`grouping`).
     count : int
+    random_state : int
+        Seed of the members.
 
     Raises
     ------
@@ -178,7 +180,7 @@ def average(jacobian: np.ndarray, right: np.ndarray, correlated: float, count: i
     for kept, weight in zip(found, weights, strict=True):
         factors.append(np.sqrt(scale) * np.linalg.pinv(square[:, list(kept)], rcond=1e-12))
         covariance[np.ix_(kept, kept)] += weight * factors[-1] @ factors[-1].T
-    random, members = np.random.default_rng(0), []
+    random, members = np.random.default_rng(random_state), []
     for number in random.choice(len(x), size=count, p=weights):
         member, kept = x[number].copy(), list(found)[number]
         member[list(kept)] += factors[number] @ random.standard_normal(factors[number].shape[1])

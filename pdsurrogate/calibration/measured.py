@@ -1,5 +1,6 @@
 """Scene whose measurements in a table are simulated, with their derivatives by the numbers of its law."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,6 +19,12 @@ from ..scenes import Scene, SceneError
 from ..scenes.reading import leaves
 from ..scenes.regions import EDGES
 from ..solvers.equilibrium import NoEquilibrium
+
+FORCE_PULLED = "force"
+"""Name of the force of the region that a scene pulls farthest, among the names of outputs."""
+
+DISPLACEMENTS = re.compile(r"displacements\..*|probes\..*\.displacement\..*")
+"""Names of outputs that are displacements, which do not depend on a common factor of all stresses if motions are prescribed."""
 
 FORCE = "bond-energy"
 """Force model of calibrations: the exact energy of a law, which converges with the spacing at any bulk modulus."""
@@ -77,13 +84,14 @@ class MeasuredScene:
     scene : Scene
     rows : Rows
     outputs : sequence of str, optional
-        Dotted keys of measurements of an output, those of the quantities 0, -1, and so on; by default the force of the region pulled.
+        Dotted keys of measurements of an output, those of the quantities 0, -1, and so on; ``"force"``, the default, is that of the region
+        pulled.
     """
 
     def __init__(self, scene: Scene, rows: Rows, outputs: Sequence[str] | None = None) -> None:
         self.scene, self.rows = scene, rows
-        default = [pulled(scene)] if outputs is None and not rows.is_field.all() else []
-        self.outputs = default if outputs is None else [(name, 1.0) for name in outputs]
+        named = outputs if outputs is not None else [] if rows.is_field.all() else [FORCE_PULLED]
+        self.outputs = [pulled(scene) if name == FORCE_PULLED else (name, 1.0) for name in named]
         self._check()
         self._places, at = np.unique(rows.places[rows.is_field], axis=0, return_inverse=True)
         self._at = np.full(len(rows.step), -1)
@@ -92,6 +100,11 @@ class MeasuredScene:
         self.count = len(self._steps)
         self._base: Differentiated | None = None
         self._guesses: dict[int, np.ndarray] = {}
+
+    def among(self, names: re.Pattern) -> np.ndarray:
+        """Return a mask, shape (n,), of the rows that are outputs whose dotted keys match a pattern."""
+        matching = np.array([bool(names.fullmatch(name)) for name, _ in self.outputs] or [False])
+        return ~self.rows.is_field & matching[np.minimum(-self.rows.quantity, len(matching) - 1).clip(0)]
 
     def simulate(self, law: Law, spacing: float | None = None) -> tuple[np.ndarray, Result]:
         """Simulate the scene; return the measurements of the rows, shape (n,), and the result of the run.

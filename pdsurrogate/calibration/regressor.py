@@ -1,7 +1,8 @@
 """Regressor that finds the parameters of a law from measurements on bodies, by simulations of the tests and their derivatives."""
 
+import re
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from numbers import Integral, Real
 from pathlib import Path
@@ -9,7 +10,7 @@ from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 from scipy.spatial import cKDTree
 from scipy.stats import chi2
 from sklearn.base import BaseEstimator, RegressorMixin
@@ -24,8 +25,8 @@ from ..identification.stress_regressor import BULK_RATIO
 from ..materials import LAWS, Law, Ogden
 from ..materials.covariance import LawCovariance, covariance_of_numbers, derivatives_of_numbers
 from ..scenes import Mesh, Scene, load_scene
-from .free import FLOOR, EnergyUnknowns, average, floored, grouping, minimized
-from .measured import FAILURES, MeasuredScene, Rows
+from .free import FLOOR, HALVINGS, EnergyUnknowns, average, floored, grouping, minimized
+from .measured import DISPLACEMENTS, FAILURES, MeasuredScene, Rows
 
 REFINED, REFINED_FREE = 3, 6
 """Default ratio of the spacing of a scene to that of the finer simulation, with a law and without. Chosen: for Carroll's law, fields with
@@ -54,6 +55,9 @@ UNDETERMINED = 0.5
 SHARE = 0.3
 """Least component of a parameter, in the unit vector of an undetermined combination, at which the parameter is named."""
 
+FORCES = re.compile(r"forces\..*")
+"""Names of outputs that are forces, to which the moduli are fitted at the start."""
+
 ROUNDS = 3
 """Most fits with a new correction of the discretization error: each changes the parameters by a small part of the change before."""
 
@@ -67,6 +71,9 @@ SUBSTANTIAL = 0.1
 SIGNIFICANT = 2.0
 """Noise of the measurements, in standard deviations, that a difference must exceed in order to count as such an error."""
 
+AT_BOUND = 0.01
+"""Distance from a bound, in standard errors, at which a parameter counts as at the bound: interior steps of a search end short of it."""
+
 SETTLED = 0.1
 """Change of all parameters, in their standard errors, below which the correction of the discretization error is not computed again."""
 
@@ -78,7 +85,10 @@ MOST_STEPS = 60
 """Most laws that a search tries: well-posed fits take five to ten."""
 
 MEMBERS = 8
-"""Number of members of the committee of an energy without a law: their spread is then known to some 25 %."""
+"""Number of members of a committee: their spread is then known to some 25 %."""
+
+MOST_COMPARED = 100
+"""Most states of a test in which the stresses of a member are compared with linear ones."""
 
 FAIR, STEPS = 0.02, (1, 3, 0)
 """Relative decrease of the cost that ends the least-squares steps of an energy with all terms, and most such steps in each of the `ROUNDS`.
@@ -110,7 +120,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         Number of terms of Ogden's law; without effect for other laws.
     outputs : sequence of str, optional
         Dotted keys of measurements of an output, such as ``"forces.right.0"`` or ``"probes.tip.displacement.1"``: those of the quantities
-        0, -1, -2 and so on. By default the force of the region that is pulled, positive in tension.
+        0, -1, -2 and so on. ``"force"``, the default, is the force of the region that is pulled, positive in tension.
     refine : int, optional
         Ratio of the spacing of the scene to that of the finer simulation; 1 for no correction of the discretization error. By default 3
         with a law and 6 without: an energy of free terms follows the error that is left.
@@ -118,6 +128,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         K/mu of the law.
     bulk_modulus : float, optional
         K instead of K/mu, in the unit of the stresses.
+    random_state : int, default=0
+        Seed of the members of the committee; nothing else is random.
 
     Attributes
     ----------
@@ -148,12 +160,14 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     discretization_ : ndarray, shape (n_samples,)
         Correction of the simulation at the spacing of the scene, in the units of the measurements.
     members_ : list of Law
-        For an energy without a law: a committee, energies drawn by their weights in the average, with random errors.
+        Committee, whose spread shows what the measurements leave open: laws with parameters drawn from their covariance, within the bounds
+        of the search; without a law, energies drawn by their weights in the average, with random errors. Empty if the measurements do not
+        determine a parameter at all.
     domain_hull_ : list of list of float
-        For an energy without a law: half-planes (n1, n2, d) of the convex hull of the states in the simulated tests, as in ``hull`` of
+        Half-planes (n1, n2, d) of the convex hull of the states in the simulated tests, as in ``hull`` of
         `pdsurrogate.forces.protocol.Domain`, moved outwards by the margin of `EnergyRegressor`.
     stretch_range_ : tuple of float
-        For an energy without a law: least and greatest stretch in the plane, or in space, in the simulated tests.
+        Least and greatest stretch in the plane, or in space, in the simulated tests.
     n_simulations_ : int
         Number of simulated equilibria, derivatives not counted.
     n_features_in_ : int
@@ -182,6 +196,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         "refine": [None, Interval(Integral, 1, None, closed="left")],
         "bulk_ratio": [None, Interval(Real, 0, None, closed="neither")],
         "bulk_modulus": [None, Interval(Real, 0, None, closed="neither")],
+        "random_state": [Interval(Integral, 0, None, closed="left")],
     }
 
     scene: Scene | str | Path | Sequence = "hole"
@@ -191,6 +206,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     refine: int | None = None
     bulk_ratio: float | None = None
     bulk_modulus: float | None = None
+    random_state: int = 0
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
@@ -330,14 +346,10 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         [0.01]
         """
         check_is_fitted(self)
-        X, values, columns = np.asarray(X, dtype=float), self.parameters_, []
-        for number, step in enumerate(1e-5 * self._scales()):
-            change = step * np.eye(len(values))[number]
-            sides = [nominal_stress(self._unknown.law_of(values + sign * change), X) for sign in (1, -1)]
-            columns.append((sides[0] - sides[1]) / (2 * step))
-        jacobian, stress = np.stack(columns, axis=1), nominal_stress(self.law_, X)
+        X = np.asarray(X, dtype=float)
+        jacobian = self._stress_derivatives(X)
         variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian)
-        return stress, np.sqrt(variance)
+        return nominal_stress(self.law_, X), np.sqrt(variance)
 
     def law_covariance(self) -> LawCovariance:
         """Return the covariance of the numbers of the fitted law, with which `pdsurrogate.Result.standard_errors` propagates it to results.
@@ -365,7 +377,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         return covariance_of_numbers(self._unknown.law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
 
     def stated_deviations(self, X, y, stated: dict[int, float | None]) -> np.ndarray:
-        """Return standard deviations of measurements: stated ones of all displacements or all outputs, and estimated ones of the others.
+        """Return standard deviations of measurements: stated ones of all displacements or of an output, and estimated ones of the others.
 
         Parameters
         ----------
@@ -373,7 +385,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             As for `fit`.
         y : array-like, shape (n_samples,)
         stated : dict
-            Standard deviation by kind: 1 for displacements, 0 for outputs; None for an estimate, as `fit` makes it.
+            Standard deviation by quantity: 1 for all displacements, 0, -1, ... for `outputs`; None for an estimate, as `fit` makes it.
 
         Returns
         -------
@@ -389,10 +401,18 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         found = np.empty(len(y))
         for test, here in self._tests_of(X):
             found[here] = _estimated(test.rows, y[here])
-            for kind, value in stated.items():
+            for quantity, value in stated.items():
                 if value is not None:
-                    found[here[test.rows.is_field == bool(kind)]] = value
+                    found[here[test.rows.is_field if quantity > 0 else test.rows.quantity == quantity]] = value
         return found
+
+    def _stress_derivatives(self, X: np.ndarray) -> np.ndarray:
+        """Return the derivatives of `nominal_stress` by the parameters, shape (n_samples, n_parameters)."""
+        columns = []
+        for step, change in zip(steps := 1e-5 * self._scales(), np.diag(steps), strict=True):
+            sides = [nominal_stress(self._unknown.law_of(self.parameters_ + sign * change), X) for sign in (1, -1)]
+            columns.append((sides[0] - sides[1]) / (2 * step))
+        return np.stack(columns, axis=1)
 
     def _forget(self) -> None:
         """Delete the results of an earlier fit, which must not outlive a failed one."""
@@ -502,10 +522,15 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             found.spread, logarithmic = found.spread[np.ix_(kept, kept)], logarithmic[kept]
             found.active_mask = found.active_mask[kept]
             search.forget()
-            self._set_domain(law_of(x))
+        else:
+            errors = np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac, rcond=1e-14, hermitian=True)))
+            found.active_mask = (found.active_mask != 0) | (np.minimum(x - low, high - x) < AT_BOUND * errors)
+        visited = self._set_domain(law_of(x))
         self.n_simulations_ = search.count
         simulated = search.values(x) + correction
         self._store(x, values, found, logarithmic, root * (y - simulated), root * correction)
+        if self.law is not None:
+            self.members_ = self._drawn(x, values, found.jac, root * (y - simulated), (low, high), logarithmic, visited)
         self._found, self._correction = simulated, correction
 
     def _check_energy(self, count: int) -> None:
@@ -524,8 +549,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     def _without_scale(self) -> bool:
         """Return whether all measurements are displacements that do not depend on a common factor of all stresses."""
         scaled = self.law is None or "bulk_modulus" not in self._bulk()
-        tests = [(test.rows, test.scene) for test, _ in self._tests]
-        return scaled and all(rows.is_field.all() and not scene.loads and not scene.materials for rows, scene in tests)
+        tests = [test for test, _ in self._tests if not (test.rows.is_field | test.among(DISPLACEMENTS)).all()]
+        return scaled and not tests and not any(test.scene.loads or test.scene.materials for test, _ in self._tests)
 
     def _energy(self, search: "_Search", x: np.ndarray, number: int) -> SimpleNamespace:
         """Return the coefficients of all terms and the Jacobian there.
@@ -543,18 +568,19 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             each = grouping(residuals[here][field], test.rows.places[field], test.rows.quantity[field])
             total, count = total + each[0], count + each[1]
         correlated = max(1.0, total / count / (residuals**2).mean()) if count else 1.0
-        energies = average(found.jac, found.jac @ found.x - residuals, correlated, MEMBERS)
+        energies = average(found.jac, found.jac @ found.x - residuals, correlated, MEMBERS, self.random_state)
         self.members_ = [self._unknown.of(each > 0).law_of(each[each > 0]) for each in energies.members]
         found.spread = energies.covariance
         found.x = floored(energies.mean)
         return found
 
-    def _set_domain(self, law: Law) -> None:
-        """Set the hull and the range of the stretches in the tests with a law."""
+    def _set_domain(self, law: Law) -> np.ndarray:
+        """Set the hull and the range of the stretches in the tests with a law; return the two greater stretches of some points, (n, 2)."""
         visited = np.concatenate([test.states(law) for test, _ in self._tests])
         isochoric = visited / np.cbrt(visited.prod(axis=1))[:, None]
         self.domain_hull_ = [[n1, n2, EnergyRegressor.margin - offset] for n1, n2, offset in half_planes(isochoric[:, :2]).tolist()]
         self.stretch_range_ = float(visited.min()), float(visited.max())
+        return visited[:: -(-len(visited) // MOST_COMPARED), :2]
 
     def _store(self, x, values, found, logarithmic, residuals, correction) -> None:
         """Set parameters, covariance and lack of fit from the weighted Jacobian and residuals at the solution."""
@@ -586,6 +612,33 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         self.correlation_ = covariance / np.outer(np.where(errors > 0, errors, 1.0), np.where(errors > 0, errors, 1.0))
         covariance[unknown, unknown] = np.inf
         self.covariance_, self.standard_errors_ = covariance, np.sqrt(np.diag(covariance))
+
+    def _drawn(self, x, values, jacobian, residuals, bounds, logarithmic, visited) -> list[Law]:
+        """Return laws drawn from the distribution of bounded least-squares solutions x; none if a parameter is not determined at all.
+
+        `jacobian` is that of `residuals` by x. Solutions without bounds are normal about the minimum of the linearized residuals, with the
+        covariance of the parameters; the nearest place within the bounds, in the metric of the covariance, is the bounded solution. Half of
+        a change serves, and so on, where the whole is no law or the stresses in the states `visited` (n, 2) do not change linearly: such
+        a law would not describe the test.
+        """
+        if not np.isfinite(self.covariance_).all():
+            return []
+        sizes = np.where(logarithmic, values(x), 1.0)
+        variances, axes = np.linalg.eigh(self.covariance_ / np.outer(sizes, sizes))
+        deviations, random, members = np.sqrt(np.maximum(variances, 1e-14 * variances.max())), np.random.default_rng(self.random_state), []
+        inverse, unbounded = (axes / deviations).T, x + np.linalg.lstsq(jacobian, residuals, rcond=1e-10)[0]
+        (stress, error), slopes = self.nominal_stress(visited), self._stress_derivatives(visited) * sizes
+        for normal in random.standard_normal((MEMBERS, len(x))):
+            change = lsq_linear(inverse, inverse @ (unbounded + axes @ (deviations * normal)), bounds, method="bvls").x - x
+            member = self.law_
+            for part in change / 2.0 ** np.arange(HALVINGS)[:, None]:
+                with suppress(ValueError):  # parameters between the bounds that are not those of a law
+                    law = self._unknown.law_of(values(x + part))
+                    if ((nominal_stress(law, visited) - stress - slopes @ part) ** 2).mean() <= (error**2).mean():
+                        member = law
+                        break
+            members.append(member)
+        return members
 
     def _scales(self) -> np.ndarray:
         """Return the sizes of the parameters by which they are compared: their values, or a hundredth of the range between bounds."""
@@ -620,10 +673,10 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         else:
             law = stated[0] if stated else LAWS[self.law]()
             start = np.array([getattr(law, name) for name in self._unknown.unknowns()])
-        outputs, product, square = self.outputs or ["forces."], 0.0, 0.0
+        product, square = 0.0, 0.0
         for test, here in self._tests:
-            forces = test.rows.quantity < 1
-            if test.scene.loads or not forces.any() or not all(name.startswith("forces.") for name in outputs):
+            forces = test.among(FORCES)
+            if test.scene.loads or not forces.any():
                 continue
             with _failing(f"the search cannot start at {self._unknown.law_of(start).describe()}"):
                 simulated = test.simulate(self._unknown.law_of(start))[0]

@@ -1,6 +1,8 @@
 """Files of measurements, and reports and figures of calibrations, for the command ``pdsurrogate calibrate``."""
 
 import csv
+import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -20,10 +22,35 @@ MOST_MAPS = 5
 """Greatest number of steps whose residuals are drawn, evenly chosen with the last one: maps of more would be too small to read."""
 
 
-def read_columns(path: Path, columns: tuple[str, ...]) -> tuple[np.ndarray, list[int]]:
-    """Return columns of numbers from a CSV file with a line of headings, shape (n, columns), and the line of each row of them.
+OUTPUTS = {
+    "force": "force",
+    "force_(.+)_([123])": "forces.{}",
+    "moment_(.+)_([123])": "moments.{}",
+    "moment_(.+)": "moments.{}",
+    "displacement_(.+)_([123])": "displacements.{}",
+    "(.+)_displacement_([123])": "probes.{}.displacement",
+    "probe_(.+)_u([123])": "probes.{}.displacement",
+    "nominal_stress": "nominal_stress",
+    "strain_energy": "energy",
+}
+"""Columns of measured outputs, as ``history.csv`` has them, with the name of a region or probe and the component, and their dotted keys."""
 
-    Further columns are ignored.
+
+def output_of(column: str) -> str | None:
+    """Return the dotted key of the output that a column of a file contains; None for another column."""
+    for pattern, key in OUTPUTS.items():
+        if found := re.fullmatch(pattern, column):
+            name, *component = found.groups() or (None,)
+            return ".".join([key.format(name), *(str(int(number) - 1) for number in component)])
+    return None
+
+
+def read_columns(
+    path: Path, columns: tuple[str, ...], others: Callable[[str], object] = lambda name: False
+) -> tuple[np.ndarray, list[int], list[str]]:
+    """Return columns of numbers from a CSV file with a line of headings, (n, columns), the line of each row, and the names of the columns.
+
+    They are those of `columns`, and then further ones that `others` chooses by their names, where an empty entry is NaN.
 
     Raises
     ------
@@ -35,72 +62,101 @@ def read_columns(path: Path, columns: tuple[str, ...]) -> tuple[np.ndarray, list
         lines = path.read_text("utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"cannot read {path}: {getattr(error, 'strerror', None) or 'it is not UTF-8 text'}") from None
-    reader = csv.DictReader("" if line.lstrip().startswith("#") else line for line in lines)
+    lines = ["" if line.lstrip().startswith("#") else line for line in lines]
+    before = next((number for number, line in enumerate(lines) if line.strip()), 0)
+    reader = csv.DictReader(lines[before:])
     names = [name.strip() for name in reader.fieldnames or ()]
     if missing := [name for name in columns if name not in names]:
         found = f"there is no {missing[0]} among {', '.join(names) or 'none'}"
         raise ValueError(f"{path}: the columns, separated by commas, must be {', '.join(columns)}; {found}")
-    if twice := [name for name in columns if names.count(name) > 1]:
+    chosen = [*columns, *(name for name in dict.fromkeys(names) if name not in columns and others(name))]
+    if twice := [name for name in chosen if names.count(name) > 1]:
         raise ValueError(f"{path}: there are two columns {twice[0]}")
     reader.fieldnames, found, numbers = names, [], []
     for row in reader:
         if None in row:
             raise ValueError(
-                f"{path}, line {reader.line_num}: more entries than the {len(names)} columns; decimals have points, not commas"
+                f"{path}, line {before + reader.line_num}: more entries than the {len(names)} columns; decimals have points, not commas"
             )
         try:
-            found.append([float(row[name]) for name in columns])
+            empty = [name not in columns and not (row[name] or "").strip() for name in chosen]
+            found.append([np.nan if none else float(row[name]) for name, none in zip(chosen, empty, strict=True)])
         except (TypeError, ValueError):
-            raise ValueError(f"{path}, line {reader.line_num}: {', '.join(columns)} must be numbers") from None
-        if not np.isfinite(found[-1]).all():
-            raise ValueError(f"{path}, line {reader.line_num}: {', '.join(columns)} must be finite numbers")
-        numbers.append(reader.line_num)
+            raise ValueError(f"{path}, line {before + reader.line_num}: {', '.join(chosen)} must be numbers") from None
+        if not (np.isfinite(found[-1]) | empty).all():
+            raise ValueError(f"{path}, line {before + reader.line_num}: {', '.join(chosen)} must be finite numbers")
+        numbers.append(before + reader.line_num)
     if not found:
         raise ValueError(f"{path}: there are no rows")
-    return np.array(found), numbers
+    return np.array(found), numbers, chosen
 
 
-def _read_steps(scene: Scene, path: Path, columns: tuple[str, ...]) -> np.ndarray:
-    """Return columns of a file, the first of which is ``step``.
+def _read_steps(
+    scene: Scene, path: Path, columns: tuple[str, ...], others: Callable[[str], object] = lambda name: False
+) -> tuple[np.ndarray, list[str]]:
+    """Return columns of a file, see `read_columns`, and their names; the first is ``step``.
 
     Raise ValueError with the line of a step that the scene does not have, or of a displacement that is a copy of an earlier row.
     """
-    found, lines = read_columns(path, ("step", *columns))
+    found, lines, names = read_columns(path, ("step", *columns), others)
     most = len(scene.stretches) if scene.stretched else np.inf
     for step, line in zip(found[:, 0], lines, strict=True):
         if step != round(step) or not 1 <= step <= most:
             known = f"1 to {most}, the stretches of scene {scene.name}" if scene.stretched else f"the outputs of scene {scene.name} from 1"
             raise ValueError(f"{path}, line {line}: step {step:g}, but the steps are whole numbers: {known}")
     first = np.unique(found, axis=0, return_index=True)[1]
-    if len(columns) > 1 and len(first) < len(found):
+    if columns and len(first) < len(found):
         raise ValueError(f"{path}, line {lines[np.delete(np.arange(len(found)), first)[0]]}: this row is a copy of an earlier one")
-    return found
+    return found, names
 
 
-def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return the table of measurements and their values, as `SceneRegressor` takes them, from a file of fields and one of forces."""
-    d, tables, values = scene.dimension, [], []
+def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tuple[np.ndarray, np.ndarray, dict[str, str]]:
+    """Return the table of measurements and their values, as `SceneRegressor` takes them, from a file of fields and one of outputs.
+
+    The third item returned has the dotted keys of the outputs of the quantities 0, -1, ... by the names of their columns.
+    """
+    d, tables, values, outputs = scene.dimension, [], [], {}
     if fields is None and forces is None:
         raise ValueError("there is nothing to fit: give --fields, --forces or both")
     if fields is not None:
         axes = range(1, d + 1)
-        found = _read_steps(scene, fields, (*(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes)))
+        found, _ = _read_steps(scene, fields, (*(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes)))
         for axis in axes:
             tables.append(np.column_stack([found[:, 0], np.full(len(found), axis), found[:, 1 : 1 + d]]))
             values.append(found[:, d + axis])
     if forces is not None:
-        found = _read_steps(scene, forces, ("force",))
-        tables.append(np.column_stack([found[:, 0], np.zeros((len(found), 1 + d))]))
-        values.append(found[:, 1])
-    return np.vstack(tables), np.concatenate(values)
+        found, (_, *names) = _read_steps(scene, forces, (), lambda name: output_of(name) or name == "evaluations")
+        if "evaluations" in names:
+            raise ValueError(f"{forces}: this is the history of a run, whose step is that of the scene: number the outputs from 1")
+        if not names:
+            raise ValueError(
+                f"{forces}: there is no column force, nor another one with a measurement, as history.csv of a run has them "
+                "(force_right_1, tip_displacement_2)"
+            )
+        outputs = {name: str(output_of(name)) for name in names}
+        for number, column in enumerate(found[:, 1:].T):
+            there = np.isfinite(column)
+            tables.append(np.column_stack([found[there, 0], np.full(there.sum(), -number), np.zeros((there.sum(), d))]))
+            values.append(column[there])
+    if not sum(map(len, values)):
+        raise ValueError(f"{forces}: there are no measurements, all entries of {', '.join(outputs)} are empty")
+    return np.vstack(tables), np.concatenate(values), outputs
 
 
-def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray) -> dict:
-    """Return a report of a calibration as plain values; standard errors that are infinite are None."""
+def _quantities(model: SceneRegressor, X: np.ndarray, columns: Sequence[str] = ()) -> dict[str, np.ndarray]:
+    """Return masks of the rows of measurements by name: ``fields``, and the outputs, by their `columns` if given."""
+    names = columns or model.outputs or ["force"]
+    return {"fields": X[:, 1] > 0} | {name: X[:, 1] == -number for number, name in enumerate(names)}
+
+
+def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequence[str] = ()) -> dict:
+    """Return a report of a calibration as plain values; standard errors that are infinite are None.
+
+    Outputs have the names `columns`, or else their dotted keys.
+    """
     errors = [float(value) if np.isfinite(value) else None for value in model.standard_errors_]
-    field = X[:, 1] > 0
-    fits = {}
-    for name, here in (("fields", field), ("forces", ~field)):
+    fits, quantities = {}, _quantities(model, X, columns)
+    for name, here in quantities.items():
         if here.any():
             off, sd = model.residuals_[here], model.standard_deviations_[here]
             fits[name] = {
@@ -115,7 +171,11 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray) -> dict:
         states = np.stack([np.array(stretches), MODES[mode](np.array(stretches))], axis=1)
         found = zip(stretches, *model.nominal_stress(states), strict=True)
         stresses[mode] = [{"stretch": at, "nominal_stress": _plain(stress), "standard_error": _plain(error)} for at, stress, error in found]
-    steps = [{"step": int(step), "force": float(one), "fit": float(one - off)} for step, one, off in _forces(model, X, y)]
+    outputs = {
+        name: [{"step": int(step), "measured": float(one), "fit": float(one - off)} for step, one, off in _steps(model, X, y, here)]
+        for name, here in quantities.items()
+        if name != "fields"
+    }
     return {
         "law": model.law_.describe(),
         "parameters": dict(zip(model.parameter_names_, model.parameters_.tolist(), strict=True)),
@@ -127,19 +187,19 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray) -> dict:
         "lack_of_fit": _plain(model.lack_of_fit_),
         "p_value": _plain(model.p_value_),
         "measurements": fits,
-        "worst": _worst(model, X),
-        "forces": steps,
+        "worst": _worst(model, X, list(outputs)),
+        "outputs": outputs,
         "stresses": stresses,
         "simulations": model.n_simulations_,
     }
 
 
-def _worst(model: SceneRegressor, X: np.ndarray) -> dict:
+def _worst(model: SceneRegressor, X: np.ndarray, outputs: Sequence[str]) -> dict:
     """Return what the measurement is with the greatest residual in standard deviations, and this residual."""
     off = np.abs(model.residuals_) / model.standard_deviations_
     row = int(np.nanargmax(off))
     step, quantity, *place = X[row].tolist()
-    what = f"u{quantity:.0f} at ({', '.join(f'{x:g}' for x in place)})" if quantity > 0 else "the force"
+    what = f"u{quantity:.0f} at ({', '.join(f'{x:g}' for x in place)})" if quantity > 0 else outputs[int(-quantity)]
     return {"step": int(step), "measured": what, "standard_deviations": float(off[row])}
 
 
@@ -147,26 +207,28 @@ def _plain(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _forces(model: SceneRegressor, X: np.ndarray, y: np.ndarray) -> list[tuple[float, float, float]]:
-    """Return step, measured value and residual of the rows that are forces, by step."""
-    here = X[:, 1] == 0
+def _steps(model: SceneRegressor, X: np.ndarray, y: np.ndarray, here: np.ndarray) -> list[tuple[float, float, float]]:
+    """Return step, measured value and residual of the rows of an output, given by a mask, by step."""
     return sorted(zip(X[here, 0], y[here], model.residuals_[here], strict=True))
 
 
-def figures(model: SceneRegressor, X: np.ndarray, y: np.ndarray) -> dict[str, Figure]:
-    """Return figures by name: the fit of the forces, and maps of the residuals of displacements in standard deviations."""
+def figures(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequence[str] = ()) -> dict[str, Figure]:
+    """Return figures by name: the fit of each output, and maps of the residuals of displacements in standard deviations.
+
+    Outputs have the names `columns`, or else their dotted keys.
+    """
     found = {}
+    shown = {name: here for name, here in _quantities(model, X, columns).items() if name != "fields" and here.any()}
     with matplotlib.rc_context(STYLE):
-        if rows := _forces(model, X, y):
-            steps, measured, off = np.array(rows).T
-            found["forces"] = drawn = Figure(figsize=(3.4, 2.6), layout="constrained")
-            axis = drawn.subplots()
-            axis.errorbar(
-                steps, measured, 2 * model.standard_deviations_[X[:, 1] == 0], fmt="ko", ms=3.5, mfc="none", label="measured, ±2σ"
-            )
-            axis.plot(steps, measured - off, "-", lw=1, label=f"{model.law_.name}, fitted")
-            axis.set(xlabel="step", ylabel="force", xticks=steps)
-            axis.legend()
+        if shown:
+            found["outputs"] = drawn = Figure(figsize=(3.4, 2.6 * len(shown)), layout="constrained")
+            for axis, (name, here) in zip(drawn.subplots(len(shown), squeeze=False)[:, 0], shown.items(), strict=True):
+                steps, measured, off = np.array(_steps(model, X, y, here)).T
+                deviation = model.standard_deviations_[here][np.argsort(X[here, 0], kind="stable")]
+                axis.errorbar(steps, measured, 2 * deviation, fmt="ko", ms=3.5, mfc="none", label="measured, ±2σ")
+                axis.plot(steps, measured - off, "-", lw=1, label=f"{model.law_.name}, fitted")
+                axis.set(xlabel="step", ylabel=name, xticks=steps)
+                axis.legend()
         if (X[:, 1] > 0).any():
             found["residuals"] = _residual_maps(model, X)
     return found

@@ -9,6 +9,7 @@ from typer import Argument, Option
 
 from ..artifacts.store import new_artifact, next_version
 from ..calibration import SceneRegressor, reporting
+from ..calibration.measured import DISPLACEMENTS
 from ..forces.identity import digest_of
 from ..identification import fitted_laws
 from ..identification.regressor import N_TERMS
@@ -27,7 +28,9 @@ from .fit import BulkModulus, Terms, TrainingBar
 from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, warn, writing
 
 FIELDS_HELP = "CSV file of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3)."
-FORCES_HELP = "CSV file with the columns step and force, of the region that is pulled."
+FORCES_HELP = (
+    "CSV file with the columns step and force, of the region that is pulled, or others of history.csv: force_right_1, tip_displacement_2."
+)
 
 
 def calibrate(
@@ -63,28 +66,32 @@ def calibrate(
             raise ValueError(f"{option} {noise:g}: a standard deviation must be positive and finite; leave the option out for the default")
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     test = load_scene(scene, dict(parse_change(item) for item in change or ()))
-    X, y = reporting.measurements(test, fields, forces)
+    X, y, outputs = reporting.measurements(test, fields, forces)
     with bad_input(OSError):
         new_artifact(folder, name, next_version(folder, name))
     asked = {"scene": test.model_dump(mode="json"), "law": law, "terms": terms or N_TERMS, **bulk, "refine": refine, "name": name}
-    asked |= {"field_noise": field_noise, "force_noise": force_noise, "digest": digest_of({"X": X.tolist(), "y": y.tolist()})}
+    asked |= {"field_noise": field_noise, "force_noise": force_noise, "outputs": outputs}
+    asked["digest"] = digest_of({"X": X.tolist(), "y": y.tolist()})
     check_folder(folder, "calibration.json", asked, overwrite)
-    model, began = SceneRegressor(test, law, terms or N_TERMS, refine=refine, **bulk), time.perf_counter()
+    model = SceneRegressor(test, law, terms or N_TERMS, outputs=[*outputs.values()] or None, refine=refine, **bulk)
+    noises, began = {1: field_noise}, time.perf_counter()
+    for number, column in enumerate(outputs):
+        noises[-number] = force_noise if column.startswith("force") else field_noise if DISPLACEMENTS.fullmatch(outputs[column]) else None
     with Bar(f"Calibrating {law or 'an energy'} in {test.name}"):
-        model.fit(X, y, standard_deviation=model.stated_deviations(X, y, {1: field_noise, 0: force_noise}))
-    found = reporting.report(model, X, y)
+        model.fit(X, y, standard_deviation=model.stated_deviations(X, y, noises))
+    found = reporting.report(model, X, y, [*outputs])
     seconds = time.perf_counter() - began
     print_calibrated(found)
     data = f"{fields.name if fields else ''}{' and ' if fields and forces else ''}{forces.name if forces else ''} in {test.name}"
-    settings, members, hull = FitSettings(energy=test.plane != "stress", folds=0), [], None
-    if free:
-        settings, members, hull = settings.within(*model.stretch_range_), model.members_, model.domain_hull_
+    settings = FitSettings(energy=test.plane != "stress", folds=0)
+    if free:  # a law is trusted beyond the states of the test, an energy of terms is not
+        settings = settings.within(*model.stretch_range_)
     with TrainingBar() as bar, listening(bar.iteration):
-        write = settings.train(model.law_, members, hull, {"data": data, **found}, bar.begin)
+        write = settings.train(model.law_, model.members_, model.domain_hull_, {"data": data, **found}, bar.begin)
     with writing(folder), bad_input(TooInexact, status=FAILED):
         path = write(folder, name, None)
         write_json(folder / "calibration.json", {"asked": asked, "artifact": str(path), **found, "seconds": seconds})
-        for which, drawn in reporting.figures(model, X, y).items():
+        for which, drawn in reporting.figures(model, X, y, [*outputs]).items():
             figures.save(drawn, folder / f"calibration-{which}.png")
     print_json({"artifact": str(path), **found, "seconds": seconds})
     note(f"Wrote {path}, and the report in {folder}")

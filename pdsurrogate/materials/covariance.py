@@ -1,7 +1,7 @@
 """Numbers of a law that was fitted to measurements, their derivatives by the fitted parameters, and their covariance, theory (86)."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -127,6 +127,18 @@ def numbers_of(law: Law) -> dict[str, float]:
     for key, value in found.items():
         flat |= {f"{key}.{place}": each for place, each in enumerate(value)} if isinstance(value, tuple) else {key: value}
     return flat
+
+
+def with_numbers_of(law: Law, values: Mapping[str, float]) -> Law:
+    """Return a law with other values of some of its `numbers_of`; raise ValueError if they are not those of a law."""
+    changes: dict = {"shear_modulus": None} if isinstance(law, Ogden) else {}
+    for name, value in values.items():
+        key, _, place = name.partition(".")
+        if place:
+            numbers = list(changes.get(key, getattr(law, key)))
+            numbers[int(place)] = value
+        changes[key] = tuple(numbers) if place else value
+    return replace(law, **changes)
 
 
 def derivatives_of_numbers(law_of: Callable[[np.ndarray], Law], parameters: np.ndarray, steps: np.ndarray) -> tuple[list[str], np.ndarray]:

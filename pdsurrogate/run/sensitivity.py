@@ -4,7 +4,7 @@ import copy
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,8 @@ from ..body import fields_at
 from ..engine.threads import thread_count
 from ..forces import ForceModel
 from ..forces.learned import Learned
+from ..materials import Law
+from ..materials.covariance import numbers_of, with_numbers_of
 from ..problem.materials import scene_errors
 from ..results import Result
 from ..results.sensitivity import Sensitivities
@@ -39,6 +41,9 @@ a network far below the greatest one changes, curvature leaves relative errors b
 are linear or weakly curved: the second step leaves 2e-8 for an exponent of 5, and 1e-6 at nine tenths of the limit of a Gent law. Rounding
 leaves errors of 1e-12 times the forces over those that the number causes: K/mu for a bulk modulus, 1e4 for a term with 1e-4 of the
 stress."""
+
+MODULI = ("shear_modulus", "bulk_modulus")
+"""Numbers of a law that are no part of its `Law.shape`."""
 
 LEAST_STEP = 1e-8
 """Least change of the coefficient of a term, relative to the greatest one: rounding and curvature leave relative errors of this size."""
@@ -345,7 +350,8 @@ class Differentiated:
         """Return the middle of the values of a parameter in central differences, and the change from it.
 
         The middle is the value of the parameter. Coefficients of the terms of an energy keep their sign: if half of one is less than the
-        least change, the middle lies beside it by this change.
+        least change, the middle lies beside it by this change. So it does beside another number at the end of the range of its law, by a
+        tenth of the change: energies are linear in all numbers with such a range, and the thickness of a sheet nearly so.
         """
         run, array = self.run, array_of(name, self.run.problem.models)
         value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
@@ -353,12 +359,22 @@ class Differentiated:
         scale = abs(value) if array is None else float(np.abs(array).max())
         if array is None and owner.startswith("material") and last.isdigit():
             scale = max(abs(number) for key, number in self.numbers.items() if key.rpartition(".")[0] == owner)
+            scale = scale or laws_of(run.problem.scene)[owner.rpartition(".")[0]].shear_modulus
             step = min(STEP_OF_LAWS * scale, max(LEAST_STEP * scale, abs(value) / 2))
             return value + (np.copysign(step, value) if step > abs(value) / 2 else 0.0), step
-        change = STEP_OF_LAWS if array is None and (whole or owner.endswith("material")) else STEP
+        of_law = array is None and owner.endswith("material")
+        change = STEP_OF_LAWS if of_law or (array is None and whole) else STEP
         if fine:
             change *= WIDER**2 if last == "bulk_modulus" else WIDER
-        return value, change * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
+        if not of_law:
+            return value, change * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
+        law, step = laws_of(run.problem.scene)[owner], change * (scale or 1.0)
+        for off, change in ((0, step), (step / 10, step / 10), (-step / 10, step / 10)):
+            with suppress(ValueError):
+                for side in (-change, change):
+                    with_numbers_of(law, {last: value + off + side})
+                return value + off, change
+        raise ValueError(f"parameters: {law.name} permits no change of {last} = {value:g}, so that there is no derivative by it")
 
     @contextmanager
     def _beside(self, name: str, value: float) -> Iterator["Differentiated"]:
@@ -486,6 +502,7 @@ def _check(scene: Scene, models: Sequence[ForceModel], result: Result, parameter
         raise ValueError(f"parameters: name at least one number to differentiate by, such as {loading!r} or 'material.shear_modulus'")
     for name in parameters:
         if name not in known and name != loading:
+            _check_of_laws(scene, models, name)
             raise ValueError(f"parameters: there is no number {name!r} to differentiate by; {suggestion(name, [*known, loading])}")
     return number
 
@@ -506,9 +523,37 @@ def _check_smooth(scene: Scene, t: float) -> None:
                 )
 
 
+def _check_of_laws(scene: Scene, models: Sequence[ForceModel], name: str) -> None:
+    """Raise ValueError if a name is that of a number of a law, which is no parameter."""
+    for key, law in laws_of(scene).items():
+        model, number = _by_key(models, "material")[key], name.removeprefix(f"{key}.")
+        if name == f"{key}.{number}" and number in numbers_of(law):
+            learned = f"{model.name} describes one value of {number} alone: for derivatives by {name} run the scene with force="
+            why = f"{learned}{model.exact}" if isinstance(model, Learned) else f"{name} is 0, so that {law.name} has no such term"
+            raise ValueError(f"parameters: {why}")
+
+
+def laws_of(scene: Scene) -> dict[str, Law]:
+    """Return the laws of a scene by key: ``"material"``, and ``"materials.0.material"`` and so on for regions that are not rigid."""
+    parts = {f"materials.{number}.material": part.material for number, part in enumerate(scene.materials)}
+    return {"material": scene.law()} | {key: material.build() for key, material in parts.items() if not material.rigid}
+
+
 def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
-    """Return, by dotted key, the numbers of a scene and of the arrays of its learned models that can be parameters."""
-    found = {key: value for key, value in leaves(scene.model_dump(mode="json")) if key.split(".")[0] in PLACES and ".region." not in key}
+    """Return, by dotted key, the numbers that can be parameters: of a scene, of its laws and of the arrays of its learned models.
+
+    Numbers of a law are parameters whether they are stated or have their default, except coefficients of terms that the law has not. A
+    learned model holds for one `Law.shape`: with it, the moduli alone are parameters.
+    """
+    laws, by_law, found = laws_of(scene), _by_key(models, "material"), {}
+    for key, value in leaves(scene.model_dump(mode="json")):
+        if key.split(".")[0] in PLACES and ".region." not in key and not any(key.startswith(f"{law}.") for law in laws):
+            found[key] = value
+    for key, law in laws.items():
+        for name, value in numbers_of(law).items():
+            fixed = isinstance(by_law.get(key), Learned) and name not in MODULI
+            if not fixed and (value or len(with_numbers_of(law, {name: law.shear_modulus}).parameters) == len(law.parameters)):
+                found[f"{key}.{name}"] = value
     for key, model in _learned(models).items():
         arrays = {name: values.tolist() for name, values in model.payload().items() if isinstance(values, np.ndarray)}
         found |= dict(leaves(arrays, key=key))
@@ -517,13 +562,13 @@ def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
 
 def _learned(models: Sequence[ForceModel]) -> dict[str, Learned]:
     """Return the learned models by the key of the scene that names them; a model that regions share has the key of the first."""
-    keys = {id(model): key for key, model in reversed(list(_by_key(models)))}
+    keys = {id(model): key for key, model in reversed(_by_key(models, "force").items())}
     return {keys[id(model)]: model for model in models if isinstance(model, Learned)}
 
 
-def _by_key(models: Sequence[ForceModel]) -> list[tuple[str, ForceModel]]:
-    """Return pairs of the key of a scene that names a force model, and the model."""
-    return [("force" if not number else f"materials.{number - 1}.force", model) for number, model in enumerate(models)]
+def _by_key(models: Sequence[ForceModel], last: str) -> dict[str, ForceModel]:
+    """Return force models by the key of a scene that names them (`last` is ``"force"``), or their law (``"material"``)."""
+    return {last if not number else f"materials.{number - 1}.{last}": model for number, model in enumerate(models)}
 
 
 def array_of(name: str, models: Sequence[ForceModel]) -> np.ndarray | None:
@@ -536,15 +581,16 @@ def array_of(name: str, models: Sequence[ForceModel]) -> np.ndarray | None:
 
 def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str, float]) -> tuple[Scene, list[ForceModel]]:
     """Return a scene and its force models with other values of the numbers that `numbers_in` names."""
-    data, changed, learned = scene.model_dump(mode="json"), dict(_by_key(models)), _learned(models)
-    for name, value in values.items():
+    data, changed, learned = scene.model_dump(mode="json"), _by_key(models, "force"), _learned(models)
+    others = dict(values)
+    for key, law in laws_of(scene).items():
+        own = {name.removeprefix(f"{key}."): others.pop(name) for name in values if name.startswith(f"{key}.")}
+        if own:
+            apply_change(data, key, with_numbers_of(law, own).describe())
+    for name, value in others.items():
         owner = next((key for key in learned if name.startswith(f"{key}.")), None)
         if owner is None:
             apply_change(data, name, value)
-            if re.fullmatch(r"(.*\.)?material\.\w+\.\d+", name):
-                # The shear modulus of a sum of terms follows from their numbers, with which a stated one must agree.
-                stated = data["material"] if name.startswith("material.") else data["materials"][int(name.split(".")[1])]["material"]
-                stated.pop("shear_modulus", None)
             continue
         before = changed[owner]
         array, *place = name.removeprefix(f"{owner}.").split(".")

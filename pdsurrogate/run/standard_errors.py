@@ -10,7 +10,7 @@ from ..materials import Law
 from ..materials.covariance import LawCovariance
 from ..results import Result
 from ..scenes import Scene
-from .sensitivity import differentiate
+from .sensitivity import differentiate, laws_of
 
 
 def standard_errors(
@@ -21,8 +21,7 @@ def standard_errors(
         raise ValueError(f"covariance: must be a LawCovariance, such as regressor.law_covariance(), not a {type(covariance).__name__}")
     if isinstance(outputs, str) or not outputs:
         raise ValueError(f"outputs: must be a list of at least one name, such as ['nominal_stress'], not {outputs!r}")
-    laws = {"material": scene.law()}
-    laws |= {f"materials.{n}.material": part.material.build() for n, part in enumerate(scene.materials) if not part.material.rigid}
+    laws = laws_of(scene)
     found = [(covariance, laws)] if covariance is not None else _stated(models, laws)
     groups = [(one, *_same(one, some)) for one, some in found]
     parameters = [f"{key}.{name}" for one, keys, _ in groups for key in keys for name in one.names]

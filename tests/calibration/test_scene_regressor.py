@@ -1,6 +1,7 @@
 """Laws from fields and forces: parameters come back with their standard errors, and bad tables are refused."""
 
 import json
+import re
 from unittest.mock import patch
 
 import numpy as np
@@ -89,6 +90,7 @@ def test_a_field_without_forces_does_not_determine_moduli(exact, random):
     assert model.undetermined_ == ["shear_modulus"]
     assert (model.parameters_[0], model.standard_errors_[0]) == (1.0, np.inf)  # at its start
     assert model.standard_errors_[1] < 0.2 * 12
+    assert model.members_ == []
     with pytest.raises(ValueError, match="shear_modulus: not determined by the measurements"):
         model.law_covariance()
 
@@ -131,6 +133,38 @@ def test_stresses_have_the_errors_of_the_parameters():
     np.testing.assert_allclose(error / stress, 0.05, rtol=1e-2)  # a modulus is known as well as the force
 
 
+def test_the_spread_of_members_is_the_standard_error_of_stresses(exact, random):
+    """The spread of 400 members has an error of 4 %; the curvature of stresses over the chain limit adds a few percent."""
+    y, model = exact + DEVIATION * random.standard_normal(len(X)), pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1)
+    with patch("pdsurrogate.calibration.regressor.MEMBERS", 400):
+        model.fit(X, y, standard_deviation=DEVIATION)
+    states = np.array([[at, MODES[mode](at)] for mode in MODES for at in (1.2, 2.0)])
+    stress, error = model.nominal_stress(states)
+    off = np.array([nominal_stress(law, states) - stress for law in model.members_])
+    np.testing.assert_allclose(np.sqrt((off**2).mean(axis=0)) / error, 1.0, atol=4 * 0.04)
+
+
+def test_members_repeat_from_their_seed(exact):
+    forces = X[:, 1] == 0
+    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1)
+    first, second, other = (
+        model.set_params(random_state=seed).fit(X[forces], exact[forces], standard_deviation=FORCE_NOISE).members_ for seed in (0, 0, 1)
+    )
+    assert first == second
+    assert not set(map(str, first)) & set(map(str, other))
+
+
+def test_members_of_an_undetermined_law_describe_the_test(exact, random):
+    """Ogden's six numbers are not determined by the sheet; in its states the members have the stresses within three errors all the same."""
+    y = exact + DEVIATION * random.standard_normal(len(X))
+    model = pds.SceneRegressor(sheet("neo-hookean"), "ogden", refine=1).fit(X, y, standard_deviation=DEVIATION)
+    assert model.undetermined_
+    states = np.array([[at, MODES["uniaxial"](at)] for at in (1.1, 1.3, 1.5)])
+    stress, error = model.nominal_stress(states)
+    off = np.array([nominal_stress(law, states) - stress for law in model.members_])
+    assert 0 < np.sqrt((off**2).mean()) < 3 * error.max()
+
+
 @pytest.mark.parametrize(
     ("row", "message"),
     [
@@ -159,9 +193,20 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent, exact):
     assert done.exit_code == 0, done.output
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert found["parameters"]["chain_limit"] == pytest.approx(12.0, rel=2e-3)
-    assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"calibration-forces.png", "calibration-residuals.png"}
+    assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"calibration-outputs.png", "calibration-residuals.png"}
     stored = pds.load_card(tmp_path / "out" / "sheet")
     assert stored.material.trained_with == found["law"]
+    assert [member.material.trained_with["law"] for member in stored.members] == 8 * ["gent"]
+    members = [pds.simulate(sheet(None, stretches=[1.4]), f"{tmp_path}/out/sheet#{n}").levels[-1]["nominal_stress"] for n in range(1, 9)]
+    error = pds.simulate(sheet(found["law"], stretches=[1.4]), "analytic").standard_errors(
+        ["nominal_stress"], pds.materials.LawCovariance(sheet(found["law"]).law(), **found["covariance"])
+    )
+    # Eight members have a spread known to 25 %.
+    assert 0.25 < np.std(members) / error["nominal_stress"] < 2
+    biaxial = pds.load_scene("biaxial-hole", spacing=0.1)
+    visited = [pds.simulate(one, tmp_path / "out" / "sheet").summary["beyond_data"] for one in (sheet(None, stretches=[1.2]), biaxial)]
+    # States of bonds differ a little from those of points, whose hull is the domain.
+    assert visited[0][-1]["share"] < 0.01 < visited[1][-1]["share"]
     scene, models = sheet(found["law"], stretches=[1.2]), (pds.load_surrogate(tmp_path / "out" / "sheet"), "analytic")
     stored, of_the_law = (pds.simulate(scene, model) for model in models)
     assert stored.levels[-1]["nominal_stress"] == pytest.approx(of_the_law.levels[-1]["nominal_stress"], rel=1e-3)
@@ -170,6 +215,61 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent, exact):
     errors = stored.standard_errors(["nominal_stress"])
     assert errors == pytest.approx(of_the_law.standard_errors(["nominal_stress"], exact), rel=1e-6)
     assert 0 < errors["nominal_stress"] < 0.1 * stored.levels[-1]["nominal_stress"]
+
+
+def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
+    """Two displacements of a probe and the force of a region; an empty entry was not measured."""
+    probe = [{"name": "tip", "at": [0.9, 0.3]}]
+    scene = sheet(gent.describe(), probes=probe)
+    result = pds.simulate(scene, "bond-energy")
+    u = [level["probes"]["tip"]["displacement"] for level in result.levels]
+    force = [level["forces"]["bottom"][1] for level in result.levels]
+    lines = ["# a comment", "step, force_bottom_2, tip_displacement_1, probe_tip_u2, note"]
+    lines += [f"{n + 1},{force[n]:.9f},{u[n][0] if n else '':},{u[n][1]:.9f},x" for n in range(3)]
+    (tmp_path / "G.csv").write_text("\n".join(lines))
+    options = ["--set", "spacing=0.25", "--set", f"stretches={STRETCHES}", "--set", "probes=[{name='tip',at=[0.9,0.3]}]"]
+    command = ["calibrate", "hole", "tip", "--forces", str(tmp_path / "G.csv"), *options, "--refine", "1", "--law", "gent"]
+    done = CliRunner().invoke(app, [*command, "--field-noise", "0.001", "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    found = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    assert found["parameters"]["chain_limit"] == pytest.approx(12.0, rel=2e-3)
+    assert {name: row["rows"] for name, row in found["measurements"].items()} == {
+        "force_bottom_2": 3,
+        "tip_displacement_1": 2,
+        "probe_tip_u2": 3,
+    }
+    assert found["measurements"]["probe_tip_u2"]["standard_deviation"] == pytest.approx(0.001)
+    assert found["measurements"]["force_bottom_2"]["standard_deviation"] == pytest.approx(0.005 * abs(force[-1]))
+    assert found["outputs"]["force_bottom_2"][0]["fit"] == pytest.approx(force[0], rel=1e-3)
+    assert (tmp_path / "out" / "calibration-outputs.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("step,load\n1,2.0\n", "there is no column force, nor another one with a measurement"),
+        ("step,probe_end_u1\n1,2.0\n", "scene hole has no 'probes.end.displacement.0'"),
+        ("step,force_left_1\n1,2.0\n", "scene hole has no 'forces.left.0'"),
+        ("step,force,force\n1,2.0,1.0\n", "there are two columns force"),
+        ("step,stretch,evaluations,force_top_2\n0,1.1,20,2.0\n", "this is the history of a run|the steps are whole numbers"),
+        ("step,force\n1,\n", "there are no measurements"),
+    ],
+)
+def test_tables_of_outputs_that_make_no_sense_are_refused(text, message, tmp_path):
+    (tmp_path / "G.csv").write_text(text)
+    options = ["--set", "spacing=0.25", "--law", "neo-hookean", "--refine", "1", "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", "--forces", str(tmp_path / "G.csv"), *options])
+    assert done.exit_code == 2
+    assert re.search(message, " ".join(done.stderr.split()))
+
+
+def test_probes_alone_do_not_determine_moduli():
+    """As displacements of fields, those of probes depend on ratios of moduli alone."""
+    scene = sheet("neo-hookean", probes=[{"name": "tip", "at": [0.9, 0.3]}])
+    model = pds.SceneRegressor(scene, "gent", outputs=["probes.tip.displacement.0", "probes.tip.displacement.1"], refine=1)
+    model.fit([[2, 0, 0, 0], [3, 0, 0, 0], [3, -1, 0, 0]], [0.06, 0.09, 0.2], standard_deviation=0.01)
+    assert "shear_modulus" in model.undetermined_
+    assert model.parameters_[0] == 1.0  # at its start
 
 
 @pytest.mark.parametrize(
@@ -215,6 +315,8 @@ def test_a_parameter_at_zero_stays_within_its_bounds(exact):
     model = pds.SceneRegressor(sheet("neo-hookean"), "mooney-rivlin", refine=1).fit(X, exact, standard_deviation=DEVIATION)
     assert model.at_bound_ == ["second_share"]
     assert 0 <= model.law_.second_share < 1e-5
+    assert len({law.shear_modulus for law in model.members_}) == 8
+    assert all(0 <= law.second_share <= 1 for law in model.members_)
 
 
 def test_fields_under_loads_determine_moduli(gent):

@@ -409,3 +409,9 @@ def test_the_check_of_a_law_lets_sound_ones_pass():
         pds.materials.Ogden(moduli=(1e-4, 1.0), exponents=(20.0, 2.0)),
     ]:
         check_consistency(law)
+
+
+def test_a_law_whose_limit_lies_at_a_checked_state_is_consistent():
+    """A step of the differences at I1bar - 3 = 8.638 passes the limit, so that they say nothing there."""
+    for limit in np.linspace(8.639, 8.66, 8):
+        check_consistency(pds.materials.Gent(chain_limit=limit))

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import pdsurrogate as pds
-from pdsurrogate.materials import NeoHookean
+from pdsurrogate.materials import LAWS, MooneyRivlin, NeoHookean, Yeoh
+from pdsurrogate.materials.covariance import numbers_of, with_numbers_of
 from pdsurrogate.materials.homogeneous import uniaxial
 from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.run.reopened import place
-from pdsurrogate.run.sensitivity import Differentiated
+from pdsurrogate.run.sensitivity import Differentiated, numbers_in
 from pdsurrogate.scenes.reading import apply_change, leaves
 
 CONVERGED = {"solver.method": "newton", "solver.tolerance": 1e-10, "precision": "float64"}
@@ -72,6 +73,45 @@ def test_coefficients_near_zero_have_the_derivatives_of_the_exact_solution():
     h = 1e-4  # one-sided, of second order: the stress is nearly linear in coefficients
     exact = [(4 * stress(name, h) - 3 * stress(name, 0.0) - stress(name, 2 * h)) / (2 * h) for name in parameters]
     assert found.derivatives[0] == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize("law", [law() for law in LAWS.values()] + [MooneyRivlin(second_share=0.0), Yeoh(second=0.0, third=0.0)], ids=str)
+def test_default_numbers_of_a_law_are_parameters(law):
+    """All that are listed are accepted; stresses of the exact solution, at and inside the ends of the ranges that laws have."""
+    name = law.name if law == type(law)() else {key: value for key, value in law.describe().items() if key != "bulk_modulus"}
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material=name)
+    result = pds.simulate(scene, "bond-energy")
+    parameters = [name for name in numbers_in(scene, checked_models(scene, pds.load_surrogate("bond-energy"))) if "material" in name]
+    assert {name.split(".")[1] for name in parameters} >= {"bulk_modulus"}
+    found = result.sensitivity(["nominal_stress"], parameters)
+
+    def stress(name, change):
+        key = name.removeprefix("material.")
+        return uniaxial(with_numbers_of(law, {key: numbers_of(law)[key] + change}), 1.5).nominal_stress
+
+    exact = []
+    for name in parameters:
+        value = numbers_of(law)[name.removeprefix("material.")]
+        h = 1e-4 * (abs(value) or 1.0)
+        try:
+            exact.append((stress(name, h) - stress(name, -h)) / (2 * h))
+        except ValueError:  # one-sided, of second order
+            exact.append((4 * stress(name, h) - 3 * stress(name, 0.0) - stress(name, 2 * h)) / (2 * h))
+    assert found.derivatives[0] == pytest.approx(exact, rel=1e-6, abs=1e-6 * np.abs(exact).max())
+
+
+def test_numbers_of_which_a_learned_model_knows_one_value_are_no_parameters():
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material="gent")
+    result, models = pds.simulate(scene, "gent"), checked_models(scene, pds.load_surrogate("gent"))
+    moduli = ["material.shear_modulus", "material.bulk_modulus"]
+    assert [name for name in numbers_in(scene, models) if "material" in name] == moduli
+    rates = result.sensitivity(["nominal_stress"], moduli).derivatives[0]
+    assert rates @ [1.0, 200.0] == pytest.approx(result.levels[-1]["nominal_stress"], rel=1e-6)  # stresses scale with both
+    with pytest.raises(ValueError, match=r"gent@1 describes one value of chain_limit alone.*run the scene with force=analytic"):
+        result.sensitivity(["nominal_stress"], ["material.chain_limit"])
+    polyconvex = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material="polyconvex"), "bond-energy")
+    with pytest.raises(ValueError, match=r"material\.second\.1 is 0, so that polyconvex has no such term"):
+        polyconvex.sensitivity(["nominal_stress"], ["material.second.1"])
 
 
 def test_components_of_a_probe_have_short_names():
