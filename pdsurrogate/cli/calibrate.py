@@ -75,8 +75,8 @@ def calibrate(
     check_folder(folder, "calibration.json", asked, overwrite)
     model = SceneRegressor(test, law, terms or N_TERMS, outputs=[*outputs.values()] or None, refine=refine, **bulk)
     noises, began = {1: field_noise}, time.perf_counter()
-    for number, column in enumerate(outputs):
-        noises[-number] = force_noise if column.startswith("force") else field_noise if DISPLACEMENTS.fullmatch(outputs[column]) else None
+    for number, key in enumerate(outputs.values()):
+        noises[-number] = force_noise if key.startswith("force") else field_noise if DISPLACEMENTS.fullmatch(key) else None
     with Bar(f"Calibrating {law or 'an energy'} in {test.name}"):
         model.fit(X, y, standard_deviation=model.stated_deviations(X, y, noises))
     found = reporting.report(model, X, y, [*outputs])
