@@ -382,7 +382,7 @@ def by_settled(body, at, start, names, parameter):
     ids=["strain", "strain, adjoint", "solid", "solid, adjoint", "disc", "disc in plane strain", "cantilever", "cantilever, adjoint"],
 )
 def test_derivatives_at_large_bulk_moduli_in_contact_and_of_slender_bodies_are_those_of_converged_equilibria(scene, outputs, parameters):
-    """K/mu is 10,000 in the first four. Equilibria are converged to rounding."""
+    """K/mu is 10,000 in the first four. The equilibria of the reference are converged to rounding."""
     scene = scene()
     result = pds.simulate(scene, "bond-energy")
     found = result.sensitivity(outputs, parameters)
