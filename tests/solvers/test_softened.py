@@ -42,7 +42,7 @@ def test_a_compressed_sheet_is_not_softened():
 
 
 def test_a_cloud_needs_at_most_twice_the_evaluations_of_the_lattice():
-    """In uniaxial tension all rows of the lattice are alike. The numbers are 35 and 20; with the preconditioner at rest the cloud needs 44."""
+    """All rows of the lattice are alike in tension. The numbers are 35 and 20; with the preconditioner at rest the cloud needs 44."""
     counts = []
     for cloud in ({}, {"arrangement": "relaxed", "seed": 1}):
         held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}, {"region": "right", "x1": 4.5}]
