@@ -269,7 +269,7 @@ def notches_found(docs: bool) -> None:
         (stroke, peak), (force, rate) = PEAKS[notch], at_rest(notch, law)
         off = (force(STROKES) - forces)[forces < BEFORE * peak] / peak
         found = float(rate(force.solve(peak, extrapolate=False)[0]))
-        energy = energy or found
+        energy = energy or found  # that of the sheet with long notches, which comes first
         tear = torn(notch, law, energy)
         measured = [f"{100 * np.sqrt(np.mean(off**2)):.1f}", f"{found:.2f}", f"{rate(stroke):.2f}"]
         rows.append([f"{notch:g}", *measured, f"{peak:.2f}", f"{tear['force']:.2f}", f"{stroke:.1f}", f"{tear['stroke']:.1f}"])

@@ -29,7 +29,7 @@ from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table
 
 FIELDS_HELP = "CSV file of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3)."
 FORCES_HELP = (
-    "CSV file with the columns step and force, of the region that is pulled, or others of history.csv: force_right_1, tip_displacement_2."
+    "CSV file with the column step and measurements: force, of the region that is pulled, or columns of history.csv such as force_right_1."
 )
 
 
