@@ -50,7 +50,8 @@ def read_columns(
 ) -> tuple[np.ndarray, list[int], list[str]]:
     """Return columns of numbers from a CSV file with a line of headings, (n, columns), the line of each row, and the names of the columns.
 
-    They are those of `columns`, and then further ones that `others` chooses by their names, where an empty entry is NaN.
+    They are those of `columns`, and then further ones that `others` chooses by their names, where an empty entry is NaN. Names end before a
+    unit in brackets, as ``history.csv`` has them.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def read_columns(
     lines = ["" if line.lstrip().startswith("#") else line for line in lines]
     before = next((number for number, line in enumerate(lines) if line.strip()), 0)
     reader = csv.DictReader(lines[before:])
-    names = [name.strip() for name in reader.fieldnames or ()]
+    names = [re.sub(r"\s*\[.*\]$", "", name.strip()) for name in reader.fieldnames or ()]
     if missing := [name for name in columns if name not in names]:
         found = f"there is no {missing[0]} among {', '.join(names) or 'none'}"
         raise ValueError(f"{path}: the columns, separated by commas, must be {', '.join(columns)}; {found}")

@@ -224,7 +224,7 @@ def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
     result = pds.simulate(scene, "bond-energy")
     u = [level["probes"]["tip"]["displacement"] for level in result.levels]
     force = [level["forces"]["bottom"][1] for level in result.levels]
-    lines = ["# a comment", "step, force_bottom_2, tip_displacement_1, probe_tip_u2, note"]
+    lines = ["# a comment", "step, force_bottom_2 [N], tip_displacement_1, probe_tip_u2, note"]
     lines += [f"{n + 1},{force[n]:.9f},{u[n][0] if n else '':},{u[n][1]:.9f},x" for n in range(3)]
     (tmp_path / "G.csv").write_text("\n".join(lines))
     options = ["--set", "spacing=0.25", "--set", f"stretches={STRETCHES}", "--set", "probes=[{name='tip',at=[0.9,0.3]}]"]
