@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from ..identification import MODES
 from ..identification.reporting import covariance_of
 from ..results.figures import DIVERGING, STYLE
+from ..results.tables import column_name
 from ..scenes import Scene
 from .regressor import SceneRegressor
 
@@ -50,8 +51,8 @@ def read_columns(
 ) -> tuple[np.ndarray, list[int], list[str]]:
     """Return columns of numbers from a CSV file with a line of headings, (n, columns), the line of each row, and the names of the columns.
 
-    They are those of `columns`, and then further ones that `others` chooses by their names, where an empty entry is NaN. Names end before a
-    unit in brackets, as ``history.csv`` has them.
+    They are those of `columns`, and then further ones that `others` chooses by their names, where an empty entry is NaN. Headers may have
+    units in brackets, as those of ``history.csv``.
 
     Raises
     ------
@@ -66,7 +67,7 @@ def read_columns(
     lines = ["" if line.lstrip().startswith("#") else line for line in lines]
     before = next((number for number, line in enumerate(lines) if line.strip()), 0)
     reader = csv.DictReader(lines[before:])
-    names = [re.sub(r"\s*\[.*\]$", "", name.strip()) for name in reader.fieldnames or ()]
+    names = [column_name(name.strip()) for name in reader.fieldnames or ()]
     if missing := [name for name in columns if name not in names]:
         found = f"there is no {missing[0]} among {', '.join(names) or 'none'}"
         raise ValueError(f"{path}: the columns, separated by commas, must be {', '.join(columns)}; {found}")

@@ -235,16 +235,16 @@ class Differentiated:
         moved, left, measured, size, idle = change.moved.copy(), change.forces, np.zeros(len(names)), np.inf, 0
         for number in range(MOST_ROUNDS):
             moved += equations.displacements(left, ROUGH, change.rounding)
-            now = self._change(change.name, names, moved)
-            (wrong, size), before = equations.estimate(now.forces), size
+            along = self._change(change.name, names, moved)
+            (wrong, size), before = equations.estimate(along.forces), size
             share = float(np.abs(wrong).max()) / max(float(np.abs(moved).max()), 1e-300)
-            last, measured, left = measured, now.measured, now.forces
-            if number == 0:
+            last, measured, left = measured, along.measured, along.forces
+            if number == 0:  # there are no earlier derivatives to compare with
                 continue
-            part = size / before if before else 0.0
-            errors = min(part, 1.0) * np.abs(measured - last)
+            ratio = size / before if before else 0.0
+            errors = min(ratio, 1.0) * np.abs(measured - last)
             close = (errors <= EXACT * np.abs(measured).max(initial=0.0)).all()
-            idle = idle + 1 if part > IDLE else 0
+            idle = idle + 1 if ratio > IDLE else 0
             if (close and share <= (LEAST_EXACT if names else EXACT)) or share <= TINY or idle == 2:
                 break
         if share > SINGULAR:
