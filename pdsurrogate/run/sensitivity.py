@@ -26,7 +26,7 @@ from ..scenes.reading import apply_change, leaves
 from ..solvers.equilibrium import NoEquilibrium, NotConverged
 from ..solvers.methods import Newton
 from ..solvers.nearest_bonds import strain_rounding
-from ..solvers.tangent import COARSE, FINE, TangentEquations
+from ..solvers.tangent import COARSE, FINE, TangentEquations, central_difference
 from .reopened import check_intact, number_of_output, place, run_in_double
 from .rows import output_row
 from .run import Run
@@ -330,17 +330,19 @@ class Differentiated:
         value, step = self._step(name, fine, moved is not None)
         if moved is not None:
             step = min(step, (max(self.width, CAREFUL) if fine else COARSE) * run.body.spacing / max(np.abs(moved).max(), 1e-300))
-        found = []
-        for width in (step, step / 2)[: 1 + fine]:
-            states = []
-            for way in (width, -width):
-                with self._beside(name, value + way) as side:
-                    positions = run.positions if moved is None else run.positions + way * moved
-                    states.append((*_forces(side.run, positions), side.values_of(names)))
-            found.append([(after - before) / (2 * width) for after, before in zip(*states, strict=True)])
+        sizes: list[float] = []
+
+        def state(way: float) -> np.ndarray:
+            with self._beside(name, value + way) as side:
+                positions, forces = _forces(side.run, run.positions if moved is None else run.positions + way * moved)
+                sizes.append(float(np.linalg.norm(forces)))
+                return np.concatenate([positions.ravel(), forces.ravel(), side.values_of(names)])
+
+        rates = central_difference(state, step, fine)
         place(run, run.positions)  # planes of reflection have moved
-        rates = [(4 * near - far) / 3 for far, near in zip(*found, strict=True)] if fine else found[0]
-        return _Change(name, *rates, ROUNDED * float(np.linalg.norm(states[0][1])) / step)
+        of_points, measured = np.split(rates, [2 * run.positions.size])
+        motion, forces = of_points.reshape(2, *run.positions.shape)
+        return _Change(name, motion, forces, measured, ROUNDED * max(sizes) / step)
 
     def values_of(self, names: Sequence[str]) -> np.ndarray:
         """Return the named measurements where the force was last evaluated; NaN for one that does not exist."""
@@ -430,25 +432,25 @@ class Differentiated:
 
         As K is symmetric, it is minus the derivative of the forces by a displacement of the support.
         """
-        run, loading, fine = self.run, self.run.loading, self.fine
+        run, loading = self.run, self.run.loading
         holders, points, axes = loading.counted
-        chosen, found = (holders == holder) & (axes == axis), []
-        for width in (self.width, self.width / 2)[: 1 + fine]:
-            sides, step = [], width * run.body.spacing
-            for change in (step, -step):
-                moved, forces = run.positions.copy(), np.empty_like(run.positions)
-                loading.hold(run.state.parameter, run.loaded, moved)
-                moved[points[chosen], axes[chosen]] += change
-                for part in loading.held:
-                    if part.plane is not None and part.holder == holder and axis in part.components:
-                        motion = loading.plane_motions(run.state.parameter)[part.plane].copy()
-                        motion[axis, -1] += change
-                        run.loaded.move_plane(part.plane, motion[:, -1])
-                run.loaded(moved, forces)
-                sides.append(forces)
-            found.append((sides[1] - sides[0]) / (2 * step))
+        chosen = (holders == holder) & (axes == axis)
+
+        def forces_at(change: float) -> np.ndarray:
+            moved, forces = run.positions.copy(), np.empty_like(run.positions)
+            loading.hold(run.state.parameter, run.loaded, moved)
+            moved[points[chosen], axes[chosen]] += change
+            for part in loading.held:
+                if part.plane is not None and part.holder == holder and axis in part.components:
+                    motion = loading.plane_motions(run.state.parameter)[part.plane].copy()
+                    motion[axis, -1] += change
+                    run.loaded.move_plane(part.plane, motion[:, -1])
+            run.loaded(moved, forces)
+            return forces
+
+        found = -central_difference(forces_at, self.width * run.body.spacing, self.fine)
         loading.hold(run.state.parameter, run.loaded, run.positions)
-        return (4 * found[1] - found[0]) / 3 if fine else found[0]
+        return found
 
 
 def differentiate(
