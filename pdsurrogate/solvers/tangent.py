@@ -98,7 +98,7 @@ class TangentEquations:
         ----------
         forces : ndarray, shape (n, d)
         share_left : float
-            Norm of the residual at the end, divided by that of the forces on free components, as far as one-sided differences tell.
+            Norm of the residual at the end, divided by that of the forces on free components, as one-sided differences give it.
         negligible : float
             Norm of forces that rounding alone may cause; a smaller residual is no aim.
 

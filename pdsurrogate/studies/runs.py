@@ -242,7 +242,7 @@ def _derivatives(study: Study, scene: Scene, model: ForceModel, parameters: Mapp
 
 
 def _check_measurements(names: Iterable[str], scene: Scene, model: ForceModel) -> None:
-    """Raise SceneError for a name whose derivative no equilibrium of the scene can have, as far as the scene and the force tell."""
+    """Raise SceneError for a name whose derivative no equilibrium of the scene can have, as scene and force show before a run."""
     if scene.dynamics is not None or (scene.steps and scene.steps[-1].dynamics is not None):
         raise SceneError("derivatives: the last output of the scene is one of dynamics; derivatives are those of equilibria")
     energy = all(kind.has_energy for kind in model.terms(scene.plane))
