@@ -30,11 +30,11 @@ from pdsurrogate.scenes.tip_diameter import tip_diameters
 TEARS, COSTS = FIGURES / "crack-directions.json", FIGURES / "relaxed-costs.json"
 
 ROWS, FINER, RATIO, ANGLES, SEEDS = 24, 48, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
-"""Of strips in the plane: points per height, and those of finer clouds, horizon in spacings, angles to the axes in degrees, clouds."""
+"""Of strips in the plane: points per height, the same of finer clouds, horizon in spacings, angles to the axes in degrees, clouds."""
 
 START = 0.3
-"""Travel of the grip at which finer clouds begin to be pulled in dynamics, at the speed of the other strips. This saves a fifth of the
-steps. A tear in which a bond would break before is refused."""
+"""Travel of the grip at which the dynamics of finer clouds begin, at the speed of the other strips. This saves a fifth of the steps. A tear
+in which a bond would break before that is refused."""
 
 SOLID = {"plane": "space", "ratio": 2.2, "rows": 14}
 SOLID_ANGLES, SOLID_SEEDS = (15, 30), (1, 2, 3)
@@ -171,7 +171,7 @@ def stored() -> dict[str, dict]:
 
 
 def tried(case: dict) -> dict | str:
-    """Figures of a tear, or why it failed; one that became unstable is repeated with shorter time steps."""
+    """Figures of a tear, or why it failed; a tear that becomes unstable is repeated with shorter time steps."""
     try:
         try:
             return torn(case)

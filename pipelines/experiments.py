@@ -8,7 +8,7 @@ Holes: Meunier, Chagnon, Favier, Orgeas, Vacher, Polym. Test. 27 (2008) 765. The
 Chongran-Zhao/Calibration-Hyperelasticity (MIT licence); the 29 stretches along a line of the sheet were read by
 guanjiashen/hyperelasticity-symbolic-discovery off Fig. 11 of Zhan et al. 2023.
 
-Notches: V. Slesarenko, "Preliminary experiments", 2019, https://github.com/slslesarenko/jupyterWSM. The forces were digitised from the
+Notches: V. Slesarenko, "Preliminary experiments", 2019, https://github.com/slslesarenko/jupyterWSM. The forces were digitized from the
 figures of that page for this comparison.
 """
 
@@ -46,7 +46,7 @@ NOTCHED = dict(zip((7.2, 3.6), FORCES, strict=True))
 """Measured forces in N of sheets with two notches, by the length of either in mm, at STROKES in mm; nan behind the peak."""
 
 PEAKS = {7.2: (15.1, 6.58), 3.6: (19.2, 10.14)}
-"""Strokes and forces at the peaks of these sheets, digitised like the forces."""
+"""Strokes and forces at the peaks of these sheets, digitized like the forces."""
 
 AGAIN = ((18.7, 9.57), (18.1, 9.31), (17.8, 9.17), (18.4, 9.55), (17.7, 9.33), (17.5, 9.26))
 """Strokes and forces at the peaks of six more sheets with notches of 3.6 mm, read off the figure of the second report."""
@@ -54,15 +54,15 @@ AGAIN = ((18.7, 9.57), (18.1, 9.31), (17.8, 9.17), (18.4, 9.55), (17.7, 9.33), (
 HALF, LONG, DEEP, FINE = 12.0, 48.0, 2.5, 0.4
 """Of the notched sheets: half of the width, length between the stiff tabs, thickness, spacing of the points, all in mm."""
 
-LEARNT = 11.0
-"""Stroke in mm up to which the law is learnt from the sheet with long notches, which begins to soften beyond."""
+FITTED = 11.0
+"""Stroke in mm up to which the law is fitted to the forces of the sheet with long notches, which softens beyond it."""
 
 BEFORE = 0.9
 """Part of the measured peak up to which forces are compared with those of a sheet whose notches do not grow."""
 
 PULLED, SPEED, SAFETY = (0.6, 1.5), 0.02, 0.4
-"""Strokes between which a tear is simulated in dynamics, over that at the measured peak; speed of the tab over that of shear waves; part of
-the critical time step. With the default of 0.7 the last points of the ligament, which retract at once, turned inside out."""
+"""Strokes between which a tear is simulated in dynamics, divided by that at the measured peak; speed of the tab divided by that of shear
+waves; part of the critical time step. With its default of 0.7 the last points of the ligament, which retract at once, turn inside out."""
 
 
 def holes() -> tuple[pds.shapes.Polygon, ...]:
@@ -230,9 +230,9 @@ def notched(notch: float, law, steps: list[dict], **more) -> pds.Scene:
     )
 
 
-def learnt_law():
+def fitted_law():
     """Mooney-Rivlin's law that has the forces of the sheet with long notches."""
-    used = STROKES < LEARNT
+    used = STROKES < FITTED
     scene = notched(7.2, "mooney-rivlin", [{"to": stroke} for stroke in STROKES[used].tolist()])
     rows = np.array([(number, 0, 0.0, 0.0) for number in range(1, used.sum() + 1)])
     forces = NOTCHED[7.2][used] / (2 * DEEP)
@@ -262,14 +262,14 @@ def torn(notch: float, law, energy: float) -> dict:
 
 def notches_found(docs: bool) -> None:
     """Table and figure of the sheets with notches."""
-    law, rows, drawing, energy = learnt_law(), [], Figure(figsize=(7, 4), layout="constrained"), None
+    law, rows, drawing, energy = fitted_law(), [], Figure(figsize=(7, 4), layout="constrained"), None
     axes = drawing.subplots()
     print(law)
     for color, (notch, forces) in zip(("C0", "C1"), NOTCHED.items(), strict=True):
         (stroke, peak), (force, rate) = PEAKS[notch], at_rest(notch, law)
         off = (force(STROKES) - forces)[forces < BEFORE * peak] / peak
         found = float(rate(force.solve(peak, extrapolate=False)[0]))
-        energy = energy or found
+        energy = energy or found  # that of the sheet with long notches, which comes first
         tear = torn(notch, law, energy)
         measured = [f"{100 * np.sqrt(np.mean(off**2)):.1f}", f"{found:.2f}", f"{rate(stroke):.2f}"]
         rows.append([f"{notch:g}", *measured, f"{peak:.2f}", f"{tear['force']:.2f}", f"{stroke:.1f}", f"{tear['stroke']:.1f}"])
@@ -279,7 +279,7 @@ def notches_found(docs: bool) -> None:
         axes.plot(drawn, force(drawn), color=color, label="computed, without growth of the notches")
         axes.plot(tear["stroke"], tear["force"], "o", color=color, label="peak of the simulated tear")
     strokes, peaks = np.array(AGAIN).T
-    # The sheets with short notches came last.
+    # `force` and `rate` are those of the sheet with short notches, which comes last.
     energies = [rate([force.solve(peak, extrapolate=False)[0] for peak in peaks]), rate(strokes)]
     spans = [f"{values.min():.2f} to {values.max():.2f}" for values in (*energies, peaks)]
     rows.append(["3.6, six more", "-", *spans, rows[-1][5], f"{strokes.min():.1f} to {strokes.max():.1f}", rows[-1][7]])

@@ -355,7 +355,7 @@ class Ghosts:
         kernels.fill_matrices(changes, *self.of_gradients, 0.0, np.zeros((len(self), changes.shape[1])))
 
     def fill_shapes(self, shapes: np.ndarray, images: np.ndarray | slice = slice(None)) -> None:
-        """Write shape tensors (or their inverses) of ghosts, S K_source S with the reflection S, into `shapes`; of all or some `images`."""
+        """Write shape tensors (or their inverses), S K_source S with the reflection S, of all ghosts or some `images` into `shapes`."""
         self.share.fill(shapes)
         normal, reflection = self.normal[images], self.reflection[images]
         if not len(normal):

@@ -21,10 +21,10 @@ from ..scenes.regions import EDGES
 from ..solvers.equilibrium import NoEquilibrium
 
 FORCE_PULLED = "force"
-"""Name of the force of the region that a scene pulls farthest, among the names of outputs."""
+"""Name, among those of outputs, of the force of the region that a scene pulls farthest."""
 
 DISPLACEMENTS = re.compile(r"displacements\..*|probes\..*\.displacement\..*")
-"""Names of outputs that are displacements, which do not depend on a common factor of all stresses if motions are prescribed."""
+"""Names of outputs that are displacements. Under prescribed motions displacements do not depend on a common factor of all stresses."""
 
 FORCE = "bond-energy"
 """Force model of calibrations: the exact energy of a law, which converges with the spacing at any bulk modulus."""
@@ -84,8 +84,8 @@ class MeasuredScene:
     scene : Scene
     rows : Rows
     outputs : sequence of str, optional
-        Dotted keys of measurements of an output, those of the quantities 0, -1, and so on; ``"force"``, the default, is that of the region
-        pulled.
+        Dotted keys of measurements of an output, those of the quantities 0, -1, and so on; ``"force"``, the default, is the force of the
+        region that is pulled.
     """
 
     def __init__(self, scene: Scene, rows: Rows, outputs: Sequence[str] | None = None) -> None:
@@ -103,8 +103,8 @@ class MeasuredScene:
 
     def among(self, names: re.Pattern) -> np.ndarray:
         """Return a mask, shape (n,), of the rows that are outputs whose dotted keys match a pattern."""
-        matching = np.array([bool(names.fullmatch(name)) for name, _ in self.outputs] or [False])
-        return ~self.rows.is_field & matching[np.minimum(-self.rows.quantity, len(matching) - 1).clip(0)]
+        matching = np.array([*(bool(names.fullmatch(name)) for name, _ in self.outputs), False])
+        return matching[np.where(self.rows.is_field, -1, -self.rows.quantity)]
 
     def simulate(self, law: Law, spacing: float | None = None) -> tuple[np.ndarray, Result]:
         """Simulate the scene; return the measurements of the rows, shape (n,), and the result of the run.

@@ -72,7 +72,7 @@ SIGNIFICANT = 2.0
 """Noise of the measurements, in standard deviations, that a difference must exceed in order to count as such an error."""
 
 AT_BOUND = 0.01
-"""Distance from a bound, in standard errors, at which a parameter counts as at the bound: interior steps of a search end short of it."""
+"""Distance from a bound, in standard errors, at which a parameter counts as at the bound, which a search approaches without reaching it."""
 
 SETTLED = 0.1
 """Change of all parameters, in their standard errors, below which the correction of the discretization error is not computed again."""
@@ -88,7 +88,7 @@ MEMBERS = 8
 """Number of members of a committee: their spread is then known to some 25 %."""
 
 MOST_COMPARED = 100
-"""Most states of a test in which the stresses of a member are compared with linear ones."""
+"""Most states of the tests in which the stresses of a member are compared with linear ones."""
 
 FAIR, STEPS = 0.02, (1, 3, 0)
 """Relative decrease of the cost that ends the least-squares steps of an energy with all terms, and most such steps in each of the `ROUNDS`.
@@ -408,8 +408,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
     def _stress_derivatives(self, X: np.ndarray) -> np.ndarray:
         """Return the derivatives of `nominal_stress` by the parameters, shape (n_samples, n_parameters)."""
-        columns = []
-        for step, change in zip(steps := 1e-5 * self._scales(), np.diag(steps), strict=True):
+        columns, steps = [], 1e-5 * self._scales()
+        for step, change in zip(steps, np.diag(steps), strict=True):
             sides = [nominal_stress(self._unknown.law_of(self.parameters_ + sign * change), X) for sign in (1, -1)]
             columns.append((sides[0] - sides[1]) / (2 * step))
         return np.stack(columns, axis=1)
@@ -505,7 +505,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             before, x = x, found.x
             if self._ratio == 1:
                 continue
-            errors = np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac, rcond=1e-14, hermitian=True)))
+            errors = _errors(found.jac)
             if self.law is not None and number and (np.abs(x - before) <= SETTLED * errors).all():
                 break
             fine = np.empty(len(y))
@@ -523,9 +523,9 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             found.active_mask = found.active_mask[kept]
             search.forget()
         else:
-            errors = np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac, rcond=1e-14, hermitian=True)))
-            found.active_mask = (found.active_mask != 0) | (np.minimum(x - low, high - x) < AT_BOUND * errors)
-        visited = self._set_domain(law_of(x))
+            found.active_mask = (found.active_mask != 0) | (np.minimum(x - low, high - x) < AT_BOUND * _errors(found.jac))
+        visited = np.concatenate([test.states(law_of(x)) for test, _ in self._tests])
+        self._set_domain(visited)
         self.n_simulations_ = search.count
         simulated = search.values(x) + correction
         self._store(x, values, found, logarithmic, root * (y - simulated), root * correction)
@@ -574,13 +574,11 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         found.x = floored(energies.mean)
         return found
 
-    def _set_domain(self, law: Law) -> np.ndarray:
-        """Set the hull and the range of the stretches in the tests with a law; return the two greater stretches of some points, (n, 2)."""
-        visited = np.concatenate([test.states(law) for test, _ in self._tests])
+    def _set_domain(self, visited: np.ndarray) -> None:
+        """Set the hull and the range of the principal stretches (n, 3) in the tests, which are in descending order."""
         isochoric = visited / np.cbrt(visited.prod(axis=1))[:, None]
         self.domain_hull_ = [[n1, n2, EnergyRegressor.margin - offset] for n1, n2, offset in half_planes(isochoric[:, :2]).tolist()]
         self.stretch_range_ = float(visited.min()), float(visited.max())
-        return visited[:: -(-len(visited) // MOST_COMPARED), :2]
 
     def _store(self, x, values, found, logarithmic, residuals, correction) -> None:
         """Set parameters, covariance and lack of fit from the weighted Jacobian and residuals at the solution."""
@@ -616,25 +614,26 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     def _drawn(self, x, values, jacobian, residuals, bounds, logarithmic, visited) -> list[Law]:
         """Return laws drawn from the distribution of bounded least-squares solutions x; none if a parameter is not determined at all.
 
-        `jacobian` is that of `residuals` by x. Solutions without bounds are normal about the minimum of the linearized residuals, with the
-        covariance of the parameters; the nearest place within the bounds, in the metric of the covariance, is the bounded solution. Half of
-        a change serves, and so on, where the whole is no law or the stresses in the states `visited` (n, 2) do not change linearly: such
-        a law would not describe the test.
+        `jacobian` is the derivative of the weighted simulated measurements by x, and `residuals` are the weighted measurements minus the
+        simulated ones. Solutions without bounds are normal about the minimum of the linearized residuals, with the covariance of the
+        parameters. The bounded solution is the nearest place within the bounds, in the metric of the covariance. The change from x is
+        halved until it gives a law whose stresses in the states `visited` (n, 3) are nearly linear in it: others do not describe the test.
         """
         if not np.isfinite(self.covariance_).all():
             return []
+        states = visited[:: -(-len(visited) // MOST_COMPARED), :2]
         sizes = np.where(logarithmic, values(x), 1.0)
         variances, axes = np.linalg.eigh(self.covariance_ / np.outer(sizes, sizes))
         deviations, random, members = np.sqrt(np.maximum(variances, 1e-14 * variances.max())), np.random.default_rng(self.random_state), []
         inverse, unbounded = (axes / deviations).T, x + np.linalg.lstsq(jacobian, residuals, rcond=1e-10)[0]
-        (stress, error), slopes = self.nominal_stress(visited), self._stress_derivatives(visited) * sizes
+        (stress, error), slopes = self.nominal_stress(states), self._stress_derivatives(states) * sizes
         for normal in random.standard_normal((MEMBERS, len(x))):
             change = lsq_linear(inverse, inverse @ (unbounded + axes @ (deviations * normal)), bounds, method="bvls").x - x
             member = self.law_
             for part in change / 2.0 ** np.arange(HALVINGS)[:, None]:
-                with suppress(ValueError):  # parameters between the bounds that are not those of a law
+                with suppress(ValueError):  # some parameters between the bounds are not those of a law
                     law = self._unknown.law_of(values(x + part))
-                    if ((nominal_stress(law, visited) - stress - slopes @ part) ** 2).mean() <= (error**2).mean():
+                    if ((nominal_stress(law, states) - stress - slopes @ part) ** 2).mean() <= (error**2).mean():
                         member = law
                         break
             members.append(member)
@@ -698,6 +697,11 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 simulated = test.begin(law)
             if not test.scene.loads:
                 _check_displacements(test, simulated, y[here], 1 / root[here])
+
+
+def _errors(jacobian: np.ndarray) -> np.ndarray:
+    """Return the standard errors of search variables by the noise, from the derivatives of weighted measurements by them."""
+    return np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True)))
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from ..identification import MODES
 from ..identification.reporting import covariance_of
 from ..results.figures import DIVERGING, STYLE
+from ..results.tables import column_name
 from ..scenes import Scene
 from .regressor import SceneRegressor
 
@@ -33,7 +34,7 @@ OUTPUTS = {
     "nominal_stress": "nominal_stress",
     "strain_energy": "energy",
 }
-"""Columns of measured outputs, as ``history.csv`` has them, with the name of a region or probe and the component, and their dotted keys."""
+"""Dotted keys of measured outputs by their columns, as in ``history.csv``; groups are the name of a region or probe, and a component."""
 
 
 def output_of(column: str) -> str | None:
@@ -50,7 +51,8 @@ def read_columns(
 ) -> tuple[np.ndarray, list[int], list[str]]:
     """Return columns of numbers from a CSV file with a line of headings, (n, columns), the line of each row, and the names of the columns.
 
-    They are those of `columns`, and then further ones that `others` chooses by their names, where an empty entry is NaN.
+    They are those of `columns`, and then further ones that `others` chooses by their names, where an empty entry is NaN. Headers may have
+    units in brackets, as those of ``history.csv``.
 
     Raises
     ------
@@ -65,7 +67,7 @@ def read_columns(
     lines = ["" if line.lstrip().startswith("#") else line for line in lines]
     before = next((number for number, line in enumerate(lines) if line.strip()), 0)
     reader = csv.DictReader(lines[before:])
-    names = [name.strip() for name in reader.fieldnames or ()]
+    names = [column_name(name.strip()) for name in reader.fieldnames or ()]
     if missing := [name for name in columns if name not in names]:
         found = f"there is no {missing[0]} among {', '.join(names) or 'none'}"
         raise ValueError(f"{path}: the columns, separated by commas, must be {', '.join(columns)}; {found}")
@@ -91,41 +93,35 @@ def read_columns(
     return np.array(found), numbers, chosen
 
 
-def _read_steps(
-    scene: Scene, path: Path, columns: tuple[str, ...], others: Callable[[str], object] = lambda name: False
-) -> tuple[np.ndarray, list[str]]:
-    """Return columns of a file, see `read_columns`, and their names; the first is ``step``.
-
-    Raise ValueError with the line of a step that the scene does not have, or of a displacement that is a copy of an earlier row.
-    """
-    found, lines, names = read_columns(path, ("step", *columns), others)
+def _check_steps(scene: Scene, path: Path, steps: np.ndarray, lines: list[int]) -> None:
+    """Raise ValueError with the line of a step that the scene does not have."""
     most = len(scene.stretches) if scene.stretched else np.inf
-    for step, line in zip(found[:, 0], lines, strict=True):
+    for step, line in zip(steps, lines, strict=True):
         if step != round(step) or not 1 <= step <= most:
             known = f"1 to {most}, the stretches of scene {scene.name}" if scene.stretched else f"the outputs of scene {scene.name} from 1"
             raise ValueError(f"{path}, line {line}: step {step:g}, but the steps are whole numbers: {known}")
-    first = np.unique(found, axis=0, return_index=True)[1]
-    if columns and len(first) < len(found):
-        raise ValueError(f"{path}, line {lines[np.delete(np.arange(len(found)), first)[0]]}: this row is a copy of an earlier one")
-    return found, names
 
 
 def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tuple[np.ndarray, np.ndarray, dict[str, str]]:
     """Return the table of measurements and their values, as `SceneRegressor` takes them, from a file of fields and one of outputs.
 
-    The third item returned has the dotted keys of the outputs of the quantities 0, -1, ... by the names of their columns.
+    The third item has, by the names of their columns, the dotted keys of the outputs, which are the quantities 0, -1, and so on.
     """
     d, tables, values, outputs = scene.dimension, [], [], {}
     if fields is None and forces is None:
         raise ValueError("there is nothing to fit: give --fields, --forces or both")
     if fields is not None:
         axes = range(1, d + 1)
-        found, _ = _read_steps(scene, fields, (*(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes)))
+        found, lines, _ = read_columns(fields, ("step", *(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes)))
+        _check_steps(scene, fields, found[:, 0], lines)
+        first = np.unique(found, axis=0, return_index=True)[1]
+        if len(first) < len(found):
+            raise ValueError(f"{fields}, line {lines[np.delete(np.arange(len(found)), first)[0]]}: this row is a copy of an earlier one")
         for axis in axes:
             tables.append(np.column_stack([found[:, 0], np.full(len(found), axis), found[:, 1 : 1 + d]]))
             values.append(found[:, d + axis])
     if forces is not None:
-        found, (_, *names) = _read_steps(scene, forces, (), lambda name: output_of(name) or name == "evaluations")
+        found, lines, (_, *names) = read_columns(forces, ("step",), lambda name: output_of(name) or name == "evaluations")
         if "evaluations" in names:
             raise ValueError(f"{forces}: this is the history of a run, whose step is that of the scene: number the outputs from 1")
         if not names:
@@ -133,6 +129,7 @@ def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tupl
                 f"{forces}: there is no column force, nor another one with a measurement, as history.csv of a run has them "
                 "(force_right_1, tip_displacement_2)"
             )
+        _check_steps(scene, forces, found[:, 0], lines)
         outputs = {name: str(output_of(name)) for name in names}
         for number, column in enumerate(found[:, 1:].T):
             there = np.isfinite(column)
@@ -143,19 +140,15 @@ def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tupl
     return np.vstack(tables), np.concatenate(values), outputs
 
 
-def _quantities(model: SceneRegressor, X: np.ndarray, columns: Sequence[str] = ()) -> dict[str, np.ndarray]:
-    """Return masks of the rows of measurements by name: ``fields``, and the outputs, by their `columns` if given."""
-    names = columns or model.outputs or ["force"]
-    return {"fields": X[:, 1] > 0} | {name: X[:, 1] == -number for number, name in enumerate(names)}
+def _quantities(X: np.ndarray, columns: Sequence[str]) -> dict[str, np.ndarray]:
+    """Return masks of the rows of measurements by name: ``fields``, and the outputs by their `columns`."""
+    return {"fields": X[:, 1] > 0} | {name: X[:, 1] == -number for number, name in enumerate(columns)}
 
 
-def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequence[str] = ()) -> dict:
-    """Return a report of a calibration as plain values; standard errors that are infinite are None.
-
-    Outputs have the names `columns`, or else their dotted keys.
-    """
+def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequence[str]) -> dict:
+    """Return a report of a calibration as plain values; standard errors that are infinite are None, and outputs are named by `columns`."""
     errors = [float(value) if np.isfinite(value) else None for value in model.standard_errors_]
-    fits, quantities = {}, _quantities(model, X, columns)
+    fits, quantities = {}, _quantities(X, columns)
     for name, here in quantities.items():
         if here.any():
             off, sd = model.residuals_[here], model.standard_deviations_[here]
@@ -187,19 +180,19 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
         "lack_of_fit": _plain(model.lack_of_fit_),
         "p_value": _plain(model.p_value_),
         "measurements": fits,
-        "worst": _worst(model, X, list(outputs)),
+        "worst": _worst(model, X, columns),
         "outputs": outputs,
         "stresses": stresses,
         "simulations": model.n_simulations_,
     }
 
 
-def _worst(model: SceneRegressor, X: np.ndarray, outputs: Sequence[str]) -> dict:
+def _worst(model: SceneRegressor, X: np.ndarray, columns: Sequence[str]) -> dict:
     """Return what the measurement is with the greatest residual in standard deviations, and this residual."""
     off = np.abs(model.residuals_) / model.standard_deviations_
     row = int(np.nanargmax(off))
     step, quantity, *place = X[row].tolist()
-    what = f"u{quantity:.0f} at ({', '.join(f'{x:g}' for x in place)})" if quantity > 0 else outputs[int(-quantity)]
+    what = f"u{quantity:.0f} at ({', '.join(f'{x:g}' for x in place)})" if quantity > 0 else columns[int(-quantity)]
     return {"step": int(step), "measured": what, "standard_deviations": float(off[row])}
 
 
@@ -208,17 +201,14 @@ def _plain(value: float) -> float | None:
 
 
 def _steps(model: SceneRegressor, X: np.ndarray, y: np.ndarray, here: np.ndarray) -> list[tuple[float, float, float]]:
-    """Return step, measured value and residual of the rows of an output, given by a mask, by step."""
+    """Return step, measured value and residual of the rows of an output, which a mask chooses, in the order of the steps."""
     return sorted(zip(X[here, 0], y[here], model.residuals_[here], strict=True))
 
 
-def figures(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequence[str] = ()) -> dict[str, Figure]:
-    """Return figures by name: the fit of each output, and maps of the residuals of displacements in standard deviations.
-
-    Outputs have the names `columns`, or else their dotted keys.
-    """
+def figures(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequence[str]) -> dict[str, Figure]:
+    """Return figures by name: the fit of each output, named by `columns`, and maps of the residuals of displacements."""
     found = {}
-    shown = {name: here for name, here in _quantities(model, X, columns).items() if name != "fields" and here.any()}
+    shown = {name: here for name, here in _quantities(X, columns).items() if name != "fields" and here.any()}
     with matplotlib.rc_context(STYLE):
         if shown:
             found["outputs"] = drawn = Figure(figsize=(3.4, 2.6 * len(shown)), layout="constrained")

@@ -29,7 +29,7 @@ from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table
 
 FIELDS_HELP = "CSV file of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3)."
 FORCES_HELP = (
-    "CSV file with the columns step and force, of the region that is pulled, or others of history.csv: force_right_1, tip_displacement_2."
+    "CSV file with the column step and measurements: force, of the region that is pulled, or columns of history.csv such as force_right_1."
 )
 
 
@@ -75,8 +75,8 @@ def calibrate(
     check_folder(folder, "calibration.json", asked, overwrite)
     model = SceneRegressor(test, law, terms or N_TERMS, outputs=[*outputs.values()] or None, refine=refine, **bulk)
     noises, began = {1: field_noise}, time.perf_counter()
-    for number, column in enumerate(outputs):
-        noises[-number] = force_noise if column.startswith("force") else field_noise if DISPLACEMENTS.fullmatch(outputs[column]) else None
+    for number, key in enumerate(outputs.values()):
+        noises[-number] = force_noise if key.startswith("force") else field_noise if DISPLACEMENTS.fullmatch(key) else None
     with Bar(f"Calibrating {law or 'an energy'} in {test.name}"):
         model.fit(X, y, standard_deviation=model.stated_deviations(X, y, noises))
     found = reporting.report(model, X, y, [*outputs])

@@ -89,11 +89,11 @@ def _run_here(calls, found):
 
 Kind: TypeAlias = "type | tuple"
 """Kind of an argument of a pass, on which its code depends: ``int``, ``float``, type and number of dimensions of an array, or a tuple of
-kinds. It is found and compared faster than the numba type of the argument, since many passes are bound while bonds break."""
+kinds. While bonds break many passes are bound, and a kind is found and compared faster than the numba type of the argument."""
 
 
-def _unpacker(kinds: tuple):
-    """Return an intrinsic that reads the arguments of a pass, of the numba types `kinds`, from a vector of 64-bit words.
+def _unpacker(numba_types: tuple[types.Type, ...]):
+    """Return an intrinsic that reads the arguments of a pass, of the given numba types, from a vector of 64-bit words.
 
     `_described` makes the words.
     """
@@ -106,17 +106,17 @@ def _unpacker(kinds: tuple):
             def word():
                 return builder.load(builder.gep(values[0], [ir.Constant(ir.IntType(64), next(places))], inbounds=True))
 
-            def read(kind):
-                if isinstance(kind, types.BaseTuple):
-                    return context.make_tuple(builder, kind, [read(item) for item in kind.types])
-                if isinstance(kind, types.Array):
-                    data = builder.inttoptr(word(), context.get_data_type(kind.dtype).as_pointer())
-                    return array_over(context, builder, kind, data, [word() for _ in range(kind.ndim)])
-                return word() if kind == types.int64 else builder.bitcast(word(), ir.DoubleType())
+            def read(one):
+                if isinstance(one, types.BaseTuple):
+                    return context.make_tuple(builder, one, [read(item) for item in one.types])
+                if isinstance(one, types.Array):
+                    data = builder.inttoptr(word(), context.get_data_type(one.dtype).as_pointer())
+                    return array_over(context, builder, one, data, [word() for _ in range(one.ndim)])
+                return word() if one == types.int64 else builder.bitcast(word(), ir.DoubleType())
 
             return read(signature.return_type)
 
-        return types.Tuple(kinds)(words), codegen
+        return types.Tuple(numba_types)(words), codegen
 
     return unpack
 
@@ -161,8 +161,8 @@ def entry(arguments, thread, number, of):
     found = function(Chunk(number, of, thread), {})
     return 0 if found is None else found
 """
-"""Function that reads the arguments of a pass and runs the pass, whose code numba copies into it: a pass that it called would be optimized
-twice. numba copies only functions whose arguments are listed one by one."""
+"""Function that reads the arguments of a pass and runs the pass. Numba copies the code of the pass into it, since it would optimize a pass
+that is called twice. It copies only functions whose arguments are listed one by one."""
 
 
 class Pass:

@@ -24,8 +24,8 @@ _INDEX = ir.IntType(64)
 _DOUBLE = ir.DoubleType()
 
 AHEAD = 64
-"""Number of bonds by which a sum over bonds asks for memory ahead of its additions. Of 16, 32, 64 and 96, the energies of solids of 8,000
-and 32,768 points are fastest with 64 and with 96."""
+"""Number of bonds by which a sum over bonds asks for memory ahead of its additions. Chosen: of 16, 32, 64 and 96, the energies of solids of
+8,000 and 32,768 points are fastest with 64 and with 96."""
 
 _CONTRACT = ("contract",)
 """Flag of LLVM instructions that allows a product and a sum to become one instruction."""

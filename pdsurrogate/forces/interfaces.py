@@ -150,6 +150,7 @@ class Interfaces:
     def __init__(
         self, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool, breakable: bool
     ) -> None:
+        # With a circle of references the body would stay in memory until a collection of garbage.
         self._body, self._portion_of, self._kinematics = kinematics.body, portion_of, weakref.proxy(kinematics)
         body, share = self._body, self._body.share
         n, total, bonds, owners = len(body), len(body.all_points), body.bonds, body.bond_owners

@@ -226,7 +226,7 @@ def pair_energies(algebra):
             for k in range(0, BLOCK, 4):
                 algebra.put_vectors(bonds, k, forces, at + k)
                 algebra.put_matrices(sums, k, moments, at + k)
-                # For the next block. Requests for memory are made here and above, since too many at once wait for one another.
+                # The next block needs these. Requests for memory are made here and above, since too many at once wait for one another.
                 fetch_geometry(geometry, (at + BLOCK + k) * geometry.shape[1])
                 fetch_shares(shares, (at + BLOCK + k) * 2)
             energies[block] = total

@@ -107,7 +107,7 @@ def compare_derivatives(owner, expression, values, arguments, derivatives, modul
         slopes = (ahead - behind) / (2 * size)
         right = (4 * slopes[-1] - slopes[-2]) / 3
         allowed = relative * np.maximum(np.abs(right), 1e-2 * modulus) + 10 * np.ptp(slopes, axis=0)
-        # A step beyond a limit of the law gives no difference.
+        # Steps beyond a limit of the law give no differences.
         wrong = np.isfinite(slopes).all(axis=0) & ~(np.abs(given[row] - right) <= allowed)
         if wrong.any():
             first = int(np.flatnonzero(wrong)[0])

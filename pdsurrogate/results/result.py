@@ -142,7 +142,7 @@ class Result:
         some 15 to 40 force evaluations, and fewer for parameters that act like earlier ones. If there are fewer measurements than
         parameters, each measurement costs such a solution instead (adjoint), provided that the tangent is symmetric and that the
         measurements are reactions of supports, the nominal stress, the energy, or displacements of probes. The derivatives are those of the
-        discrete body (theory, section 23).
+        discrete body (theory, section 23). A warning names parameters for which an estimated error exceeds 1e-6 of the greatest derivative.
 
         Parameters
         ----------

@@ -23,7 +23,7 @@ class Sensitivities:
         Derivatives of the displacements of all points; None if there are fewer measurements than parameters, where adjoint equations are
         solved, one for each measurement.
     errors : ndarray, shape (outputs, parameters)
-        Estimated errors of the derivatives by the linear equations left unsolved and by rounding.
+        Estimated errors of the derivatives, since linear equations are solved approximately and forces are rounded.
 
     See Also
     --------

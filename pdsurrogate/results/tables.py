@@ -30,6 +30,11 @@ def column_title(column: str, units: Units) -> str:
     return f"{column} [{unit}]" if unit else column
 
 
+def column_name(title: str) -> str:
+    """Return the name of a column of the history from its header, see `column_title`."""
+    return title.split(" [")[0]
+
+
 def column_unit(column: str, units: Units) -> str | None:
     """Return the unit of a column of the history as text, such as "mm"; None if it has no unit or the scene names none."""
     return next((getattr(units, kind) for pattern, kind in UNITS_OF_COLUMNS.items() if re.fullmatch(pattern, column)), None)
@@ -64,7 +69,7 @@ def read_table(path: Path) -> list[dict]:
     if not path.exists():
         return []
     with path.open(encoding="utf-8", newline="") as file:
-        return [{key.split(" [")[0]: _plain(value) for key, value in row.items() if value != ""} for row in csv.DictReader(file)]
+        return [{column_name(key): _plain(value) for key, value in row.items() if value != ""} for row in csv.DictReader(file)]
 
 
 def _plain(text: str) -> int | float | str:

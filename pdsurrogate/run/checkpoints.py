@@ -107,6 +107,7 @@ class Checkpoints:
     """
 
     def __init__(self, run: Run) -> None:
+        # With a circle of references the body would stay in memory until a collection of garbage.
         self.run, self._share, self._rows = weakref.proxy(run), run.body.share, cache(partial(rows_of, run.body))
         self.resumable, self._due = False, time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
 
@@ -194,6 +195,7 @@ class Record:
     """
 
     def __init__(self, run: Run) -> None:
+        # With a circle of references the body would stay in memory until a collection of garbage.
         self._run, self._summary, self._began, self._earliest = weakref.proxy(run), None, 0.0, 0.0
 
     def begin(self, summary: dict) -> None:

@@ -26,7 +26,7 @@ from ..scenes.reading import apply_change, leaves
 from ..solvers.equilibrium import NoEquilibrium, NotConverged
 from ..solvers.methods import Newton
 from ..solvers.nearest_bonds import strain_rounding
-from ..solvers.tangent import COARSE, FINE, TangentEquations
+from ..solvers.tangent import COARSE, FINE, TangentEquations, central_difference
 from .reopened import check_intact, number_of_output, place, run_in_double
 from .rows import output_row
 from .run import Run
@@ -59,29 +59,31 @@ ROUNDED_STRAIN = 4.0
 Newton's method ends for K/mu of 1e5 and 1e6, where they exceed `BALANCED`, are 0.8 and 0.5 of these."""
 
 ROUGH = 1e-4
-"""Relative residual of each solution of the linear equations. The residual that it leaves is computed anew, from differences of forces
-along the displacements found, and is solved for the next correction."""
+"""Relative residual of each solution of the linear equations. Differences of forces along the displacements found give the residual anew;
+its solution is the next correction."""
 
 EXACT, LEAST_EXACT = 3e-7, 1e-6
-"""Estimated error of derivatives, divided by the greatest one by the same parameter, at which corrections end, and greatest one without a
-warning."""
+"""Estimated error of derivatives, divided by the greatest derivative by the same parameter, at which corrections end, and greatest such
+error without a warning."""
 
 MOST_ROUNDS, IDLE = 8, 0.5
-"""Greatest number of corrections; two are usual, and four where K = 10,000 mu."""
+"""Greatest number of corrections, of which two are usual, and four where K = 10,000 mu; and ratio of the estimated errors after and before
+a correction above which the correction counts as idle: rounding limits the derivatives."""
 
 SINGULAR = 1e-2
-"""Estimated error of the derivatives of the displacements, relative to the greatest, beyond which the tangent counts as singular."""
+"""Estimated error of the derivatives of the displacements, relative to the greatest one, beyond which the tangent counts as singular."""
 
 TINY = 1e-9
-"""Estimated error of the derivatives of the displacements, relative to the greatest, below which those of measurements are rounding."""
+"""Estimated error of the derivatives of the displacements, relative to the greatest one, below which errors of measurements are due to
+rounding."""
 
 STIFF = 300.0
-"""K/mu of nearly incompressible bodies beyond which differences are of fourth order, over wider steps: the others then have errors of
-3e-8."""
+"""K/mu of nearly incompressible bodies beyond which differences are of fourth order, over wider steps. At this K/mu, differences of second
+order have errors of 3e-8."""
 
 MOST_CONTRAST = 2e4
-"""Greatest K/mu with adjoint equations, whose estimated errors leave out rounding. It stays below 1e-6 up to there; beyond, the corrections
-of the solutions for parameters tell how great it is."""
+"""Greatest K/mu with adjoint equations. Their estimated errors leave out rounding, whose errors stay below 1e-6 up to this K/mu. Forward
+solutions show the errors by rounding in the corrections."""
 
 CAREFUL = 1e-4
 """Greatest displacement of a point, in spacings, in differences of fourth order with obstacles: wider steps would change contacts."""
@@ -121,7 +123,7 @@ class Jacobian:
 
 @dataclass(frozen=True)
 class _Change:
-    """Rates with which a parameter changes an equilibrium while the free components do not move, or move at given rates.
+    """Rates at which a parameter changes an equilibrium while the free components do not move, or move at given rates.
 
     Attributes
     ----------
@@ -233,16 +235,16 @@ class Differentiated:
         moved, left, measured, size, idle = change.moved.copy(), change.forces, np.zeros(len(names)), np.inf, 0
         for number in range(MOST_ROUNDS):
             moved += equations.displacements(left, ROUGH, change.rounding)
-            now = self._change(change.name, names, moved)
-            (wrong, size), before = equations.estimate(now.forces), size
+            along = self._change(change.name, names, moved)
+            (wrong, size), before = equations.estimate(along.forces), size
             share = float(np.abs(wrong).max()) / max(float(np.abs(moved).max()), 1e-300)
-            last, measured, left = measured, now.measured, now.forces
-            if number == 0:
+            last, measured, left = measured, along.measured, along.forces
+            if number == 0:  # there are no earlier derivatives to compare with
                 continue
-            part = size / before if before else 0.0
-            errors = min(part, 1.0) * np.abs(measured - last)
+            ratio = size / before if before else 0.0
+            errors = min(ratio, 1.0) * np.abs(measured - last)
             close = (errors <= EXACT * np.abs(measured).max(initial=0.0)).all()
-            idle = idle + 1 if part > IDLE else 0
+            idle = idle + 1 if ratio > IDLE else 0
             if (close and share <= (LEAST_EXACT if names else EXACT)) or share <= TINY or idle == 2:
                 break
         if share > SINGULAR:
@@ -263,7 +265,7 @@ class Differentiated:
         solutions = [equations.displacements(each, ROUGH) for each in gradients]
         changes = [self._change(name, names) for name in parameters]
         for number, change in enumerate(changes):
-            if change.moved.any():  # forces are much smaller where the body moves with its supports
+            if change.moved.any():  # the forces, and with them the errors, are much smaller if the body moves with its supports
                 moved = change.moved + equations.displacements(change.forces, ROUGH, change.rounding)
                 changes[number] = self._change(change.name, names, moved)
         sizes = np.array([equations.estimate(change.forces)[1] for change in changes])
@@ -282,7 +284,7 @@ class Differentiated:
                 break
             for row in rows:
                 solutions[row] += equations.displacements(left[row], ROUGH)
-        for number in np.flatnonzero((errors > LEAST_EXACT * greatest).any(axis=0)):  # the bound may be too great
+        for number in np.flatnonzero((errors > LEAST_EXACT * greatest).any(axis=0)):  # the bound may far exceed the error
             found[:, number], _, errors[:, number] = self._forward(equations, self._change(parameters[number]), names)
         return found, errors
 
@@ -320,28 +322,30 @@ class Differentiated:
         }
 
     def _change(self, name: str, names: Sequence[str] = (), moved: np.ndarray | None = None) -> "_Change":
-        """Return the rates with which a parameter changes the equilibrium, and the measurements `names`.
+        """Return the rates at which a parameter changes the equilibrium and the measurements `names`.
 
-        Free components move at the rates `moved` (n, d); None stands for zeros.
+        Free components move at the rates `moved` (n, d); with None they rest.
         """
         run, fine = self.run, self.fine or name.endswith("bulk_modulus")
         value, step = self._step(name, fine, moved is not None)
         if moved is not None:
             step = min(step, (max(self.width, CAREFUL) if fine else COARSE) * run.body.spacing / max(np.abs(moved).max(), 1e-300))
-        found = []
-        for width in (step, step / 2) if fine else (step,):
-            states = []
-            for way in (width, -width):
-                with self._beside(name, value + way) as side:
-                    positions = run.positions if moved is None else run.positions + way * moved
-                    states.append((*_forces(side.run, positions), side.values_of(names)))
-            found.append([(after - before) / (2 * width) for after, before in zip(*states, strict=True)])
+        sizes: list[float] = []
+
+        def state(way: float) -> np.ndarray:
+            with self._beside(name, value + way) as side:
+                positions, forces = _forces(side.run, run.positions if moved is None else run.positions + way * moved)
+                sizes.append(float(np.linalg.norm(forces)))
+                return np.concatenate([positions.ravel(), forces.ravel(), side.values_of(names)])
+
+        rates = central_difference(state, step, fine)
         place(run, run.positions)  # planes of reflection have moved
-        rates = [(4 * near - far) / 3 for far, near in zip(*found, strict=True)] if fine else found[0]
-        return _Change(name, *rates, ROUNDED * float(np.linalg.norm(states[0][1])) / step)
+        of_points, measured = np.split(rates, [2 * run.positions.size])
+        motion, forces = of_points.reshape(2, *run.positions.shape)
+        return _Change(name, motion, forces, measured, ROUNDED * max(sizes) / step)
 
     def values_of(self, names: Sequence[str]) -> np.ndarray:
-        """Return the named measurements where the force was last evaluated; NaN for one that there is not."""
+        """Return the named measurements where the force was last evaluated; NaN for one that does not exist."""
         costly = not all(QUICK.fullmatch(name) for name in names)
         measured = self._read(costly) if names else {}
         return np.array([measured.get(name, np.nan) for name in names])
@@ -349,9 +353,10 @@ class Differentiated:
     def _step(self, name: str, fine: bool, whole: bool) -> tuple[float, float]:
         """Return the middle of the values of a parameter in central differences, and the change from it.
 
-        The middle is the value of the parameter. Coefficients of the terms of an energy keep their sign: if half of one is less than the
-        least change, the middle lies beside it by this change. So it does beside another number at the end of the range of its law, by a
-        tenth of the change: energies are linear in all numbers with such a range, and the thickness of a sheet nearly so.
+        The middle is the value of the parameter, with two exceptions. Coefficients of the terms of an energy keep their sign: if half of
+        one is less than the least change, the middle lies beside it by this change. For a number of a law at the end of its range, the
+        middle lies beside it by a tenth of the change: energies are linear in all numbers with such a range, and the thickness of a sheet
+        nearly so.
         """
         run, array = self.run, array_of(name, self.run.problem.models)
         value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
@@ -369,11 +374,11 @@ class Differentiated:
         if not of_law:
             return value, change * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
         law, step = laws_of(run.problem.scene)[owner], change * (scale or 1.0)
-        for off, change in ((0, step), (step / 10, step / 10), (-step / 10, step / 10)):
+        for middle, width in ((value, step), (value + step / 10, step / 10), (value - step / 10, step / 10)):
             with suppress(ValueError):
-                for side in (-change, change):
-                    with_numbers_of(law, {last: value + off + side})
-                return value + off, change
+                for side in (-width, width):
+                    with_numbers_of(law, {last: middle + side})
+                return middle, width
         raise ValueError(f"parameters: {law.name} permits no change of {last} = {value:g}, so that there is no derivative by it")
 
     @contextmanager
@@ -427,25 +432,25 @@ class Differentiated:
 
         As K is symmetric, it is minus the derivative of the forces by a displacement of the support.
         """
-        run, loading, fine = self.run, self.run.loading, self.fine
+        run, loading = self.run, self.run.loading
         holders, points, axes = loading.counted
-        chosen, found = (holders == holder) & (axes == axis), []
-        for width in (self.width, self.width / 2) if fine else (COARSE,):
-            sides, step = [], width * run.body.spacing
-            for change in (step, -step):
-                moved, forces = run.positions.copy(), np.empty_like(run.positions)
-                loading.hold(run.state.parameter, run.loaded, moved)
-                moved[points[chosen], axes[chosen]] += change
-                for part in loading.held:
-                    if part.plane is not None and part.holder == holder and axis in part.components:
-                        motion = loading.plane_motions(run.state.parameter)[part.plane].copy()
-                        motion[axis, -1] += change
-                        run.loaded.move_plane(part.plane, motion[:, -1])
-                run.loaded(moved, forces)
-                sides.append(forces)
-            found.append((sides[1] - sides[0]) / (2 * step))
+        chosen = (holders == holder) & (axes == axis)
+
+        def forces_at(change: float) -> np.ndarray:
+            moved, forces = run.positions.copy(), np.empty_like(run.positions)
+            loading.hold(run.state.parameter, run.loaded, moved)
+            moved[points[chosen], axes[chosen]] += change
+            for part in loading.held:
+                if part.plane is not None and part.holder == holder and axis in part.components:
+                    motion = loading.plane_motions(run.state.parameter)[part.plane].copy()
+                    motion[axis, -1] += change
+                    run.loaded.move_plane(part.plane, motion[:, -1])
+            run.loaded(moved, forces)
+            return forces
+
+        found = -central_difference(forces_at, self.width * run.body.spacing, self.fine)
         loading.hold(run.state.parameter, run.loaded, run.positions)
-        return (4 * found[1] - found[0]) / 3 if fine else found[0]
+        return found
 
 
 def differentiate(
@@ -488,8 +493,8 @@ def _warn_of_errors(found: Jacobian, row: Mapping[str, float], values: Sequence[
         if off > LEAST_EXACT * greatest:
             poor.append(f"{name} ({off / greatest:.0e})" if greatest else name)
     if poor:
-        told = f"more than {LEAST_EXACT:g} of the greatest derivative by {', '.join(poor)}"
-        warnings.warn(f"sensitivity: errors of the derivatives are estimated as {told}", stacklevel=4)
+        bound = f"{LEAST_EXACT:g} of the greatest derivative"
+        warnings.warn(f"sensitivity: errors of the derivatives are estimated as more than {bound} by {', '.join(poor)}", stacklevel=4)
 
 
 def _check(scene: Scene, models: Sequence[ForceModel], result: Result, parameters: Sequence[str], loading: str, level: int) -> int:
@@ -542,8 +547,8 @@ def laws_of(scene: Scene) -> dict[str, Law]:
 def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
     """Return, by dotted key, the numbers that can be parameters: of a scene, of its laws and of the arrays of its learned models.
 
-    Numbers of a law are parameters whether they are stated or have their default, except coefficients of terms that the law has not. A
-    learned model holds for one `Law.shape`: with it, the moduli alone are parameters.
+    Numbers of a law are parameters whether they are stated or have their default, except coefficients of terms that the law does not have.
+    A learned model holds for one `Law.shape`: with it, the moduli alone are parameters.
     """
     laws, by_law, found = laws_of(scene), _by_key(models, "material"), {}
     for key, value in leaves(scene.model_dump(mode="json")):
@@ -552,7 +557,10 @@ def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
     for key, law in laws.items():
         for name, value in numbers_of(law).items():
             fixed = isinstance(by_law.get(key), Learned) and name not in MODULI
-            if not fixed and (value or len(with_numbers_of(law, {name: law.shear_modulus}).parameters) == len(law.parameters)):
+            missing = False
+            if "." in name and not value:  # a coefficient: with any other value a missing term would add parameters to the law
+                missing = len(with_numbers_of(law, {name: law.shear_modulus}).parameters) > len(law.parameters)
+            if not (fixed or missing):
                 found[f"{key}.{name}"] = value
     for key, model in _learned(models).items():
         arrays = {name: values.tolist() for name, values in model.payload().items() if isinstance(values, np.ndarray)}
@@ -567,7 +575,7 @@ def _learned(models: Sequence[ForceModel]) -> dict[str, Learned]:
 
 
 def _by_key(models: Sequence[ForceModel], last: str) -> dict[str, ForceModel]:
-    """Return force models by the key of a scene that names them (`last` is ``"force"``), or their law (``"material"``)."""
+    """Return force models by the keys of a scene that name them, or those of their laws; `last` is ``"force"`` or ``"material"``."""
     return {last if not number else f"materials.{number - 1}.{last}": model for number, model in enumerate(models)}
 
 
@@ -619,7 +627,7 @@ def _forces(run: Run, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _named(outputs: Sequence[str], measured: dict[str, float]) -> list[str]:
-    """Return the names of all measurements that `outputs` names, each with all below it; raise ValueError for one that there is not.
+    """Return the names of all measurements that `outputs` names, each with all below it; raise ValueError for a name without any.
 
     ``"probes.tip.u2"`` names the same measurement as ``"probes.tip.displacement.1"``.
     """

@@ -251,7 +251,10 @@ class Transient:
 
 
 def _holding(run: Run, motion: Motion) -> Callable[[np.ndarray, float], None]:
-    """Return a function that moves held points, in positions (n, d), and reflection planes to their places some time from now."""
+    """Return a function that moves held points, in positions (n, d), and reflection planes to their places a given time ahead.
+
+    A method would refer to the integrator, which refers to this function, and the circle of references would keep the body in memory.
+    """
 
     def hold(positions: np.ndarray, ahead: float) -> None:
         run.loading.hold(run.state.parameter + ahead * motion.rate, run.force, positions)

@@ -66,6 +66,7 @@ class Pull:
     """True if increments are lengthened only after increments of few force evaluations, and begin from the best of several guesses."""
 
     def __init__(self, loading: Loading, axis: int, lower: float, length: float, travels: np.ndarray) -> None:
+        # With a circle of references the body would stay in memory until a collection of garbage.
         self._loading, self.axis, self._lower, self._length, self._travels = weakref.proxy(loading), axis, lower, length, travels
         self._lower_travel = travels[:, axis].min()  # the grip at the lower end moves down
 
@@ -122,6 +123,7 @@ class Paths:
     adaptive = True
 
     def __init__(self, loading: Loading, springs: float | np.ndarray, shear_modulus: float, largest_strain: float) -> None:
+        # With a circle of references the body would stay in memory until a collection of garbage.
         self._loading, self.body, self._share = weakref.proxy(loading), loading.body, loading.body.share
         # A slightly larger bound accepts increments of exactly that strain.
         self._springs, self._shear_modulus, self._largest_strain = springs, shear_modulus, largest_strain * (1 + 1e-6)

@@ -18,8 +18,8 @@ SHORT = 2.0
 that which the nearest bonds permit. Bodies of points with mean gradients resist such displacements some ten times less than their nearest
 bonds. Chosen: with 0, 1, 2 and 4, ten derivatives in a sheet with a hole need 290, 227, 222 and 247 evaluations.
 
-Quasi-Newton methods, which adapt to the tangent themselves, do without: with 0.5 most sheets need 5 to 25 % fewer evaluations, but one of
-80 rows in simple shear needs 47 % more, and with 0.2 they gain 0 to 13 % and lose up to 4 %."""
+Quasi-Newton methods, which adapt to the tangent themselves, do without this share: with 0.5 most sheets need 5 to 25 % fewer evaluations,
+but a sheet of 80 rows in simple shear needs 47 % more; with 0.2 sheets need 13 % fewer to 4 % more."""
 
 EXTENDED, SOLVED = 3e-4, 0.05
 """Permitted residuals, divided by the given forces in the energy norm, of conjugate gradients for the displacements of springs: in first
@@ -66,10 +66,10 @@ def softened(force: InternalForce, inner: Preconditioner) -> Preconditioner:
 
     def update() -> bool:
         (xx, xy), (yx, yy) = np.moveaxis(force.deformation_gradients(), 0, -1)
-        squares = np.square(np.square(xx * yy - xy * yx))
+        fourth = np.square(np.square(xx * yy - xy * yx))
         for component, (one, other) in enumerate([(yx, yy), (xx, xy)]):
-            left = share.sum(np.minimum((one * one + other * other) / squares, 1.0)) / share.size
-            scale[component] = np.sqrt((1 + excess) / (1 + excess * left))
+            mean = share.sum(np.minimum((one * one + other * other) / fourth, 1.0)) / share.size
+            scale[component] = np.sqrt((1 + excess) / (1 + excess * mean))
         return inner.update()
 
     return Preconditioner(lambda forces: inner.solve(forces * scale) * scale, update)

@@ -1,6 +1,6 @@
 """Linear equations of the tangent of a force: the displacements that small changes of the forces cause."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -17,9 +17,9 @@ STEP = 2e-7
 their relative errors, by rounding and curvature together, are then some 1e-7 in sheets and 3e-6 in solids at K = 1000 mu."""
 
 COARSE, FINE = 1e-5, 1e-3
-"""Greatest displacements of a point, in spacings, in central differences of forces, and in the wider ones of fourth order, with half of it
-as well. Chosen: at K = 100 mu the first ones have relative errors of 1e-8, by curvature and rounding alike; both grow with K. The errors of
-the second ones are 1e-12 K/mu."""
+"""Greatest displacements of a point, in spacings, in central differences of forces of second order, and in those of fourth order, which
+also take half of it. Chosen: at K = 100 mu the former have relative errors of 1e-8, by curvature and rounding alike; both grow with K. The
+errors of the latter are 1e-12 K/mu."""
 
 FREELY = 1e-6
 """Forces on a body that moves freely, divided by those that its bonds cause at displacements that alternate from point to point. Chosen:
@@ -34,13 +34,19 @@ quarter or less to the memory of a simulation, 22 kB for a point; with 100 and 1
 285 instead of 228 evaluations, and the derivatives of a sheet as many."""
 
 
+def central_difference(values: Callable[[float], np.ndarray], step: float, fine: bool) -> np.ndarray:
+    """Return the derivative of an array at 0 by a central difference over `step`, of fourth order with half of it as well if `fine`."""
+    found = [(values(width) - values(-width)) / (2 * width) for width in (step, step / 2)[: 1 + fine]]
+    return (4 * found[1] - found[0]) / 3 if fine else found[0]
+
+
 class TangentEquations:
     """Linear equations of the tangent of a force in one state, for displacements of the free components; `move` takes a state near it.
 
     The solver is the flexible generalized conjugate residual method, which permits preconditioners that are themselves iterations, and
     tangents that are not symmetric. Its directions, and their products with the tangent, are kept from one solution to the next: right-hand
     sides that resemble earlier ones need few further products. Directions are extended with one-sided differences of forces, one evaluation
-    each. Their errors remain in a solution: who needs a better one computes the residual, as with `forces`, and solves for the correction.
+    each. Their errors remain in a solution: a better one takes its residual, from the products that `forces` gives, and a correction.
 
     Parameters
     ----------
@@ -73,7 +79,8 @@ class TangentEquations:
     def move(self, positions: np.ndarray) -> None:
         """Take another state near the present one: positions (n, d).
 
-        Directions, and their products with the tangent before, are kept: residuals that are computed anew correct the change.
+        Directions are kept with their products with the earlier tangent. The errors that this causes in solutions are corrected as those
+        of one-sided differences are.
         """
         self._positions = positions.copy()
         self._force(self._positions, self._here)
@@ -85,13 +92,13 @@ class TangentEquations:
         return shares @ self._moved[:kept], forces - shares @ self._pulled[:kept]
 
     def displacements(self, forces: np.ndarray, share_left: float, negligible: float = 0.0) -> np.ndarray:
-        """Return about the displacements (n, d) under small forces (n, d).
+        """Return the approximate displacements (n, d) under small forces (n, d).
 
         Parameters
         ----------
         forces : ndarray, shape (n, d)
         share_left : float
-            Norm of the residual at the end, divided by that of the forces on free components, as far as one-sided differences tell.
+            Norm of the residual at the end, divided by that of the forces on free components, as one-sided differences give it.
         negligible : float
             Norm of forces that rounding alone may cause; a smaller residual is no aim.
 
@@ -108,7 +115,7 @@ class TangentEquations:
     def estimate(self, forces: np.ndarray) -> tuple[np.ndarray, float]:
         """Return a first estimate of the displacements (n, d) under small forces (n, d), without products, and the root of their work.
 
-        It consists of the shares of the directions that are kept, and of the displacements of the preconditioner under the rest.
+        The estimate consists of the shares of the kept directions, and of the displacements of the preconditioner under the other forces.
         """
         moved, left = self._projected((self._free * forces).ravel())
         moved = moved.reshape(forces.shape) + self._free * self._preconditioner.solve(left.reshape(forces.shape))
@@ -121,12 +128,13 @@ class TangentEquations:
         """
         self.products += 1
         unit = self._force.body.spacing / max(np.abs(displacements).max(), 1e-300)
-        (ahead, behind), found = np.empty((2, *self._free.shape)), []
-        for step in (width * unit, width * unit / 2)[: 1 + (width > COARSE)]:
-            self._force(self._positions + step * displacements, ahead)
-            self._force(self._positions - step * displacements, behind)
-            found.append((behind - ahead) / (2 * step))
-        return (4 * found[1] - found[0]) / 3 if width > COARSE else found[0]
+
+        def forces_at(step: float) -> np.ndarray:
+            found = np.empty_like(self._here)
+            self._force(self._positions + step * displacements, found)
+            return found
+
+        return -central_difference(forces_at, width * unit, width > COARSE)
 
     def _reduce(self, found: np.ndarray, left: np.ndarray, goal: float, most: int) -> None:
         """Reduce the residual `left` to the norm `goal`, and add the displacements to `found`, both in place."""
@@ -168,7 +176,7 @@ class TangentEquations:
         return place
 
     def _quick(self, moved: np.ndarray) -> np.ndarray:
-        """Return about the product of the tangent with free displacements, by a one-sided difference."""
+        """Return the approximate product of the tangent with free displacements, by a one-sided difference."""
         self.products += 1
         step, forces = STEP * self._force.body.spacing / max(np.abs(moved).max(), 1e-300), np.empty_like(self._here)
         self._force(self._positions + step * moved.reshape(self._free.shape), forces)

@@ -242,11 +242,11 @@ def _derivatives(study: Study, scene: Scene, model: ForceModel, parameters: Mapp
 
 
 def _check_measurements(names: Iterable[str], scene: Scene, model: ForceModel) -> None:
-    """Raise SceneError for a name whose derivative no equilibrium of the scene can have, as far as the scene and the force tell."""
-    if scene.dynamics is not None or any(step.dynamics is not None for step in (scene.steps or ())[-1:]):
+    """Raise SceneError for a name whose derivative no equilibrium of the scene can have, as scene and force show before a run."""
+    if scene.dynamics is not None or (scene.steps and scene.steps[-1].dynamics is not None):
         raise SceneError("derivatives: the last output of the scene is one of dynamics; derivatives are those of equilibria")
     energy = all(kind.has_energy for kind in model.terms(scene.plane))
-    missing = {
+    reasons = {
         "energy": None if energy else f"the forces of {model.name} have no energy: use bond-energy",
         "nominal_stress": None if scene.stretched else "scenes with steps have none: use forces",
         "moments": None if not scene.stretched else "scenes with stretches have none: use forces",
@@ -257,11 +257,13 @@ def _check_measurements(names: Iterable[str], scene: Scene, model: ForceModel) -
     probes = [probe.name for probe in scene.probes]
     for name in names:
         first, *others = name.split(".")
-        why = missing.get(first)
-        if first == "probes" and (not probes or (others and others[0] not in probes)):
-            why = f"there is no such probe; {suggestion(others[0], probes)}" if probes and others else "the scene has no probes"
-        if why:
-            raise SceneError(f"derivatives: {name!r}: {why}")
+        reason = reasons.get(first)
+        if first == "probes" and not probes:
+            reason = "the scene has no probes"
+        elif first == "probes" and others and others[0] not in probes:
+            reason = f"there is no such probe; {suggestion(others[0], probes)}"
+        if reason:
+            raise SceneError(f"derivatives: {name!r}: {reason}")
 
 
 def _scene_digest(scene: Scene, model: ForceModel) -> str:

@@ -201,7 +201,7 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent, exact):
     error = pds.simulate(sheet(found["law"], stretches=[1.4]), "analytic").standard_errors(
         ["nominal_stress"], pds.materials.LawCovariance(sheet(found["law"]).law(), **found["covariance"])
     )
-    # Eight members have a spread known to 25 %.
+    # The spread of eight members has a standard deviation of 25 %: the bounds lie three and four of them away.
     assert 0.25 < np.std(members) / error["nominal_stress"] < 2
     biaxial = pds.load_scene("biaxial-hole", spacing=0.1)
     visited = [pds.simulate(one, tmp_path / "out" / "sheet").summary["beyond_data"] for one in (sheet(None, stretches=[1.2]), biaxial)]
@@ -224,7 +224,7 @@ def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
     result = pds.simulate(scene, "bond-energy")
     u = [level["probes"]["tip"]["displacement"] for level in result.levels]
     force = [level["forces"]["bottom"][1] for level in result.levels]
-    lines = ["# a comment", "step, force_bottom_2, tip_displacement_1, probe_tip_u2, note"]
+    lines = ["# a comment", "step, force_bottom_2 [N], tip_displacement_1, probe_tip_u2, note"]
     lines += [f"{n + 1},{force[n]:.9f},{u[n][0] if n else '':},{u[n][1]:.9f},x" for n in range(3)]
     (tmp_path / "G.csv").write_text("\n".join(lines))
     options = ["--set", "spacing=0.25", "--set", f"stretches={STRETCHES}", "--set", "probes=[{name='tip',at=[0.9,0.3]}]"]
@@ -251,7 +251,8 @@ def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
         ("step,probe_end_u1\n1,2.0\n", "scene hole has no 'probes.end.displacement.0'"),
         ("step,force_left_1\n1,2.0\n", "scene hole has no 'forces.left.0'"),
         ("step,force,force\n1,2.0,1.0\n", "there are two columns force"),
-        ("step,stretch,evaluations,force_top_2\n0,1.1,20,2.0\n", "this is the history of a run|the steps are whole numbers"),
+        ("step,stretch,evaluations,force_top_2\n0,1.1,20,2.0\n", "this is the history of a run"),
+        ("step,force\n0,2.0\n", "line 2: step 0, but the steps are whole numbers: 1 to"),
         ("step,force\n1,\n", "there are no measurements"),
     ],
 )

@@ -412,6 +412,6 @@ def test_the_check_of_a_law_lets_sound_ones_pass():
 
 
 def test_a_law_whose_limit_lies_at_a_checked_state_is_consistent():
-    """A step of the differences at I1bar - 3 = 8.638 passes the limit, so that they say nothing there."""
+    """At I1bar - 3 = 8.638 a step passes the limit, so that there is no difference to compare with."""
     for limit in np.linspace(8.639, 8.66, 8):
         check_consistency(pds.materials.Gent(chain_limit=limit))

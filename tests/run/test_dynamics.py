@@ -409,7 +409,7 @@ def test_a_point_that_passes_through_a_grip_ends_the_run_with_its_last_good_stat
     assert "dynamics.safety" in str(caught.value)
     result = caught.value.result
     assert 20 <= result.summary["n_steps"] <= 22
-    # The output in equilibrium, and the state before the step.
+    # The states are the output in equilibrium and the one before the step.
     assert len(result.states) == 2
     assert all(np.isfinite(values).all() for _, fields in result.states for values in fields.values())
 

@@ -77,12 +77,12 @@ def test_coefficients_near_zero_have_the_derivatives_of_the_exact_solution():
 
 @pytest.mark.parametrize("law", [law() for law in LAWS.values()] + [MooneyRivlin(second_share=0.0), Yeoh(second=0.0, third=0.0)], ids=str)
 def test_default_numbers_of_a_law_are_parameters(law):
-    """All that are listed are accepted; stresses of the exact solution, at and inside the ends of the ranges that laws have."""
+    """All that are not zero are listed, and all listed ones have the derivatives of the exact stress, at the ends of their ranges, too."""
     name = law.name if law == type(law)() else {key: value for key, value in law.describe().items() if key != "bulk_modulus"}
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material=name)
     result = pds.simulate(scene, "bond-energy")
     parameters = [name for name in numbers_in(scene, checked_models(scene, pds.load_surrogate("bond-energy"))) if "material" in name]
-    assert {name.split(".")[1] for name in parameters} >= {"bulk_modulus"}
+    assert {name.removeprefix("material.") for name in parameters} >= {name for name, value in numbers_of(law).items() if value}
     found = result.sensitivity(["nominal_stress"], parameters)
 
     def stress(name, change):
@@ -98,6 +98,11 @@ def test_default_numbers_of_a_law_are_parameters(law):
         except ValueError:  # one-sided, of second order
             exact.append((4 * stress(name, h) - 3 * stress(name, 0.0) - stress(name, 2 * h)) / (2 * h))
     assert found.derivatives[0] == pytest.approx(exact, rel=1e-6, abs=1e-6 * np.abs(exact).max())
+
+
+def test_a_share_of_zero_is_a_parameter_in_any_unit_of_stress():
+    scene = pds.load_scene("uniaxial", material={"law": "mooney-rivlin", "shear_modulus": 400.0, "bulk_modulus": 4e4, "second_share": 0.0})
+    assert "material.second_share" in numbers_in(scene, checked_models(scene, pds.load_surrogate("bond-energy")))
 
 
 def test_numbers_of_which_a_learned_model_knows_one_value_are_no_parameters():
@@ -377,7 +382,7 @@ def by_settled(body, at, start, names, parameter):
     ids=["strain", "strain, adjoint", "solid", "solid, adjoint", "disc", "disc in plane strain", "cantilever", "cantilever, adjoint"],
 )
 def test_derivatives_at_large_bulk_moduli_in_contact_and_of_slender_bodies_are_those_of_converged_equilibria(scene, outputs, parameters):
-    """K/mu is 10,000 in the first four. Equilibria are converged to rounding."""
+    """K/mu is 10,000 in the first four. The equilibria of the reference are converged to rounding."""
     scene = scene()
     result = pds.simulate(scene, "bond-energy")
     found = result.sensitivity(outputs, parameters)

@@ -37,12 +37,12 @@ def test_the_softening_is_that_of_incompressible_rubber(gradient):
 
 
 def test_a_compressed_sheet_is_not_softened():
-    """The compressed component is stiffer than at rest, for which the preconditioner does not change."""
+    """The compressed component is stiffer than at rest, and the preconditioner leaves it as it is."""
     np.testing.assert_allclose(scales(np.diag([0.5, 2**0.5])), 1.0, rtol=1e-12)
 
 
 def test_a_cloud_needs_at_most_twice_the_evaluations_of_the_lattice():
-    """In uniaxial tension, where all rows of the lattice are alike; 35 and 20, and 44 for the cloud with the preconditioner at rest."""
+    """All rows of the lattice are alike in tension. The numbers are 35 and 20; with the preconditioner at rest the cloud needs 44."""
     counts = []
     for cloud in ({}, {"arrangement": "relaxed", "seed": 1}):
         held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}, {"region": "right", "x1": 4.5}]
