@@ -9,7 +9,7 @@ from ..forces import InternalForce
 from ..ranks import Share
 from .held import Support
 from .multigrid import conjugate_gradient_steps
-from .nearest_bonds import SHEAR_SHARE, Preconditioner, inverse_of, laplacian_of, spring_solver_of, springs_beside_boundaries, springs_of
+from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, spring_solver_of, springs_beside_boundaries, springs_of
 from .obstacles import ContactStiffness, Obstacle
 from .rigid import inverse_with_regions
 
@@ -18,8 +18,8 @@ SHORT = 2.0
 that which the nearest bonds permit. Bodies of points with mean gradients resist such displacements some ten times less than their nearest
 bonds. Chosen: with 0, 1, 2 and 4, ten derivatives in a sheet with a hole need 290, 227, 222 and 247 evaluations.
 
-Quasi-Newton methods, which adapt to the tangent themselves, do without this share: with 0.5 most sheets need 5 to 25 % fewer evaluations,
-but a sheet of 80 rows in simple shear needs 47 % more; with 0.2 sheets need 13 % fewer to 4 % more."""
+Quasi-Newton methods adapt to the tangent themselves and do without: with 0.5 most sheets need 13 to 29 % fewer evaluations, but a ring
+under pressure needs a fifth more."""
 
 EXTENDED, SOLVED = 3e-4, 0.05
 """Permitted residuals, divided by the given forces in the energy norm, of conjugate gradients for the displacements of springs: in first
@@ -52,27 +52,10 @@ def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
         found = _touching(force, obstacles, inner)
     else:
         found = Preconditioner(spring_solver_of(network, free, SOLVED))
-        found = softened(force, found) if force.plane == "stress" else found
     if force.nearly_incompressible:
         found = incompressible_inverse(force, found)
     supports = getattr(force, "supports", ())
     return supported(found, supports, body.share) if supports and not obstacles else found
-
-
-def softened(force: InternalForce, inner: Preconditioner) -> Preconditioner:
-    """Return the preconditioner of a sheet that becomes softer where it is stretched, from `inner` of the sheet at rest, theory (36a)."""
-    share, scale = force.body.share, np.ones(force.body.dimension)
-    excess = (1 - SHEAR_SHARE) / (2 * SHEAR_SHARE)
-
-    def update() -> bool:
-        (xx, xy), (yx, yy) = np.moveaxis(force.deformation_gradients(), 0, -1)
-        fourth = np.square(np.square(xx * yy - xy * yx))
-        for component, (one, other) in enumerate([(yx, yy), (xx, xy)]):
-            mean = share.sum(np.minimum((one * one + other * other) / fourth, 1.0)) / share.size
-            scale[component] = np.sqrt((1 + excess) / (1 + excess * mean))
-        return inner.update()
-
-    return Preconditioner(lambda forces: inner.solve(forces * scale) * scale, update)
 
 
 def _touching(force: InternalForce, obstacles: Sequence[Obstacle], inner: Preconditioner) -> Preconditioner:
