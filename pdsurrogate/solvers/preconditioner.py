@@ -18,7 +18,7 @@ SHORT = 2.0
 that which the nearest bonds permit. Bodies of points with mean gradients resist such displacements some ten times less than their nearest
 bonds. Chosen: with 0, 1, 2 and 4, ten derivatives in a sheet with a hole need 290, 227, 222 and 247 evaluations.
 
-Quasi-Newton methods adapt to the tangent themselves and do without: with 0.5 most sheets need 13 to 29 % fewer evaluations, but a ring
+Quasi-Newton methods adapt to the tangent themselves and do without it: with 0.5 most sheets need 13 to 29 % fewer evaluations, but a ring
 under pressure needs a fifth more."""
 
 EXTENDED, SOLVED = 3e-4, 0.05
