@@ -45,7 +45,9 @@ def principal_stretches(F: np.ndarray) -> np.ndarray:
 
 
 def cofactor(F: np.ndarray) -> np.ndarray:
-    """Return the cofactor of F, det F times F^-T, in the shape of F, (..., 3, 3)."""
+    """Return the cofactor of F, det F times F^-T, in the shape of F."""
+    if F.shape[-1] == 2:
+        return np.flip(F, (-2, -1)) * [[1, -1], [-1, 1]]
     # The columns are cross products of those of F.
     return np.stack([np.cross(F[..., (k + 1) % 3], F[..., (k + 2) % 3]) for k in range(3)], axis=-1)
 
