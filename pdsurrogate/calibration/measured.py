@@ -23,6 +23,9 @@ from ..solvers.equilibrium import NoEquilibrium
 FORCE_PULLED = "force"
 """Name, among those of outputs, of the force of the region that a scene pulls farthest."""
 
+FORCES = re.compile(r"force|forces\..*")
+"""Names of outputs that are forces."""
+
 DISPLACEMENTS = re.compile(r"displacements\..*|probes\..*\.displacement\..*")
 """Names of outputs that are displacements. Under prescribed motions displacements do not depend on a common factor of all stresses."""
 

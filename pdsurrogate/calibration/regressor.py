@@ -1,6 +1,5 @@
 """Regressor that finds the parameters of a law from measurements on bodies, by simulations of the tests and their derivatives."""
 
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -26,7 +25,7 @@ from ..materials import LAWS, Law, Ogden
 from ..materials.covariance import LawCovariance, covariance_of_numbers, derivatives_of_numbers
 from ..scenes import Mesh, Scene, load_scene
 from .free import FLOOR, HALVINGS, EnergyUnknowns, average, floored, grouping, minimized
-from .measured import DISPLACEMENTS, FAILURES, MeasuredScene, Rows
+from .measured import DISPLACEMENTS, FAILURES, FORCES, MeasuredScene, Rows
 
 REFINED, REFINED_FREE = 3, 6
 """Default ratio of the spacing of a scene to that of the finer simulation, with a law and without. Chosen: for Carroll's law, fields with
@@ -54,9 +53,6 @@ UNDETERMINED = 0.5
 
 SHARE = 0.3
 """Least component of a parameter, in the unit vector of an undetermined combination, at which the parameter is named."""
-
-FORCES = re.compile(r"forces\..*")
-"""Names of outputs that are forces, to which the moduli are fitted at the start."""
 
 ROUNDS = 3
 """Most fits with a new correction of the discretization error: each changes the parameters by a small part of the change before."""

@@ -9,7 +9,7 @@ from typer import Argument, Option
 
 from ..artifacts.store import new_artifact, next_version
 from ..calibration import SceneRegressor, reporting
-from ..calibration.measured import DISPLACEMENTS
+from ..calibration.measured import DISPLACEMENTS, FORCES
 from ..forces.identity import digest_of
 from ..identification import fitted_laws
 from ..identification.regressor import N_TERMS
@@ -76,7 +76,7 @@ def calibrate(
     model = SceneRegressor(test, law, terms or N_TERMS, outputs=[*outputs.values()] or None, refine=refine, **bulk)
     noises, began = {1: field_noise}, time.perf_counter()
     for number, key in enumerate(outputs.values()):
-        noises[-number] = force_noise if key.startswith("force") else field_noise if DISPLACEMENTS.fullmatch(key) else None
+        noises[-number] = force_noise if FORCES.fullmatch(key) else field_noise if DISPLACEMENTS.fullmatch(key) else None
     with Bar(f"Calibrating {law or 'an energy'} in {test.name}"):
         model.fit(X, y, standard_deviation=model.stated_deviations(X, y, noises))
     found = reporting.report(model, X, y, [*outputs])

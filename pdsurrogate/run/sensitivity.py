@@ -531,7 +531,7 @@ def _check_smooth(scene: Scene, t: float) -> None:
 def _check_of_laws(scene: Scene, models: Sequence[ForceModel], name: str) -> None:
     """Raise ValueError if a name is that of a number of a law, which is no parameter."""
     for key, law in laws_of(scene).items():
-        model, number = _by_key(models, "material")[key], name.removeprefix(f"{key}.")
+        model, number = by_key(models, "material")[key], name.removeprefix(f"{key}.")
         if name == f"{key}.{number}" and number in numbers_of(law):
             learned = f"{model.name} describes one value of {number} alone: for derivatives by {name} run the scene with force="
             why = f"{learned}{model.exact}" if isinstance(model, Learned) else f"{name} is 0, so that {law.name} has no such term"
@@ -550,7 +550,7 @@ def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
     Numbers of a law are parameters whether they are stated or have their default, except coefficients of terms that the law does not have.
     A learned model holds for one `Law.shape`: with it, the moduli alone are parameters.
     """
-    laws, by_law, found = laws_of(scene), _by_key(models, "material"), {}
+    laws, by_law, found = laws_of(scene), by_key(models, "material"), {}
     for key, value in leaves(scene.model_dump(mode="json")):
         if key.split(".")[0] in PLACES and ".region." not in key and not any(key.startswith(f"{law}.") for law in laws):
             found[key] = value
@@ -570,11 +570,11 @@ def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
 
 def _learned(models: Sequence[ForceModel]) -> dict[str, Learned]:
     """Return the learned models by the key of the scene that names them; a model that regions share has the key of the first."""
-    keys = {id(model): key for key, model in reversed(_by_key(models, "force").items())}
+    keys = {id(model): key for key, model in reversed(by_key(models, "force").items())}
     return {keys[id(model)]: model for model in models if isinstance(model, Learned)}
 
 
-def _by_key(models: Sequence[ForceModel], last: str) -> dict[str, ForceModel]:
+def by_key(models: Sequence[ForceModel], last: str) -> dict[str, ForceModel]:
     """Return force models by the keys of a scene that name them, or those of their laws; `last` is ``"force"`` or ``"material"``."""
     return {last if not number else f"materials.{number - 1}.{last}": model for number, model in enumerate(models)}
 
@@ -589,7 +589,7 @@ def array_of(name: str, models: Sequence[ForceModel]) -> np.ndarray | None:
 
 def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str, float]) -> tuple[Scene, list[ForceModel]]:
     """Return a scene and its force models with other values of the numbers that `numbers_in` names."""
-    data, changed, learned = scene.model_dump(mode="json"), _by_key(models, "force"), _learned(models)
+    data, changed, learned = scene.model_dump(mode="json"), by_key(models, "force"), _learned(models)
     others = dict(values)
     for key, law in laws_of(scene).items():
         own = {name.removeprefix(f"{key}."): others.pop(name) for name in values if name.startswith(f"{key}.")}
@@ -610,11 +610,10 @@ def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str
         changed = {key: new if model is before else model for key, model in changed.items()}
     if any(name in dict(leaves(data)) for name in values):
         scene = Scene.model_validate(data)
-        laws = [scene.law(), *(None if part.material.rigid else part.material.build() for part in scene.materials)]
+        by_law = by_key(list(changed.values()), "material")
         with scene_errors(scene):
-            for model, law in zip(changed.values(), laws, strict=True):
-                if law is not None:
-                    model.check_material(law)
+            for key, law in laws_of(scene).items():
+                by_law[key].check_material(law)
     return scene, list(changed.values())
 
 

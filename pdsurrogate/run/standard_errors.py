@@ -10,7 +10,7 @@ from ..materials import Law
 from ..materials.covariance import LawCovariance
 from ..results import Result
 from ..scenes import Scene
-from .sensitivity import differentiate, laws_of
+from .sensitivity import by_key, differentiate, laws_of
 
 
 def standard_errors(
@@ -41,8 +41,7 @@ def standard_errors(
 def _stated(models: Sequence[ForceModel], laws: dict[str, Law]) -> list[tuple[LawCovariance, dict[str, Law]]]:
     """Return the covariance of each artifact with the laws of its regions, by key; raise ValueError if there is none."""
     found: dict[int, tuple[LawCovariance, dict[str, Law]]] = {}
-    for number, model in enumerate(models):
-        key = f"materials.{number - 1}.material" if number else "material"
+    for key, model in by_key(models, "material").items():
         if isinstance(model, Learned) and model.covariance is not None and key in laws:
             found.setdefault(id(model), (model.covariance, {}))[1][key] = laws[key]
     if not found:

@@ -114,7 +114,7 @@ class ExplicitDynamics:
         self._ahead, self.elastic = np.empty_like(positions), np.zeros_like(positions)
         self.frequency = FrequencyEstimate(mass, free, self._share)
         self.forces = np.empty_like(positions)
-        self._kicks = self._around = None
+        self._kicks = None
         self.time_step = self.last_step = self.longest = np.inf
         self.steps = 0
 
@@ -145,7 +145,6 @@ class ExplicitDynamics:
         if self._viscosity == 0:
             self.evaluate_at_rest()
             return
-        self._around = None
         np.multiply(self.velocities, self._viscosity, out=self._ahead)
         self._ahead += self.positions
         self._hold(self._ahead, self._viscosity)
@@ -162,7 +161,6 @@ class ExplicitDynamics:
 
     def evaluate_at_rest(self) -> None:
         """Evaluate the forces, including loads, at the present positions without viscous part, as if the velocities were zero."""
-        self._around = None
         self.force(self.positions, self.forces)
         self._add_loads()
 
@@ -181,7 +179,6 @@ class ExplicitDynamics:
     def center(self) -> None:
         """Shift the velocities in time from the present positions back by half a step, as central differences need them."""
         self.velocities += self._half_step_of(-self.forces)
-        self._around = None
 
     def part_of(self, span: float) -> float:
         """Return the longest stable step that divides a span of time into a whole number of steps."""
@@ -193,7 +190,7 @@ class ExplicitDynamics:
         self._step(self.positions, self.velocities, step)
         self.last_step = step
         self.steps += 1
-        self._kicks = self._around = None
+        self._kicks = None
 
     def _step(self, positions: np.ndarray, velocities: np.ndarray, step: float) -> None:
         """Advance arrays of velocities and positions, the body's own or copies, by one step with the present forces, in place."""
@@ -215,7 +212,6 @@ class ExplicitDynamics:
         kick = self._half_step_of(forces)
         self.velocities += kick
         self._kicks = kick if self._kicks is None else self._kicks + kick
-        self._around = None
 
     def _half_step_of(self, forces: np.ndarray) -> np.ndarray:
         return 0.5 * self.last_step * forces / self._mass[:, None] * self._free
@@ -235,12 +231,9 @@ class ExplicitDynamics:
 
         The velocities before exclude the impulse of bonds that broke at the present positions. The arrays are not to be changed.
         """
-        step = self.next_step()
-        if self._around is None or self._around[0] != step:
-            before = self.velocities if self._kicks is None else self.velocities - self._kicks
-            now = 0.5 * (self.velocities + self._following_velocities(self.last_step))
-            self._around = step, (before, now, self._following_velocities(step))
-        return self._around[1]
+        before = self.velocities if self._kicks is None else self.velocities - self._kicks
+        now = 0.5 * (self.velocities + self._following_velocities(self.last_step))
+        return before, now, self._following_velocities(self.next_step())
 
     def kept_energy(self) -> tuple[float, float]:
         """Return two kinetic energies at the present time, from before and from after it, whose sums with the strain energy are conserved.
