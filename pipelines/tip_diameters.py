@@ -13,6 +13,7 @@ import argparse
 import json
 import time
 from collections import Counter
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
@@ -86,6 +87,9 @@ LOW = ((2.8, 16), (3.4, 20), (3.4, 24), (3.4, 28), (4.0, 24))
 PULLED = 0.4, 1.5, 0.04
 """Travels at which dynamics begin and end, and speed of the grips over that of shear waves, over the expected travel at the peak. A
 strip with G = ENERGY has an expected travel of 0.5, which gives about the travels and the speed of the other strips."""
+
+SAFER = 0.35
+"""Part of the critical time step with which a tear is repeated that failed with the default of 0.7."""
 
 OFFSET = 0.3
 """Difference of either precut from the one in between, for -dE/da: some spacings, so that the rows at its end do not matter."""
@@ -173,8 +177,8 @@ def name_of(case: dict) -> str:
     return " ".join(f"{key}={value}" for key, value in sorted(case.items()))
 
 
-def strip(case: dict, critical: float | None = None, precut: float | None = None, end: float | None = None) -> pds.Scene:
-    """The body of a case: torn, or (with `end`) brought into equilibrium at a travel of the grip."""
+def strip(case: dict, critical: float | None = None, precut: float | None = None, end: float | None = None, **dynamics: float) -> pds.Scene:
+    """The body of a case: torn (with other settings of its `dynamics`), or with `end` brought into equilibrium at a travel of the grip."""
     solid, high, spacing = case["plane"] == "space", case.get("high", 1.0), 1 / case["rows"]
     turn = np.radians(case.get("angle", 0))
     held = np.ceil(case["ratio"]) * spacing if turn else 0.0  # what holds a turned strip at either side
@@ -208,7 +212,7 @@ def strip(case: dict, critical: float | None = None, precut: float | None = None
     if "critical" in case:
         first, last, rate = (expected_travel(case) * np.array(PULLED)).tolist()
         rate = min(rate, RATE)
-    pulled = {"to": last, "outputs": 60, "dynamics": {"duration": (last - first) / rate, "density": 1.0, "damping": 0.02}}
+    pulled = {"to": last, "outputs": 60, "dynamics": {"duration": (last - first) / rate, "density": 1.0, "damping": 0.02} | dynamics}
     return pds.Scene.model_validate(
         {
             "name": "strip",
@@ -250,12 +254,12 @@ def released(case: dict, travel: float) -> float:
     return float((large - small) / (long - short))
 
 
-def torn(case: dict) -> dict:
+def torn(case: dict, **dynamics: float) -> dict:
     """Figures of one tear."""
     began, horizon = time.process_time(), case["ratio"] / case["rows"]
     law = law_of(case)
     critical = case.get("critical") or pds.critical_stretch_of(law, ENERGY, horizon, guess(case))
-    result = pds.simulate(strip(case, critical), case["model"], threads=1)
+    result = pds.simulate(strip(case, critical, **dynamics), case["model"], threads=1)
     rows = [row for row in result.history if "time" in row]
     load = pulls(case, [(row["force_high_1"], row["force_high_2"]) for row in rows])
     travel = rows[int(load.argmax())]["t"]
@@ -277,7 +281,15 @@ def torn(case: dict) -> dict:
     path = tips[(advance > 0) & (advance < 0.7 * (LONG - PRECUT))]
     figures["direction"] = float(np.degrees(np.arctan(np.polyfit(*path.T, 1)[0]))) if len(path) > 2 else None
     account = result.summary["dynamics"][-1].get("energy_gap")
-    return figures | {"account_percent": account, "seconds": time.process_time() - began}
+    return figures | {"account_percent": account, "seconds": time.process_time() - began, **dynamics}
+
+
+def repeated(tear: Callable[..., dict], case: dict) -> dict:
+    """Figures of a tear, which is repeated with shorter time steps if it becomes unstable."""
+    try:
+        return tear(case)
+    except pds.SimulationFailed:
+        return tear(case, safety=SAFER)
 
 
 def stored() -> dict[str, dict]:
@@ -425,7 +437,7 @@ if __name__ == "__main__":
         if name in stored() or not all(word in name for word in arguments.only):
             continue
         try:
-            figures = torn(case)
+            figures = repeated(torn, case)
         except Exception as error:
             print(name, f"failed, {type(error).__name__}: {error}", flush=True)
             continue
