@@ -64,8 +64,8 @@ no more. Cases with a greater one have no entry, so that `fracture.energy` is re
 
 ANGLES, SEEDS = (7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
 
-OTHER_SEEDS = tuple(range(6, 16))
-"""Clouds of the tears of which the table is made; those of SEEDS judge it."""
+OTHER_SEEDS, MANY = tuple(range(6, 16)), (("bond-energy", "stress", 2.2), ("bond-energy", "stress", 3.15))
+"""Clouds of the tears of which the table is made, all of them in the cases MANY, the first five in others; those of SEEDS judge it."""
 
 STRETCHES, LARGEST = (1.6, 2.2, 2.8, 4.0), 14.0
 """Critical stretches at which diameters are measured, as long as the stretch times the horizon in spacings is not larger than LARGEST."""
@@ -137,7 +137,8 @@ def stretched() -> list[dict]:
             spacings = SOLIDS_HIGHER if base["plane"] == "space" else HIGHER
             along = [straight | {"rows": rows} for rows in spacings if high_enough(straight | {"rows": rows})]
             clouds = next(case for case in along if case["rows"] >= 20 or base["plane"] != "stress")
-            found += along[:3] + [clouds | {"arrangement": "relaxed", "seed": seed} for seed in OTHER_SEEDS]
+            seeds = OTHER_SEEDS if (base["model"], base["plane"], base["ratio"]) in MANY else OTHER_SEEDS[: LEAST["seeds"]]
+            found += along[:3] + [clouds | {"arrangement": "relaxed", "seed": seed} for seed in seeds]
     return found
 
 
@@ -403,29 +404,44 @@ def span(values: list[float]) -> str:
     return f"{min(values):.2f} to {max(values):.2f}" if len(values) > 1 else "".join(f"{value:.2f}" for value in values) or "-"
 
 
-def spread(values: list[float]) -> str:
-    """Mean, deviation and number of values."""
-    return f"{np.mean(values):.2f} ± {np.std(values, ddof=1):.2f} ({len(values)})" if len(values) > 1 else span(values)
-
-
-def peaks() -> str:
-    """G at the peak over the prescribed one, for every case of the package's table, of tears that the table does not average."""
-    rows, own = [], [case for case in stored().values() if "critical" not in case and "bulk" not in case]
+def judged() -> dict[tuple, dict[str, list[float]]]:
+    """G at the peak over the prescribed one by case of the package's table and kind of tear, of tears that the table does not average."""
+    own = [case for case in stored().values() if "critical" not in case and "bulk" not in case]
+    found: dict[tuple, dict[str, list[float]]] = {}
     for case in dict.fromkeys(case_of(entry) for entry in table()):
         family, plane, arrangement, ratio = case
         tips = tip_diameters(plane, ratio, family, arrangement)
-
-        ratios: dict[str, list[float]] = {kind: [] for kind in ("along", "clouds", "turned", "notched", "directions")}
+        found[case] = {kind: [] for kind in ("along", "clouds", "turned", "notched", "directions")}
         for tear in [*own, *(strip | {"directions": True} for strip in strips())]:
             if told(tear) == case:
                 kind = "directions" if "directions" in tear else "clouds" if "seed" in tear else "notched" if "high" in tear else "along"
                 kind = "turned" if kind == "along" and tear["angle"] else kind
-                ratios[kind].append(tear["diameter"] / tips.at(tear["critical_stretch"]))
-        figures = [str(len(ratios["along"])) if ratios["along"] else "-", span(ratios["along"]), spread(ratios["clouds"])]
-        figures += [span(ratios["turned"]), span(ratios["notched"]), spread(ratios["directions"])]
+                found[case][kind].append(tear["diameter"] / tips.at(tear["critical_stretch"]))
+    return found
+
+
+def error_of(case: tuple, ratios: list[float]) -> float:
+    """Standard error of the mean of some ratios, together with the greatest one of the diameters of a case, if clouds have them."""
+    clouds = [entry for entry in table() if case_of(entry) == case and "seeds" in entry]
+    tips = [entry["deviation"] / entry["mean"] / np.sqrt(len(entry["seeds"])) for entry in clouds]
+    return float(np.hypot(np.std(ratios, ddof=1) / np.sqrt(len(ratios)), max(tips, default=0.0)))
+
+
+def peaks() -> str:
+    """G at the peak over the prescribed one, for every case of the package's table."""
+    rows = []
+    for case, ratios in judged().items():
+        family, plane, arrangement, ratio = case
+        figures = [str(len(ratios["along"])) if ratios["along"] else "-", span(ratios["along"]), averaged(case, ratios["clouds"])]
+        figures += [span(ratios["turned"]), span(ratios["notched"]), averaged(case, ratios["directions"])]
         rows.append([family, f"{plane}, {arrangement}", f"{ratio:g}", *figures])
     head = ["force model", "body, points", "horizon (spacings)", "spacings along a row", "G / prescribed along a row", "clouds"]
     return markdown_table([*head, "turned strips", "edge notches", "turned strips of `crack_directions.py`"], rows)
+
+
+def averaged(case: tuple, ratios: list[float]) -> str:
+    """Mean, standard error and number of some ratios of a case."""
+    return f"{np.mean(ratios):.2f} ± {error_of(case, ratios):.2f} ({len(ratios)})" if len(ratios) > 1 else span(ratios)
 
 
 def write() -> None:
