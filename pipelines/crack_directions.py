@@ -29,12 +29,13 @@ from pdsurrogate.scenes.tip_diameter import tip_diameters
 
 TEARS, COSTS = FIGURES / "crack-directions.json", FIGURES / "relaxed-costs.json"
 
-ROWS, FINER, RATIO, ANGLES, SEEDS = 24, 48, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
-"""Of strips in the plane: points per height, the same of finer clouds, horizon in spacings, angles to the axes in degrees, clouds."""
+ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
+"""Of strips in the plane: points per height, horizon in spacings, angles to the axes in degrees, clouds."""
 
-START = 0.3
-"""Travel of the grip at which the dynamics of finer clouds begin, at the speed of the other strips. This saves a fifth of the steps. A tear
-in which a bond would break before that is refused."""
+FINER = {48: (ENERGY, 0.3, 0.75), 64: (0.75 * ENERGY, 0.26, 0.58)}
+"""Finer clouds: points per height, with G over shear modulus and height, and the travels of the grip between which their dynamics last, at
+the speed of the other strips. Those of 64 points have the critical stretch of those of 48. A tear in which a bond would break before the
+dynamics is refused, and so is one whose crack does not pass the length along which it is measured."""
 
 SOLID = {"plane": "space", "ratio": 2.2, "rows": 14}
 SOLID_ANGLES, SOLID_SEEDS = (15, 30), (1, 2, 3)
@@ -87,8 +88,8 @@ def cases() -> list[dict]:
     for seed in (None, *SEEDS):
         cloud = {} if seed is None else {"arrangement": "relaxed", "seed": seed}
         found += [flat | {"angle": angle} | cloud for angle in ANGLES]
-    finer = flat | {"rows": FINER, "arrangement": "relaxed"}
-    found += [finer | {"seed": seed, "angle": angle} for seed in SEEDS for angle in ANGLES]
+    finer = flat | {"arrangement": "relaxed"}
+    found += [finer | {"rows": rows, "seed": seed, "angle": angle} for rows in FINER for seed in SEEDS for angle in ANGLES]
     for seed in (None, *SOLID_SEEDS):
         cloud = {} if seed is None else {"arrangement": "relaxed", "seed": seed}
         found += [{"model": "bond-energy"} | SOLID | {"angle": angle} | cloud for angle in SOLID_ANGLES]
@@ -105,13 +106,15 @@ def scene_of(case: dict, **dynamics: float) -> pds.Scene:
     critical = STRETCH
     if case["plane"] != "space":
         law, horizon = law_of(case), case["ratio"] / case["rows"]
-        critical = pds.critical_stretch_of(law, ENERGY, horizon, DIAMETER[case.get("arrangement", "lattice")])
+        energy = FINER.get(case["rows"], (ENERGY,))[0]
+        critical = pds.critical_stretch_of(law, energy, horizon, DIAMETER[case.get("arrangement", "lattice")])
     described = strip(case, critical).model_dump(mode="json", exclude_unset=True)
     first, pulled = described["steps"]
     pulled["outputs"] = OUTPUTS
-    if case["rows"] == FINER:
-        part = (pulled["to"] - START) / (pulled["to"] - first["to"])
-        first["to"], pulled["outputs"] = START, round(part * OUTPUTS)
+    if case["rows"] in FINER:
+        _, start, end = FINER[case["rows"]]
+        part = (end - start) / (pulled["to"] - first["to"])
+        first["to"], pulled["to"], pulled["outputs"] = start, end, round(part * OUTPUTS)
         pulled["dynamics"]["duration"] *= part
     pulled["dynamics"] |= dynamics
     return pds.Scene.model_validate(described)
