@@ -34,8 +34,11 @@ ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
 
 FINER = {48: (ENERGY, 0.3, 0.75), 64: (0.75 * ENERGY, 0.26, 0.58)}
 """Finer clouds: points per height, with G over shear modulus and height, and the travels of the grip between which their dynamics last, at
-the speed of the other strips. Those of 64 points have the critical stretch of those of 48. A tear in which a bond would break before the
-dynamics is refused, and so is one whose crack does not pass the length along which it is measured."""
+the speed of the other strips. Those of 64 points have the critical stretch of those of 48. A tear whose crack does not pass the length along
+which it is measured is refused."""
+
+EARLIER = 0.16
+"""Travel at which the dynamics begin in a repeated tear of which a bond would break in equilibrium before the usual travel."""
 
 SOLID = {"plane": "space", "ratio": 2.2, "rows": 14}
 SOLID_ANGLES, SOLID_SEEDS = (15, 30), (1, 2, 3)
@@ -101,8 +104,8 @@ def advance_of(case: dict) -> int:
     return round(ADVANCE[case["plane"]] * case["rows"])
 
 
-def scene_of(case: dict, **dynamics: float) -> pds.Scene:
-    """The strip with more outputs than for a diameter, and with other settings of its dynamics."""
+def scene_of(case: dict, earlier: float | None = None, **dynamics: float) -> pds.Scene:
+    """The strip with more outputs than for a diameter, with an earlier start of its dynamics, and with other settings of them."""
     critical = STRETCH
     if case["plane"] != "space":
         law, horizon = law_of(case), case["ratio"] / case["rows"]
@@ -113,6 +116,7 @@ def scene_of(case: dict, **dynamics: float) -> pds.Scene:
     pulled["outputs"] = OUTPUTS
     if case["rows"] in FINER:
         _, start, end = FINER[case["rows"]]
+        start = earlier or start
         part = (end - start) / (pulled["to"] - first["to"])
         first["to"], pulled["to"], pulled["outputs"] = start, end, round(part * OUTPUTS)
         pulled["dynamics"]["duration"] *= part
@@ -120,9 +124,9 @@ def scene_of(case: dict, **dynamics: float) -> pds.Scene:
     return pds.Scene.model_validate(described)
 
 
-def torn(case: dict, **dynamics: float) -> dict:
+def torn(case: dict, earlier: float | None = None, **dynamics: float) -> dict:
     """Figures of one tear: direction, energies per length over G, G at the peak."""
-    began, scene = time.process_time(), scene_of(case, **dynamics)
+    began, scene = time.process_time(), scene_of(case, earlier, **dynamics)
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "a bond would break in equilibrium")
         result = pds.simulate(scene, case["model"], threads=1)
@@ -174,12 +178,14 @@ def stored() -> dict[str, dict]:
 
 
 def tried(case: dict) -> dict | str:
-    """Figures of a tear, or why it failed; a tear that becomes unstable is repeated with shorter time steps."""
+    """Figures of a tear, or why it failed; a tear that becomes unstable is repeated with shorter time steps, or with an earlier start."""
     try:
         try:
             return torn(case)
         except pds.SimulationFailed:
             return torn(case, safety=SAFER)
+        except UserWarning:
+            return torn(case, EARLIER)
     except Exception as error:
         return f"{type(error).__name__}: {error}"
 
