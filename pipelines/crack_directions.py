@@ -34,8 +34,8 @@ ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
 
 FINER = {48: (ENERGY, 0.3, 0.75), 64: (0.75 * ENERGY, 0.26, 0.58)}
 """Finer clouds: points per height, with G over shear modulus and height, and the travels of the grip between which their dynamics last, at
-the speed of the other strips. Those of 64 points have the critical stretch of those of 48. A tear whose crack does not pass the length along
-which it is measured is refused."""
+the speed of the other strips. Those of 64 points have the critical stretch of those of 48. A tear whose crack does not pass the length
+along which it is measured is refused."""
 
 EARLIER = 0.16
 """Travel at which the dynamics begin in a repeated tear of which a bond would break in equilibrium before the usual travel."""
