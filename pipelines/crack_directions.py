@@ -34,11 +34,11 @@ ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
 
 FINER = {48: (ENERGY, 0.3, 0.75), 64: (0.75 * ENERGY, 0.26, 0.58)}
 """Finer clouds: points per height, with G over shear modulus and height, and the travels of the grip between which their dynamics last, at
-the speed of the other strips. Those of 64 points have the critical stretch of those of 48. A tear whose crack does not pass the length
-along which it is measured is refused."""
+the speed of the other strips. Those of 64 points have the critical stretch of those of 48."""
 
-EARLIER = 0.16
-"""Travel at which the dynamics begin in a repeated tear of which a bond would break in equilibrium before the usual travel."""
+WIDER = 0.16, 0.75
+"""These travels in a repeated tear, of which a bond would break in equilibrium before the usual ones, or whose crack has not passed the
+length along which it is measured when they end."""
 
 SOLID = {"plane": "space", "ratio": 2.2, "rows": 14}
 SOLID_ANGLES, SOLID_SEEDS = (15, 30), (1, 2, 3)
@@ -104,8 +104,8 @@ def advance_of(case: dict) -> int:
     return round(ADVANCE[case["plane"]] * case["rows"])
 
 
-def scene_of(case: dict, earlier: float | None = None, **dynamics: float) -> pds.Scene:
-    """The strip with more outputs than for a diameter, with an earlier start of its dynamics, and with other settings of them."""
+def scene_of(case: dict, travels: tuple[float, float] | None = None, **dynamics: float) -> pds.Scene:
+    """The strip with more outputs than for a diameter, other travels between which its dynamics last, and other settings of them."""
     critical = STRETCH
     if case["plane"] != "space":
         law, horizon = law_of(case), case["ratio"] / case["rows"]
@@ -115,8 +115,7 @@ def scene_of(case: dict, earlier: float | None = None, **dynamics: float) -> pds
     first, pulled = described["steps"]
     pulled["outputs"] = OUTPUTS
     if case["rows"] in FINER:
-        _, start, end = FINER[case["rows"]]
-        start = earlier or start
+        start, end = travels or FINER[case["rows"]][1:]
         part = (end - start) / (pulled["to"] - first["to"])
         first["to"], pulled["to"], pulled["outputs"] = start, end, round(part * OUTPUTS)
         pulled["dynamics"]["duration"] *= part
@@ -124,9 +123,13 @@ def scene_of(case: dict, earlier: float | None = None, **dynamics: float) -> pds
     return pds.Scene.model_validate(described)
 
 
-def torn(case: dict, earlier: float | None = None, **dynamics: float) -> dict:
+class TooShort(ValueError):
+    """The crack has not passed the length along which it is measured."""
+
+
+def torn(case: dict, travels: tuple[float, float] | None = None, **dynamics: float) -> dict:
     """Figures of one tear: direction, energies per length over G, G at the peak."""
-    began, scene = time.process_time(), scene_of(case, earlier, **dynamics)
+    began, scene = time.process_time(), scene_of(case, travels, **dynamics)
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "a bond would break in equilibrium")
         result = pds.simulate(scene, case["model"], threads=1)
@@ -139,7 +142,7 @@ def torn(case: dict, earlier: float | None = None, **dynamics: float) -> dict:
     advance = (places @ along - tip) * case["rows"]
     chosen = (damage > 0) & (advance > 0) & (advance < advance_of(case))
     if not (damage[advance >= advance_of(case)] > 0).any():
-        raise ValueError(f"the crack does not advance by {advance_of(case)} spacings, along which it is measured")
+        raise TooShort(f"the crack does not advance by {advance_of(case)} spacings, along which it is measured")
     # Damage lies on both sides of the crack alike, so that the line of least squares through it, weighted by it, is that of the crack.
     slope = np.polyfit(advance[chosen], (places @ across)[chosen] * case["rows"], 1, w=np.sqrt(damage[chosen]))[0]
 
@@ -178,14 +181,14 @@ def stored() -> dict[str, dict]:
 
 
 def tried(case: dict) -> dict | str:
-    """Figures of a tear, or why it failed; a tear that becomes unstable is repeated with shorter time steps, or with an earlier start."""
+    """Figures of a tear, or why it failed; a tear that becomes unstable is repeated with shorter time steps, and one that is too short is made longer."""
     try:
         try:
             return torn(case)
         except pds.SimulationFailed:
             return torn(case, safety=SAFER)
-        except UserWarning:
-            return torn(case, EARLIER)
+        except (UserWarning, TooShort):
+            return torn(case, WIDER)
     except Exception as error:
         return f"{type(error).__name__}: {error}"
 
