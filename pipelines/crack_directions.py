@@ -181,7 +181,7 @@ def stored() -> dict[str, dict]:
 
 
 def tried(case: dict) -> dict | str:
-    """Figures of a tear, or why it failed; a tear that becomes unstable is repeated with shorter time steps, and one that is too short is made longer."""
+    """Figures of a tear, or why it failed. An unstable tear is repeated with shorter time steps, a short one with wider travels."""
     try:
         try:
             return torn(case)
