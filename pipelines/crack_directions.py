@@ -221,9 +221,9 @@ def row_of(label: str, tears: list[dict]) -> list[str]:
     return [label, str(len(tears)), *angles, *energies]
 
 
-def table_of(plane: str, relaxed: bool, rows: int) -> str:
-    """Tears of a plane, arrangement and number of rows, by angle and all together."""
-    tears = [tear for tear in stored().values() if (tear["plane"], "seed" in tear, tear["rows"]) == (plane, relaxed, rows)]
+def table_of(plane: str, relaxed: bool, *rows: int) -> str:
+    """Tears of a plane, arrangement and one or several numbers of rows, by angle and all together."""
+    tears = [tear for tear in stored().values() if (tear["plane"], "seed" in tear) == (plane, relaxed) and tear["rows"] in rows]
     unit = "G" if plane != "space" else "μ h"
     head = ["angle (degrees)", "tears", "direction, mean (degrees)", "rms (degrees)", "greatest (degrees)"]
     head += [f"dissipated / {unit}", f"released / {unit}", f"G at the peak / {unit}"]
@@ -312,6 +312,7 @@ def write_page() -> None:
     """Put the tables into the documentation."""
     for plane, relaxed, rows in sorted({(tear["plane"], "seed" in tear, tear["rows"]) for tear in stored().values()}):
         replace_block(f"directions-{plane}-{'relaxed' if relaxed else 'lattice'}-{rows}", table_of(plane, relaxed, rows))
+    replace_block("directions-stress-relaxed-finer", table_of("stress", True, *FINER))
 
 
 if __name__ == "__main__":
