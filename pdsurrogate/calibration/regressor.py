@@ -23,6 +23,7 @@ from ..identification.regressor import check_fitted
 from ..identification.stress_regressor import BULK_RATIO
 from ..materials import LAWS, Law, Ogden
 from ..materials.covariance import LawCovariance, covariance_of_numbers, derivatives_of_numbers
+from ..materials.dictionary import OF_INVARIANTS, checked_dictionary
 from ..scenes import Mesh, Scene, load_scene
 from .free import FLOOR, HALVINGS, EnergyUnknowns, average, floored, grouping, minimized
 from .measured import DISPLACEMENTS, FAILURES, FORCES, MeasuredScene, Rows
@@ -126,6 +127,11 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         K instead of K/mu, in the unit of the stresses.
     random_state : int, default=0
         Seed of the members of the committee; nothing else is random.
+    dictionary : sequence of (str, float), optional
+        Candidate terms of an energy without a law, pairs of a kind and a number as in `pdsurrogate.materials.dictionary.Term`, such as
+        ``("second_logarithm", 1)``. An energy has at most four terms that are functions of the stretches and at most one that is a function
+        of their inverses. By default `pdsurrogate.materials.dictionary.OF_INVARIANTS`. Of sums with a term that is not polyconvex, those
+        are left out whose waves are unstable in states with stretches from 1/3 to 3.
 
     Attributes
     ----------
@@ -193,6 +199,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         "bulk_ratio": [None, Interval(Real, 0, None, closed="neither")],
         "bulk_modulus": [None, Interval(Real, 0, None, closed="neither")],
         "random_state": [Interval(Integral, 0, None, closed="left")],
+        "dictionary": "no_validation",  # checked with its terms
     }
 
     scene: Scene | str | Path | Sequence = "hole"
@@ -203,6 +210,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     bulk_ratio: float | None = None
     bulk_modulus: float | None = None
     random_state: int = 0
+    dictionary: Sequence[tuple[str, float]] | None = None
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
@@ -462,31 +470,60 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
     def _fitted(self, y: np.ndarray, root: np.ndarray) -> None:
         """Set the results of the fit to values with roots of weights; keep the simulated values and the correction."""
+        self._unknown = self._unknowns(len(y))
+        start = self._start(y, root)
+        search, x = self._search_from(start, y, root)
+        found, correction = self._searched(search, x)
+        x, space = found.x, search.space
+        if self.law is None:
+            kept = x > FLOOR * x.max()
+            self._unknown, x, found.jac, space = self._unknown.of(kept), x[kept], found.jac[:, kept], space.of(kept)
+            found.spread, found.active_mask = found.spread[np.ix_(kept, kept)], found.active_mask[kept]
+            search.space, search.law_of = space, self._unknown.law_of
+            search.forget()
+        else:
+            found.active_mask = (found.active_mask != 0) | (np.minimum(x - space.low, space.high - x) < AT_BOUND * _errors(found.jac))
+        visited = np.concatenate([test.states(search.law_at(x)) for test, _ in self._tests])
+        self._set_domain(visited)
+        self.n_simulations_ = search.count
+        self._correction, self._found = correction, search.values(x) + correction
+        residuals = root * (y - self._found)
+        self._store(x, space, found, residuals, root * correction)
+        if self.law is not None:
+            self.members_ = self._drawn(x, space, found.jac, residuals, visited)
+
+    def _unknowns(self, count: int) -> LawRegressor | EnergyUnknowns:
+        """Return the unknowns of the fit; raise ValueError unless `count` measurements can determine them."""
         bulk = self._bulk()
         if self.law is None:
-            self._unknown = EnergyUnknowns(bulk.get("bulk_ratio", None if bulk else BULK_RATIO), bulk.get("bulk_modulus"))
-            self._check_energy(len(y))
-        else:
-            self._unknown = LawRegressor(self.law, self.n_terms).set_params(**bulk)
-        unknowns = self._unknown.unknowns()
-        if self.law is not None and len(y) < len(unknowns):
-            raise ValueError(f"X: {len(y)} measurements do not determine {len(unknowns)} parameters ({', '.join(unknowns)})")
-        start = self._start(y, root)
+            terms = OF_INVARIANTS if self.dictionary is None else checked_dictionary(self.dictionary)
+            unknown = EnergyUnknowns(bulk.get("bulk_ratio", None if bulk else BULK_RATIO), bulk.get("bulk_modulus"), terms)
+            self._check_energy(unknown, count)
+            return unknown
+        unknown = LawRegressor(self.law, self.n_terms).set_params(**bulk)
+        names = unknown.unknowns()
+        if count < len(names):
+            raise ValueError(f"X: {count} measurements do not determine {len(names)} parameters ({', '.join(names)})")
+        return unknown
+
+    def _search_from(self, start: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple["_Search", np.ndarray]:
+        """Return the search that starts at given parameters, at which the tests are simulated, and its variables there."""
         if isinstance(self._unknown, EnergyUnknowns):
             low, high, logarithmic = np.zeros(len(start)), np.full(len(start), np.inf), np.zeros(len(start), dtype=bool)
         else:
             low, high, logarithmic = self._unknown.search_range(start, float(self._unknown.law_of(start).shear_modulus))
-
-        def values(x):
-            return np.exp(x, out=x.copy(), where=logarithmic) if logarithmic.any() else x
-
         x, low, high = (np.log(each, out=np.array(each, dtype=float), where=logarithmic) for each in (start, low, high))
         if self.law is not None:  # central differences stay between the bounds
             low, high = low + 2 * DIFFERENCE, high - 2 * DIFFERENCE
             x = np.clip(x, low, high)
-        correction, law_of = np.zeros(len(y)), lambda x: self._unknown.law_of(values(x))
-        self._begin(law_of(x), y, root)
-        search = _Search(self._tests, law_of, y, root, self.law is None, self.law is not None and self._without_scale())
+        space = _Space(low, high, logarithmic)
+        self._begin(self._unknown.law_of(space.parameters(x)), y, root)
+        held = self.law is not None and self._without_scale()
+        return _Search(self._tests, self._unknown.law_of, space, y, root, self.law is None, held), x
+
+    def _searched(self, search: "_Search", x: np.ndarray) -> tuple[SimpleNamespace, np.ndarray]:
+        """Return the solution of a search that starts at x, and the correction of the discretization error, (n,), that it contains."""
+        y, correction = search.y, np.zeros(len(search.y))
         for number in range(ROUNDS if self._ratio > 1 or self.law is None else 1):
             first = self._ratio > 1 and not number
             # Changes of the cost by less than these are those of parameters within a part of their standard errors.
@@ -494,51 +531,39 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             if self.law is None:
                 found = self._energy(search, x, number)
             else:
-                bounds = {"bounds": (low, high), "x_scale": "jac"}
+                bounds = {"bounds": (search.space.low, search.space.high), "x_scale": "jac"}
                 found = least_squares(
                     search.residuals, x, search.jacobian, **bounds, ftol=close, xtol=1e-8, gtol=1e-12, max_nfev=MOST_STEPS
                 )
             before, x = x, found.x
             if self._ratio == 1:
                 continue
-            errors = _errors(found.jac)
-            if self.law is not None and number and (np.abs(x - before) <= SETTLED * errors).all():
+            if self.law is not None and number and (np.abs(x - before) <= SETTLED * _errors(found.jac)).all():
                 break
-            fine = np.empty(len(y))
-            for test, here in self._tests:
-                with _failing(f"refine: with the spacing {self._fine(test.scene)} the fitted law fails; choose another spacing or refine"):
-                    fine[here] = test.simulate(law_of(x), self._fine(test.scene))[0]
-            correction = fine - search.values(x)
+            correction = self._fine_values(search.law_at(x)) - search.values(x)
             if self.law is None:
                 correction *= self._ratio**MEAN_ORDER / (self._ratio**MEAN_ORDER - 1)
             search.y = y - correction
-        if self.law is None:
-            kept = x > FLOOR * x.max()
-            self._unknown, x, found.jac = self._unknown.of(kept), x[kept], found.jac[:, kept]
-            found.spread, logarithmic = found.spread[np.ix_(kept, kept)], logarithmic[kept]
-            found.active_mask = found.active_mask[kept]
-            search.forget()
-        else:
-            found.active_mask = (found.active_mask != 0) | (np.minimum(x - low, high - x) < AT_BOUND * _errors(found.jac))
-        visited = np.concatenate([test.states(law_of(x)) for test, _ in self._tests])
-        self._set_domain(visited)
-        self.n_simulations_ = search.count
-        simulated = search.values(x) + correction
-        self._store(x, values, found, logarithmic, root * (y - simulated), root * correction)
-        if self.law is not None:
-            self.members_ = self._drawn(x, values, found.jac, root * (y - simulated), (low, high), logarithmic, visited)
-        self._found, self._correction = simulated, correction
+        return found, correction
 
-    def _check_energy(self, count: int) -> None:
+    def _fine_values(self, law: Law) -> np.ndarray:
+        """Return the measurements of the finer simulations with a law, shape (n,)."""
+        found = np.empty(sum(len(here) for _, here in self._tests))
+        for test, here in self._tests:
+            with _failing(f"refine: with the spacing {self._fine(test.scene)} the fitted law fails; choose another spacing or refine"):
+                found[here] = test.simulate(law, self._fine(test.scene))[0]
+        return found
+
+    def _check_energy(self, unknown: EnergyUnknowns, count: int) -> None:
         """Raise ValueError for measurements that cannot determine an energy without a law."""
         if self._without_scale():
             raise ValueError(
                 "displacements under prescribed motions determine an energy without a law up to a factor alone: add rows of forces "
                 "(quantity 0; --forces)"
             )
-        if count < len(self._unknown.terms):
+        if count < len(unknown.terms):
             raise ValueError(
-                f"an energy without a law has {len(self._unknown.terms)} candidate terms, and needs at least as many measurements, not "
+                f"an energy without a law has {len(unknown.terms)} candidate terms, and needs at least as many measurements, not "
                 f"{count}: add displacements (--fields), or fit a law (--law)"
             )
 
@@ -564,7 +589,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             each = grouping(residuals[here][field], test.rows.places[field], test.rows.quantity[field])
             total, count = total + each[0], count + each[1]
         correlated = max(1.0, total / count / (residuals**2).mean()) if count else 1.0
-        energies = average(found.jac, found.jac @ found.x - residuals, correlated, MEMBERS, self.random_state)
+        energies = average(self._unknown.terms, found.jac, found.jac @ found.x - residuals, correlated, MEMBERS, self.random_state)
         self.members_ = [self._unknown.of(each > 0).law_of(each[each > 0]) for each in energies.members]
         found.spread = energies.covariance
         found.x = floored(energies.mean)
@@ -576,10 +601,10 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         self.domain_hull_ = [[n1, n2, EnergyRegressor.margin - offset] for n1, n2, offset in half_planes(isochoric[:, :2]).tolist()]
         self.stretch_range_ = float(visited.min()), float(visited.max())
 
-    def _store(self, x, values, found, logarithmic, residuals, correction) -> None:
+    def _store(self, x, space, found, residuals, correction) -> None:
         """Set parameters, covariance and lack of fit from the weighted Jacobian and residuals at the solution."""
-        jacobian = found.jac / np.where(logarithmic, values(x), 1.0)
-        self.parameter_names_, self.parameters_ = self._unknown.unknowns(), values(x)
+        jacobian = found.jac / space.sizes(x)
+        self.parameter_names_, self.parameters_ = self._unknown.unknowns(), space.parameters(x)
         self.law_ = self._unknown.law_of(self.parameters_)
         self.at_bound_ = [name for name, active in zip(self.parameter_names_, found.active_mask, strict=True) if active]
         free = len(residuals) - len(x)
@@ -588,7 +613,9 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         if self.law is None:
             self.covariance_, errors = found.spread, np.sqrt(np.diag(found.spread))
             self.standard_errors_, self.correlation_ = errors, found.spread / np.outer(errors, errors)
-            self.undetermined_ = [name for name, one in zip(self.parameter_names_, errors > UNDETERMINED * values(x), strict=True) if one]
+            self.undetermined_ = [
+                name for name, one in zip(self.parameter_names_, errors > UNDETERMINED * self.parameters_, strict=True) if one
+            ]
             return
         scales = self._scales()
         left, singular, right = np.linalg.svd(jacobian * scales, full_matrices=False)
@@ -607,7 +634,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         covariance[unknown, unknown] = np.inf
         self.covariance_, self.standard_errors_ = covariance, np.sqrt(np.diag(covariance))
 
-    def _drawn(self, x, values, jacobian, residuals, bounds, logarithmic, visited) -> list[Law]:
+    def _drawn(self, x, space, jacobian, residuals, visited) -> list[Law]:
         """Return laws drawn from the distribution of bounded least-squares solutions x; none if a parameter is not determined at all.
 
         `jacobian` is the derivative of the weighted simulated measurements by x, and `residuals` are the weighted measurements minus the
@@ -618,17 +645,17 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         if not np.isfinite(self.covariance_).all():
             return []
         states = visited[:: -(-len(visited) // MOST_COMPARED), :2]
-        sizes = np.where(logarithmic, values(x), 1.0)
+        sizes = space.sizes(x)
         variances, axes = np.linalg.eigh(self.covariance_ / np.outer(sizes, sizes))
         deviations, random, members = np.sqrt(np.maximum(variances, 1e-14 * variances.max())), np.random.default_rng(self.random_state), []
         inverse, unbounded = (axes / deviations).T, x + np.linalg.lstsq(jacobian, residuals, rcond=1e-10)[0]
         (stress, error), slopes = self.nominal_stress(states), self._stress_derivatives(states) * sizes
         for normal in random.standard_normal((MEMBERS, len(x))):
-            change = lsq_linear(inverse, inverse @ (unbounded + axes @ (deviations * normal)), bounds, method="bvls").x - x
+            change = lsq_linear(inverse, inverse @ (unbounded + axes @ (deviations * normal)), (space.low, space.high), method="bvls").x - x
             member = self.law_
             for part in change / 2.0 ** np.arange(HALVINGS)[:, None]:
                 with suppress(ValueError):  # some parameters between the bounds are not those of a law
-                    law = self._unknown.law_of(values(x + part))
+                    law = self._unknown.law_of(space.parameters(x + part))
                     if ((nominal_stress(law, states) - stress - slopes @ part) ** 2).mean() <= (error**2).mean():
                         member = law
                         break
@@ -666,7 +693,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 sizes, exponents = np.abs(stated[0].moduli), np.array(stated[0].exponents)
             start = np.concatenate([sizes, exponents])
         else:
-            law = stated[0] if stated else LAWS[self.law]()
+            law = stated[0] if stated else LAWS[str(self.law)]()
             start = np.array([getattr(law, name) for name in self._unknown.unknowns()])
         product, square = 0.0, 0.0
         for test, here in self._tests:
@@ -733,20 +760,44 @@ def _check_displacements(test: MeasuredScene, simulated: np.ndarray, measured: n
             )
 
 
+@dataclass(frozen=True)
+class _Space:
+    """Variables of a search: parameters or, where flags say so, their logarithms, between bounds; each of shape (n_parameters,)."""
+
+    low: np.ndarray
+    high: np.ndarray
+    logarithmic: np.ndarray
+
+    def of(self, kept: np.ndarray) -> "_Space":
+        """Return the variables that a mask chooses."""
+        return _Space(self.low[kept], self.high[kept], self.logarithmic[kept])
+
+    def parameters(self, x: np.ndarray) -> np.ndarray:
+        return np.exp(x, out=x.copy(), where=self.logarithmic)
+
+    def sizes(self, x: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the parameters by the variables."""
+        return np.where(self.logarithmic, self.parameters(x), 1.0)
+
+
 class _Search:
-    """Weighted residuals of a law at the measurements, and their Jacobian by the search variables, for `scipy.optimize.least_squares`.
+    """Weighted residuals of a law at the measurements and their Jacobian by the variables of a `space`, for `scipy.optimize.least_squares`.
 
     If `held`, the measurements do not depend on a common factor of all moduli, and the first one keeps its value.
     """
 
-    def __init__(self, tests: list, law_of, y: np.ndarray, root: np.ndarray, linear: bool, held: bool) -> None:
-        self.tests, self.law_of, self.y, self.root, self.linear, self.held, self.count = tests, law_of, y, root, linear, held, 0
+    def __init__(self, tests: list, law_of, space: _Space, y: np.ndarray, root: np.ndarray, linear: bool, held: bool) -> None:
+        self.tests, self.law_of, self.space, self.y, self.root, self.linear, self.held = tests, law_of, space, y, root, linear, held
+        self.count = 0
         self.known: dict[bytes, np.ndarray] = {}
         self.differentiated: dict[bytes, np.ndarray] = {}
 
     def forget(self) -> None:
         """Delete what is known of laws with other unknowns."""
         self.known, self.differentiated = {}, {}
+
+    def law_at(self, x: np.ndarray) -> Law:
+        return self.law_of(self.space.parameters(x))
 
     def values(self, x: np.ndarray) -> np.ndarray:
         """Return the measurements at the search variables; raise one of `FAILURES` where a scene has no equilibrium."""
@@ -764,7 +815,7 @@ class _Search:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         if x.tobytes() in self.differentiated:
             return self.root[:, None] * self.differentiated[x.tobytes()]
-        numbers, chain = derivatives_of_numbers(self.law_of, x, DIFFERENCE * (np.abs(x) if self.linear else np.ones(len(x))))
+        numbers, chain = derivatives_of_numbers(self.law_at, x, DIFFERENCE * (np.abs(x) if self.linear else np.ones(len(x))))
         values, derivatives = self._differentiated(x, [f"material.{name}" for name in numbers])
         if self.held:
             chain[:, 0] = 0.0
@@ -772,7 +823,7 @@ class _Search:
         return self.root[:, None] * self.differentiated[x.tobytes()]
 
     def _differentiated(self, x: np.ndarray, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
-        law, values, derivatives = self.law_of(x), np.empty(len(self.y)), np.empty((len(self.y), len(names)))
+        law, values, derivatives = self.law_at(x), np.empty(len(self.y)), np.empty((len(self.y), len(names)))
         for test, here in self.tests:
             self.count += test.count
             values[here], derivatives[here] = test.differentiate(law, names)
