@@ -32,6 +32,13 @@ GROUP = 13
 FLOOR = 3e-6
 """Least coefficient in the search, relative to the greatest: differences over a millionth of the greatest modulus keep its sign."""
 
+MOST_TRIED = 8
+"""Most terms whose coefficients a search varies, each of which takes the solution of linear equations in each step. Of a greater dictionary
+the weak form chooses these."""
+
+MET = 100.0
+"""Norm of the equation by which forces are met in their sum, divided by that of all other equations: they are then met to 1e-4."""
+
 HALVINGS = 6
 """Most halvings of a step that does not reduce the residuals."""
 
@@ -82,6 +89,25 @@ def solved(jacobian: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Return the least-squares solution of J x = right without negative numbers, after an orthogonal reduction to a square matrix."""
     q, r = np.linalg.qr(jacobian)
     return nonnegative(r, q.T @ right, np.ones(len(r)))[0]
+
+
+def scaled(jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the equations of the weak form with one more, by which the measured forces, chosen by a mask, are met in their sum.
+
+    Otherwise an energy of almost zero, whose forces are in balance in every field, would fit best where the simulation has errors.
+    """
+    if not forces.any():
+        return jacobian, right
+    row = np.append(right[forces] @ jacobian[forces], right[forces] @ right[forces])
+    row *= MET * np.linalg.norm(jacobian) / np.linalg.norm(row[:-1])
+    return np.vstack([jacobian, row[:-1]]), np.append(right, row[-1])
+
+
+def proposed(jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray, groups: np.ndarray) -> np.ndarray:
+    """Return, for each term, the share of fits of the weak form in which it has weight: to all equations, and with one group left out."""
+    masks = [np.ones(len(groups), dtype=bool), *(groups != one for one in np.unique(groups))]
+    fits = np.array([solved(*scaled(jacobian[used], right[used], forces[used])) for used in masks])
+    return np.mean(fits > FLOOR * fits.max(axis=1, keepdims=True), axis=0)
 
 
 def minimized(search, x: np.ndarray, close: float, most: int) -> SimpleNamespace:

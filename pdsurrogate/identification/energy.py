@@ -198,6 +198,8 @@ class EnergyRegressor(StressRegressor):
         given = None if self.dictionary is None else checked_dictionary(self.dictionary)
         X, y, root, used = self._checked(X, y, sample_weight)
         _warn_of_few_modes(X)
+        if groups is not None and np.shape(groups) != used.shape:
+            raise ValueError(f"groups must have one entry for each of the {len(used)} rows of X, not the shape {np.shape(groups)}")
         groups = groups_of(X) if groups is None else np.asarray(groups)[used]
         self.cross_validation_ = []
         chosen = self._chosen(X, y, root, groups) if given is None else given
@@ -234,6 +236,8 @@ class EnergyRegressor(StressRegressor):
         True
         """
         check_is_fitted(self)
+        if np.shape(values) != (len(self.terms_),):
+            raise ValueError(f"values must have one weight for each of the {len(self.terms_)} terms, not the shape {np.shape(values)}")
         return law_of(self.terms_, values, self._bulk(stiffness_of(self.terms_, np.asarray(values, dtype=float))))
 
     def beyond(self, X) -> np.ndarray:
