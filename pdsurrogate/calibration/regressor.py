@@ -659,7 +659,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 warnings.warn(
                     f"refine=1: the discretization error of scene {test.scene.name} is unknown and no part of the standard errors, since "
                     f"a simulation with twice the spacing fails: {error}",
-                    stacklevel=4,
+                    stacklevel=5,
                 )
         return found
 

@@ -70,6 +70,7 @@ def test_parameters_come_back_from_exact_measurements(gent, exact):
     assert found.law_.bulk_modulus == pytest.approx(100 * found.parameters_[0])
 
 
+@pytest.mark.usefixtures("same_body")
 def test_standard_errors_are_the_scatter_of_repeated_fits(exact, random):
     """The scatter of 16 fits is the reported standard error within three errors of a scatter of 16, 0.18 each."""
     scene, fits = sheet("neo-hookean"), []
@@ -92,6 +93,7 @@ def test_the_noise_of_a_field_is_found_without_being_stated(exact, random):
     assert found[~field] == pytest.approx(0.005 * np.abs(y[~field]).max())
 
 
+@pytest.mark.usefixtures("same_body")
 def test_a_field_without_forces_does_not_determine_moduli(exact, random):
     """Equilibria of prescribed motions depend on ratios of moduli alone."""
     field = X[:, 1] > 0
@@ -105,6 +107,7 @@ def test_a_field_without_forces_does_not_determine_moduli(exact, random):
         model.law_covariance()
 
 
+@pytest.mark.usefixtures("same_body")
 def test_fields_tell_more_than_forces(exact, random):
     y, forces = exact + DEVIATION * random.standard_normal(len(X)), X[:, 1] == 0
     both = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, y, standard_deviation=DEVIATION)
@@ -158,6 +161,7 @@ def test_several_scenes_share_a_law(gent, exact):
     assert model.predict(rows[-1:]) == pytest.approx(force, rel=1e-3)
 
 
+@pytest.mark.usefixtures("same_body")
 def test_stresses_have_the_errors_of_the_parameters():
     model = pds.SceneRegressor(sheet("neo-hookean"), refine=1).fit([[1, 0, 0, 0]], [2.0], standard_deviation=0.1)
     states = np.stack([[1.5, 2.0], MODES["uniaxial"](np.array([1.5, 2.0]))], axis=1)
@@ -166,6 +170,7 @@ def test_stresses_have_the_errors_of_the_parameters():
     np.testing.assert_allclose(error / stress, 0.05, rtol=1e-2)  # a modulus is known as well as the force
 
 
+@pytest.mark.usefixtures("same_body")
 def test_the_spread_of_members_is_the_standard_error_of_stresses(exact, random):
     """The spread of 400 members has an error of 4 %; the curvature of stresses over the chain limit adds a few percent."""
     y, model = exact + DEVIATION * random.standard_normal(len(X)), pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1)
@@ -187,6 +192,7 @@ def test_members_repeat_from_their_seed(exact):
     assert not set(map(str, first)) & set(map(str, other))
 
 
+@pytest.mark.usefixtures("same_body")
 def test_members_of_an_undetermined_law_describe_the_test(exact, random):
     """Ogden's six numbers are not determined by the sheet; in its states the members have the stresses within three errors all the same."""
     y = exact + DEVIATION * random.standard_normal(len(X))
@@ -214,6 +220,7 @@ def test_rows_that_the_scene_does_not_have_are_refused(row, message):
         pds.SceneRegressor(sheet("neo-hookean"), refine=1).fit([row], [1.0], standard_deviation=0.1)
 
 
+@pytest.mark.usefixtures("same_body")
 def test_the_command_writes_artifact_report_and_figures(tmp_path, gent, exact):
     field = X[:, 1] == 1
     fields = np.column_stack([X[field, 0], X[field, 2:], exact[field], exact[X[:, 1] == 2]])
@@ -423,7 +430,8 @@ def test_the_weak_form_holds_for_the_energy_in_equilibrium(gent_thomas):
     assert left[0] < 0.1 * left[1]
 
 
-def test_the_weak_form_gives_the_start_and_chooses_among_many_terms(gent_thomas, same_body):
+@pytest.mark.usefixtures("same_body")
+def test_the_weak_form_gives_the_start_and_chooses_among_many_terms(gent_thomas):
     many = [*GENT_THOMAS, *(("first", k) for k in (2, 3, 4)), ("roots", 1), ("roots", 2), ("second", 1), ("second", 2), ("stretches", 3)]
     model = pds.SceneRegressor(sheet("neo-hookean"), None, refine=1, dictionary=many).fit(X, gent_thomas, standard_deviation=DEVIATION)
     start = model.start_
