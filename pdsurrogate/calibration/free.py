@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from ..identification import MODES
 from ..identification.energy import columns_of, isochoric, nonnegative, stiffness_of
 from ..materials import Law
-from ..materials.dictionary import OF_INVARIANTS, Term, wave_check
+from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, Term, wave_check
 from ..materials.polyconvex import law_of
 
 MOST_OF_STRETCHES, MOST_OF_INVERSES = 4, 1
@@ -154,7 +154,13 @@ class Average:
 
 
 def average(
-    terms: Sequence[Term], jacobian: np.ndarray, right: np.ndarray, correlated: float, count: int, random_state: int = 0
+    terms: Sequence[Term],
+    jacobian: np.ndarray,
+    right: np.ndarray,
+    correlated: float,
+    count: int,
+    random_state: int = 0,
+    greatest: float = STABLE_TO,
 ) -> Average:
     """Return the average of all sets of few `terms` that solve the linear equations J x = right, with `count` members.
 
@@ -169,6 +175,8 @@ def average(
     count : int
     random_state : int
         Seed of the members.
+    greatest : float
+        Greatest stretch of the states in which waves must be stable.
 
     Raises
     ------
@@ -177,7 +185,7 @@ def average(
     """
     n, every = jacobian.shape
     square = np.linalg.qr(np.column_stack([jacobian, right]), mode="r")
-    waves, stiff, found = wave_check(terms), np.array([term.shear_modulus > 0 for term in terms]), {}
+    waves, stiff, found = wave_check(terms, greatest), np.array([term.shear_modulus > 0 for term in terms]), {}
 
     def stable(x: np.ndarray) -> bool:
         """Return whether an energy has a stiffness at rest and stable waves."""

@@ -96,6 +96,11 @@ class MeasuredScene:
     outputs : sequence of str, optional
         Dotted keys of measurements of an output, those of the quantities 0, -1, and so on; ``"force"``, the default, is the force of the
         region that is pulled.
+
+    Attributes
+    ----------
+    greatest_stretch : float
+        Greatest stretch, or inverse of the least one, in the simulation with which `begin` was last called.
     """
 
     def __init__(self, scene: Scene, rows: Rows, outputs: Sequence[str] | None = None) -> None:
@@ -148,6 +153,8 @@ class MeasuredScene:
         levels = {step: self._level(result, step) for step in self._steps}
         self._parameters = {step: level[self._loading] for step, level in levels.items()}
         self._guesses = {step: result.displacement(level["number"]) for step, level in levels.items()}
+        stretches = np.concatenate([result.field("principal_stretches", level["number"]).ravel() for level in levels.values()])
+        self.greatest_stretch = max(float(stretches.max()), 1 / float(stretches.min()))
         self._base = self._differentiated(with_law(self.scene, law))
         return values
 

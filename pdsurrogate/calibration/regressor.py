@@ -23,7 +23,7 @@ from ..identification.regressor import check_fitted
 from ..identification.stress_regressor import BULK_RATIO
 from ..materials import LAWS, Law, Ogden
 from ..materials.covariance import LawCovariance, covariance_of_numbers, derivatives_of_numbers
-from ..materials.dictionary import OF_INVARIANTS, checked_dictionary
+from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, checked_dictionary
 from ..materials.stretch_laws import MOST_TERMS
 from ..scenes import Mesh, Scene, load_scene
 from .free import FLOOR, HALVINGS, MOST_TRIED, EnergyUnknowns, average, floored, grouping, minimized, proposed, scaled, solved
@@ -113,7 +113,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         fitted, and gives K/mu unless `bulk_ratio` or `bulk_modulus` does.
     law : str or None, default="neo-hookean"
         Name of the law; None for an energy without a law, an average of energies of few terms of both invariants, weighted by how well they
-        fit (theory, section 28). It is a `pdsurrogate.materials.Polyconvex`; waves are stable in its states with stretches from 1/3 to 3.
+        fit (theory, section 28). It is a `pdsurrogate.materials.Polyconvex`.
     n_terms : int, default=3
         Number of terms of Ogden's law; without effect for other laws.
     outputs : sequence of str, optional
@@ -133,7 +133,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         Candidate terms of an energy without a law, pairs of a kind and a number as in `pdsurrogate.materials.dictionary.Term`, such as
         ``("second_logarithm", 1)``. An energy has at most four terms that are functions of the stretches and at most one that is a function
         of their inverses. By default `pdsurrogate.materials.dictionary.OF_INVARIANTS`. Of sums with a term that is not polyconvex, those
-        are left out whose waves are unstable in states with stretches from 1/3 to 3.
+        are left out whose waves are unstable in states with stretches from 1/3 to 3, or those of the tests if these are greater.
 
     Attributes
     ----------
@@ -193,7 +193,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     >>> scene = pds.load_scene("hole", spacing=0.25, stretches=[1.1, 1.2])
     >>> X = [[1, 0, 0, 0], [2, 0, 0, 0]]  # the forces of the first and the second stretch
     >>> found = pds.SceneRegressor(scene, refine=1).fit(X, [0.855, 1.526], standard_deviation=[0.01, 0.01])
-    >>> found.parameter_names_, bool(found.standard_errors_[0] < 0.02 * found.parameters_[0])
+    >>> found.parameter_names_, bool(found.standard_errors_[0] < 0.05 * found.parameters_[0])
     (['shear_modulus'], True)
     """
 
@@ -362,8 +362,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         >>> scene = pds.load_scene("hole", spacing=0.25)
         >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.03)
         >>> stress, error = model.nominal_stress([[1.5, 1.5**-0.5]])
-        >>> (error / stress).round(3).tolist()
-        [0.01]
+        >>> (error / stress).round(2).tolist()
+        [0.04]
         """
         check_is_fitted(self)
         wanted = "X must have two columns of positive stretches, along the stress and across it"
@@ -394,8 +394,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         >>> scene = pds.load_scene("hole", spacing=0.25)
         >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.03)
         >>> errors = model.law_covariance().standard_errors
-        >>> {name: round(error / getattr(model.law_, name), 3) for name, error in errors.items()}
-        {'shear_modulus': 0.01, 'bulk_modulus': 0.01}
+        >>> {name: round(error / getattr(model.law_, name), 2) for name, error in errors.items()}
+        {'shear_modulus': 0.04, 'bulk_modulus': 0.04}
         """
         check_is_fitted(self)
         return covariance_of_numbers(self._unknown.law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
@@ -714,7 +714,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             each = grouping(residuals[here][field], test.rows.places[field], test.rows.quantity[field])
             total, count = total + each[0], count + each[1]
         correlated = max(1.0, total / count / (residuals**2).mean()) if count else 1.0
-        right, settings = found.jac @ found.x - residuals, (correlated, MEMBERS, self.random_state)
+        greatest = max(STABLE_TO, *(test.greatest_stretch for test, _ in self._tests))
+        right, settings = found.jac @ found.x - residuals, (correlated, MEMBERS, self.random_state, greatest)
         energies = average(self._unknown.terms, found.jac, right, *settings)
         members, found.spread, found.x = energies.members, energies.covariance, floored(energies.mean)
         if self._ratio == 1 and number == ROUNDS - 1:
