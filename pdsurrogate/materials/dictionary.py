@@ -185,7 +185,7 @@ def checked_dictionary(terms: Any) -> tuple[Term, ...]:
         if isinstance(pair, str) or not isinstance(pair, Sequence | np.ndarray) or len(pair) != 2:
             raise ValueError(f"dictionary: the terms are {wanted}, not {kind_of(pair)}")
         kind, number = pair
-        if kind not in KINDS:
+        if not isinstance(kind, str) or kind not in KINDS:
             raise ValueError(f"dictionary: unknown kind {kind!r}; {suggestion(str(kind), KINDS)}")
         if not isinstance(number, Real) or not KINDS[kind].permits(number):
             raise ValueError(f"dictionary: {kind} has {KINDS[kind].numbers}, not {kind_of(number)}")
