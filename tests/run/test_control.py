@@ -116,7 +116,7 @@ def test_a_step_of_t_can_follow_and_resumes_to_the_same_bits(tmp_path):
 INWARD = "probes.inner.displacement.0"
 
 
-@pytest.mark.parametrize("thickness", ["deformed", "undeformed"])
+@pytest.mark.parametrize("thickness", [pytest.param("deformed", marks=pytest.mark.slow), "undeformed"])
 def test_derivatives_keep_the_controlled_displacement_before_at_and_beyond_the_maximum(thickness):
     """The load answers. At the maximum, where dt/dU = 0, derivatives at a given load do not exist. The reference is Richardson's
     extrapolation from four equilibria with a residual of 1e-10, over 1e-3 of the parameter, and 2e-2 of the bulk modulus, which matters
