@@ -274,16 +274,24 @@ def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, fl
         raise InvalidState(f"{key}: {error}") from None
 
 
+def names_of_forces(scene: Scene) -> dict[str, str]:
+    """Return the names under which results report forces, by the keys of the grips, or of the entries that prescribe, load or press."""
+    if scene.stretched:
+        return {f"grips.{number}": grip.edge for number, grip in enumerate(scene.grips)}
+    entries = (
+        (f"{kind}.{number}", entry) for kind in ("prescribed", "loads", "obstacles") for number, entry in enumerate(getattr(scene, kind))
+    )
+    return {key: entry.name or (key if key.startswith("obstacles") else label_of_region(entry.region, key)) for key, entry in entries}
+
+
 def _labels(scene: Scene, regions: BodyRegions) -> list[str]:
     """Return the names under which results report the forces of the entries of `prescribed`; ValueError if two regions share a name."""
-    labels, owners = [], {}
-    for kind in ("prescribed", "loads", "obstacles"):
-        for number, entry in enumerate(getattr(scene, kind)):
-            key = f"{kind}.{number}"
-            own = key if kind == "obstacles" else entry.region
-            labels.append(entry.name or label_of_region(own, key))
-            other, region = owners.setdefault(labels[-1], (key, own))
-            if region != own:
-                one = f"{other} and {key} have different regions but the same name {labels[-1]!r}"
-                raise ValueError(f"{one}; give one of them another name")
-    return labels[: len(scene.prescribed)]
+    labels, owners = names_of_forces(scene), {}
+    for key, label in labels.items():
+        kind, number = key.split(".")
+        own = key if kind == "obstacles" else getattr(scene, kind)[int(number)].region
+        other, region = owners.setdefault(label, (key, own))
+        if region != own:
+            one = f"{other} and {key} have different regions but the same name {label!r}"
+            raise ValueError(f"{one}; give one of them another name")
+    return list(labels.values())[: len(scene.prescribed)]

@@ -144,6 +144,9 @@ class Result:
         measurements are reactions of supports, the nominal stress, the energy, or displacements of probes. The derivatives are those of the
         discrete body (theory, section 23). A warning names parameters for which an estimated error exceeds 1e-6 of the greatest derivative.
 
+        In a step with ``control`` the controlled displacement is given, and the factor t of the loads is an unknown: derivatives keep this
+        displacement, ``"t"`` can be an output, and the displacement, such as ``"probes.tip.displacement.0"``, is a parameter in place of t.
+
         Parameters
         ----------
         outputs : sequence of str

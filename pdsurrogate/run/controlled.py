@@ -30,7 +30,7 @@ class DisplacementPath:
     """The outputs before the failure tell how far the displacement was followed."""
 
     def __init__(self, run: Run, stage: Stage) -> None:
-        spec, self._control = run.problem.scene.solver, _control_of(run, stage)
+        spec, self._control = run.problem.scene.solver, control_of(run, stage.control)
         self.solver = DisplacementControl(self._control, run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations)
         self._run, self._stage, self._force = run, stage, self.solver.controlled(run.loaded)
 
@@ -108,9 +108,9 @@ def prepare(run: Run) -> None:
         raise SceneError(f"scene {run.problem.scene.name}: {key} needs forces in double precision, but {why}")
 
 
-def _control_of(run: Run, stage: Stage) -> np.ndarray:
-    """Return the weights (n, d) of the displacements of the points in the displacement that a stage controls."""
-    name, axis = controlled_place(stage.control)
+def control_of(run: Run, control: str) -> np.ndarray:
+    """Return the weights (n, d) of the displacements of the points in a displacement that a stage controls, by its key."""
+    name, axis = controlled_place(control)
     weights = np.zeros_like(run.body.points)
     weights[:, axis] = run.probes.weights(name)[axis].toarray()[0]
     return weights
@@ -118,4 +118,4 @@ def _control_of(run: Run, stage: Stage) -> np.ndarray:
 
 def displacement_of(run: Run, stage: Stage) -> float:
     """Return the displacement that a stage controls, at the present positions of a run."""
-    return float(np.vdot(_control_of(run, stage), run.positions - run.body.points))
+    return float(np.vdot(control_of(run, stage.control), run.positions - run.body.points))

@@ -4,16 +4,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..forces import ForceModel
+from ..forces import BANOSBForce, ForceModel
 from ..ranks import communicator
 from ..results import Result
 from ..scenes import Scene
 from .run import Run, Silent
 
 
-def check_precision(scene: Scene, models: Sequence[ForceModel], method: str = "sensitivity", what: str = "derivatives") -> None:
-    """Raise ValueError if a force model cannot be evaluated in double precision, which `what` a method of the result returns need."""
+def check_models(scene: Scene, models: Sequence[ForceModel], method: str = "sensitivity", what: str = "derivatives") -> None:
+    """Raise ValueError if a force model does not permit `what` a method of the result returns: they need double precision and a tangent."""
     for model in models:
+        if isinstance(model, BANOSBForce):
+            why = "with which Newton's method does not find equilibria"
+            raise ValueError(
+                f"{method}: there are no {what} with {model.name}, {why}: the forces of {model.name} have no energy: use bond-energy"
+            )
         if "float64" not in model.honored(scene.plane)["precision"]:
             raise ValueError(f"{method}: {model.name} cannot be evaluated in double precision, which {what} need")
 
@@ -22,7 +27,7 @@ def number_of_output(scene: Scene, models: Sequence[ForceModel], result: Result,
     """Return the number from 0 of an output in equilibrium of which a `method` of the result returns `what`, such as "derivatives"."""
     if communicator().size > 1:
         raise ValueError(f"{method}: run the scene on one rank, without mpiexec")
-    check_precision(scene, models, method, what)
+    check_models(scene, models, method, what)
     levels = result.levels
     if not -len(levels) <= level < len(levels):
         raise IndexError(f"level: the result has {len(levels)} outputs, none with the number {level}")

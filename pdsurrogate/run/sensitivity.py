@@ -17,16 +17,19 @@ from ..forces.learned import Learned
 from ..materials import Law
 from ..materials.covariance import numbers_of, with_numbers_of
 from ..problem.materials import scene_errors
+from ..problem.program import stages_of
 from ..results import Result
 from ..results.sensitivity import Sensitivities
 from ..scenes import Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.problems import suggestion
 from ..scenes.reading import apply_change, leaves
+from ..solvers.control import ControlledForce, DisplacementControl
 from ..solvers.equilibrium import NoEquilibrium, NotConverged
 from ..solvers.methods import Newton
 from ..solvers.nearest_bonds import strain_rounding
 from ..solvers.tangent import COARSE, FINE, TangentEquations, central_difference
+from .controlled import control_of
 from .reopened import check_intact, number_of_output, place, run_in_double
 from .rows import output_row
 from .run import Run
@@ -76,6 +79,10 @@ SINGULAR = 1e-2
 TINY = 1e-9
 """Estimated error of the derivatives of the displacements, relative to the greatest one, below which errors of measurements are due to
 rounding."""
+
+RESTING = 1e-2
+"""Greatest displacement by a parameter as a whole, divided by the greatest displacement of the body, that errors of derivatives of
+displacements at a controlled displacement are compared with: by the moduli together or by the load the body does not move at all."""
 
 STIFF = 300.0
 """K/mu of nearly incompressible bodies beyond which differences are of fourth order, over wider steps. At this K/mu, differences of second
@@ -166,7 +173,11 @@ class Differentiated:
         Run of the scene in the present state.
     at_places : tuple of sparse array, shape (k, n)
         For each axis, the weights of the points' displacements in those at `places`.
+    control : str or None
+        Key of the displacement that the step of the equilibrium controls, so that the loading parameter t is an unknown.
     """
+
+    control: str | None = None
 
     def __init__(self, scene: Scene, models: Sequence[ForceModel], places: np.ndarray | None = None) -> None:
         with thread_count(None):
@@ -182,8 +193,12 @@ class Differentiated:
         other.numbers = self.numbers | values
         return other
 
-    def jacobian(self, at: float, displacements: np.ndarray, outputs: Sequence[str], parameters: Sequence[str]) -> Jacobian:
+    def jacobian(
+        self, at: float, displacements: np.ndarray, outputs: Sequence[str], parameters: Sequence[str], control: str | None = None
+    ) -> Jacobian:
         """Return measurements of the equilibrium at a value of the loading parameter, with their derivatives.
+
+        With `control`, the key of a displacement, the derivatives are those at the value of this displacement, and t follows.
 
         Parameters
         ----------
@@ -194,7 +209,8 @@ class Differentiated:
         outputs : sequence of str
             Dotted keys of an output; a key that is continued in several entries stands for all of them.
         parameters : sequence of str
-            Names in `numbers`, or the loading parameter.
+            Names in `numbers`, or the loading parameter; with `control` that key instead of the loading parameter.
+        control : str, optional
 
         Raises
         ------
@@ -207,7 +223,10 @@ class Differentiated:
             run, loading = self.run, self.run.loading
             run.state.parameter = at
             place(run, run.body.points + displacements)
-            solver = Newton(loading.free, run.body.volumes, max(BALANCED, ROUNDED_STRAIN * self.contrast * strain_rounding(run.body)))
+            tolerance = max(BALANCED, ROUNDED_STRAIN * self.contrast * strain_rounding(run.body))
+            if control is not None:
+                return self._controlled(control, tolerance, outputs, parameters)
+            solver = Newton(loading.free, run.body.volumes, tolerance)
             solver.solve(run.loaded, run.positions)
             measured = self.measured(run.positions)
             names = [*_named(outputs, measured), *(name for name in measured if name.startswith("places."))]
@@ -226,6 +245,27 @@ class Differentiated:
         values = np.array([measured[name] for name in names])
         return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved, errors)
 
+    def _controlled(self, control: str, tolerance: float, outputs: Sequence[str], parameters: Sequence[str]) -> Jacobian:
+        """Return the measurements and derivatives of `jacobian` at a controlled displacement, of a run near the equilibrium.
+
+        The force has the factor of the loads at which the weighted forces vanish, also beside the equilibrium, and no direction of the
+        equations changes the controlled displacement: they are the bordered system of theory (73c), regular at a limit load.
+        """
+        body, run = copy.copy(self), copy.copy(self.run)
+        solver = DisplacementControl(control_of(run, control), run.loading.free, run.body.volumes, tolerance)
+        solver.solve(run.loaded, run.positions)
+        body.control, body.run, run.loaded = control, run, solver.controlled(run.loaded)
+        measured = body.measured(run.positions)
+        body.numbers = self.numbers | {control: measured[control]}
+        equations, along = run.loaded.equations(run.positions), run.loaded.along()
+        names = _named(outputs, measured)
+        moved, (derivatives, errors) = np.empty((len(parameters), *along.shape)), np.empty((2, len(names), len(parameters)))
+        for number, name in enumerate(parameters):
+            change = body._change(name, (), along if name == control else None)
+            derivatives[:, number], moved[number], errors[:, number] = body._forward(equations, change, names)
+        values = np.array([measured[name] for name in names])
+        return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved, errors)
+
     def _forward(self, equations: TangentEquations, change: "_Change", names: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the derivatives of measurements by a parameter, those of the displacements (n, d), and estimated errors of the former.
 
@@ -233,11 +273,14 @@ class Differentiated:
         these forces, would change the measurements by about the last change times the ratio of the roots of the work of both corrections.
         """
         moved, left, measured, size, idle = change.moved.copy(), change.forces, np.zeros(len(names)), np.inf, 0
+        least = 1e-300
+        if self.control is not None and self.numbers[change.name]:  # loads answer to a unit of stress, and the body rests
+            least = RESTING * float(np.abs(self.run.positions - self.run.body.points).max()) / abs(self.numbers[change.name])
         for number in range(MOST_ROUNDS):
             moved += equations.displacements(left, ROUGH, change.rounding)
             along = self._change(change.name, names, moved)
             (wrong, size), before = equations.estimate(along.forces), size
-            share = float(np.abs(wrong).max()) / max(float(np.abs(moved).max()), 1e-300)
+            share = float(np.abs(wrong).max()) / max(float(np.abs(moved).max()), least)
             last, measured, left = measured, along.measured, along.forces
             if number == 0:  # there are no earlier derivatives to compare with
                 continue
@@ -271,7 +314,7 @@ class Differentiated:
         sizes = np.array([equations.estimate(change.forces)[1] for change in changes])
         found, errors = np.empty((2, len(names), len(changes)))
         left, work, rows = list(gradients), np.full(len(names), np.inf), np.arange(len(names))
-        for _ in range(MOST_ROUNDS):
+        for number in range(MOST_ROUNDS):
             before = work.copy()
             for row in rows:
                 left[row] = gradients[row] - equations.forces(solutions[row], self.width)
@@ -280,12 +323,12 @@ class Differentiated:
                 errors[row] = work[row] * sizes
             greatest = np.abs(found).max(axis=0)
             rows = np.flatnonzero((errors > EXACT * greatest).any(axis=1) & (work < IDLE * before))
-            if not len(rows):
+            if not len(rows) or number == MOST_ROUNDS - 1:  # what is returned is of the solutions that the errors are of
                 break
             for row in rows:
                 solutions[row] += equations.displacements(left[row], ROUGH)
-        for number in np.flatnonzero((errors > LEAST_EXACT * greatest).any(axis=0)):  # the bound may far exceed the error
-            found[:, number], _, errors[:, number] = self._forward(equations, self._change(parameters[number]), names)
+        for column in np.flatnonzero((errors > LEAST_EXACT * greatest).any(axis=0)):  # the bound may far exceed the error
+            found[:, column], _, errors[:, column] = self._forward(equations, self._change(parameters[column]), names)
         return found, errors
 
     @property
@@ -362,6 +405,8 @@ class Differentiated:
         value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
         owner, _, last = name.rpartition(".")
         scale = abs(value) if array is None else float(np.abs(array).max())
+        if name == self.control:
+            return value, (STEP_OF_LAWS * (WIDER if fine else 1.0)) * max(scale, run.body.spacing)
         if array is None and owner.startswith("material") and last.isdigit():
             scale = max(abs(number) for key, number in self.numbers.items() if key.rpartition(".")[0] == owner)
             scale = scale or laws_of(run.problem.scene)[owner.rpartition(".")[0]].shear_modulus
@@ -387,10 +432,12 @@ class Differentiated:
         run, (scene, models), at = self.run, (self.run.problem.scene, self.run.problem.models), self.run.state.parameter
         if name == run.loading.parameter:
             at = value
-        else:
+        elif name != self.control:  # the controlled displacement changes with the positions
             scene, models = with_numbers(scene, models, {name: value})
         other = copy.copy(self)
         with run.lending_force(scene, models, at) as other.run:
+            if self.control is not None:
+                other.run.loaded = run.loaded.beside(other.run.loaded)
             yield other
 
     def _gradients(self, names: Sequence[str]) -> list[np.ndarray] | None:
@@ -461,15 +508,18 @@ def differentiate(
     for what, names in (("outputs", outputs), ("parameters", parameters)):
         if isinstance(names, str) or not all(isinstance(name, str) for name in names):
             raise ValueError(f"{what}: must be a list of names such as ['nominal_stress'] or ['material.shear_modulus'], not {names!r}")
-    number = _check(scene, models, result, parameters, loading, level)
+    number = number_of_output(scene, models, result, level, "sensitivity", "derivatives")
+    control = [stage.control for stage in stages_of(scene) for _ in range(stage.outputs)][number]
+    _check(scene, models, result, parameters, loading, control, number)
     body, at = Differentiated(scene, models), result.levels[number][loading]
     check_intact(body.run, result, number, "derivatives")
     try:
-        found = body.jacobian(at, result.displacement(number), outputs, parameters)
+        found = body.jacobian(at, result.displacement(number), outputs, parameters, control)
     except NoEquilibrium as error:
         why = "" if body.run.force.has_energy else f"; the forces of {models[0].name} have no energy: use bond-energy"
         raise ValueError(f"sensitivity at {loading} {at:g}: {error}{why}") from None
-    row, values = dict(leaves(result.levels[number])), body.numbers | {loading: at}
+    row = dict(leaves(result.levels[number]))
+    values = body.numbers | {loading: at} | ({} if control is None else {control: row[control]})
     _warn_of_errors(found, row, [values[name] for name in parameters], parameters)
     return Sensitivities(found.names, tuple(parameters), found.values, found.derivatives, found.moved, found.errors)
 
@@ -497,19 +547,26 @@ def _warn_of_errors(found: Jacobian, row: Mapping[str, float], values: Sequence[
         warnings.warn(f"sensitivity: errors of the derivatives are estimated as more than {bound} by {', '.join(poor)}", stacklevel=4)
 
 
-def _check(scene: Scene, models: Sequence[ForceModel], result: Result, parameters: Sequence[str], loading: str, level: int) -> int:
-    """Check the arguments of `Result.sensitivity`, and return the number of the output."""
-    number = number_of_output(scene, models, result, level, "sensitivity", "derivatives")
+def _check(
+    scene: Scene, models: Sequence[ForceModel], result: Result, parameters: Sequence[str], loading: str, control: str | None, number: int
+) -> None:
+    """Check the parameters of `Result.sensitivity` at an output of a step with the key `control` of a displacement, or None."""
+    if control is not None and loading in parameters:
+        raise ValueError(
+            f"parameters: {loading} is an unknown of a step that controls {control}: differentiate by {control!r}, and name {loading!r} as "
+            "an output"
+        )
     if not scene.stretched and loading in parameters:
         _check_smooth(scene, result.levels[number][loading])
-    known = numbers_in(scene, models)
+    known, ours = numbers_in(scene, models), loading if control is None else control
+    if control is not None:  # what else moves with t is refused by the scene
+        known = {name: value for name, value in known.items() if not name.startswith("prescribed")}
     if not parameters:
-        raise ValueError(f"parameters: name at least one number to differentiate by, such as {loading!r} or 'material.shear_modulus'")
+        raise ValueError(f"parameters: name at least one number to differentiate by, such as {ours!r} or 'material.shear_modulus'")
     for name in parameters:
-        if name not in known and name != loading:
+        if name not in known and name != ours:
             _check_of_laws(scene, models, name)
-            raise ValueError(f"parameters: there is no number {name!r} to differentiate by; {suggestion(name, [*known, loading])}")
-    return number
+            raise ValueError(f"parameters: there is no number {name!r} to differentiate by; {suggestion(name, [*known, ours])}")
 
 
 def _check_smooth(scene: Scene, t: float) -> None:
@@ -622,6 +679,8 @@ def _forces(run: Run, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     place(run, positions)
     forces = np.empty_like(positions)
     run.loaded(run.positions, forces)
+    if isinstance(run.loaded, ControlledForce):
+        run.state.parameter = run.loaded.factor
     return run.positions.copy(), forces
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from contextlib import suppress
 
 import numpy as np
@@ -56,6 +57,12 @@ class ControlledForce:
             raise AttributeError(name)
         return getattr(self._loaded, name)
 
+    def beside(self, loaded: LoadedForce) -> ControlledForce:
+        """Return another loaded force of the same body with the factor of its loads as an unknown, with the weights of this one."""
+        other = copy.copy(self)
+        other._loaded = loaded
+        return other
+
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         """Write internal force plus loads at positions (n, d) to `out` (n, d), as `LoadedForce` does, and find the factor of the loads.
 
@@ -109,6 +116,10 @@ class ControlledForce:
         """Return the displacements (n, d) under forces (n, d) and a change of t that leaves the controlled displacement as it is."""
         moved, along = self._inner.solve(forces) * self._free, self.along()
         return moved - self._dot(self._control, moved) * along
+
+    def equations(self, positions: np.ndarray) -> TangentEquations:
+        """Return the linear equations at positions (n, d) for displacements that leave the controlled one as it is."""
+        return TangentEquations(self, positions, self._free, Preconditioner(self.bordered, self.update))
 
     def along(self) -> np.ndarray:
         """Return the displacements (n, d) under a change of t at which the controlled displacement is 1, by the preconditioner."""
@@ -167,7 +178,7 @@ class DisplacementControl(EquilibriumSolver):
             if settled:
                 self.factor = controlled.factor
                 return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
-            equations = TangentEquations(controlled, positions, self.free, Preconditioner(controlled.bordered, controlled.update))
+            equations = controlled.equations(positions)
             step, size, share = equations.displacements(forces, self.SHARE_LEFT), float(np.linalg.norm(forces)), 1.0
             step *= min(1.0, LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
             while True:

@@ -5,7 +5,7 @@ import json
 import os
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -23,11 +23,12 @@ from ..discretization import check_size
 from ..forces import FORCES, ForceModel
 from ..forces.identity import digest_of, identity_of
 from ..problem.materials import checked_models
+from ..problem.program import names_of_forces
 from ..results import Result, checkpoint, load_result
 from ..results.contents import digest_of_mesh
 from ..results.files import write_json
 from ..results.folder import LOCK, SUMMARY, occupied
-from ..run.reopened import check_precision
+from ..run.reopened import check_models
 from ..run.sensitivity import PLACES, differentiate, numbers_in
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import MaterialSpec, Mesh, Scene, SceneError, load_scene
@@ -226,7 +227,7 @@ def _derivatives(study: Study, scene: Scene, model: ForceModel, parameters: Mapp
     if not study.derivatives:
         return (), {}
     try:
-        check_precision(scene, checked_models(scene, model))
+        check_models(scene, checked_models(scene, model))
     except ValueError as error:
         raise SceneError(f"derivatives: {error}") from None
     _check_measurements(study.derivatives, scene, model)
@@ -254,7 +255,7 @@ def _check_measurements(names: Iterable[str], scene: Scene, model: ForceModel) -
         "cracks": None if scene.precuts else "the scene has no precuts",
         **dict.fromkeys(("method", "stability", "residual", "evaluations", "kinetic_energy", "time", "step"), "it has no derivative"),
     }
-    probes = [probe.name for probe in scene.probes]
+    probes, places = [probe.name for probe in scene.probes], list(dict.fromkeys(names_of_forces(scene).values()))
     for name in names:
         first, *others = name.split(".")
         reason = reasons.get(first)
@@ -262,8 +263,15 @@ def _check_measurements(names: Iterable[str], scene: Scene, model: ForceModel) -
             reason = "the scene has no probes"
         elif first == "probes" and others and others[0] not in probes:
             reason = f"there is no such probe; {suggestion(others[0], probes)}"
+        elif first in ("forces", "moments", "displacements") and others and not reason and not _begins(others, places):
+            reason = f"no support or load has this name; {suggestion(others[0], places)}"
         if reason:
             raise SceneError(f"derivatives: {name!r}: {reason}")
+
+
+def _begins(parts: Sequence[str], names: Iterable[str]) -> bool:
+    """Return whether the parts of a dotted key begin with one of some names, which may contain dots themselves."""
+    return any(parts[: name.count(".") + 1] == name.split(".") for name in names)
 
 
 def _scene_digest(scene: Scene, model: ForceModel) -> str:

@@ -81,6 +81,12 @@ def test_random_samples_follow_their_distribution():
         ({"derivatives": "moments"}, "derivatives: 'moments': scenes with stretches have none: use forces"),
         ({"derivatives": "contact.disc.area"}, "derivatives: 'contact.disc.area': the scene has no obstacles"),
         ({"derivatives": "probes.tip.u2"}, "derivatives: 'probes.tip.u2': the scene has no probes"),
+        ({"derivatives": "nominal_stress", "force": "ba-nosb"}, "the forces of ba-nosb have no energy: use bond-energy"),
+        ({"derivatives": "forces.rigth.1"}, "derivatives: 'forces.rigth.1': no support or load has this name; did you mean right?"),
+        (
+            {"derivatives": "displacements.nowhere"},
+            "derivatives: 'displacements.nowhere': no support or load has this name; there are left, right",
+        ),
         ({"derivatives": "energy", "force": "analytic"}, "derivatives: 'energy': the forces of analytic have no energy"),
         ({"derivatives": "nominal_stres"}, "derivatives: no output has 'nominal_stres'; did you mean nominal_stress?"),
         (
