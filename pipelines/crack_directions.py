@@ -21,7 +21,7 @@ from functools import partial
 import joblib
 import numpy as np
 from pages import FIGURES, markdown_table, replace_block
-from tip_diameters import BULK, ENERGY, FAMILIES, LAYERS, LONG, PRECUT, law_of, name_of, strip
+from tip_diameters import BULK, ENERGY, FAMILIES, LAYERS, LONG, PRECUT, law_of, name_of, repeated, strip
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -53,9 +53,6 @@ STARTED = 4
 """Advance in spacings from which on the energy is counted, so that the start of the crack is left out."""
 
 OUTPUTS = 120
-
-SAFER = 0.35
-"""Part of the critical time step with which a tear is repeated that failed with the default of 0.7."""
 
 SPACING, BAR_SPACING, LASTING = 0.05, 0.125, 10.0
 """In the comparison of costs: spacing of sheets, and of the bar in space; time over which steps are counted."""
@@ -171,12 +168,9 @@ def stored() -> dict[str, dict]:
 
 
 def tried(case: dict) -> dict | str:
-    """Figures of a tear, or why it failed; a tear that becomes unstable is repeated with shorter time steps."""
+    """Figures of a tear, or why it failed."""
     try:
-        try:
-            return torn(case)
-        except pds.SimulationFailed:
-            return torn(case, safety=SAFER)
+        return repeated(torn, case)
     except Exception as error:
         return f"{type(error).__name__}: {error}"
 

@@ -17,7 +17,7 @@ class LowestMode:
         Stiffness of the mode, in the unit of stress over that of length squared. Divided by the density, it is the square of the lowest
         natural angular frequency of small motions about the equilibrium. Negative if the equilibrium is not stable.
     error : float
-        Bound of the error of the eigenvalue, without that of the discretization.
+        Estimated error of the eigenvalue, without that of the discretization.
     displacements : ndarray, shape (n, d)
         Displacements of the points in the mode, the greatest of which has the length 1.
 

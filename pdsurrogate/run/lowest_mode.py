@@ -10,10 +10,9 @@ from ..results import Result
 from ..results.lowest_mode import LowestMode
 from ..scenes import Scene
 from ..solvers.equilibrium import NotConverged
-from ..solvers.methods import Newton
+from ..solvers.preconditioner import preconditioner_of
 from ..solvers.stability import lowest_mode
 from .reopened import check_intact, number_of_output, place, run_in_double
-from .sensitivity import BALANCED
 
 
 def lowest_mode_of(scene: Scene, models: Sequence[ForceModel], result: Result, level: int) -> LowestMode:
@@ -31,7 +30,7 @@ def lowest_mode_of(scene: Scene, models: Sequence[ForceModel], result: Result, l
         check_intact(run, result, number, "modes")
         at = run.state.parameter = result.levels[number][loading]
         place(run, run.body.points + result.displacement(number))
-        preconditioner = Newton(run.loading.free, run.body.volumes, BALANCED).preconditioner(run.loaded)
+        preconditioner = preconditioner_of(run.loaded, run.loading.free, bending=True)
         try:
             eigenvalue, error, mode = lowest_mode(run.loaded, run.positions, run.loading.free, preconditioner)
         except NotConverged as problem:

@@ -47,6 +47,10 @@ SHEAR_SHARE = 1 / 3
 """Stiffness of a spring across its bond, divided by that along it. Chosen: without stiffness across bonds, the network of a
 square grid has no stiffness against shear; with equal ones it is a Laplacian, which does not couple the components."""
 
+STRUTS = {2: 8.0, 3: 10.0}
+"""Stiffness of springs along bonds, by dimension, in the units of `ELONGATION`, if there are none across bonds. In the mean over all
+directions of bonds, the network has the stiffness of rubber in pure shear."""
+
 SHIFT = 1e-6
 """Fraction of the mean diagonal entry of a stiffness matrix that is added to its diagonal, so that the matrix can be factorized even if the
 body can drift. Chosen: ten digits above rounding; the slowest mode of a sheet a thousand points across, held all around, becomes some 20 %
@@ -124,6 +128,8 @@ class NearestBonds:
         Points of which all bonds have springs, without scaling.
     corrected : ndarray of bool, shape (n,), optional
         Points with corrected gradients, whose springs across the boundary layer are stiffer (`STIFFENED`).
+    diagonal : bool
+        Whether bonds up to `WIDE_REACH` have springs in any body, which holds a lattice together without stiffness across bonds.
 
     Attributes
     ----------
@@ -144,6 +150,7 @@ class NearestBonds:
         across: float,
         every: np.ndarray | None = None,
         corrected: np.ndarray | None = None,
+        diagonal: bool = False,
     ) -> None:
         bonds, points, share = body.bonds, body.all_points, body.share
         vector = points[bonds.second] - points[bonds.first]
@@ -154,7 +161,7 @@ class NearestBonds:
             # Two springs in series, computed with inverses, since the product of two moduli may overflow.
             shear_moduli = 2 / (1 / ends[bonds.first] + 1 / ends[bonds.second])
         stiffness = shear_moduli * body.weigh(length) * volumes / body.kappa
-        wide = body.relaxed and body.dimension == 2 and share.size <= MOST_WIDE
+        wide = diagonal or (body.relaxed and body.dimension == 2 and share.size <= MOST_WIDE)
         near = length <= (WIDE_REACH if wide else REACH) * body.spacing
         if not share.any(near.any()):
             near[:] = True
@@ -283,6 +290,15 @@ def laplacian_of(body: Body, shear_moduli: float | np.ndarray, corrected: np.nda
     flags the points with corrected gradients.
     """
     return NearestBonds(body, shear_moduli, RAISED, RAISED, corrected=corrected)
+
+
+def struts_of(body: Body, shear_moduli: float | np.ndarray, corrected: np.ndarray | None = None) -> NearestBonds:
+    """Return the network of springs along bonds alone, which resists no rotation: slender bodies bend as easily as those of rubber.
+
+    Springs across bonds resist the rotation of the sections, so that a bar of the length L and the thickness h with them is stiffer against
+    bending by some (L/h)^2. `corrected` flags the points with corrected gradients.
+    """
+    return NearestBonds(body, shear_moduli, STRUTS[body.dimension], 0.0, corrected=corrected, diagonal=True)
 
 
 def _symmetric(size: int, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> np.ndarray | scipy.sparse.sparray:

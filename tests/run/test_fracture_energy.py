@@ -11,7 +11,7 @@ import pytest
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem.fracture import CriticalStretches
-from pdsurrogate.scenes.tip_diameter import measured_diameters, tip_diameters
+from pdsurrogate.scenes.tip_diameter import measured_diameters, tip_diameters, tip_diameters_in
 
 PIPELINES = Path(__file__).resolve().parents[2] / "pipelines"
 
@@ -48,6 +48,17 @@ def test_diameters_are_those_of_tears_within_seven_percent():
     """Along a row each spacing: by so much G at the peak misses the prescribed one."""
     for entry in measured_diameters():
         np.testing.assert_allclose([*entry.get("rows", {}).values()], entry["diameter"], rtol=0.07, err_msg=f"{entry}")
+
+
+def test_judging_tears_have_the_prescribed_energy_at_the_peak(pipeline):
+    """Stored tears that the table does not average: each spacing along a row, and the mean over clouds, within 7 %."""
+    for case, ratios in pipeline.judged().items():
+        if case[2] == "lattice":
+            assert len(ratios["along"]) >= 3, case
+            np.testing.assert_allclose(ratios["along"], 1.0, atol=0.07, err_msg=f"{case}")
+        else:
+            assert len(ratios["clouds"]) >= 5, case
+            assert abs(np.mean(ratios["clouds"]) - 1.0) < max(0.07, 2 * pipeline.error_of(case, ratios["clouds"])), case
 
 
 def test_a_fracture_energy_is_refused_with_weights_that_were_not_measured():
@@ -98,6 +109,22 @@ def test_a_scene_has_the_critical_stretch_of_its_diameter(force, energy):
     assert homogeneous.uniaxial(law, found).energy_density * tip.at(found) * 0.1375 == pytest.approx(energy, rel=1e-9)
     assert tip.stretches[0] < found < tip.stretches[-1]
     assert critical.summary["fracture_remarks"] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("tear", {"plane": "strain", "horizon_ratio": 2.2, "fracture": {"energy": 274.0}}),
+    ],
+)
+def test_a_cloud_has_the_diameter_of_clouds(name, changes):
+    """Clouds need more energy than a row of the lattice at the same critical stretch, along which bonds break together."""
+    lattice, cloud = (pds.load_scene(name, changes | points) for points in ({}, {"body.arrangement": "relaxed", "body.seed": 1}))
+    straight, relaxed = (tip_diameters_in(scene, "bond energy") for scene in (lattice, cloud))
+    shared = [stretch for stretch in relaxed.stretches if straight.stretches[0] <= stretch <= straight.stretches[-1]]
+    assert len(shared) >= 2
+    for stretch in shared:
+        assert 1.0 < relaxed.at(stretch) / straight.at(stretch) < 1.6
 
 
 @pytest.mark.parametrize("energy", [0.005, 10.0])

@@ -76,6 +76,63 @@ def test_a_column_vibrates_as_a_beam_and_buckles_as_eulers():
     assert zero == pytest.approx(critical, rel=0.04)
 
 
+def bar(length, **keys):
+    """A solid bar with a square section of the side 1, clamped at its left end, under a force across its right end."""
+    given = {
+        "name": "bar",
+        "spacing": 0.25,
+        "body": {"shape": "box", "size": [length, 1.0, 1.0]},
+        "material": "neo-hookean",
+        "steps": [1.0],
+        "prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0}],
+        "loads": [{"region": "right", "force": [0.0, 1e-6, 0.0], "name": "end"}],
+        "probes": [{"name": "end", "at": [length, 0.5, 0.5]}],
+    }
+    return pds.Scene.model_validate(given | keys)
+
+
+@pytest.mark.parametrize("length", [8.0, 20.0, 40.0])
+def test_a_slender_solid_cantilever_vibrates_as_a_beam_of_its_own_flexibility(length):
+    """From the static deflection 1/c under a force F = 1 the stiffness against bending is c L^3/3, with which a beam has the eigenvalue
+    1.875104^4/3 c/(L A). Shear and rotary inertia (Timoshenko) lower it by 0.9/L^2; the force acts on the last layer of points, whose
+    middle lies 1/8 within the end, so that the deflection is less by up to 3/2 1/(8 L)."""
+    result = pds.simulate(bar(length), "bond-energy")
+    found = result.lowest_mode()
+    deflection = result.levels[-1]["probes"]["end"]["displacement"][1] / 1e-6
+    share = found.eigenvalue / (1.875104**4 / (3 * deflection * length))
+    assert 1 - 0.9 / length**2 - 3 / (16 * length) < share < 1
+    assert found.stable
+    assert found.error < 1e-3 * found.eigenvalue
+    along = np.linalg.norm(found.displacements, axis=1)
+    assert along.argmax() in np.flatnonzero(result.body.points[:, 0] > length - 0.25)
+
+
+def test_the_lowest_mode_of_a_slender_solid_is_that_of_the_dense_tangent():
+    """Two equal modes, of which the search may return any combination."""
+    result = pds.simulate(bar(8.0), "bond-energy")
+    found = result.lowest_mode()
+    tangent, volumes, free = pencil(result)
+    values, vectors = scipy.linalg.eigh(tangent, np.diag(volumes))
+    assert abs(found.eigenvalue - values[0]) < 1e-5 * values[0]  # rounding, 1e-10 of the greatest eigenvalue
+    shares = vectors[:, :2].T @ (volumes * found.displacements[free])
+    size = found.displacements[free] @ (volumes * found.displacements[free])
+    assert shares @ shares == pytest.approx(size, rel=1e-6)
+
+
+def test_a_slender_solid_column_buckles_as_eulers():
+    """Clamped at its foot and free to move across at its top: Euler's load is that of the measured stiffness against bending."""
+    length = 8.0
+    flexible = pds.simulate(bar(length), "bond-energy")
+    bending = 1e-6 * length**3 / (3 * flexible.levels[-1]["probes"]["end"]["displacement"][1])
+    euler = np.pi**2 * bending / (4 * length**2)
+    pressed = [{"region": "right", "force": [-euler, 0.0, 0.0], "name": "top"}]
+    result = pds.simulate(bar(length, loads=pressed, steps=[0.5, 0.9]), "bond-energy")
+    at, modes = [level["t"] for level in result.levels], [result.lowest_mode(number) for number in range(2)]
+    assert [mode.stable for mode in modes] == [True, True]
+    half, most = (mode.eigenvalue for mode in modes)
+    assert at[1] + most * (at[1] - at[0]) / (half - most) == pytest.approx(1.0, abs=0.03)
+
+
 def test_an_arch_is_unstable_between_its_limit_loads():
     """The eigenvalue vanishes where the load along the path is greatest and least; the outputs are 0.05 apart."""
     result = pds.simulate(arch(loads=PUSHED, steps=[{"to": -0.6, "outputs": 12, "control": DOWN}], **NEWTON), "bond-energy")
