@@ -69,6 +69,31 @@ def check_tables(value: Any, what: str) -> None:
         raise TypeError(f"{what} must be a list of dictionaries, or None, not {kind_of(value)}")
 
 
+def check_numbers(values: Any, what: str, wanted: str) -> None:
+    """Raise ValueError if an array or table named `what` has no rows, rows of different lengths, or text; messages end with `wanted`."""
+    import numpy as np
+
+    try:
+        found = np.asarray(values)
+    except ValueError:
+        raise ValueError(f"{what}: its rows have different lengths; {wanted}") from None
+    texts = [str(one) for one in found.flat if isinstance(one, str | bytes)] if found.dtype.kind in "USO" else []
+    if texts:  # beside text, numbers in a list become text, too
+        wrong = next((text for text in texts if not text.strip("+-.e").replace(".", "").isdigit()), texts[0])
+        raise ValueError(f"{what}: {wrong!r} is no number; {wanted}")
+    if found.ndim and not len(found):
+        raise ValueError(f"{what}: it is empty; {wanted}")
+
+
+def check_names(value: Any, what: str, wanted: str) -> None:
+    """Raise TypeError unless the argument named `what` is a list or tuple of text, ValueError if it is empty; messages tell `wanted`."""
+    if not isinstance(value, list | tuple) or not all(isinstance(one, str) for one in value):
+        wrong = value if not isinstance(value, list | tuple) else next(one for one in value if not isinstance(one, str))
+        raise TypeError(f"{what} must be a list of names, {wanted}, not {kind_of(wrong)}")
+    if not value:
+        raise ValueError(f"{what}: the list is empty; give names, {wanted}")
+
+
 def in_order(table, columns: tuple[str, ...] | None, title: str):
     """Return a table, such as a DataFrame, with its columns in the order of `columns`; messages call the table `title`.
 

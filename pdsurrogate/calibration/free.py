@@ -1,5 +1,6 @@
 """Energy without a law for calibrations: a sum of few terms, whose coefficients, of which none is negative, are the unknowns."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from types import SimpleNamespace
@@ -10,20 +11,12 @@ from scipy.spatial import cKDTree
 from ..identification import MODES
 from ..identification.energy import columns_of, isochoric, nonnegative, stiffness_of
 from ..materials import Law
-from ..materials.polyconvex import Term, law_of, line_curvatures
+from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, Term, wave_check
+from ..materials.polyconvex import law_of
 
-FIRST = (Term("roots", 1.0), Term("stretches", 2.0), *(Term("first", power) for power in (2.0, 3.0, 4.0)))
-"""Terms of I1bar: its root, I1bar - 3 itself, which is the exponent 2, and the powers of Yeoh's and Carroll's laws."""
-
-SECOND = (Term("second_logarithm", 1.0), Term("roots", 2.0), Term("stretches", -2.0))
-"""Terms of I2bar, of which an energy has at most one: those of Gent and Thomas, of Carroll, and of Mooney and Rivlin."""
-
-TERMS = (*FIRST, *SECOND)
-"""Candidate terms, of separate functions of I1bar and I2bar with the common forms of the second. Terms that rise faster with I2bar are left
-out: the stresses in equibiaxial tension, which few tests of bodies contain, could be off by a factor."""
-
-MOST_FIRST = 4
-"""Most terms of I1bar in an energy. Chosen: five determine each other badly."""
+MOST_OF_STRETCHES, MOST_OF_INVERSES = 4, 1
+"""Most terms in an energy that are functions of the stretches, as those of I1bar, and of their inverses, as those of I2bar. Chosen: five of
+the former determine each other badly, and so do two of the latter."""
 
 PER_TERM, PER_RATIO = 1.0, 4.0
 """Decreases of the logarithm of the prior weight of an energy: for each term, and for a ratio of the stress in equibiaxial tension to that
@@ -33,14 +26,18 @@ the measurements do not."""
 PRIOR_STRETCH = 2.0
 """Stretch at which the prior weight compares equibiaxial with uniaxial tension."""
 
-STABLE_TO = 3.0
-"""Greatest stretch of the states in which the waves of every energy must be stable."""
-
 GROUP = 13
 """Number of neighboring places whose residuals of all steps are summed to see whether they are independent."""
 
 FLOOR = 3e-6
 """Least coefficient in the search, relative to the greatest: differences over a millionth of the greatest modulus keep its sign."""
+
+MOST_TRIED = 8
+"""Most terms whose coefficients a search varies, each of which takes the solution of linear equations in each step. Of a greater dictionary
+the weak form chooses these."""
+
+MET = 100.0
+"""Norm of the equation by which forces are met in their sum, divided by that of all other equations: they are then met to 1e-4."""
 
 HALVINGS = 6
 """Most halvings of a step that does not reduce the residuals."""
@@ -59,7 +56,7 @@ class EnergyUnknowns:
 
     bulk_ratio: float | None = None
     bulk_modulus: float | None = None
-    terms: tuple[Term, ...] = TERMS
+    terms: tuple[Term, ...] = OF_INVARIANTS
 
     def of(self, kept: np.ndarray) -> "EnergyUnknowns":
         """Return the unknowns of some of the terms, given by a mask."""
@@ -74,8 +71,13 @@ class EnergyUnknowns:
         return law_of(self.terms, values, self.bulk_modulus or (self.bulk_ratio or 1.0) * stiffness_of(self.terms, values))
 
     def start(self) -> np.ndarray:
-        """Return the coefficients of a law near the Neo-Hookean one with the shear modulus 1, none below its least value."""
-        return floored(np.array([2.0 * (term == ("stretches", 2.0)) for term in self.terms]))
+        """Return the coefficients of a law with the shear modulus 1 near the Neo-Hookean one, none below its least value."""
+        rows = np.array([term.row for term in self.terms])
+        moduli = np.array([term.shear_modulus for term in self.terms])
+        nearest = np.abs(rows[:, 0] * rows[:, 1] - 2) + np.where(moduli > 0, 0, np.inf)  # l^2, of which I1bar is the sum
+        start = np.zeros(len(moduli))
+        start[nearest.argmin()] = 1 / moduli[nearest.argmin()]
+        return floored(start)
 
 
 def floored(values: np.ndarray) -> np.ndarray:
@@ -87,6 +89,25 @@ def solved(jacobian: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Return the least-squares solution of J x = right without negative numbers, after an orthogonal reduction to a square matrix."""
     q, r = np.linalg.qr(jacobian)
     return nonnegative(r, q.T @ right, np.ones(len(r)))[0]
+
+
+def scaled(jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the equations of the weak form with one more, by which the measured forces, chosen by a mask, are met in their sum.
+
+    Otherwise an energy of almost zero, whose forces are in balance in every field, would fit best where the simulation has errors.
+    """
+    if not forces.any():
+        return jacobian, right
+    row = np.append(right[forces] @ jacobian[forces], right[forces] @ right[forces])
+    row *= MET * np.linalg.norm(jacobian) / np.linalg.norm(row[:-1])
+    return np.vstack([jacobian, row[:-1]]), np.append(right, row[-1])
+
+
+def proposed(jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray, groups: np.ndarray) -> np.ndarray:
+    """Return, for each term, the share of fits of the weak form in which it has weight: to all equations, and with one group left out."""
+    masks = [np.ones(len(groups), dtype=bool), *(groups != one for one in np.unique(groups))]
+    fits = np.array([solved(*scaled(jacobian[used], right[used], forces[used])) for used in masks])
+    return np.mean(fits > FLOOR * fits.max(axis=1, keepdims=True), axis=0)
 
 
 def minimized(search, x: np.ndarray, close: float, most: int) -> SimpleNamespace:
@@ -132,11 +153,20 @@ class Average:
     members: np.ndarray
 
 
-def average(jacobian: np.ndarray, right: np.ndarray, correlated: float, count: int, random_state: int = 0) -> Average:
-    """Return the average of all sets of `TERMS` that solve the linear equations J x = right, with `count` members.
+def average(
+    terms: Sequence[Term],
+    jacobian: np.ndarray,
+    right: np.ndarray,
+    correlated: float,
+    count: int,
+    random_state: int = 0,
+    greatest: float = STABLE_TO,
+) -> Average:
+    """Return the average of all sets of few `terms` that solve the linear equations J x = right, with `count` members.
 
     Parameters
     ----------
+    terms : sequence of Term
     jacobian : ndarray, shape (n, n_terms)
         Derivatives of the measurements by the coefficients of all terms, in standard deviations.
     right : ndarray, shape (n,)
@@ -145,33 +175,33 @@ def average(jacobian: np.ndarray, right: np.ndarray, correlated: float, count: i
     count : int
     random_state : int
         Seed of the members.
+    greatest : float
+        Greatest stretch of the states in which waves must be stable.
 
     Raises
     ------
     ValueError
         If no sum of the terms with a stiffness at rest fits.
     """
-    n, terms = jacobian.shape
+    n, every = jacobian.shape
     square = np.linalg.qr(np.column_stack([jacobian, right]), mode="r")
-    curvatures, stiff, found = line_curvatures(TERMS, STABLE_TO), np.array([term.shear_modulus > 0 for term in TERMS]), {}
+    waves, stiff, found = wave_check(terms, greatest), np.array([term.shear_modulus > 0 for term in terms]), {}
 
     def stable(x: np.ndarray) -> bool:
-        """Return whether an energy has a stiffness at rest and stable waves, up to rounding of the differences."""
-        return bool(stiff[x > 0].any() and (curvatures @ x).min() >= -1e-6 * x.max())
+        """Return whether an energy has a stiffness at rest and stable waves."""
+        return bool(stiff[x > 0].any() and waves(x))
 
-    for first in (set_ for size in range(1, MOST_FIRST + 1) for set_ in combinations(range(len(FIRST)), size)):
-        for second in (None, *range(len(FIRST), terms)):
-            chosen = [*first] if second is None else [*first, second]
-            x = np.zeros(terms)
-            x[chosen] = nonnegative(square[:, chosen], square[:, -1], np.ones(len(square)))[0]
-            if stable(x):
-                found[tuple(np.flatnonzero(x))] = x
+    for chosen in sets_of(terms):
+        x = np.zeros(every)
+        x[chosen] = nonnegative(square[:, chosen], square[:, -1], np.ones(len(square)))[0]
+        if stable(x):
+            found[tuple(np.flatnonzero(x))] = x
     if not found:
         raise ValueError("no energy describes the measurements: check that forces are positive in tension, and the steps in the table")
     x = np.array(list(found.values()))
     squares = ((x @ square[:, :-1].T - square[:, -1]) ** 2).sum(axis=1)
     scale = correlated * max(1.0, squares.min() / n)
-    equibiaxial, uniaxial = _prior_stresses() @ x.T
+    equibiaxial, uniaxial = _prior_stresses(terms) @ x.T
     logarithms = -(squares - squares.min()) / (2 * scale) - PER_TERM * (x > 0).sum(axis=1) - PER_RATIO * equibiaxial / uniaxial
     weights = np.exp(logarithms - logarithms.max())
     weights /= weights.sum()
@@ -190,10 +220,21 @@ def average(jacobian: np.ndarray, right: np.ndarray, correlated: float, count: i
     return Average(mean, covariance, np.array(members))
 
 
-def _prior_stresses() -> np.ndarray:
+def sets_of(terms: Sequence[Term]) -> Iterator[list[int]]:
+    """Yield the numbers of the terms in each set with 1 to `MOST_OF_STRETCHES` and 0 to `MOST_OF_INVERSES` of them."""
+    inverse = np.array([term.row[0] < 0 for term in terms])
+    sets = [
+        [[*one] for size in range(most + 1) for one in combinations(np.flatnonzero(kind), size)]
+        for kind, most in ((~inverse, MOST_OF_STRETCHES), (inverse, MOST_OF_INVERSES))
+    ]
+    for of_stretches in sets[0][0 if inverse.all() else 1 :]:
+        yield from (of_stretches + of_inverses for of_inverses in sets[1])
+
+
+def _prior_stresses(terms: Sequence[Term]) -> np.ndarray:
     """Return the stresses of all terms in equibiaxial and in uniaxial tension at `PRIOR_STRETCH`, shape (2, n_terms)."""
     states = np.array([[PRIOR_STRETCH, MODES[mode](PRIOR_STRETCH)] for mode in ("equibiaxial", "uniaxial")])
-    return columns_of(isochoric(states, np.ones(2)), states[:, 0], TERMS)
+    return columns_of(isochoric(states, np.ones(2)), states[:, 0], terms)
 
 
 def grouping(residuals: np.ndarray, places: np.ndarray, component: np.ndarray) -> tuple[float, int]:

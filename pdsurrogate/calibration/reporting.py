@@ -183,6 +183,7 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
         "worst": _worst(model, X, columns),
         "outputs": outputs,
         "stresses": stresses,
+        "start": model.start_,
         "simulations": model.n_simulations_,
     }
 

@@ -124,7 +124,7 @@ def print_calibrated(found: dict) -> None:
     if found["lack_of_fit"] is not None and found["lack_of_fit"] > 1.5:
         worst = found["worst"]
         warn(
-            f"The law leaves residuals of {found['lack_of_fit'] ** 0.5:.2g} standard deviations: the law, the scene, the units of the data "
-            "or the stated noise are not those of the test. Standard errors are increased by this factor. The greatest residual, of "
-            f"{worst['standard_deviations']:.2g} standard deviations, is that of {worst['measured']} in step {worst['step']}."
+            f"The law leaves residuals of {found['lack_of_fit'] ** 0.5:.2g} standard deviations: the law, the scene, its spacing, the "
+            "units of the data or the stated noise are not those of the test. Standard errors are increased by this factor. The greatest "
+            f"residual, of {worst['standard_deviations']:.2g} standard deviations, is that of {worst['measured']} in step {worst['step']}."
         )

@@ -1,7 +1,7 @@
 """Energy from test data without the choice of a law: a sparse sum of polyconvex terms with non-negative weights."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from numbers import Integral, Real
@@ -16,30 +16,22 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..arguments import in_order
 from ..materials import Law
-from ..materials.polyconvex import Term, derivatives, law_of
+from ..materials.dictionary import (
+    NEGATIVE,
+    POSITIVE,
+    STABLE_TO,
+    STEP,
+    Term,
+    checked_dictionary,
+    derivatives,
+    powers_of_stretches,
+    sets_of_invariants,
+    wave_check,
+)
+from ..materials.polyconvex import law_of
 from ..materials.stretch_laws import MOST_TERMS
 from .data import BIAXIAL, MODES
 from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, free_sides, states
-
-LEAST_EXPONENT = 1.0
-"""Least absolute value of an exponent of the stretches: a sum of their powers is convex in F for exponents of 1 and more, and convex in the
-cofactor of F for exponents of -1 and less."""
-
-STEP = 0.25
-"""Distance between candidate exponents: the stresses of neighbors are nearly proportional, so that a smaller one would gain nothing."""
-
-POSITIVE, NEGATIVE = (3.0, 5.0, 8.0, 12.0), (1.0, 2.0, 4.0, 6.0)
-"""Greatest exponents of the stretches, and of their inverses, among which cross-validation chooses. Chosen: about evenly spaced in the
-logarithm; Ogden's exponents for rubber are 5 and -2, and above 12 a term acts only at the greatest stretch of the data."""
-
-POWERS = ((), (("first", 2, 3),), (("first", 2, 3), ("second", 1, 2, 3)), (("first", 2, 3, 4), ("second", 1, 2, 3, 4), ("roots", 1, 2)))
-"""Sets of powers and roots of invariants among which cross-validation chooses, as (kind of `Term`, numbers): none, those of I1bar - 3,
-those of I2bar^1.5 - 3 sqrt 3 as well, which may extrapolate badly to modes without data, and all. The last set also has the logarithms
-with `LIMITS`. I1bar - 3 itself is the exponent 2."""
-
-LIMITS = (1.25, 2.0, 4.0)
-"""Limits of the logarithms, divided by the greatest I1bar - 3 of the data. Chosen: nearer limits act at the greatest stretch of the data
-alone, and more distant ones are hardly distinguished by the data from I1bar - 3 and its square."""
 
 AS_GOOD = 0.05
 """Relative difference of the errors of two dictionaries (sets of candidate energy terms) up to which the smaller one is chosen. Chosen:
@@ -98,8 +90,12 @@ class EnergyRegressor(StressRegressor):
     bulk_modulus : float, optional
         K instead of K/mu, in the unit of the stresses.
     offset : float, default=0.0
-        Increase of the absolute values of all exponents, less than their step of 0.25. The place of the grid of exponents is arbitrary:
-        members of a committee have random offsets.
+        Increase of the absolute values of all exponents of the default dictionary, less than their step of 0.25. The place of the grid of
+        exponents is arbitrary: members of a committee have random offsets.
+    dictionary : sequence of (str, float), optional
+        Candidate terms, pairs of a kind and a number as in `pdsurrogate.materials.dictionary.Term`, such as ``("second_logarithm", 1)``. By
+        default the sets named above, from which cross-validation chooses one. Of sums with a term that is not polyconvex, those are left
+        out whose waves are unstable in states with stretches up to 3, or up to those of the data if these are greater.
 
     Attributes
     ----------
@@ -113,7 +109,7 @@ class EnergyRegressor(StressRegressor):
         Weights with their covariance and standard errors, for given terms and volume ratios.
     cross_validation_ : list of dict
         ``greatest`` and ``least`` exponent, number of ``invariants``, which are terms of the invariants, and ``relative_rms`` error of the
-        data left out.
+        data left out; empty for a given `dictionary`.
     errors_by_size_ : ndarray, shape (max_terms,)
         Relative RMS error of the data left out for 1, 2, ... terms; empty if the data have fewer than two states.
     hull_ : ndarray, shape (n, 3)
@@ -146,6 +142,7 @@ class EnergyRegressor(StressRegressor):
         "max_terms": [Interval(Integral, 1, MOST_TERMS, closed="both")],
         "margin": [Interval(Real, 0, 1, closed="both")],
         **BULK_CONSTRAINTS,
+        "dictionary": "no_validation",  # checked with its terms
         "offset": [Interval(Real, 0, STEP, closed="left")],
     }
 
@@ -157,6 +154,7 @@ class EnergyRegressor(StressRegressor):
     bulk_ratio: float = BULK_RATIO
     bulk_modulus: float | None = None
     offset: float = 0.0
+    dictionary: Sequence[tuple[str, float]] | None = None
 
     def redrawn(self, random):
         return super().redrawn(random).set_params(offset=random.uniform(0, STEP))
@@ -197,14 +195,19 @@ class EnergyRegressor(StressRegressor):
         >>> len(found.weights_) <= 4
         True
         """
+        given = None if self.dictionary is None else checked_dictionary(self.dictionary)
         X, y, root, used = self._checked(X, y, sample_weight)
         _warn_of_few_modes(X)
+        if groups is not None and np.shape(groups) != used.shape:
+            raise ValueError(f"groups must have one entry for each of the {len(used)} rows of X, not the shape {np.shape(groups)}")
         groups = groups_of(X) if groups is None else np.asarray(groups)[used]
-        chosen = self._chosen(X, y, root, groups)
+        self.cross_validation_ = []
+        chosen = self._chosen(X, y, root, groups) if given is None else given
+        stable = wave_check(chosen, max(STABLE_TO, X.max(), 1 / X.min()))
         # The volume ratios of a first fit serve the choice of the number of terms, of which some would describe the change of volume.
-        *_, stretches = self._alternately(X, y, root, chosen, self.max_terms)
-        count = self._count(columns_of(stretches, X[:, 0], chosen), y, root, chosen, fifths_of(X))
-        law, self.terms_, self.weights_, stretches = self._alternately(X, y, root, chosen, count)
+        *_, stretches = self._alternately(X, y, root, chosen, stable, self.max_terms)
+        count = self._count(columns_of(stretches, X[:, 0], chosen), y, root, chosen, stable, fifths_of(X))
+        law, self.terms_, self.weights_, stretches = self._alternately(X, y, root, chosen, stable, count)
         columns = root[:, None] * columns_of(stretches, X[:, 0], self.terms_)
         squares = ((columns @ self.weights_ - root * y) ** 2).sum()
         self._store(law, [f"weight of {term}" for term in self.terms_], self.weights_, columns, squares)
@@ -233,6 +236,8 @@ class EnergyRegressor(StressRegressor):
         True
         """
         check_is_fitted(self)
+        if np.shape(values) != (len(self.terms_),):
+            raise ValueError(f"values must have one weight for each of the {len(self.terms_)} terms, not the shape {np.shape(values)}")
         return law_of(self.terms_, values, self._bulk(stiffness_of(self.terms_, np.asarray(values, dtype=float))))
 
     def beyond(self, X) -> np.ndarray:
@@ -281,12 +286,15 @@ class EnergyRegressor(StressRegressor):
         check_is_fitted(self)
         return [[n1, n2, self.margin - offset] for n1, n2, offset in self.hull_.tolist()]
 
-    def _alternately(self, X, y, root, chosen, count) -> tuple[Law, list[Term], np.ndarray, np.ndarray]:
-        """Fit at most `count` of the terms `chosen` and volume ratios alternately; return law, terms, weights and isochoric stretches."""
+    def _alternately(self, X, y, root, chosen, stable, count) -> tuple[Law, list[Term], np.ndarray, np.ndarray]:
+        """Fit at most `count` of the terms `chosen`, with `stable` waves, and volume ratios alternately.
+
+        Return law, terms, weights and isochoric stretches.
+        """
         volume = np.ones_like(y)
         for _ in range(ROUNDS):
             stretches = isochoric(X, volume)
-            terms, weights = _fitted(columns_of(stretches, X[:, 0], chosen), y, root, chosen, count)
+            terms, weights = _fitted(columns_of(stretches, X[:, 0], chosen), y, root, chosen, stable, count)
             if not stiffness_of(terms, weights) > 0:
                 warnings.warn("the stresses do not rise with the stretch as in rubber; the fitted energy is almost zero", stacklevel=3)
                 terms, weights = [Term("stretches", 2.0)], np.array([1e-6 * max(np.abs(y).max(), 1e-300)])
@@ -303,15 +311,12 @@ class EnergyRegressor(StressRegressor):
         The best range of exponents is chosen for each set of terms of the invariants, and then the best of these sets; a smaller set wins
         if its error is nearly as small (`AS_GOOD`). `root` holds square roots of row weights; `cross_validation_` records the errors.
         """
-        self.cross_validation_, candidates = [], []
+        candidates = []
         greatest_first = np.exp(2 * ordered_logs(X)).sum(axis=1) + np.exp(-2 * np.log(X).sum(axis=1)) - 3
-        for kinds in POWERS:
-            invariants = [Term(kind, float(number)) for kind, *numbers in kinds for number in numbers]
-            if kinds is POWERS[-1]:
-                invariants += [Term("logarithms", share * max(greatest_first.max(), SAME_MODE)) for share in LIMITS]
+        for invariants in sets_of_invariants(max(greatest_first.max(), SAME_MODE)):
             dictionaries = []
             for greatest, least in product(POSITIVE, NEGATIVE):
-                terms = [*dictionary(greatest, least, self.offset), *invariants]
+                terms = [*powers_of_stretches(greatest, least, self.offset), *invariants]
                 error = self._left_out(X, y, root, groups, terms)
                 dictionaries.append((terms, error))
                 self.cross_validation_.append({"greatest": greatest, "least": -least, "invariants": len(invariants), "relative_rms": error})
@@ -332,15 +337,15 @@ class EnergyRegressor(StressRegressor):
         squares = _squares_left_out(columns, y, root, groups, lambda *rows: [nonnegative(*rows)[0]])
         return float(np.sqrt(squares.sum() / size)) if size > 0 else 0.0
 
-    def _count(self, columns, y, root, terms, folds) -> int:
+    def _count(self, columns, y, root, terms, stable, folds) -> int:
         """Return the least number of terms whose error of cross-validation exceeds the least error by at most its standard error.
 
-        `columns` holds the stress of each candidate of `terms` with unit weight.
+        `columns` holds the stress of each candidate of `terms` with unit weight; waves are to be `stable`.
         """
         stiff = [term.shear_modulus > 0 for term in terms]
 
         def fits(columns, y, root):
-            found = [_weights(columns, y, root, chosen) for chosen in best_sets(columns, y, root, stiff, self.max_terms)]
+            found = [_weights(columns, y, root, chosen) for chosen in best_sets(columns, y, root, stiff, stable, self.max_terms)]
             return [found[min(size, len(found) - 1)] if found else np.zeros(columns.shape[1]) for size in range(self.max_terms)]
 
         squares = _squares_left_out(columns, y, root, folds, fits)
@@ -367,12 +372,12 @@ def _squares_left_out(columns, y, root, groups, fits) -> np.ndarray:
     return np.array(squares)
 
 
-def _fitted(columns, y, root, terms, count) -> tuple[list[Term], np.ndarray]:
+def _fitted(columns, y, root, terms, stable, count) -> tuple[list[Term], np.ndarray]:
     """Return the at most `count` energy terms that fit the stresses y best, and their weights.
 
     `columns` holds the stress of each term with unit weight, and `root` the square roots of the row weights.
     """
-    sets = best_sets(columns, y, root, [term.shear_modulus > 0 for term in terms], count)
+    sets = best_sets(columns, y, root, [term.shear_modulus > 0 for term in terms], stable, count)
     weights = _weights(columns, y, root, sets[-1]) if sets else np.zeros(len(terms))
     return [term for term, weight in zip(terms, weights, strict=True) if weight > 0], weights[weights > 0]
 
@@ -384,10 +389,13 @@ def _weights(columns, y, root, chosen) -> np.ndarray:
     return weights
 
 
-def best_sets(columns: np.ndarray, y: np.ndarray, root: np.ndarray, stiff: Sequence[bool], most: int) -> list[np.ndarray]:
+def best_sets(
+    columns: np.ndarray, y: np.ndarray, root: np.ndarray, stiff: Sequence[bool], stable: Callable[[np.ndarray], np.ndarray], most: int
+) -> list[np.ndarray]:
     """Return sets of 1, 2, ... columns whose sums with positive coefficients fit y best, at most of `most` columns, as index arrays.
 
-    Each set has a column that `stiff` flags: without one the undeformed material would have no stiffness.
+    Each set has a column that `stiff` flags: without one the undeformed material would have no stiffness. Its coefficients pass the check
+    `stable` (`pdsurrogate.materials.dictionary.wave_check`).
 
     All pairs are compared. Each of the `BEAM` best sets of a size is extended by one column; in the best of these sets columns are
     exchanged, one at a time, as long as the fit improves; and if it, less one of its columns, fits better than the set before, it takes its
@@ -402,9 +410,13 @@ def best_sets(columns: np.ndarray, y: np.ndarray, root: np.ndarray, stiff: Seque
     gram, right = columns.T @ columns + ROUNDING * np.eye(len(size)), columns.T @ y
 
     def gains(sets):
-        """Return the decreases of the sum of squares by sets of columns; only stiff sets with positive coefficients count."""
+        """Return the decreases of the sum of squares by sets of columns; only stiff and stable ones with positive coefficients count."""
         found = np.linalg.solve(gram[sets[:, :, None], sets[:, None, :]], right[sets][..., None])[..., 0]
-        return np.where((found > 0).all(axis=1) & has_stiffness[sets].any(axis=1), (found * right[sets]).sum(axis=1), 0.0)
+        permitted = (found > 0).all(axis=1) & has_stiffness[sets].any(axis=1)
+        coefficients = np.zeros((permitted.sum(), len(size)))
+        np.put_along_axis(coefficients, sets[permitted], found[permitted] / size[sets[permitted]], axis=1)
+        permitted[permitted] = stable(coefficients)
+        return np.where(permitted, (found * right[sets]).sum(axis=1), 0.0)
 
     def best(sets):
         values = gains(sets)
@@ -515,13 +527,6 @@ def line_through_rest(logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return unit vectors across and along the line through the origin, the undeformed state, that fits log-stretches, (n, 2), best."""
     along, off = np.linalg.svd(np.vstack([logs, np.zeros((2, 2))]), full_matrices=False)[2]
     return off, along
-
-
-def dictionary(greatest: float, least: float, offset: float = 0.0) -> list[Term]:
-    """Return powers of stretches: exponents from -`least` to -1 and from 1 to `greatest`, with `offset` added to absolute values."""
-    sizes = np.arange(LEAST_EXPONENT, max(greatest, least) + STEP / 2, STEP)
-    exponents = np.concatenate([-sizes[sizes <= least][::-1] - offset, sizes[sizes <= greatest] + offset])
-    return [Term("stretches", exponent) for exponent in exponents.tolist()]
 
 
 def columns_of(stretches: np.ndarray, first: np.ndarray, terms: Sequence[Term]) -> np.ndarray:

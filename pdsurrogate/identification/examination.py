@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..materials.polyconvex import Term
+from ..materials.dictionary import NEGATIVE, POSITIVE, Term, powers_of_stretches
 from .data import BIAXIAL, TestData
-from .energy import NEGATIVE, POSITIVE, EnergyRegressor, columns_of, dictionary, isochoric, nonnegative
+from .energy import EnergyRegressor, columns_of, isochoric, nonnegative
 from .stress_regressor import StressRegressor
 
 NOISE = 0.01
@@ -54,7 +54,7 @@ POOR = 0.9
 """R^2 of a mode below which a fit is called poor. Chosen: the residuals are then a third of the scatter of the stresses, which a plot shows
 at a glance."""
 
-TERMS = [*dictionary(POSITIVE[-1], NEGATIVE[-1]), Term("first", 2.0), Term("first", 3.0)]
+TERMS = [*powers_of_stretches(POSITIVE[-1], NEGATIVE[-1]), Term("first", 2.0), Term("first", 3.0)]
 """Terms of an energy that stands for all admissible energies: powers of stretches, their inverses and the first invariant."""
 
 REWEIGHTINGS = 12

@@ -16,7 +16,7 @@ from sklearn.utils import check_X_y
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from ..arguments import check_jobs, check_kind, check_seed, check_whole_number, in_order
+from ..arguments import check_jobs, check_kind, check_numbers, check_seed, check_whole_number, in_order
 from ..materials import Law, homogeneous, plane_stress
 from ..materials.covariance import LawCovariance, covariance_of_numbers
 
@@ -194,6 +194,12 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         """Check the data; return stretches, stresses and roots of weights for the rows of positive weight, and a mask of these rows."""
         self.forget()  # results of an earlier fit must not outlive a failed one
         self._validate_params()
+        for values, what, wanted in (
+            (X, "X", f"it must have the columns {' and '.join(self.columns)} and at least one row" if self.columns else "give numbers"),
+            (y, "y", "give a nominal stress for each row of X"),
+            (sample_weight, "sample_weight", "give a number for each row of X"),
+        ):
+            check_numbers(values, what, wanted)
         X, y = validate_data(self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True)
         root = np.sqrt(_check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True))
         used = root > 0

@@ -5,11 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..arguments import check_kind, check_names, check_numbers
 from .law import Law
 from .stretch_laws import Ogden
 
 MOST_UNCERTAIN = 0.5
 """Relative standard error of the shear modulus beyond which first-order errors of results have no meaning: all forces scale with it."""
+
+NO_VARIANCE = 1e-6
+"""Negative variance of a combination of numbers, in units of theirs, up to which it is due to the digits of a given covariance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +33,7 @@ class LawCovariance:
     ------
     ValueError
         If the law has no such number, or the values are no covariance of them: of another shape, not finite, not symmetric, or with a
-        negative variance.
+        negative variance of a number or a combination.
 
     See Also
     --------
@@ -50,16 +54,24 @@ class LawCovariance:
     values: np.ndarray
 
     def __post_init__(self) -> None:
+        check_kind(self.law, Law, "law", "a material law")
+        check_names([*self.names] if isinstance(self.names, tuple) else self.names, "names", "such as ['shear_modulus']")
+        check_numbers(self.values, "covariance", f"it must have {len(self.names)} x {len(self.names)} numbers")
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "values", values := np.array(self.values, dtype=float))
         known = numbers_of(self.law)
         if unknown := [name for name in self.names if name not in known]:
             raise ValueError(f"covariance: {self.law.name} has no number {unknown[0]!r}; it has {', '.join(known)}")
         if values.shape != 2 * (len(self.names),) or not np.isfinite(values).all():
-            raise ValueError(f"covariance: {len(self.names)} numbers need as many rows and columns of finite numbers, not {values.shape}")
+            many = f"{len(self.names)} x {len(self.names)} finite numbers, for {', '.join(self.names)}"
+            wrong = f"has the shape {values.shape}" if values.shape != 2 * (len(self.names),) else "has others"
+            raise ValueError(f"covariance: it must have {many}, but {wrong}")
         sizes = np.sqrt(np.abs(np.diag(values)))
         if (np.diag(values) < 0).any() or (np.abs(values - values.T) > 1e-9 * np.outer(sizes, sizes)).any():
             raise ValueError("covariance: it must be symmetric, with no negative variance")
+        correlation = values / np.outer(np.where(sizes > 0, sizes, 1.0), np.where(sizes > 0, sizes, 1.0))
+        if np.linalg.eigvalsh(correlation).min() < -NO_VARIANCE:
+            raise ValueError("covariance: a combination of the numbers has a negative variance: correlations must lie between -1 and 1")
 
     @property
     def standard_errors(self) -> dict[str, float]:

@@ -1,95 +1,14 @@
-"""Dictionary of energies: terms, and the law that is their sum with coefficients of which none is negative.
-
-A sum of polyconvex functions with positive coefficients is polyconvex. Each term is so for this reason:
-
-- powers of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3: I1bar and I2bar^1.5 are polyconvex (Hartmann, Neff, Int. J. Solids Struct. 40 (2003)
-  2767; I2bar itself is not), and the powers are convex and do not decrease from the least values of the differences, 0, on;
-- the logarithm -log(1 - (I1bar - 3)/L), and its continuation: convex functions of I1bar that do not decrease, too;
-- powers of the stretches, among deformations of constant volume: l1^a + l2^a + l3^a is a convex function of F for a >= 1, and of cof F,
-  whose singular values are the inverses of the stretches, for a <= -1 (Ball, Arch. Rat. Mech. Anal. 63 (1977) 337);
-- sqrt I1bar and sqrt I2bar, among deformations of constant volume: the norms of F and of cof F.
-
-log(I2bar/3), as in the law of Gent and Thomas, is not polyconvex: along F + t a x n that keeps the volume it is concave at large t. A sum
-with this term may still be convex along all such lines in the states of a body; `line_curvatures` serves to check it.
-"""
+"""Law whose energy is a sum of terms of the dictionary with coefficients of which none is negative."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..kernels.elementary_in_numpy import exponential, logarithm, select
+from .dictionary import GREATEST_POWER, Term, energy_of_row
 from .stretch_laws import MOST_TERMS, Ogden
-
-GREATEST_POWER = 4
-"""Greatest power of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3. Chosen: the third, as in Yeoh's law, and the fourth, as in Carroll's, describe
-the rise of the stress at great stretches; higher ones would act at the greatest stretches of the data alone."""
-
-LEAST_GAP = 0.1
-"""Value of 1 - x/L down to which a term in log(1 - x/L) is a logarithm; from there on the logarithm continues as its Taylor polynomial of
-second degree. Chosen: the stress is then ten times that of a Neo-Hookean term, which test data hardly exceed, and an energy from test
-data must not end within a body."""
-
-
-STATES, DIRECTIONS, LINE_STEP = 13, 6, 1e-3
-"""Number of stretches of each axis and of angles in a quarter turn of `line_curvatures`, and the step of its differences: the rounding is
-then some 1e-9, and the error of the difference a millionth."""
-
-
-class Term(NamedTuple):
-    """One energy of the dictionary, with the coefficient 1.
-
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`, which are also the names of the parameters of `Polyconvex`.
-    number : float
-        Exponent a of ``stretches``, (l1^a + l2^a + l3^a - 3)/a^2; power k of ``first``, (I1bar - 3)^k, and of ``second``,
-        (I2bar^1.5 - 3 sqrt 3)^k; 1 or 2 of ``roots``, sqrt I1bar - sqrt 3 or sqrt I2bar - sqrt 3; limit L of ``logarithms``,
-        -L/2 log(1 - (I1bar - 3)/L); 1 of ``second_logarithm``, log(I2bar/3).
-    """
-
-    kind: str
-    number: float
-
-    def __str__(self) -> str:
-        return KINDS[self.kind].format(self.number)
-
-    @property
-    def row(self) -> tuple[float, ...]:
-        """Constants (a, r, L, m, c1, ..., c4) of c1 z + ... + c4 z^4 - m/2 L log(1 - z/L), z = S^r - 3^r and S = l1^a + l2^a + l3^a.
-
-        With r = 0, z = log(S/3).
-        """
-        kind, number = self
-        if kind == "stretches":
-            return (number, 1.0, 1.0, 0.0, number**-2.0, 0.0, 0.0, 0.0)
-        if kind == "roots":
-            return (2.0 if number == 1 else -2.0, 0.5, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-        if kind == "logarithms":
-            return (2.0, 1.0, number, 1.0, 0.0, 0.0, 0.0, 0.0)
-        if kind == "second_logarithm":
-            return (-2.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-        return (*((2.0, 1.0) if kind == "first" else (-2.0, 1.5)), 1.0, 0.0, *(float(number == k) for k in range(1, GREATEST_POWER + 1)))
-
-    @property
-    def shear_modulus(self) -> float:
-        """Shear modulus of the undeformed material."""
-        a, r, _, m, c1, *_ = self.row
-        return a**2 / 2 * (c1 + m / 2) * (r or 1.0) * 3 ** (r - 1)
-
-
-KINDS = {
-    "stretches": "exponent {:g}",
-    "first": "I1bar - 3 to the power {:g}",
-    "second": "I2bar^1.5 - 3 sqrt 3 to the power {:g}",
-    "roots": "root of I{:g}bar",
-    "logarithms": "logarithm of I1bar - 3 with limit {:.4g}",
-    "second_logarithm": "logarithm of I2bar",
-}
-"""Kinds of terms, with their names in reports."""
 
 
 @dataclass(frozen=True)
@@ -217,31 +136,7 @@ class Polyconvex(Ogden):
         exponent, root, limit, modulus = parameters[at], parameters[at + 1], parameters[at + 2], parameters[at + 3]
         return exponent, root, limit, modulus, parameters[at + 4], parameters[at + 5], parameters[at + 6], parameters[at + 7]
 
-    @staticmethod
-    def term(x1, x2, x3, s1, s2, s3, coefficients):
-        exponent, power, limit, modulus, c1, c2, c3, c4 = coefficients
-        e1, e2, e3 = exponential(exponent * x1), exponential(exponent * x2), exponential(exponent * x3)
-        S = e1 + e2 + e3
-        root = np.sqrt(S)
-        # z, its derivatives by S, and those of the energy by z.
-        linear, rising, flat = power == 1.0, power == 1.5, power == 0.0
-        z = select(linear, S - 3, select(rising, S * root - 3 * np.sqrt(3.0), root - np.sqrt(3.0)))
-        z1 = select(linear, 1.0, select(rising, 1.5 * root, select(flat, 1 / S, 0.5 / root)))
-        z2 = select(linear, 0.0, select(rising, 0.75 / root, select(flat, -1 / (S * S), -0.25 / (S * root))))
-        gap = 1 - z / limit
-        least = select(gap > LEAST_GAP, gap, LEAST_GAP)
-        # One logarithm serves both kinds of terms: where z is log(S/3), there is no logarithm of the gap.
-        log = logarithm(select(flat, S / 3, least))
-        z = select(flat, log, z)
-        # How far the state is beyond the end of the logarithm, from which a Taylor polynomial continues it.
-        beyond = (least - gap) / least
-        W = z * (c1 + z * (c2 + z * (c3 + z * c4))) + modulus / 2 * limit * (beyond + beyond * beyond / 2 - log)
-        W1 = c1 + z * (2 * c2 + z * (3 * c3 + z * 4 * c4)) + modulus / 2 * (1 + beyond) / least
-        W2 = 2 * c2 + z * (6 * c3 + z * 12 * c4) + modulus / (2 * limit * least * least)
-        slope = exponent * W1 * z1
-        along = exponent * (2 * e3 - e1 - e2) / 3
-        h = exponent * slope * (e1 + e2 + 4 * e3) / 9 + (W2 * z1 * z1 + W1 * z2) * along * along
-        return W, slope * e1, slope * e2, slope * e3, h
+    term = staticmethod(energy_of_row)
 
 
 def law_of(terms: Sequence[Term], coefficients: ArrayLike, bulk_modulus: float) -> Ogden:
@@ -263,7 +158,8 @@ def law_of(terms: Sequence[Term], coefficients: ArrayLike, bulk_modulus: float) 
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> from pdsurrogate.materials.polyconvex import Term, law_of
+    >>> from pdsurrogate.materials.dictionary import Term
+    >>> from pdsurrogate.materials.polyconvex import law_of
     >>> law_of([Term("first", 1), Term("first", 2)], [0.4, 0.01], 400.0) == pds.materials.Polyconvex(first=(0.4, 0.01), bulk_modulus=400.0)
     True
     """
@@ -284,65 +180,3 @@ def law_of(terms: Sequence[Term], coefficients: ArrayLike, bulk_modulus: float) 
         return Ogden(bulk_modulus=bulk_modulus, moduli=tuple(lists["moduli"]), exponents=tuple(lists["exponents"]))
     given: dict[str, Any] = {key: tuple(values) for key, values in lists.items()}
     return Polyconvex(bulk_modulus=bulk_modulus, **given)
-
-
-def derivatives(terms: Sequence[Term], logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the energies of terms with the coefficient 1, and their derivatives by the logarithms of the isochoric principal stretches.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-    logs : ndarray, shape (n, 3)
-        Logarithms of the isochoric principal stretches; their sum is 0.
-
-    Returns
-    -------
-    energies : ndarray, shape (n, n_terms)
-    slopes : ndarray, shape (n, n_terms, 3)
-        The deviators of these are the principal Kirchhoff stresses.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pdsurrogate.materials.polyconvex import Term, derivatives
-    >>> energies, slopes = derivatives([Term("first", 1.0)], np.log([[2.0, 1.0, 0.5]]))
-    >>> energies.tolist(), slopes.round(6).tolist()
-    ([[2.25]], [[[8.0, 2.0, 0.5]]])
-    """
-    x = np.asarray(logs, dtype=float).T[:, :, None]
-    (x1, x2, x3), (s1, s2, s3) = x, np.exp(2 * x)
-    energy, *slopes, _ = Polyconvex.term(x1, x2, x3, s1, s2, s3, np.array([term.row for term in terms]).T)
-    return energy, np.stack(slopes, axis=-1)
-
-
-def line_curvatures(terms: Sequence[Term], greatest: float = 3.0) -> np.ndarray:
-    """Return second derivatives of terms with the coefficient 1 along lines F + t a x n that keep the volume, shape (n_lines, n_terms).
-
-    An energy is strongly elliptic in a state, that is, shear waves of all directions and polarizations are stable, if these are positive.
-    The states F have principal stretches from 1/`greatest` to `greatest`, and the lines the directions n of an octant.
-
-    Examples
-    --------
-    >>> from pdsurrogate.materials.polyconvex import Term, line_curvatures
-    >>> curvatures = line_curvatures([Term("first", 1.0), Term("second_logarithm", 1.0)])
-    >>> curvatures[:, 0].min().round(3).item(), bool(curvatures[:, 1].min() < 0), bool((2 * curvatures[:, 0] + curvatures[:, 1]).min() > 0)
-    (2.0, True, True)
-    """
-    logs = np.linspace(-1.0, 1.0, STATES) * np.log(greatest)
-    first, second = (grid.ravel() for grid in np.meshgrid(logs, logs))
-    kept = (first >= second) & (second >= -first - second) & (-first - second >= logs[0] - 1e-9)
-    stretches = np.exp(np.stack([first, second, -first - second], axis=1)[kept])
-    angles = (np.arange(DIRECTIONS) + 0.5) * np.pi / 2 / DIRECTIONS
-    polar, around, turn = (grid.ravel() for grid in np.meshgrid(angles, angles, np.arange(2 * DIRECTIONS) * np.pi / 2 / DIRECTIONS))
-    n = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=1)
-    # a is perpendicular to the normal of the deformed surface, F^-T n.
-    normal = n / stretches[:, None]
-    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
-    across = np.cross(normal, np.roll(normal, 1, axis=2) * [1.0, -1.0, 1.0])
-    across /= np.linalg.norm(across, axis=2, keepdims=True)
-    a = np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * np.cross(normal, across)
-    F, energies = stretches[:, None, :, None] * np.eye(3), []
-    for step in (-LINE_STEP, 0.0, LINE_STEP):
-        moved = (F + step * a[..., :, None] * n[:, None, :]).reshape(-1, 3, 3)
-        energies.append(derivatives(terms, np.log(np.linalg.eigvalsh(np.swapaxes(moved, 1, 2) @ moved)) / 2)[0])
-    return (energies[0] - 2 * energies[1] + energies[2]) / LINE_STEP**2

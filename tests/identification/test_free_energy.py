@@ -143,6 +143,40 @@ def test_a_law_is_found_again_with_its_terms_alone(law, terms):
     assert hits >= 5
 
 
+def gent_thomas_data(weight):
+    """States of three modes and their stresses with weight (I1bar - 3) + log(I2bar/3), incompressible."""
+    stretches = np.linspace(1.1, 2.5, 12)
+    X = np.vstack([np.stack([stretches, lateral(stretches)], axis=1) for lateral in MODES.values()])
+    l1, l2 = X.T
+    third = 1 / (l1 * l2)
+    I2 = l1**-2 + l2**-2 + third**-2
+    return X, 2 * (weight + l2**2 / I2) * (l1 - third**2 / l1)
+
+
+def test_the_logarithm_of_gent_and_thomas_is_a_candidate_if_asked_for():
+    """The stresses are those of the law itself: for sheets P1 = 2 (dW/dI1 + l2^2 dW/dI2) (l1 - l3^2/l1)."""
+    terms = [("first", 1), ("first", 2), ("stretches", -2), ("second_logarithm", 1)]
+    X, y = gent_thomas_data(0.5)
+    model = pds.identification.EnergyRegressor(dictionary=terms, bulk_ratio=1e6).fit(X, y)
+    assert set(model.terms_) == {("first", 1.0), ("second_logarithm", 1.0)}
+    np.testing.assert_allclose(sorted(model.weights_), [0.5, 1.0], rtol=1e-4)
+    assert model.cross_validation_ == []
+
+
+def test_sums_with_unstable_waves_are_no_candidates():
+    """With a fiftieth of I1bar - 3 the law is unstable in simple shear: no fit has so little of it."""
+    X, y = gent_thomas_data(0.02)
+    model = pds.identification.EnergyRegressor(dictionary=[("first", 1), ("second_logarithm", 1)]).fit(X, y)
+    weights = dict(zip(model.terms_, model.weights_, strict=True))
+    assert weights.get(("first", 1.0), 0.0) >= weights.get(("second_logarithm", 1.0), 0.0) / 24
+
+
+@pytest.mark.parametrize("groups", [[1, 2], "tension", []])
+def test_groups_of_another_length_are_named(groups, kawabata):
+    with pytest.raises(ValueError, match=r"groups must have one entry for each of the .* rows of X, not the shape"):
+        pds.identification.EnergyRegressor().fit(kawabata.stretches, kawabata.nominal_stress, groups=groups)
+
+
 def test_the_number_of_terms_is_bounded_and_its_errors_recorded():
     data = pds.load_test_data("treloar")
     free = fitted(data)

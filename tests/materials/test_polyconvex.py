@@ -1,17 +1,20 @@
 """The dictionary of polyconvex energies: its derivatives, its convexity, and the laws that are sums of its terms."""
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.materials import plane_stress
-from pdsurrogate.materials.polyconvex import KINDS, Term, derivatives, law_of, line_curvatures
+from pdsurrogate.materials.dictionary import KINDS, Term, checked_dictionary, derivatives, line_curvatures, wave_check
+from pdsurrogate.materials.polyconvex import law_of
 
 TERMS = [Term("stretches", exponent) for exponent in (-6.0, -1.0, 1.0, 2.0, 3.25, 12.0)]
 TERMS += [Term(kind, power) for kind in ("first", "second") for power in (1.0, 2.0, 3.0, 4.0)]
 TERMS += [Term("roots", 1.0), Term("roots", 2.0), Term("logarithms", 3.0), Term("logarithms", 40.0)]
-POLYCONVEX = tuple(TERMS)
 TERMS += [Term("second_logarithm", 1.0)]
+POLYCONVEX = tuple(term for term in TERMS if term.polyconvex)
 
 
 def energy_of(term, F):
@@ -84,6 +87,36 @@ def test_curvatures_tell_where_a_sum_with_the_logarithm_is_stable():
     assert curvatures[:, -1] == pytest.approx(2.0, rel=1e-6)
     logarithm = curvatures[:, -2]
     assert (logarithm + curvatures[:, -1] / 26).min() < 0 < (logarithm + curvatures[:, -1] / 2).min()
+
+
+def test_sums_of_polyconvex_terms_are_stable_by_form_and_others_are_checked():
+    """In simple shear log(I2bar/3) needs 1/24 of I1bar - 3 at least."""
+    assert not Term("second_logarithm", 1.0).polyconvex
+    assert len(POLYCONVEX) == len(TERMS) - 1
+    coefficients = np.array([[1.0, 1.0], [1.0, 0.0], [1 / 26, 1.0]])
+    assert wave_check([Term("first", 1.0), Term("second_logarithm", 1.0)], 3.4)(coefficients).tolist() == [True, True, False]
+    with patch("pdsurrogate.materials.dictionary.line_curvatures", side_effect=AssertionError):
+        assert wave_check([Term("first", 1.0), Term("roots", 2.0)])(coefficients).all()
+
+
+@pytest.mark.parametrize(
+    ("terms", "error", "message"),
+    [
+        ([], ValueError, "dictionary: the list is empty; give terms, pairs"),
+        ("first", TypeError, "dictionary must be a list of terms, pairs .*, not 'first'"),
+        (["first"], ValueError, "dictionary: the terms are pairs .*, not 'first'"),
+        ([("frist", 1)], ValueError, "dictionary: unknown kind 'frist'; did you mean first"),
+        ([("first", 5)], ValueError, "dictionary: first has powers from 1 to 4, not 5"),
+        ([("first", "2")], ValueError, "dictionary: first has powers from 1 to 4, not '2'"),
+        ([("stretches", -0.5)], ValueError, "dictionary: stretches has exponents of magnitude 1 or more, not -0.5"),
+        ([("logarithms", 0)], ValueError, "dictionary: logarithms has positive limits, not 0"),
+        ([("first", 1), ("first", 1.0)], ValueError, "dictionary: I1bar - 3 to the power 1 is there twice"),
+        ([("first", 2), ("second", 3)], ValueError, "dictionary: no term has a stiffness at rest"),
+    ],
+)
+def test_a_dictionary_of_other_things_is_refused(terms, error, message):
+    with pytest.raises(error, match=message):
+        checked_dictionary(terms)
 
 
 @pytest.mark.parametrize("term", TERMS, ids=str)

@@ -103,7 +103,10 @@ def test_a_result_from_files_is_refused(tmp_path):
     ("names", "values", "message"),
     [
         (("shear",), [[1.0]], "neo-hookean has no number 'shear'; it has shear_modulus, bulk_modulus"),
-        (("shear_modulus",), [1.0], "as many rows and columns"),
+        (("shear_modulus",), [1.0], "1 x 1 finite numbers, for shear_modulus, but has the shape"),
+        (("shear_modulus",), [["much"]], "'much' is no number; it must have 1 x 1 numbers"),
+        ((), [], "names: the list is empty"),
+        (("shear_modulus", "bulk_modulus"), [[1.0, 2.0], [2.0, 1.0]], "correlations must lie between -1 and 1"),
         (("shear_modulus",), [[np.inf]], "finite"),
         (("shear_modulus",), [[-1.0]], "no negative variance"),
         (("shear_modulus", "bulk_modulus"), [[1.0, 0.5], [0.0, 1.0]], "symmetric"),

@@ -1,0 +1,315 @@
+"""Dictionary of energies: terms with their names, energies, derivatives and convexity, and the sets from which regressors choose.
+
+A sum of polyconvex functions with positive coefficients is polyconvex. Each term but the last one is so for this reason:
+
+- powers of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3: I1bar and I2bar^1.5 are polyconvex (Hartmann, Neff, Int. J. Solids Struct. 40 (2003)
+  2767; I2bar itself is not), and the powers are convex and do not decrease from the least values of the differences, 0, on;
+- the logarithm -log(1 - (I1bar - 3)/L), and its continuation: convex functions of I1bar that do not decrease, too;
+- powers of the stretches, among deformations of constant volume: l1^a + l2^a + l3^a is a convex function of F for a >= 1, and of cof F,
+  whose singular values are the inverses of the stretches, for a <= -1 (Ball, Arch. Rat. Mech. Anal. 63 (1977) 337);
+- sqrt I1bar and sqrt I2bar, among deformations of constant volume: the norms of F and of cof F.
+
+log(I2bar/3), as in the law of Gent and Thomas, is not polyconvex: along F + t a x n that keeps the volume it is concave at large t. A sum
+with this term may still be convex along all such lines in the states of a body, which `wave_check` tells.
+"""
+
+from collections.abc import Callable, Sequence
+from numbers import Real
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..arguments import kind_of, suggestion
+from ..kernels.elementary_in_numpy import exponential, logarithm, select
+
+GREATEST_POWER = 4
+"""Greatest power of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3. Chosen: the third, as in Yeoh's law, and the fourth, as in Carroll's, describe
+the rise of the stress at great stretches; higher ones would act at the greatest stretches of the data alone."""
+
+LEAST_GAP = 0.1
+"""Value of 1 - x/L down to which a term in log(1 - x/L) is a logarithm; from there on the logarithm continues as its Taylor polynomial of
+second degree. Chosen: the stress is then ten times that of a Neo-Hookean term, which test data hardly exceed, and an energy from test
+data must not end within a body."""
+
+LEAST_EXPONENT, STEP = 1.0, 0.25
+"""Least absolute value of an exponent of the stretches, at which their powers are polyconvex, and distance between candidate exponents: the
+stresses of neighbors are nearly proportional, so that a smaller one would gain nothing."""
+
+STATES, DIRECTIONS, LINE_STEP = 13, 6, 1e-3
+"""Number of stretches of each axis and of angles in a quarter turn of `line_curvatures`, and the step of its differences: the rounding is
+then some 1e-9, and the error of the difference a millionth."""
+
+STABLE_TO = 3.0
+"""Greatest stretch of the states in which the waves of every fitted energy must be stable, unless measurements exceed it."""
+
+
+class Kind(NamedTuple):
+    """Kind of terms: what it is called, which numbers it has, and whether its terms are polyconvex.
+
+    Attributes
+    ----------
+    name : str
+        Name of a term in reports, with a place for its number.
+    numbers : str
+        Numbers that a term may have, in words.
+    permits : callable
+        Whether a term may have a number.
+    polyconvex : bool
+        Whether all terms are polyconvex, at least among deformations of constant volume.
+    """
+
+    name: str
+    numbers: str
+    permits: Callable[[float], bool]
+    polyconvex: bool = True
+
+
+KINDS = {
+    "stretches": Kind("exponent {:g}", "exponents of magnitude 1 or more", lambda a: LEAST_EXPONENT <= abs(a) < np.inf),
+    "first": Kind("I1bar - 3 to the power {:g}", f"powers from 1 to {GREATEST_POWER}", lambda k: k in range(1, GREATEST_POWER + 1)),
+    "second": Kind(
+        "I2bar^1.5 - 3 sqrt 3 to the power {:g}", f"powers from 1 to {GREATEST_POWER}", lambda k: k in range(1, GREATEST_POWER + 1)
+    ),
+    "roots": Kind("root of I{:g}bar", "the numbers 1 and 2 of the invariants", lambda k: k in (1, 2)),
+    "logarithms": Kind("logarithm of I1bar - 3 with limit {:.4g}", "positive limits", lambda limit: 0 < limit < np.inf),
+    "second_logarithm": Kind("logarithm of I2bar", "the number 1", lambda k: k == 1, polyconvex=False),
+}
+"""Kinds of terms, which are also the names of the parameters of `Polyconvex`; ``stretches`` are its moduli and exponents."""
+
+
+class Term(NamedTuple):
+    """One energy of the dictionary, with the coefficient 1.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    number : float
+        Exponent a of ``stretches``, (l1^a + l2^a + l3^a - 3)/a^2; power k of ``first``, (I1bar - 3)^k, and of ``second``,
+        (I2bar^1.5 - 3 sqrt 3)^k; 1 or 2 of ``roots``, sqrt I1bar - sqrt 3 or sqrt I2bar - sqrt 3; limit L of ``logarithms``,
+        -L/2 log(1 - (I1bar - 3)/L); 1 of ``second_logarithm``, log(I2bar/3).
+    """
+
+    kind: str
+    number: float
+
+    def __str__(self) -> str:
+        return KINDS[self.kind].name.format(self.number)
+
+    @property
+    def polyconvex(self) -> bool:
+        """Whether the term is polyconvex, at least among deformations of constant volume."""
+        return KINDS[self.kind].polyconvex
+
+    @property
+    def row(self) -> tuple[float, ...]:
+        """Constants (a, r, L, m, c1, ..., c4) of c1 z + ... + c4 z^4 - m/2 L log(1 - z/L), z = S^r - 3^r and S = l1^a + l2^a + l3^a.
+
+        With r = 0, z = log(S/3).
+        """
+        kind, number = self
+        if kind == "stretches":
+            return (number, 1.0, 1.0, 0.0, number**-2.0, 0.0, 0.0, 0.0)
+        if kind == "roots":
+            return (2.0 if number == 1 else -2.0, 0.5, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        if kind == "logarithms":
+            return (2.0, 1.0, number, 1.0, 0.0, 0.0, 0.0, 0.0)
+        if kind == "second_logarithm":
+            return (-2.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        return (*((2.0, 1.0) if kind == "first" else (-2.0, 1.5)), 1.0, 0.0, *(float(number == k) for k in range(1, GREATEST_POWER + 1)))
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus of the undeformed material."""
+        a, r, _, m, c1, *_ = self.row
+        return a**2 / 2 * (c1 + m / 2) * (r or 1.0) * 3 ** (r - 1)
+
+
+OF_INVARIANTS = (
+    *(Term("roots", 1.0), Term("stretches", 2.0), *(Term("first", power) for power in (2.0, 3.0, 4.0))),
+    *(Term("second_logarithm", 1.0), Term("roots", 2.0), Term("stretches", -2.0)),
+)
+"""Terms of separate functions of the invariants: of I1bar its root, I1bar - 3 itself, which is the exponent 2, and the powers of Yeoh's and
+Carroll's laws; of I2bar those of Gent and Thomas, of Carroll, and of Mooney and Rivlin. Terms that rise faster with I2bar are left out: the
+stresses in equibiaxial tension, which few tests of bodies contain, could be off by a factor."""
+
+POSITIVE, NEGATIVE = (3.0, 5.0, 8.0, 12.0), (1.0, 2.0, 4.0, 6.0)
+"""Greatest exponents of the stretches, and of their inverses, among which cross-validation chooses. Chosen: about evenly spaced in the
+logarithm; Ogden's exponents for rubber are 5 and -2, and above 12 a term acts only at the greatest stretch of the data."""
+
+POWERS = ((), (("first", 2, 3),), (("first", 2, 3), ("second", 1, 2, 3)), (("first", 2, 3, 4), ("second", 1, 2, 3, 4), ("roots", 1, 2)))
+"""Sets of powers and roots of invariants among which cross-validation chooses, as (kind of `Term`, numbers): none, those of I1bar - 3,
+those of I2bar^1.5 - 3 sqrt 3 as well, which may extrapolate badly to modes without data, and all. The last set also has the logarithms
+with `LIMITS`. I1bar - 3 itself is the exponent 2."""
+
+LIMITS = (1.25, 2.0, 4.0)
+"""Limits of the logarithms, divided by the greatest I1bar - 3 of the data. Chosen: nearer limits act at the greatest stretch of the data
+alone, and more distant ones are hardly distinguished by the data from I1bar - 3 and its square."""
+
+
+def powers_of_stretches(greatest: float, least: float, offset: float = 0.0) -> list[Term]:
+    """Return terms with exponents from -`least` to -1 and from 1 to `greatest`, with `offset` added to absolute values."""
+    sizes = np.arange(LEAST_EXPONENT, max(greatest, least) + STEP / 2, STEP)
+    exponents = np.concatenate([-sizes[sizes <= least][::-1] - offset, sizes[sizes <= greatest] + offset])
+    return [Term("stretches", exponent) for exponent in exponents.tolist()]
+
+
+def sets_of_invariants(greatest: float) -> list[list[Term]]:
+    """Return the sets `POWERS` of terms of the invariants, for data with a greatest I1bar - 3."""
+    found = [[Term(kind, float(number)) for kind, *numbers in kinds for number in numbers] for kinds in POWERS]
+    found[-1] += [Term("logarithms", share * greatest) for share in LIMITS]
+    return found
+
+
+def checked_dictionary(terms: Any) -> tuple[Term, ...]:
+    """Return terms that were given as pairs of a kind and a number.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there are none, one is no such pair, unknown or given twice, or none has a stiffness at rest.
+
+    Examples
+    --------
+    >>> from pdsurrogate.materials.dictionary import checked_dictionary
+    >>> [str(term) for term in checked_dictionary([("stretches", 2), ("second_logarithm", 1)])]
+    ['exponent 2', 'logarithm of I2bar']
+    """
+    wanted = "pairs of a kind and a number, such as [('first', 1), ('second_logarithm', 1)]"
+    if isinstance(terms, str) or not isinstance(terms, Sequence | np.ndarray):
+        raise TypeError(f"dictionary must be a list of terms, {wanted}, not {kind_of(terms)}")
+    if not len(terms):
+        raise ValueError(f"dictionary: the list is empty; give terms, {wanted}, or None for the default")
+    found = []
+    for pair in terms:
+        if isinstance(pair, str) or not isinstance(pair, Sequence | np.ndarray) or len(pair) != 2:
+            raise ValueError(f"dictionary: the terms are {wanted}, not {kind_of(pair)}")
+        kind, number = pair
+        if not isinstance(kind, str) or kind not in KINDS:
+            raise ValueError(f"dictionary: unknown kind {kind!r}; {suggestion(str(kind), KINDS)}")
+        if not isinstance(number, Real) or not KINDS[kind].permits(number):
+            raise ValueError(f"dictionary: {kind} has {KINDS[kind].numbers}, not {kind_of(number)}")
+        found.append(Term(kind, float(number)))
+    if len(set(found)) < len(found):
+        raise ValueError(f"dictionary: {next(term for term in found if found.count(term) > 1)} is there twice")
+    if not any(term.shear_modulus > 0 for term in found):
+        raise ValueError("dictionary: no term has a stiffness at rest; add one that has, such as ('first', 1)")
+    return tuple(found)
+
+
+def energy_of_row(x1, x2, x3, s1, s2, s3, coefficients):
+    """Return the energy of constants, `Term.row`, and derivatives, as `pdsurrogate.materials.law.PrincipalStretchLaw.term` does."""
+    exponent, power, limit, modulus, c1, c2, c3, c4 = coefficients
+    e1, e2, e3 = exponential(exponent * x1), exponential(exponent * x2), exponential(exponent * x3)
+    S = e1 + e2 + e3
+    root = np.sqrt(S)
+    # z, its derivatives by S, and those of the energy by z.
+    linear, rising, flat = power == 1.0, power == 1.5, power == 0.0
+    z = select(linear, S - 3, select(rising, S * root - 3 * np.sqrt(3.0), root - np.sqrt(3.0)))
+    z1 = select(linear, 1.0, select(rising, 1.5 * root, select(flat, 1 / S, 0.5 / root)))
+    z2 = select(linear, 0.0, select(rising, 0.75 / root, select(flat, -1 / (S * S), -0.25 / (S * root))))
+    gap = 1 - z / limit
+    least = select(gap > LEAST_GAP, gap, LEAST_GAP)
+    # One logarithm serves both kinds of terms: where z is log(S/3), there is no logarithm of the gap.
+    log = logarithm(select(flat, S / 3, least))
+    z = select(flat, log, z)
+    # How far the state is beyond the end of the logarithm, from which a Taylor polynomial continues it.
+    beyond = (least - gap) / least
+    W = z * (c1 + z * (c2 + z * (c3 + z * c4))) + modulus / 2 * limit * (beyond + beyond * beyond / 2 - log)
+    W1 = c1 + z * (2 * c2 + z * (3 * c3 + z * 4 * c4)) + modulus / 2 * (1 + beyond) / least
+    W2 = 2 * c2 + z * (6 * c3 + z * 12 * c4) + modulus / (2 * limit * least * least)
+    slope = exponent * W1 * z1
+    along = exponent * (2 * e3 - e1 - e2) / 3
+    h = exponent * slope * (e1 + e2 + 4 * e3) / 9 + (W2 * z1 * z1 + W1 * z2) * along * along
+    return W, slope * e1, slope * e2, slope * e3, h
+
+
+def derivatives(terms: Sequence[Term], logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the energies of terms with the coefficient 1, and their derivatives by the logarithms of the isochoric principal stretches.
+
+    Parameters
+    ----------
+    terms : sequence of Term
+    logs : ndarray, shape (n, 3)
+        Logarithms of the isochoric principal stretches; their sum is 0.
+
+    Returns
+    -------
+    energies : ndarray, shape (n, n_terms)
+    slopes : ndarray, shape (n, n_terms, 3)
+        The deviators of these are the principal Kirchhoff stresses.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pdsurrogate.materials.dictionary import Term, derivatives
+    >>> energies, slopes = derivatives([Term("first", 1.0)], np.log([[2.0, 1.0, 0.5]]))
+    >>> energies.tolist(), slopes.round(6).tolist()
+    ([[2.25]], [[[8.0, 2.0, 0.5]]])
+    """
+    x = np.asarray(logs, dtype=float).T[:, :, None]
+    (x1, x2, x3), (s1, s2, s3) = x, np.exp(2 * x)
+    energy, *slopes, _ = energy_of_row(x1, x2, x3, s1, s2, s3, np.array([term.row for term in terms]).T)
+    return energy, np.stack(slopes, axis=-1)
+
+
+def line_curvatures(terms: Sequence[Term], greatest: float = 3.0) -> np.ndarray:
+    """Return second derivatives of terms with the coefficient 1 along lines F + t a x n that keep the volume, shape (n_lines, n_terms).
+
+    An energy is strongly elliptic in a state, that is, shear waves of all directions and polarizations are stable, if these are positive.
+    The states F have principal stretches from 1/`greatest` to `greatest`, and the lines the directions n of an octant.
+
+    Examples
+    --------
+    >>> from pdsurrogate.materials.dictionary import Term, line_curvatures
+    >>> curvatures = line_curvatures([Term("first", 1.0), Term("second_logarithm", 1.0)])
+    >>> curvatures[:, 0].min().round(3).item(), bool(curvatures[:, 1].min() < 0), bool((2 * curvatures[:, 0] + curvatures[:, 1]).min() > 0)
+    (2.0, True, True)
+    """
+    logs = np.linspace(-1.0, 1.0, STATES) * np.log(greatest)
+    first, second = (grid.ravel() for grid in np.meshgrid(logs, logs))
+    kept = (first >= second) & (second >= -first - second) & (-first - second >= logs[0] - 1e-9)
+    stretches = np.exp(np.stack([first, second, -first - second], axis=1)[kept])
+    angles = (np.arange(DIRECTIONS) + 0.5) * np.pi / 2 / DIRECTIONS
+    polar, around, turn = (grid.ravel() for grid in np.meshgrid(angles, angles, np.arange(2 * DIRECTIONS) * np.pi / 2 / DIRECTIONS))
+    n = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=1)
+    # a is perpendicular to the normal of the deformed surface, F^-T n.
+    normal = n / stretches[:, None]
+    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+    across = np.cross(normal, np.roll(normal, 1, axis=2) * [1.0, -1.0, 1.0])
+    across /= np.linalg.norm(across, axis=2, keepdims=True)
+    a = np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * np.cross(normal, across)
+    F, energies = stretches[:, None, :, None] * np.eye(3), []
+    for step in (-LINE_STEP, 0.0, LINE_STEP):
+        moved = (F + step * a[..., :, None] * n[:, None, :]).reshape(-1, 3, 3)
+        energies.append(derivatives(terms, np.log(np.linalg.eigvalsh(np.swapaxes(moved, 1, 2) @ moved)) / 2)[0])
+    return (energies[0] - 2 * energies[1] + energies[2]) / LINE_STEP**2
+
+
+def wave_check(terms: Sequence[Term], greatest: float = STABLE_TO) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function that tells whether shear waves are stable in sums of terms, up to rounding.
+
+    The function takes coefficients, shape (..., n_terms), and returns flags, shape (...). Sums of polyconvex terms have stable waves in all
+    states. The others are checked in the states of `line_curvatures`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pdsurrogate.materials.dictionary import Term, wave_check
+    >>> wave_check([Term("first", 1.0), Term("second_logarithm", 1.0)])(np.array([[1.0, 0.0], [1.0, 2.0], [0.02, 1.0]])).tolist()
+    [True, True, False]
+    """
+    by_form = np.array([term.polyconvex for term in terms])
+    if by_form.all():
+        return lambda coefficients: np.ones(np.shape(coefficients)[:-1], dtype=bool)
+    curvatures = line_curvatures(terms, greatest)
+
+    def stable(coefficients: np.ndarray) -> np.ndarray:
+        found = np.asarray(coefficients).reshape(-1, len(terms))
+        doubtful = (found[:, ~by_form] != 0).any(axis=1)
+        least = (found[doubtful] @ curvatures.T).min(axis=1)
+        flags = ~doubtful
+        flags[doubtful] = least >= -1e-6 * np.abs(found[doubtful]).max(axis=1)
+        return flags.reshape(np.shape(coefficients)[:-1])
+
+    return stable
