@@ -268,9 +268,14 @@ def torn(case: dict, **dynamics: float) -> dict:
     began, horizon = time.process_time(), case["ratio"] / case["rows"]
     law = law_of(case)
     critical = case.get("critical") or pds.critical_stretch_of(law, ENERGY, horizon, guess(case))
-    result = pds.simulate(strip(case, critical, **dynamics), case["model"], threads=1)
+    try:
+        result, failure = pds.simulate(strip(case, critical, **dynamics), case["model"], threads=1), None
+    except pds.SimulationFailed as error:
+        result, failure = error.result, error
     rows = [row for row in result.history if "time" in row]
     load = pulls(case, [(row["force_high_1"], row["force_high_2"]) for row in rows])
+    if failure and (not len(load) or load[-1] > load.max() / 2):  # one that fails when it is nearly torn has had its peak
+        raise failure
     travel = rows[int(load.argmax())]["t"]
     if load.argmax() == len(load) - 1:
         raise ValueError("the load rises until the end of the pull: it has no peak")

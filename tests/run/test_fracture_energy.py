@@ -58,7 +58,7 @@ def test_judging_tears_have_the_prescribed_energy_at_the_peak(pipeline):
             np.testing.assert_allclose(ratios["along"], 1.0, atol=0.07, err_msg=f"{case}")
         else:
             assert len(ratios["clouds"]) >= 5, case
-            assert abs(np.mean(ratios["clouds"]) - 1.0) < max(0.07, 2 * pipeline.error_of(case, ratios["clouds"])), case
+            assert np.mean(ratios["clouds"]) == pytest.approx(1.0, abs=0.07), case
 
 
 def test_a_fracture_energy_is_refused_with_weights_that_were_not_measured():
@@ -115,6 +115,7 @@ def test_a_scene_has_the_critical_stretch_of_its_diameter(force, energy):
     ("name", "changes"),
     [
         ("tear", {"plane": "strain", "horizon_ratio": 2.2, "fracture": {"energy": 274.0}}),
+        ("tear", {"plane": "strain", "horizon_ratio": 3.15, "fracture": {"energy": 274.0}}),
     ],
 )
 def test_a_cloud_has_the_diameter_of_clouds(name, changes):
