@@ -32,9 +32,9 @@ TEARS, COSTS = FIGURES / "crack-directions.json", FIGURES / "relaxed-costs.json"
 ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
 """Of strips in the plane: points per height, horizon in spacings, angles to the axes in degrees, clouds."""
 
-FINER = {48: (5, ENERGY, 0.3, 0.75), 64: (4, 0.75 * ENERGY, 0.26, 0.58)}
-"""Finer clouds: points per height, with the number of seeds, G over shear modulus and height, and the travels of the grip between which
-their dynamics last, at the speed of the other strips. Those of 64 points have the critical stretch of those of 48."""
+FINER = {48: (ENERGY, 0.3, 0.75), 64: (0.75 * ENERGY, 0.26, 0.58)}
+"""Finer clouds: points per height, with G over shear modulus and height, and the travels of the grip between which their dynamics last, at
+the speed of the other strips. Those of 64 points have the critical stretch of those of 48."""
 
 WIDER = 0.16, 0.75
 """These travels in a repeated tear, of which a bond would break in equilibrium before the usual ones, or whose crack has not passed the
@@ -89,8 +89,7 @@ def cases() -> list[dict]:
         cloud = {} if seed is None else {"arrangement": "relaxed", "seed": seed}
         found += [flat | {"angle": angle} | cloud for angle in ANGLES]
     finer = flat | {"arrangement": "relaxed"}
-    for rows, (seeds, *_) in FINER.items():
-        found += [finer | {"rows": rows, "seed": seed, "angle": angle} for seed in SEEDS[:seeds] for angle in ANGLES]
+    found += [finer | {"rows": rows, "seed": seed, "angle": angle} for rows in FINER for seed in SEEDS for angle in ANGLES]
     for seed in (None, *SOLID_SEEDS):
         cloud = {} if seed is None else {"arrangement": "relaxed", "seed": seed}
         found += [{"model": "bond-energy"} | SOLID | {"angle": angle} | cloud for angle in SOLID_ANGLES]
@@ -107,13 +106,13 @@ def scene_of(case: dict, travels: tuple[float, float] | None = None, **dynamics:
     critical = STRETCH
     if case["plane"] != "space":
         law, horizon = law_of(case), case["ratio"] / case["rows"]
-        _, energy, *_ = FINER.get(case["rows"], (None, ENERGY))
+        energy, *_ = FINER.get(case["rows"], (ENERGY,))
         critical = pds.critical_stretch_of(law, energy, horizon, DIAMETER[case.get("arrangement", "lattice")])
     described = strip(case, critical).model_dump(mode="json", exclude_unset=True)
     first, pulled = described["steps"]
     pulled["outputs"] = OUTPUTS
     if case["rows"] in FINER:
-        start, end = travels or FINER[case["rows"]][2:]
+        start, end = travels or FINER[case["rows"]][1:]
         part = (end - start) / (pulled["to"] - first["to"])
         first["to"], pulled["to"], pulled["outputs"] = start, end, round(part * OUTPUTS)
         pulled["dynamics"]["duration"] *= part
@@ -217,9 +216,9 @@ def row_of(label: str, tears: list[dict]) -> list[str]:
     return [label, str(len(tears)), *angles, *energies]
 
 
-def table_of(plane: str, relaxed: bool, *rows: int) -> str:
-    """Tears of a plane, arrangement and one or several numbers of rows, by angle and all together."""
-    tears = [tear for tear in stored().values() if (tear["plane"], "seed" in tear) == (plane, relaxed) and tear["rows"] in rows]
+def table_of(plane: str, relaxed: bool, rows: int) -> str:
+    """Tears of a plane, arrangement and number of rows, by angle and all together."""
+    tears = [tear for tear in stored().values() if (tear["plane"], "seed" in tear, tear["rows"]) == (plane, relaxed, rows)]
     unit = "G" if plane != "space" else "μ h"
     head = ["angle (degrees)", "tears", "direction, mean (degrees)", "rms (degrees)", "greatest (degrees)"]
     head += [f"dissipated / {unit}", f"released / {unit}", f"G at the peak / {unit}"]
@@ -308,7 +307,6 @@ def write_page() -> None:
     """Put the tables into the documentation."""
     for plane, relaxed, rows in sorted({(tear["plane"], "seed" in tear, tear["rows"]) for tear in stored().values()}):
         replace_block(f"directions-{plane}-{'relaxed' if relaxed else 'lattice'}-{rows}", table_of(plane, relaxed, rows))
-    replace_block("directions-stress-relaxed-finer", table_of("stress", True, *FINER))
 
 
 if __name__ == "__main__":
