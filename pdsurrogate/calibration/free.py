@@ -197,7 +197,10 @@ def average(
         if stable(x):
             found[tuple(np.flatnonzero(x))] = x
     if not found:
-        raise ValueError("no energy describes the measurements: check that forces are positive in tension, and the steps in the table")
+        raise ValueError(
+            "no sum of the terms with positive coefficients and stable waves describes the measurements: check that forces are positive "
+            "in tension, the steps in the table, and that a given dictionary has a polyconvex term, such as ('first', 1)"
+        )
     x = np.array(list(found.values()))
     squares = ((x @ square[:, :-1].T - square[:, -1]) ** 2).sum(axis=1)
     scale = correlated * max(1.0, squares.min() / n)
@@ -221,14 +224,17 @@ def average(
 
 
 def sets_of(terms: Sequence[Term]) -> Iterator[list[int]]:
-    """Yield the numbers of the terms in each set with 1 to `MOST_OF_STRETCHES` and 0 to `MOST_OF_INVERSES` of them."""
+    """Yield the numbers of the terms in each set with 1 to `MOST_OF_STRETCHES` and 0 to `MOST_OF_INVERSES` of them.
+
+    Where all terms are functions of the inverses, each set has one of them.
+    """
     inverse = np.array([term.row[0] < 0 for term in terms])
     sets = [
         [[*one] for size in range(most + 1) for one in combinations(np.flatnonzero(kind), size)]
         for kind, most in ((~inverse, MOST_OF_STRETCHES), (inverse, MOST_OF_INVERSES))
     ]
     for of_stretches in sets[0][0 if inverse.all() else 1 :]:
-        yield from (of_stretches + of_inverses for of_inverses in sets[1])
+        yield from (of_stretches + of_inverses for of_inverses in sets[1] if of_stretches or of_inverses)
 
 
 def _prior_stresses(terms: Sequence[Term]) -> np.ndarray:

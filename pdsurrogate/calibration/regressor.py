@@ -63,6 +63,9 @@ FARTHEST = 0.5
 """Greatest difference of measured from simulated displacements in a step of a test that prescribes motions, relative to the greater of
 them. Its fields differ between laws by parts of this; a greater difference is an error of units, axes or the order of the steps."""
 
+ALONE = 0.9
+"""Part of such a difference (root of the sum of squares) from which on it is that of a single measurement."""
+
 SUBSTANTIAL = 0.1
 """Size of one component of the simulated displacements, relative to all, from which on the measured one must have the same sign."""
 
@@ -892,6 +895,13 @@ def _check_displacements(test: MeasuredScene, simulated: np.ndarray, measured: n
         found, right, scatter = (np.linalg.norm(each[here]) for each in (measured, simulated, deviation))
         off, most = float(np.linalg.norm((measured - simulated)[here])), max(found, right)
         if off - SIGNIFICANT * scatter > FARTHEST * most:
+            worst = np.flatnonzero(here)[np.abs(measured - simulated)[here].argmax()]
+            if abs(measured[worst] - simulated[worst]) > ALONE * off:
+                place = ", ".join(f"{x:.4g}" for x in rows.places[worst])
+                raise ValueError(
+                    f"y: one displacement of step {step} is far from all others: along x{rows.quantity[worst]} at ({place}) it is "
+                    f"{measured[worst]:.4g}, and {simulated[worst]:.4g} among {what}: check this measurement"
+                )
             ratio = simulated[here] @ measured[here] / right**2 if right > 0 else np.inf
             raise ValueError(
                 f"y: the displacements of step {step} are {ratio:.3g} times {what}, and differ by {off / most:.0%}: give "

@@ -296,6 +296,11 @@ class EnergyRegressor(StressRegressor):
             stretches = isochoric(X, volume)
             terms, weights = _fitted(columns_of(stretches, X[:, 0], chosen), y, root, chosen, stable, count)
             if not stiffness_of(terms, weights) > 0:
+                if self.dictionary is not None:
+                    raise ValueError(
+                        "no sum of the terms with positive coefficients and stable waves describes the stresses: check that they rise "
+                        "with the stretch, and that the dictionary has a polyconvex term, such as ('first', 1)"
+                    )
                 warnings.warn("the stresses do not rise with the stretch as in rubber; the fitted energy is almost zero", stacklevel=3)
                 terms, weights = [Term("stretches", 2.0)], np.array([1e-6 * max(np.abs(y).max(), 1e-300)])
             law = law_of(terms, weights, self._bulk(stiffness_of(terms, weights)))

@@ -22,6 +22,10 @@ import numpy as np
 from ..arguments import kind_of, suggestion
 from ..kernels.elementary_in_numpy import exponential, logarithm, select
 
+GREATEST_EXPONENT, LIMIT_RANGE = 50.0, (1e-3, 1e6)
+"""Greatest magnitude of an exponent, and least and greatest limit of a logarithm: beyond them rounding decides the stresses. Ogden's
+exponents for rubber are at most 20, and its limits lie between 5 and 200."""
+
 GREATEST_POWER = 4
 """Greatest power of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3. Chosen: the third, as in Yeoh's law, and the fourth, as in Carroll's, describe
 the rise of the stress at great stretches; higher ones would act at the greatest stretches of the data alone."""
@@ -65,13 +69,19 @@ class Kind(NamedTuple):
 
 
 KINDS = {
-    "stretches": Kind("exponent {:g}", "exponents of magnitude 1 or more", lambda a: LEAST_EXPONENT <= abs(a) < np.inf),
+    "stretches": Kind(
+        "exponent {:g}", f"exponents of magnitude 1 to {GREATEST_EXPONENT:g}", lambda a: LEAST_EXPONENT <= abs(a) <= GREATEST_EXPONENT
+    ),
     "first": Kind("I1bar - 3 to the power {:g}", f"powers from 1 to {GREATEST_POWER}", lambda k: k in range(1, GREATEST_POWER + 1)),
     "second": Kind(
         "I2bar^1.5 - 3 sqrt 3 to the power {:g}", f"powers from 1 to {GREATEST_POWER}", lambda k: k in range(1, GREATEST_POWER + 1)
     ),
     "roots": Kind("root of I{:g}bar", "the numbers 1 and 2 of the invariants", lambda k: k in (1, 2)),
-    "logarithms": Kind("logarithm of I1bar - 3 with limit {:.4g}", "positive limits", lambda limit: 0 < limit < np.inf),
+    "logarithms": Kind(
+        "logarithm of I1bar - 3 with limit {:.4g}",
+        f"limits from {LIMIT_RANGE[0]:g} to {LIMIT_RANGE[1]:g}",
+        lambda limit: LIMIT_RANGE[0] <= limit <= LIMIT_RANGE[1],
+    ),
     "second_logarithm": Kind("logarithm of I2bar", "the number 1", lambda k: k == 1, polyconvex=False),
 }
 """Kinds of terms, which are also the names of the parameters of `Polyconvex`; ``stretches`` are its moduli and exponents."""
@@ -187,7 +197,7 @@ def checked_dictionary(terms: Any) -> tuple[Term, ...]:
         kind, number = pair
         if not isinstance(kind, str) or kind not in KINDS:
             raise ValueError(f"dictionary: unknown kind {kind!r}; {suggestion(str(kind), KINDS)}")
-        if not isinstance(number, Real) or not KINDS[kind].permits(number):
+        if not isinstance(number, Real) or isinstance(number, bool) or not KINDS[kind].permits(number):
             raise ValueError(f"dictionary: {kind} has {KINDS[kind].numbers}, not {kind_of(number)}")
         found.append(Term(kind, float(number)))
     if len(set(found)) < len(found):

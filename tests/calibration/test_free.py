@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pdsurrogate.calibration.free import average, grouping
+from pdsurrogate.calibration.free import average, grouping, sets_of
 from pdsurrogate.identification import MODES
 from pdsurrogate.identification.energy import columns_of, isochoric
 from pdsurrogate.materials.dictionary import OF_INVARIANTS as TERMS
-from pdsurrogate.materials.dictionary import line_curvatures
+from pdsurrogate.materials.dictionary import Term, line_curvatures
 
 STRETCHES = np.linspace(1.05, 2.0, 20)
 
@@ -80,7 +80,7 @@ def test_energies_with_unstable_waves_are_left_out():
 def test_every_set_has_stiffness_at_rest():
     """Stresses that fall below zero are fitted by none."""
     J = np.vstack([stresses("uniaxial"), stresses("pure-shear")])
-    with pytest.raises(ValueError, match="no energy describes the measurements"):
+    with pytest.raises(ValueError, match="no sum of the terms with positive coefficients and stable waves describes the measurements"):
         average(TERMS, J, -J @ LAWS["Carroll"], 1.0, 8)
 
 
@@ -97,3 +97,9 @@ def test_smooth_residuals_tell_less_than_independent_ones(random):
     assert total / count / (noise**2).mean() == pytest.approx(1.0, abs=0.3)
     total, count = grouping(np.ones(len(places)), places, component)
     assert total / count == pytest.approx(3 * 13)
+
+
+def test_sets_of_terms_of_the_inverses_alone_have_one_each():
+    """A set without a term made SciPy's nnls end the process."""
+    assert list(sets_of([Term("second_logarithm", 1.0), Term("stretches", -2.0)])) == [[0], [1]]
+    assert list(sets_of([Term("first", 1.0), Term("stretches", -2.0)])) == [[0], [0, 1]]

@@ -522,6 +522,13 @@ def test_displacements_in_another_unit_are_refused(exact):
         pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, np.where(field, 10 * exact, exact), standard_deviation=DEVIATION)
 
 
+def test_a_single_displacement_far_from_all_others_is_named(exact):
+    number = np.flatnonzero(X[:, 1] == 1)[0]
+    wrong = exact + 20.0 * (np.arange(len(X)) == number)
+    with pytest.raises(ValueError, match=f"one displacement of step 1 is far from all others: along x1 at .* it is {wrong[number]:.4g}"):
+        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, wrong, standard_deviation=DEVIATION)
+
+
 @pytest.mark.parametrize(
     ("changed", "message"),
     [

@@ -344,3 +344,9 @@ def test_a_run_counts_the_bonds_beyond_the_data(tmp_path):
     assert shares["pure-shear"] > 0.8
     # At the middle 0.31 from the line of uniaxial tension less the margin of 0.05; the corners at the grips are farther.
     assert 0.26 < row["log_stretch"] < 0.6
+
+
+def test_a_dictionary_without_stable_waves_is_refused():
+    data = pds.load_test_data("treloar").up_to(3.0)
+    with pytest.raises(ValueError, match="no sum of the terms with positive coefficients and stable waves describes the stresses"):
+        pds.identification.EnergyRegressor(dictionary=[("second_logarithm", 1)]).fit(data.stretches, data.nominal_stress)
