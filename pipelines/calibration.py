@@ -69,7 +69,7 @@ def table() -> tuple[str, object]:
             model = pds.SceneRegressor(scene(spacing), "gent", refine=refine, bulk_ratio=1e4).fit(X, y, standard_deviation=deviation)
             how = f"spacing {spacing:g}, corrected by {spacing / refine:g}" if refine > 1 else f"spacing {spacing:g}, not corrected"
             rows.append(row(f"fields with noise of {noise:g} cm and forces, {how}", model))
-        drawn = drawn or figures(model, X, y)["residuals"]
+        drawn = drawn or figures(model, X, y, ["force"])["residuals"]
     forces = X[:, 1] == 0
     model = pds.SceneRegressor(scene(0.1), "gent", refine=4, bulk_ratio=1e4).fit(X[forces], y[forces], standard_deviation=deviation[forces])
     rows.append(row("forces alone, corrected by 0.025", model))

@@ -275,7 +275,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         Warns
         -----
         UserWarning
-            If ``refine=1`` and the discretization error cannot be estimated.
+            If ``refine=1`` and the discretization error cannot be estimated, or exceeds the standard deviations of the measurements.
 
         Examples
         --------
@@ -542,6 +542,12 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         self._store(x, space, found, residuals, root * remaining)
         if self._ratio == 1:
             self._correction = -remaining
+            if (ratio := float(np.sqrt(((root * remaining) ** 2).mean()))) > 1:
+                warnings.warn(
+                    f"refine=1: the discretization error that is not corrected is about {ratio:.2g} standard deviations of the "
+                    "measurements, and the standard errors contain it to first order only: use refine=2 or more, or a smaller spacing",
+                    stacklevel=3,
+                )
         if self.law is not None:
             self.members_ = self._drawn(x, space, found.jac, residuals, visited)
 

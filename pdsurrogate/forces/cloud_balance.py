@@ -76,7 +76,7 @@ def balancing_factors(body: Body, pulls: Pulls) -> np.ndarray:
     The factor of a pair of points with complete horizons is 1 + (c_j - c_i) . x, where x is the undeformed bond; other factors are one.
     """
     bonds, ghosts, d, n = body.bonds, body.ghosts, body.dimension, len(body)
-    changes, inverse, inside = np.zeros((len(body.all_points), d)), np.zeros((n, d, d)), _inside(body)
+    changes, inverse, inside = np.zeros((len(body.all_points), d)), np.zeros((n, d, d)), complete_horizons(body)
     share = body.share
     if share.total(int((inside & share.own).sum())) < LEAST_INSIDE[d] * share.size:
         return np.ones(len(bonds.first))
@@ -101,7 +101,7 @@ def balancing_factors(body: Body, pulls: Pulls) -> np.ndarray:
     return factors
 
 
-def _inside(body: Body) -> np.ndarray:
+def complete_horizons(body: Body) -> np.ndarray:
     """Return flags of the points (n,) with complete horizons that no curved held boundary continues."""
     inside = np.zeros(len(body), dtype=bool)
     curved = np.array([*(plane.axis is None for plane in body.planes), False])

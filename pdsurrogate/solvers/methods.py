@@ -16,8 +16,8 @@ import numpy as np
 from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooSmall, check_growth, falls, no_report, window_of
-from .nearest_bonds import strain_of_step
-from .preconditioner import with_short_displacements
+from .nearest_bonds import Preconditioner, strain_of_step
+from .preconditioner import SHORT, search_preconditioner, with_short_displacements
 from .stability import FrequencyEstimate
 from .tangent import TangentEquations
 
@@ -54,9 +54,11 @@ class QuasiNewton(EquilibriumSolver):
     # least residual of the last `WINDOW` steps is then below a tenth of that of the `WINDOW` steps before.
     PATIENCE, WINDOW = 250, 100
 
+    _searching: Preconditioner | None = None
+
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         tolerance, began = tolerance or self.tolerance, force.evaluations
-        preconditioner = self.preconditioner(force)
+        self._searching = preconditioner = self._searching or search_preconditioner(self.preconditioner(force), force, self.free)
         forces, trial = np.empty_like(positions), np.empty_like(positions)
         self.begin(force, least_drive)
         self.evaluate(force, positions, forces)
@@ -390,7 +392,7 @@ class Newton(EquilibriumSolver):
         return self._equations
 
     def _equations_at(self, force: InternalForce, positions: np.ndarray) -> TangentEquations:
-        return TangentEquations(force, positions, self.free, with_short_displacements(self.preconditioner(force), force, self.free))
+        return TangentEquations(force, positions, self.free, with_short_displacements(self.preconditioner(force), force, SHORT * self.free))
 
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         self._equations = None

@@ -121,7 +121,8 @@ def test_without_a_correction_the_standard_errors_contain_the_discretization_err
     The error from twice the spacing is that of an order of 1.5; with the errors of this estimate, three of them contain the truth.
     """
     fine = measured(gent, sheet("neo-hookean", 0.125))
-    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, fine, standard_deviation=DEVIATION)
+    with pytest.warns(UserWarning, match="refine=1: the discretization error that is not corrected is about .* standard deviations"):
+        model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, fine, standard_deviation=DEVIATION)
     with patch("pdsurrogate.calibration.regressor.ORDER", 60.0):
         noise = clone(model).fit(X, fine, standard_deviation=DEVIATION).standard_errors_
     off = np.abs(model.parameters_ - [0.8, 12.0])

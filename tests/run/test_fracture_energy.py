@@ -117,6 +117,7 @@ def test_a_scene_has_the_critical_stretch_of_its_diameter(force, energy):
         ("tear", {"plane": "strain", "horizon_ratio": 2.2, "fracture": {"energy": 274.0}}),
         ("tear", {"plane": "strain", "horizon_ratio": 3.15, "fracture": {"energy": 274.0}}),
         ("tear", {"horizon_ratio": 5.0, "fracture": {"energy": 274.0}}),
+        ("trousers", {}),
     ],
 )
 def test_a_cloud_has_the_diameter_of_clouds(name, changes):
