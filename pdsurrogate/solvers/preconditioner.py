@@ -55,16 +55,21 @@ Chosen: a bar of 80 x 8 x 8 points has 6.6e5, for which the factorization takes 
 lowest modes with the usual preconditioner, which take a quarter of the time."""
 
 
+def has_struts(body: Body) -> bool:
+    """Return whether a body on a single rank is slender, and small enough for a factorization of `struts_of` it."""
+    slender = body.extent**body.dimension >= SLENDER * body.volumes.sum()
+    return slender and len(body) ** 2 * body.spacing <= MOST_STRUTS * body.extent and not body.share.divided
+
+
 def preconditioner_of(force: InternalForce, free: np.ndarray, bending: bool = False) -> Preconditioner:
     """Return the preconditioner that suits a force; `free` (n, d) is 1 where a component may move, 0 where it is held.
 
-    With `bending`, slender bodies that are not too large are approximated by `struts_of` them: the ratio of this stiffness to that of the
-    tangent does not grow with their slenderness, but a solution takes longer.
+    With `bending`, bodies with `has_struts` are approximated by `struts_of` them: the ratio of this stiffness to that of the tangent does
+    not grow with their slenderness, but a solution takes longer.
     """
     body, moduli = force.body, force.stiffness_moduli
     obstacles = force.loads.obstacles if hasattr(force, "loads") else []
-    slender = body.extent**body.dimension >= SLENDER * body.volumes.sum()
-    if bending and slender and len(body) ** 2 * body.spacing <= MOST_STRUTS * body.extent:
+    if bending and has_struts(body):
         network = struts_of(body, moduli, force.corrected)
     else:
         network = laplacian_of(body, moduli, force.corrected) if force.nearly_incompressible else springs_of(body, moduli)
