@@ -257,12 +257,16 @@ class Differentiated:
         body.control, body.run, run.loaded = control, run, solver.controlled(run.loaded)
         measured = body.measured(run.positions)
         body.numbers = self.numbers | {control: measured[control]}
+        return body.jacobian_at_control(control, measured, _named(outputs, measured), parameters)
+
+    def jacobian_at_control(self, control: str, measured: dict[str, float], names: list[str], parameters: Sequence[str]) -> Jacobian:
+        """Return measurements and derivatives, where the force of the run has the factor of the loads as an unknown."""
+        run = self.run
         equations, along = run.loaded.equations(run.positions), run.loaded.along()
-        names = _named(outputs, measured)
         moved, (derivatives, errors) = np.empty((len(parameters), *along.shape)), np.empty((2, len(names), len(parameters)))
         for number, name in enumerate(parameters):
-            change = body._change(name, (), along if name == control else None)
-            derivatives[:, number], moved[number], errors[:, number] = body._forward(equations, change, names)
+            change = self._change(name, (), along if name == control else None)
+            derivatives[:, number], moved[number], errors[:, number] = self._forward(equations, change, names)
         values = np.array([measured[name] for name in names])
         return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved, errors)
 

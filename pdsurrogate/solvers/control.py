@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from contextlib import suppress
 
 import numpy as np
@@ -47,9 +46,11 @@ class ControlledForce:
     has_energy = False
     no_energy_because = "the loads depend on the displacements in displacement control"
 
-    def __init__(self, loaded: LoadedForce, free: np.ndarray, control: np.ndarray, inner: Preconditioner) -> None:
+    def __init__(
+        self, loaded: LoadedForce, free: np.ndarray, control: np.ndarray, inner: Preconditioner, weights: np.ndarray | None = None
+    ) -> None:
         self._loaded, self._free, self._control, self._inner, self._dot = loaded, free, control * free, inner, loaded.body.share.dot
-        self._weights: np.ndarray | None = None
+        self._weights = weights
         self._unit, self.factor = np.zeros_like(control), 0.0
 
     def __getattr__(self, name: str):
@@ -59,9 +60,7 @@ class ControlledForce:
 
     def beside(self, loaded: LoadedForce) -> ControlledForce:
         """Return another loaded force of the same body with the factor of its loads as an unknown, with the weights of this one."""
-        other = copy.copy(self)
-        other._loaded = loaded
-        return other
+        return ControlledForce(loaded, self._free, self._control, self._inner, self._weights)
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         """Write internal force plus loads at positions (n, d) to `out` (n, d), as `LoadedForce` does, and find the factor of the loads.
