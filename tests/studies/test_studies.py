@@ -349,8 +349,10 @@ def test_a_run_that_loses_its_process_is_tried_once_more_and_the_others_go_on(tm
     assert sorted(outcomes) == sorted(tasks)
     assert outcomes["run-2"].startswith("its process was killed")
     assert len(list((tmp_path / "run-2").glob("life-*"))) == 2
-    # One that was under way beside it may have been lost twice with it.
-    assert all(failure is None for place, failure in outcomes.items() if place in ("run-3", "run-4"))
+    # A run that was under way beside one that ended its process is lost with it, and may be so twice; which ones is up to the scheduler.
+    others = [failure for place, failure in outcomes.items() if place != "run-2"]
+    assert None in others
+    assert all(failure is None or failure.startswith("its process was killed") for failure in others)
 
 
 STUDY = """
