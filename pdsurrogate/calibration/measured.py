@@ -235,11 +235,9 @@ class MeasuredScene:
 
     def _evaluated(self, body: Differentiated, step: int, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the measurements of the rows of a step, and the forces (n, d), where the points have given positions (n, d)."""
-        body.run.state.parameter, forces = self._parameters[step], np.empty_like(positions)
-        measured = body.measured(positions)
-        body.run.loaded(body.run.positions, forces)
-        moved = body.run.positions - body.run.body.points
-        fields = np.stack([matrix @ moved[:, axis] for axis, matrix in enumerate(body.at_places)], axis=1)
+        body.run.state.parameter = self._parameters[step]
+        measured, forces = body.evaluated(positions)
+        fields = np.array([*measured.values()][-self._places.size :]).reshape(self._places.shape)
         return self._of_rows(self.rows.step == step, [sign * measured[name] for name, sign in self.outputs], fields), forces
 
     @property

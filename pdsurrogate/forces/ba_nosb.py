@@ -140,6 +140,7 @@ class BANOSBForce(ForceModel):
     """
 
     name = family = "ba-nosb"
+    differentiable = False
     # Fracture is not supported: the shared horizons around every broken bond would have to be recomputed.
     honors: ClassVar = {"precision": ("float64",), "correction": ("none",), "plane": SHEETS}
 

@@ -226,6 +226,8 @@ class ForceModel(ABC):
         Precision of the bond pass under plane stress.
     mirrors_curves : bool
         Whether mirrored points hold boundaries of any shape under this model; otherwise they hold edges alone.
+    differentiable : bool
+        Whether Newton's method finds equilibria under this model, which derivatives of results and modes need.
     stated : mapping, optional
         Errors that the card (the metadata of its artifact) of a learned model states, see `pdsurrogate.forces.agreement`.
     members : tuple of Member
@@ -249,6 +251,7 @@ class ForceModel(ABC):
     several_materials: tuple[str, ...] = ()
     default_precision: str = "float64"
     mirrors_curves: bool = True
+    differentiable: bool = True
     stated: Mapping[str, float] | None = None
     members: tuple[Member, ...] = ()
 

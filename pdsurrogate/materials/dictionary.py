@@ -136,7 +136,7 @@ class Term(NamedTuple):
 
 
 OF_INVARIANTS = (
-    *(Term("roots", 1.0), Term("stretches", 2.0), *(Term("first", power) for power in (2.0, 3.0, 4.0))),
+    *(Term("roots", 1.0), Term("stretches", 2.0), Term("first", 2.0), Term("first", 3.0), Term("first", 4.0)),
     *(Term("second_logarithm", 1.0), Term("roots", 2.0), Term("stretches", -2.0)),
 )
 """Terms of separate functions of the invariants: of I1bar its root, I1bar - 3 itself, which is the exponent 2, and the powers of Yeoh's and

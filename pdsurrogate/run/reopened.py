@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..forces import BANOSBForce, ForceModel
+from ..forces import ForceModel
 from ..ranks import communicator
 from ..results import Result
 from ..scenes import Scene
@@ -14,7 +14,7 @@ from .run import Run, Silent
 def check_models(scene: Scene, models: Sequence[ForceModel], method: str = "sensitivity", what: str = "derivatives") -> None:
     """Raise ValueError if a force model does not permit `what` a method of the result returns: they need double precision and a tangent."""
     for model in models:
-        if isinstance(model, BANOSBForce):
+        if not model.differentiable:
             why = "with which Newton's method does not find equilibria"
             raise ValueError(
                 f"{method}: there are no {what} with {model.name}, {why}: the forces of {model.name} have no energy: use bond-energy"

@@ -355,8 +355,12 @@ class Differentiated:
 
     def measured(self, positions: np.ndarray) -> dict[str, float]:
         """Return the measurements at given positions (n, d), by dotted key, with the displacements at `places` as the last ones."""
-        _forces(self.run, positions)
-        return self._read()
+        return self.evaluated(positions)[0]
+
+    def evaluated(self, positions: np.ndarray) -> tuple[dict[str, float], np.ndarray]:
+        """Return the measurements as `measured` does, and the forces (n, d)."""
+        forces = _forces(self.run, positions)[1]
+        return self._read(), forces
 
     def _read(self, costly: bool = True) -> dict[str, float]:
         """Return the measurements where the force was last evaluated, see `measured`; `costly` as for `output_row`."""

@@ -10,7 +10,7 @@ from ..ranks import Share
 from .conditions import Loading
 from .equilibrium import EquilibriumSolver, NotConverged, Unstable
 from .nearest_bonds import Preconditioner, random_vector, strain_of_step
-from .tangent import central_difference
+from .tangent import tangent_product
 
 
 class FrequencyEstimate:
@@ -196,15 +196,9 @@ def lowest_mode(
         moved = np.zeros(free.size)
         moved[moving] = scaled.ravel() / root
         moved = moved.reshape(free.shape)
-
-        def forces_at(step: float) -> np.ndarray:
-            found = np.empty_like(moved)
-            force(positions + step * moved, found)
-            return found
-
         # Bonds of slender bodies turn rather than stretch: in steps of a given displacement, rounding would be greater than the forces.
         step = TURNED / max(strain_of_step(force.body, moved), 1e-300)
-        return -central_difference(forces_at, step, False).ravel()[moving] / root
+        return tangent_product(force, positions, moved, step).ravel()[moving] / root
 
     def preconditioned(scaled: np.ndarray) -> np.ndarray:
         forces = np.zeros(free.size)

@@ -40,6 +40,17 @@ def central_difference(values: Callable[[float], np.ndarray], step: float, fine:
     return (4 * found[1] - found[0]) / 3 if fine else found[0]
 
 
+def tangent_product(force: InternalForce, positions: np.ndarray, displacements: np.ndarray, step: float, fine: bool = False) -> np.ndarray:
+    """Return the product of the tangent at positions (n, d) with displacements (n, d), by a `central_difference` over `step` of them."""
+
+    def forces_at(width: float) -> np.ndarray:
+        found = np.empty_like(positions)
+        force(positions + width * displacements, found)
+        return found
+
+    return -central_difference(forces_at, step, fine)
+
+
 class TangentEquations:
     """Linear equations of the tangent of a force in one state, for displacements of the free components; `move` takes a state near it.
 
@@ -128,13 +139,7 @@ class TangentEquations:
         """
         self.products += 1
         unit = self._force.body.spacing / max(np.abs(displacements).max(), 1e-300)
-
-        def forces_at(step: float) -> np.ndarray:
-            found = np.empty_like(self._here)
-            self._force(self._positions + step * displacements, found)
-            return found
-
-        return -central_difference(forces_at, width * unit, width > COARSE)
+        return tangent_product(self._force, self._positions, displacements, width * unit, width > COARSE)
 
     def _reduce(self, found: np.ndarray, left: np.ndarray, goal: float, most: int) -> None:
         """Reduce the residual `left` to the norm `goal`, and add the displacements to `found`, both in place."""
