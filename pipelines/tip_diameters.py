@@ -112,8 +112,8 @@ did so by 8 % with a period of some 6 heights over the speed of shear waves: its
 deviated by 14 %. In plane stress a tear with a damping of 0.5 has the same peak as one with 0.02."""
 
 EASED = 0.15
-"""Travel, over the expected one at the peak, over which the speed of grips that slide rises. With grips that start at once the load oscillated
-by 2 % at a horizon of 5 spacings, where it has two maxima that are nearly equal: d was 0.69 at the first and 0.77 at the second."""
+"""Travel, over the expected one at the peak, over which the speed of grips that slide rises. With grips that start at once the load
+oscillated by 2 % at a horizon of 5 spacings, where it has two maxima that are nearly equal: d was 0.69 at one and 0.77 at the other."""
 
 SAFER = 0.35
 """Part of the critical time step with which a tear is repeated that failed with the default of 0.7."""
@@ -156,7 +156,7 @@ def high_enough(case: dict) -> bool:
 
 
 def stretched() -> list[dict]:
-    """Cases of which the table is made: at given critical stretches, along a row at three spacings (in plane stress) or two, then clouds."""
+    """Cases of which the table is made: at given critical stretches, along a row at three spacings in plane stress, else two; clouds."""
     flat = [{"model": "bond-energy", "plane": plane, "ratio": ratio} for plane, ratio in product(("stress", "strain"), (2.2, 3.15, 5.0))]
     flat += [{"model": "neo-hookean", "plane": "stress", "ratio": ratio} for ratio in (2.2, 3.15, 5.0)]
     solid = [{"model": "bond-energy", "plane": "space", "ratio": ratio} for ratio in (2.2, 3.0)]
