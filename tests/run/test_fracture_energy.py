@@ -152,7 +152,7 @@ def test_a_critical_stretch_at_which_no_tip_was_measured_is_remarked(energy):
         ("tear", {"horizon_ratio": 6.0}, "analytic", "plane=stress, horizon_ratio 6"),
         ("tear", {"horizon_ratio": 2.0}, "bond-energy", "plane=stress, horizon_ratio 2"),
         ("tear", {"plane": "strain", "horizon_ratio": 6.0}, "bond-energy", "plane=strain, horizon_ratio 6"),
-        ("trousers", {"horizon_ratio": 1.75}, "bond-energy", "plane=space, horizon_ratio 1.75"),
+        ("trousers", {"horizon_ratio": 3.2}, "bond-energy", "plane=space, horizon_ratio 3.2"),
         ("trousers", {}, "nosb", "nosb, plane=space, horizon_ratio 2.2"),
     ],
 )
@@ -160,6 +160,23 @@ def test_a_fracture_energy_is_refused_where_the_tip_was_not_measured(scene, chan
     known = r"\(bond energy, plane=.*; bond force, plane=stress, horizon_ratio 2.2 to 5.*\)"
     with pytest.raises(pds.SceneError, match=rf"fracture\.energy .*{known}, not for {here}; set fracture\.critical_stretch"):
         pds.simulate(pds.load_scene(scene, {"fracture": {"energy": 274.0}} | changes), force)
+
+
+MESH = {"shape": "mesh", "file": "solid.msh", "dimension": 3}
+
+
+@pytest.mark.parametrize(
+    ("changes", "here"),
+    [
+        ({"horizon_ratio": 1.75}, "1.75, not 3 along x3: the middle one"),
+        ({"horizon_ratio": 1.99, "body.arrangement": "relaxed", "body.seed": 1}, "1.99, not 3 along x3: the middle one"),
+        ({"horizon_ratio": 1.75, "body": MESH, "spacing": None}, "1.75, not a mesh, whose layers"),
+    ],
+)
+def test_a_fracture_energy_is_refused_in_thin_solids_whose_bonds_reach_one_layer(changes, here):
+    with pytest.raises(pds.SceneError, match=rf"fracture\.energy needs at least 4 points .* {here} .*; set horizon_ratio to 2\.2 or 3"):
+        pds.load_scene("trousers", changes)
+    pds.load_scene("trousers", changes | {"fracture": {"critical_stretch": 2.5}})
 
 
 def test_an_arrangement_that_was_not_measured_is_refused():
