@@ -55,7 +55,7 @@ class TipDiameters(NamedTuple):
 
 
 def tip_diameters(plane: str, horizon_ratio: float, family: str | None = None, arrangement: str = LATTICE) -> TipDiameters:
-    """Return the diameters of a crack tip by critical stretch, linearly interpolated between measured ratios of horizon to spacing.
+    """Return the diameters of a crack tip by critical stretch, between measured ratios of horizon to spacing linear in spacings.
 
     Between two ratios, only the critical stretches that were measured for both count as measured.
 
@@ -92,14 +92,19 @@ def tip_diameters(plane: str, horizon_ratio: float, family: str | None = None, a
 
 
 def _between(by_ratio: dict[float, list], horizon_ratio: float) -> TipDiameters:
-    """Return the diameters at a horizon from those of the measured horizons on both sides; each list has stretches with their diameters."""
+    """Return the diameters at a horizon from those of the measured horizons on both sides; each list has stretches with their diameters.
+
+    The diameter is linear in spacings: horizons in which a point has the same neighbors have tips of the same size in spacings.
+    """
     ratios = np.array(sorted(by_ratio))
     place = float(np.interp(horizon_ratio, ratios, np.arange(len(ratios))))
-    low, high = (np.array(sorted(by_ratio[ratios[int(number)]])).T for number in (np.floor(place), np.ceil(place)))
+    sides = ratios[int(np.floor(place))], ratios[int(np.ceil(place))]
+    low, high = (np.array(sorted(by_ratio[ratio])).T for ratio in sides)
     stretches = np.unique(np.concatenate([low[0], high[0]]))
     stretches = stretches[(stretches >= max(low[0][0], high[0][0])) & (stretches <= min(low[0][-1], high[0][-1]))]
     share = place % 1
-    return TipDiameters(stretches, (1 - share) * np.interp(stretches, *low) + share * np.interp(stretches, *high))
+    spacings = (1 - share) * sides[0] * np.interp(stretches, *low) + share * sides[1] * np.interp(stretches, *high)
+    return TipDiameters(stretches, spacings / np.clip(horizon_ratio, ratios[0], ratios[-1]))
 
 
 def tip_diameters_in(scene: Scene, family: str | None = None) -> TipDiameters:
