@@ -49,13 +49,18 @@ slide, and a turned lattice cannot be held by such grips."""
 FAMILIES = {"neo-hookean": "bond force", "bond-energy": "bond energy"}
 """Families of the force models that are measured; learned energies are compared with the exact one."""
 
-GUESS = {"neo-hookean": 1.15, 1.75: 1.5}
+GUESS = {"neo-hookean": 1.15, 1.75: 1.35}
 """Diameters in horizons, by force model or horizon, by which critical stretches are chosen so that G is near ENERGY; elsewhere 0.9."""
 
 ROWS, ROWS_IN_SPACE, LAYERS = (20, 16, 24), (14, 10, 18), 3
 """Rows of points per unit of height, of which clouds and turned lattices have the first number, and points through the thickness of strips
 in space.
 The numbers of rows are even, so that the precut lies between two; with 25, where it lies on one, d was 0.78 at a horizon of 3.15."""
+
+THICKER, THIN = {1.75: 5}, ({"critical": 2.2, "rows": 10}, {"critical": 2.2, "rows": 14})
+"""Points through the thickness of strips at horizons where LAYERS are too few, and strips that have LAYERS there.
+
+At 1.75 spacings bonds reach one layer. Of three layers, two points of the middle one can leave both flanks of a crack and hold it."""
 
 BULK = 20.0
 """Bulk modulus over shear modulus."""
@@ -82,8 +87,8 @@ The first case has twenty since the scatter of ten was too great to judge it: it
 BETWEEN = {"stress": 4.2, "strain": 4.2, "space": 2.6}
 """Horizons in spacings between those of the table, by which its interpolation is judged."""
 
-STRETCHES, LARGEST = (1.6, 2.2, 2.8, 4.0), {"bond-energy": 13.0, "neo-hookean": 14.0}
-"""Critical stretches at which diameters are measured, as long as the stretch times the horizon in spacings is not larger than LARGEST."""
+STRETCHES, LARGEST, LARGEST_IN_SPACE = (1.6, 2.2, 2.8, 4.0), {"bond-energy": 13.0, "neo-hookean": 14.0}, 6.6
+"""Critical stretches at which diameters are measured, as long as the stretch times the horizon in spacings is not larger than these."""
 
 HIGHER, SOLIDS_HIGHER = (16, 20, 24, 28, 32), (10, 14, 18)
 """Rows of points per unit of height of the strips with these critical stretches, in the plane and in solids."""
@@ -162,13 +167,14 @@ def stretched() -> list[dict]:
     """Cases of which the table is made: at given critical stretches, along a row at three spacings in plane stress, else two; clouds."""
     flat = [{"model": "bond-energy", "plane": plane, "ratio": ratio} for plane, ratio in product(("stress", "strain"), (2.2, 3.15, 5.0))]
     flat += [{"model": "neo-hookean", "plane": "stress", "ratio": ratio} for ratio in (2.2, 3.15, 5.0)]
-    solid = [{"model": "bond-energy", "plane": "space", "ratio": ratio} for ratio in (2.2, 3.0)]
+    solid = [{"model": "bond-energy", "plane": "space", "ratio": ratio} for ratio in (2.2, 1.75, 3.0)]
     low = {"model": "bond-energy", "plane": "stress", "ratio": 3.15, "angle": 0}
     found = [low | {"critical": critical, "rows": rows} for critical, rows in LOW]
     for base, critical in product(flat + solid, STRETCHES):
-        straight, heights = base | {"critical": critical, "angle": 0}, SOLIDS_HIGHER if base in solid else HIGHER
+        straight = base | {"critical": critical, "angle": 0}
+        heights, largest = (SOLIDS_HIGHER, LARGEST_IN_SPACE) if base in solid else (HIGHER, LARGEST[base["model"]])
         along = [straight | {"rows": rows} for rows in heights if high_enough(straight | {"rows": rows})]
-        if critical * base["ratio"] <= LARGEST[base["model"]] and len(along) >= LEAST["rows"]:
+        if critical * base["ratio"] <= largest:
             rows = next(case["rows"] for case in along if case["rows"] >= 20 or base["plane"] != "stress")
             cloud = base | {"critical": critical, "rows": rows, "arrangement": "relaxed"}
             found += along[: 3 if base["plane"] == "stress" else 2] + [cloud | {"seed": seed} for seed in chosen(base, OTHER_SEEDS)]
@@ -184,6 +190,11 @@ def law_of(case: dict) -> Law:
     """Law of the material: neo-Hookean, or with a `limit` of the chains that of Gent."""
     bulk = case.get("bulk", BULK)
     return pds.materials.Gent(1.0, bulk, chain_limit=case["limit"]) if "limit" in case else pds.materials.NeoHookean(1.0, bulk)
+
+
+def layers_of(case: dict) -> int:
+    """Points through the thickness of a strip in space."""
+    return case.get("layers", THICKER.get(case["ratio"], LAYERS))
 
 
 def density_of(case: dict) -> float:
@@ -209,6 +220,7 @@ def cases() -> list[dict]:
     stiffer = [{"plane": plane, "ratio": ratio, "rows": rows, "angle": 0, "bulk": 100.0} for plane, ratio, rows in learned]
     others = [case | {"model": model} for case, own in zip(stiffer, learned.values(), strict=True) for model in ("bond-energy", own)]
     others += [{"model": "bond-energy", "plane": "stress", "ratio": 2.2, "angle": 0, "limit": LIMIT} | own for own in STIFFENED]
+    others += [{"model": "bond-energy", "plane": "space", "ratio": 1.75, "angle": 0, "layers": LAYERS} | own for own in THIN]
     notch = {"plane": "stress", "ratio": 3.15, "rows": 10, "high": 4.0, "angle": 0}
     others += [notch | {"model": model, "precut": cut} for model, cut in product(("bond-energy", "neo-hookean"), BEGIN)]
     others += [notch | {"model": "bond-energy", "rows": FINER, "precut": cut} for cut in BEGIN]
@@ -243,7 +255,7 @@ def strip(case: dict, critical: float | None = None, precut: float | None = None
     begin, tip = place(-LONG, 0), place((precut or case.get("precut", PRECUT)) - LONG / 2, 0)
     cut = {"start": begin, "end": tip}
     if solid:
-        body = {"shape": "extrusion", "outline": body, "thickness": LAYERS * spacing}
+        body = {"shape": "extrusion", "outline": body, "thickness": layers_of(case) * spacing}
         cut = {"corner": [*begin, -1.0], "sides": [[*np.subtract(tip, begin).tolist(), 0.0], [0.0, 0.0, 3.0]]}
     body |= {key: case[key] for key in ("arrangement", "seed") if key in case}
     normal, across = turned(0, 1).tolist(), {"x3": 0.0} if solid else {}
@@ -287,7 +299,7 @@ def sliding(prescribed: list[dict], first: float, last: float) -> list[dict]:
 def pulls(case: dict, forces) -> np.ndarray:
     """Forces of the moving grip along its travel, over the thickness."""
     turn = np.radians(case.get("angle", 0))
-    thickness = LAYERS / case["rows"] if case["plane"] == "space" else 1.0
+    thickness = layers_of(case) / case["rows"] if case["plane"] == "space" else 1.0
     return np.array([force[1] * np.cos(turn) - force[0] * np.sin(turn) for force in forces]) / thickness
 
 
@@ -362,7 +374,7 @@ def measured() -> list[dict]:
     """All measured cases: the mean along a row over spacings, or over clouds, the tears that it averages, and a diameter if settled."""
     found: dict[tuple, dict] = {}
     for case in stored().values():
-        if "critical" in case and "limit" not in case and high_enough(case):
+        if "critical" in case and not {"limit", "layers"} & case.keys() and high_enough(case):
             kind, number = ("seeds", "seed") if "seed" in case else ("rows", "rows")
             found.setdefault((*told(case), case["critical"]), {kind: {}})[kind][case[number]] = round(case["diameter"], 3)
     entries = []
@@ -400,11 +412,12 @@ def page() -> None:
         rows.append([case[0], f"{case[1]}, {case[2]}", f"{case[3]:g}", *(cells.get(stretch, "-") for stretch in stretches)])
     head = ["force model", "body, points", "horizon (spacings)"]
     replace_block("tip-diameters", markdown_table([*head, *(f"λ_c = {stretch:g}" for stretch in stretches)], rows))
-    others = [case for case in stored().values() if case["model"] not in FAMILIES or {"bulk", "high", "limit"} & case.keys()]
+    others = [case for case in stored().values() if case["model"] not in FAMILIES or {"bulk", "high", "limit", "layers"} & case.keys()]
     rows = []
     for case in sorted(others, key=lambda case: ("high" in case, case["plane"], case["model"], case.get("precut", 0))):
         law = f"Gent, limit {case['limit']:g}, " if "limit" in case else ""
-        body = f"square of 4 x 4, notch {case['precut']:g}" if "high" in case else f"strip, {law}K = {case.get('bulk', BULK):g} μ"
+        thick = f"{case['layers']} points thick, " if "layers" in case else ""
+        body = f"square of 4 x 4, notch {case['precut']:g}" if "high" in case else f"strip, {thick}{law}K = {case.get('bulk', BULK):g} μ"
         figures = [f"{case['ratio']:g}", str(case["rows"]), f"{case['critical_stretch']:.2f}", f"{case['diameter']:.2f}"]
         rows.append([case["model"], f"{body}, {case['plane']}", *figures])
     head = ["force model", "body", "horizon (spacings)", "rows per unit length", "λ_c", "d / δ"]
