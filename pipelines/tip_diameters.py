@@ -57,8 +57,8 @@ ROWS, ROWS_IN_SPACE, LAYERS = (20, 16, 24), (14, 10, 18), 3
 in space.
 The numbers of rows are even, so that the precut lies between two; with 25, where it lies on one, d was 0.78 at a horizon of 3.15."""
 
-THICKER, THIN = {1.75: 5}, ({"critical": 2.2, "rows": 10}, {"critical": 2.2, "rows": 14})
-"""Points through the thickness of strips at horizons where LAYERS are too few, and strips that have LAYERS there.
+THICKER, OTHER_LAYERS = {1.75: 5}, ((2.2, 10, 3), (2.2, 14, 3), (2.2, 10, 4), (2.2, 14, 4), (2.8, 10, 4))
+"""Points through the thickness of strips at horizons where LAYERS are too few; critical stretches, rows and layers of others there.
 
 At 1.75 spacings bonds reach one layer. Of three layers, two points of the middle one can leave both flanks of a crack and hold it."""
 
@@ -221,7 +221,8 @@ def cases() -> list[dict]:
     stiffer = [{"plane": plane, "ratio": ratio, "rows": rows, "angle": 0, "bulk": 100.0} for plane, ratio, rows in learned]
     others = [case | {"model": model} for case, own in zip(stiffer, learned.values(), strict=True) for model in ("bond-energy", own)]
     others += [{"model": "bond-energy", "plane": "stress", "ratio": 2.2, "angle": 0, "limit": LIMIT} | own for own in STIFFENED]
-    others += [{"model": "bond-energy", "plane": "space", "ratio": 1.75, "angle": 0, "layers": LAYERS} | own for own in THIN]
+    layered = {"model": "bond-energy", "plane": "space", "ratio": 1.75, "angle": 0}
+    others += [layered | {"critical": critical, "rows": rows, "layers": layers} for critical, rows, layers in OTHER_LAYERS]
     notch = {"plane": "stress", "ratio": 3.15, "rows": 10, "high": 4.0, "angle": 0}
     others += [notch | {"model": model, "precut": cut} for model, cut in product(("bond-energy", "neo-hookean"), BEGIN)]
     others += [notch | {"model": "bond-energy", "rows": FINER, "precut": cut} for cut in BEGIN]

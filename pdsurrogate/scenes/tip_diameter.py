@@ -25,7 +25,7 @@ LEAST_LAYERS, ONE_LAYER = 4, 2.0
 """Fewest points across a solid with a fracture energy, if bonds reach one layer of the lattice, at horizons below two spacings.
 
 In three layers, a pair of points of the middle one can leave both flanks of a crack and hold it: strips tore at up to 1.7 times the energy
-of strips of four to six layers, which had no such pair."""
+of strips of four and five layers, which had no such pair."""
 
 
 @cache
