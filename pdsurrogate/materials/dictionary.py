@@ -14,6 +14,7 @@ with this term may still be convex along all such lines in the states of a body,
 """
 
 from collections.abc import Callable, Sequence
+from itertools import combinations
 from numbers import Real
 from typing import Any, NamedTuple
 
@@ -177,7 +178,7 @@ def checked_dictionary(terms: Any) -> tuple[Term, ...]:
     Raises
     ------
     TypeError, ValueError
-        If there are none, one is no such pair, unknown or given twice, or none has a stiffness at rest.
+        If there are none, one is no such pair or unknown, two are the same function up to a factor, or none has a stiffness at rest.
 
     Examples
     --------
@@ -200,8 +201,9 @@ def checked_dictionary(terms: Any) -> tuple[Term, ...]:
         if not isinstance(number, Real) or isinstance(number, bool) or not KINDS[kind].permits(number):
             raise ValueError(f"dictionary: {kind} has {KINDS[kind].numbers}, not {kind_of(number)}")
         found.append(Term(kind, float(number)))
-    if len(set(found)) < len(found):
-        raise ValueError(f"dictionary: {next(term for term in found if found.count(term) > 1)} is there twice")
+    for term, other in combinations(found, 2):
+        if term.row[:3] == other.row[:3] and np.linalg.matrix_rank([term.row[3:], other.row[3:]]) == 1:
+            raise ValueError(f"dictionary: {(*term,)} and {(*other,)} are the same function up to a factor: give one of them")
     if not any(term.shear_modulus > 0 for term in found):
         raise ValueError("dictionary: no term has a stiffness at rest; add one that has, such as ('first', 1)")
     return tuple(found)
