@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..identification import MODES
-from ..identification.energy import columns_of, isochoric, nonnegative, stiffness_of
+from ..identification.energy import columns_of, isochoric, no_sum_fits, nonnegative, stiffness_of
 from ..materials import Law
 from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, Term, wave_check
 from ..materials.polyconvex import law_of
@@ -197,10 +197,7 @@ def average(
         if stable(x):
             found[tuple(np.flatnonzero(x))] = x
     if not found:
-        raise ValueError(
-            "no sum of the terms with positive coefficients and stable waves describes the measurements: check that forces are positive "
-            "in tension, the steps in the table, and that a given dictionary has a polyconvex term, such as ('first', 1)"
-        )
+        raise no_sum_fits("measurements", "that forces are positive in tension, the steps in the table")
     x = np.array(list(found.values()))
     squares = ((x @ square[:, :-1].T - square[:, -1]) ** 2).sum(axis=1)
     scale = correlated * max(1.0, squares.min() / n)

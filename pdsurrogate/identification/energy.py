@@ -297,10 +297,7 @@ class EnergyRegressor(StressRegressor):
             terms, weights = _fitted(columns_of(stretches, X[:, 0], chosen), y, root, chosen, stable, count)
             if not stiffness_of(terms, weights) > 0:
                 if self.dictionary is not None:
-                    raise ValueError(
-                        "no sum of the terms with positive coefficients and stable waves describes the stresses: check that they rise "
-                        "with the stretch, and that the dictionary has a polyconvex term, such as ('first', 1)"
-                    )
+                    raise no_sum_fits("stresses", "that they rise with the stretch")
                 warnings.warn("the stresses do not rise with the stretch as in rubber; the fitted energy is almost zero", stacklevel=3)
                 terms, weights = [Term("stretches", 2.0)], np.array([1e-6 * max(np.abs(y).max(), 1e-300)])
             law = law_of(terms, weights, self._bulk(stiffness_of(terms, weights)))
@@ -362,6 +359,14 @@ class EnergyRegressor(StressRegressor):
         excess = squares - squares[:, [total.argmin()]]
         most = np.sqrt(len(squares)) * excess.std(axis=0, ddof=1) + NEGLIGIBLE**2 * ((root * y) ** 2).sum()
         return 1 + int(np.argmax(excess.sum(axis=0) <= most))
+
+
+def no_sum_fits(what: str, check: str) -> ValueError:
+    """Return the error that no permitted sum of the terms of a dictionary describes the data `what`, with what the user may check first."""
+    return ValueError(
+        f"no sum of the terms with positive coefficients and stable waves describes the {what}: check {check}, and that a given dictionary "
+        "has a polyconvex term, such as ('first', 1)"
+    )
 
 
 def _squares_left_out(columns, y, root, groups, fits) -> np.ndarray:
