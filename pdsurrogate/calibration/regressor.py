@@ -12,7 +12,6 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import chi2
-from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
@@ -20,7 +19,7 @@ from ..arguments import check_kind, check_names, check_numbers, in_order
 from ..identification import EnergyRegressor, LawRegressor, nominal_stress
 from ..identification.energy import half_planes
 from ..identification.regressor import check_fitted
-from ..identification.stress_regressor import BULK_RATIO
+from ..identification.stress_regressor import BULK_RATIO, LawEstimator
 from ..materials import LAWS, Law, Ogden
 from ..materials.covariance import LawCovariance, covariance_of_numbers, derivatives_of_numbers
 from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, checked_dictionary
@@ -101,7 +100,7 @@ EXPONENTS = ((2.0,), (2.0, -2.0), (1.3, 5.0, -2.0), (1.3, 5.0, -2.0, 8.0))
 
 
 @dataclass(eq=False, repr=False)
-class SceneRegressor(RegressorMixin, BaseEstimator):
+class SceneRegressor(LawEstimator):
     """Parameters of a law from measurements on a body of any shape, such as displacement fields and forces.
 
     The test is described by a scene. Its equilibria and their exact derivatives by the parameters (theory, section 23) are those of a
@@ -222,14 +221,6 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     random_state: int = 0
     dictionary: Sequence[tuple[str, float]] | None = None
 
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True
-        return tags
-
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "law_")
-
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the columns of the table of measurements, in their order in arrays.
@@ -288,8 +279,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         >>> model.parameter_names_
         ['shear_modulus']
         """
-        self._forget()
-        self._validate_params()
+        self._begin_fit()
         if self.law is not None:
             check_fitted(self.law)
         if self.dictionary is not None:
@@ -467,11 +457,6 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             X, "X", f"it must have the columns {', '.join(columns)}, and a row for each measurement" if columns else "give numbers"
         )
         check_numbers(y, "y", "give a measured value for each row of X")
-
-    def _forget(self) -> None:
-        """Delete the results of an earlier fit, which must not outlive a failed one."""
-        for key in [key for key in vars(self) if key.endswith("_") and not key.startswith("_")]:
-            delattr(self, key)
 
     def _scenes(self) -> list[Scene]:
         """Return the scenes, loaded if they are given by name; raise ValueError for none or for bodies of different dimension."""
@@ -689,7 +674,10 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             )
         counts = [sum(term.kind == kind for term in unknown.terms) for kind in ("stretches", "logarithms")]
         if max(counts) > MOST_TERMS:
-            raise ValueError(f"dictionary: at most {MOST_TERMS} exponents and {MOST_TERMS} logarithms, not {counts[0]} and {counts[1]}")
+            raise ValueError(
+                f"dictionary: a law has at most {MOST_TERMS} terms of the kind 'stretches' and {MOST_TERMS} of the kind 'logarithms'; leave "
+                f"some of the {counts[0]} and {counts[1]} out"
+            )
         if len(unknown.terms) > MOST_TRIED and not self._has_weak_form:
             raise ValueError(
                 f"dictionary: measured displacements choose among more than {MOST_TRIED} terms, but here are too few: give at most "

@@ -79,7 +79,42 @@ def incompressible_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
     return law.shear_modulus * (p * first + q / first)
 
 
-class StressRegressor(RegressorMixin, BaseEstimator):
+class LawEstimator(RegressorMixin, BaseEstimator):
+    """Base of regressors that find a law: ``law_``."""
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "law_")
+
+    def forget(self) -> None:
+        """Delete the results of a fit from the regressor, which is unfitted afterwards.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar").up_to(3.0)
+        >>> found = pds.identification.LawRegressor().fit(data.stretches, data.nominal_stress)
+        >>> found.forget()
+        >>> hasattr(found, "law_")
+        False
+        """
+        for key in [key for key in vars(self) if key.endswith("_")]:
+            delattr(self, key)
+
+    def _begin_fit(self) -> None:
+        """Delete the results of an earlier fit, which must not outlive a failed one; raise an error for a parameter of a wrong kind."""
+        self.forget()
+        self._validate_params()
+        for name, kinds in self._parameter_constraints.items():
+            if any(isinstance(kind, Interval) for kind in kinds):
+                check_kind(getattr(self, name), object, name, "a number")  # scikit-learn takes True for 1
+
+
+class StressRegressor(LawEstimator):
     """Base of regressors that find a law from nominal stresses.
 
     A subclass implements ``fit``, which takes its data from `_checked` and ends with `_store`, and ``law_of``, which returns the law with
@@ -91,11 +126,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.input_tags.positive_only = True
-        tags.regressor_tags.poor_score = True
         return tags
-
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "law_")
 
     def predict(self, X: ArrayLike) -> np.ndarray:
         """Return nominal stresses of the fitted law.
@@ -167,21 +198,6 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         """
         return clone(self)
 
-    def forget(self) -> None:
-        """Delete the results of a fit from the regressor, which is unfitted afterwards.
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> data = pds.load_test_data("treloar").up_to(3.0)
-        >>> found = pds.identification.LawRegressor().fit(data.stretches, data.nominal_stress)
-        >>> found.forget()
-        >>> hasattr(found, "law_")
-        False
-        """
-        for key in [key for key in vars(self) if key.endswith("_")]:
-            delattr(self, key)
-
     def _stretches(self, X) -> np.ndarray:
         """Return X; raise ValueError unless it has two columns of positive stretches."""
         if X.shape[1] != 2:
@@ -192,8 +208,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
 
     def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Check the data; return stretches, stresses and roots of weights for the rows of positive weight, and a mask of these rows."""
-        self.forget()  # results of an earlier fit must not outlive a failed one
-        self._validate_params()
+        self._begin_fit()
         for values, what, wanted in (
             (X, "X", f"it must have the columns {' and '.join(self.columns)} and at least one row" if self.columns else "give numbers"),
             (y, "y", "give a nominal stress for each row of X"),

@@ -450,7 +450,7 @@ def test_a_dictionary_is_checked_before_work_starts(exact):
     exponents = [("stretches", 1 + n / 4) for n in range(9)]
     with pytest.raises(ValueError, match="dictionary: measured displacements choose among more than 8 terms, but here are too few"):
         pds.SceneRegressor(scene, None, dictionary=[*exponents[:8], ("roots", 2)]).fit(X[forces], exact[forces])
-    with pytest.raises(ValueError, match="dictionary: at most 8 exponents and 8 logarithms, not 9 and 0"):
+    with pytest.raises(ValueError, match="at most 8 terms of the kind 'stretches' and 8 of .* leave some of the 9 and 0 out"):
         pds.SceneRegressor(scene, None, dictionary=exponents).fit(X, exact)
 
 
@@ -459,6 +459,7 @@ def test_a_dictionary_is_checked_before_work_starts(exact):
     [
         ({"outputs": []}, {}, ValueError, "outputs: the list is empty; give names, such as"),
         ({"outputs": "force"}, {}, TypeError, "outputs must be a list of names, such as .*, not 'force'"),
+        ({"refine": True}, {}, TypeError, "refine must be a number, not True"),
         ({"dictionary": []}, {}, ValueError, "dictionary: the list is empty; give terms, pairs of a kind and a number, such as"),
         ({}, {"X": []}, ValueError, "X: it is empty; .* the columns step, quantity, x1, x2"),
         ({}, {"X": [[1, "force", 0, 0]]}, ValueError, "X: 'force' is no number"),
