@@ -1,5 +1,6 @@
 """Regressor that finds the parameters of a law from measurements on bodies, by simulations of the tests and their derivatives."""
 
+import logging
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -27,6 +28,8 @@ from ..materials.stretch_laws import MOST_TERMS
 from ..scenes import Mesh, Scene, load_scene
 from .free import FLOOR, HALVINGS, MOST_TRIED, EnergyUnknowns, average, floored, grouping, minimized, proposed, scaled, solved
 from .measured import DISPLACEMENTS, FAILURES, FORCES, MeasuredScene, Rows, local_fit
+
+logger = logging.getLogger(__name__)
 
 REFINED, REFINED_FREE = 3, 6
 """Default ratio of the spacing of a scene to that of the finer simulation, with a law and without. Chosen: for Carroll's law, fields with
@@ -106,7 +109,8 @@ class SceneRegressor(LawEstimator):
     The test is described by a scene. Its equilibria and their exact derivatives by the parameters (theory, section 23) are those of a
     bounded least-squares iteration (Gauss-Newton steps in a trust region), so that noisy fields are never differentiated. The simulation
     at the spacing of the scene is corrected by the difference of a finer simulation of the fitted law, and what this leaves of the
-    discretization error is part of the standard errors (theory, section 28).
+    discretization error is part of the standard errors (theory, section 28). A fit takes seconds to many minutes; the logger
+    ``pdsurrogate.calibration`` receives its progress.
 
     Parameters
     ----------
@@ -269,7 +273,8 @@ class SceneRegressor(LawEstimator):
         Warns
         -----
         UserWarning
-            If ``refine=1`` and the discretization error cannot be estimated, or exceeds the standard deviations of the measurements.
+            If a row is a copy of another one, or ``refine=1`` and the discretization error cannot be estimated, or exceeds the standard
+            deviations of the measurements.
 
         Examples
         --------
@@ -296,6 +301,7 @@ class SceneRegressor(LawEstimator):
         if not used.any():
             raise ValueError("all sample weights are zero")
         self._tests = self._tests_of(X[used])
+        self._warn_of_copies(y[used])
         deviation = self._deviations(X, y, standard_deviation)
         self._fitted(y[used], np.sqrt(weight[used]) / deviation[used])
         self.standard_deviations_, self.residuals_ = deviation, np.full(len(y), np.nan)
@@ -504,6 +510,20 @@ class SceneRegressor(LawEstimator):
                 tests.append((MeasuredScene(scene, rows, self.outputs), here))
         return tests
 
+    def _warn_of_copies(self, y: np.ndarray) -> None:
+        """Warn of rows that repeat a measurement, each of which counts: in a file they are mostly copies."""
+        for test, here in self._tests:
+            rows, places = test.rows, np.where(test.rows.is_field[:, None], test.rows.places, 0.0)
+            table = np.column_stack([rows.step, rows.quantity, places, y[here]])
+            unique, counts = np.unique(table, axis=0, return_counts=True)
+            for step, quantity, *_, value in unique[counts > 1][:1].tolist():
+                what = f"displacement along x{quantity:.0f}" if quantity > 0 else test.outputs[-int(quantity)][0]
+                warnings.warn(
+                    f"X: {(counts - 1).sum()} rows of scene {test.scene.name} are copies of others, such as {what} = {value:.4g} in step "
+                    f"{step:.0f}; each counts as a further measurement: leave copies out",
+                    stacklevel=3,
+                )
+
     def _fitted(self, y: np.ndarray, root: np.ndarray) -> None:
         """Set the results of the fit to values with roots of weights; keep the simulated values and the correction."""
         self._unknown = self._unknowns(len(y))
@@ -661,6 +681,7 @@ class SceneRegressor(LawEstimator):
         """Return the measurements of the finer simulations with a law, shape (n,)."""
         found = np.empty(sum(len(here) for _, here in self._tests))
         for test, here in self._tests:
+            logger.info("%s: finer simulation, spacing %.3g", test.scene.name, self._fine(test.scene))
             with _failing(f"refine: with the spacing {self._fine(test.scene)} the fitted law fails; choose another spacing or refine"):
                 found[here] = test.simulate(law, self._fine(test.scene))[0]
         return found
@@ -675,8 +696,8 @@ class SceneRegressor(LawEstimator):
         counts = [sum(term.kind == kind for term in unknown.terms) for kind in ("stretches", "logarithms")]
         if max(counts) > MOST_TERMS:
             raise ValueError(
-                f"dictionary: a law has at most {MOST_TERMS} terms of the kind 'stretches' and {MOST_TERMS} of the kind 'logarithms'; leave "
-                f"some of the {counts[0]} and {counts[1]} out"
+                f"dictionary: a law has at most {MOST_TERMS} terms of the kind 'stretches' and {MOST_TERMS} of the kind 'logarithms': "
+                f"leave some of the {counts[0]} and {counts[1]} out"
             )
         if len(unknown.terms) > MOST_TRIED and not self._has_weak_form:
             raise ValueError(
@@ -964,6 +985,8 @@ class _Search:
         for test, here in self.tests:
             self.count += test.count
             values[here], derivatives[here] = test.differentiate(law, names)
+        squares = ((self.root * (values - self.y)) ** 2).sum()
+        logger.info("%d equilibria, sum of squared residuals %.4g for %d measurements", self.count, squares, len(values))
         return values, derivatives
 
 

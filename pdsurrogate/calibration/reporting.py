@@ -93,13 +93,16 @@ def read_columns(
     return np.array(found), numbers, chosen
 
 
-def _check_steps(scene: Scene, path: Path, steps: np.ndarray, lines: list[int]) -> None:
-    """Raise ValueError with the line of a step that the scene does not have."""
+def _check_rows(scene: Scene, path: Path, found: np.ndarray, lines: list[int]) -> None:
+    """Raise ValueError with the line of a step, the first column, that the scene does not have, or of a copy of an earlier row."""
     most = len(scene.stretches) if scene.stretched else np.inf
-    for step, line in zip(steps, lines, strict=True):
+    for step, line in zip(found[:, 0], lines, strict=True):
         if step != round(step) or not 1 <= step <= most:
             known = f"1 to {most}, the stretches of scene {scene.name}" if scene.stretched else f"the outputs of scene {scene.name} from 1"
             raise ValueError(f"{path}, line {line}: step {step:g}, but the steps are whole numbers: {known}")
+    first = np.unique(found, axis=0, return_index=True)[1]
+    if len(first) < len(found):
+        raise ValueError(f"{path}, line {lines[np.delete(np.arange(len(found)), first)[0]]}: this row is a copy of an earlier one")
 
 
 def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tuple[np.ndarray, np.ndarray, dict[str, str]]:
@@ -113,10 +116,7 @@ def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tupl
     if fields is not None:
         axes = range(1, d + 1)
         found, lines, _ = read_columns(fields, ("step", *(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes)))
-        _check_steps(scene, fields, found[:, 0], lines)
-        first = np.unique(found, axis=0, return_index=True)[1]
-        if len(first) < len(found):
-            raise ValueError(f"{fields}, line {lines[np.delete(np.arange(len(found)), first)[0]]}: this row is a copy of an earlier one")
+        _check_rows(scene, fields, found, lines)
         for axis in axes:
             tables.append(np.column_stack([found[:, 0], np.full(len(found), axis), found[:, 1 : 1 + d]]))
             values.append(found[:, d + axis])
@@ -129,7 +129,7 @@ def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tupl
                 f"{forces}: there is no column force, nor another one with a measurement, as history.csv of a run has them "
                 "(force_right_1, tip_displacement_2)"
             )
-        _check_steps(scene, forces, found[:, 0], lines)
+        _check_rows(scene, forces, found, lines)
         outputs = {name: str(output_of(name)) for name in names}
         for number, column in enumerate(found[:, 1:].T):
             there = np.isfinite(column)

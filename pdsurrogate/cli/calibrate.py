@@ -1,6 +1,9 @@
 """Command ``calibrate``, which finds a law from displacement fields and forces measured on a body that a scene describes."""
 
+import logging
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -77,7 +80,7 @@ def calibrate(
     noises, began = {1: field_noise}, time.perf_counter()
     for number, key in enumerate(outputs.values()):
         noises[-number] = force_noise if FORCES.fullmatch(key) else field_noise if DISPLACEMENTS.fullmatch(key) else None
-    with Bar(f"Calibrating {law or 'an energy'} in {test.name}"):
+    with Bar(f"Calibrating {law or 'an energy'} in {test.name}") as bar, _messages_on(bar):
         model.fit(X, y, standard_deviation=model.stated_deviations(X, y, noises))
     found = reporting.report(model, X, y, [*outputs])
     seconds = time.perf_counter() - began
@@ -95,6 +98,31 @@ def calibrate(
             figures.save(drawn, folder / f"calibration-{which}.png")
     print_json({"artifact": str(path), **found, "seconds": seconds})
     note(f"Wrote {path}, and the report in {folder}")
+
+
+class _OnBar(logging.Handler):
+    """Logging handler that shows messages as the state of a progress bar."""
+
+    def __init__(self, bar: Bar) -> None:
+        super().__init__()
+        self._bar = bar
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._bar.show(0.0, record.getMessage())
+
+
+@contextmanager
+def _messages_on(bar: Bar) -> Iterator[None]:
+    """Context in which a bar shows the progress of a calibration."""
+    logger, handler = logging.getLogger(SceneRegressor.__module__), _OnBar(bar)
+    level = logger.level
+    logger.setLevel(logging.INFO)
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
 
 
 def print_calibrated(found: dict) -> None:
