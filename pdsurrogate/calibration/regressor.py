@@ -22,7 +22,7 @@ from ..identification.energy import half_planes
 from ..identification.regressor import check_fitted
 from ..identification.stress_regressor import BULK_RATIO, LawEstimator
 from ..materials import LAWS, Law, Ogden
-from ..materials.covariance import LawCovariance, covariance_of_numbers, derivatives_of_numbers
+from ..materials.covariance import derivatives_of_numbers
 from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, checked_dictionary
 from ..materials.stretch_laws import MOST_TERMS
 from ..scenes import Mesh, Scene, load_scene
@@ -374,31 +374,6 @@ class SceneRegressor(LawEstimator):
         variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian)
         return nominal_stress(self.law_, X), np.sqrt(variance)
 
-    def law_covariance(self) -> LawCovariance:
-        """Return the covariance of the numbers of the fitted law, with which `pdsurrogate.Result.standard_errors` propagates it to results.
-
-        Returns
-        -------
-        LawCovariance
-            From `covariance_`, with the numbers that follow from the parameters, such as the bulk modulus from K/mu.
-
-        Raises
-        ------
-        ValueError
-            If the measurements do not determine a parameter, or a parameter is at a bound of the search.
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> scene = pds.load_scene("hole", spacing=0.25)
-        >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.03)
-        >>> errors = model.law_covariance().standard_errors
-        >>> {name: round(error / getattr(model.law_, name), 2) for name, error in errors.items()}
-        {'shear_modulus': 0.04, 'bulk_modulus': 0.04}
-        """
-        check_is_fitted(self)
-        return covariance_of_numbers(self._unknown.law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
-
     def stated_deviations(self, X, y, stated: dict[int, float | None]) -> np.ndarray:
         """Return standard deviations of measurements: stated ones of all displacements or of an output, and estimated ones of the others.
 
@@ -435,11 +410,14 @@ class SceneRegressor(LawEstimator):
                     found[here[test.rows.is_field if quantity > 0 else test.rows.quantity == quantity]] = value
         return found
 
+    def _law_of(self, values) -> Law:
+        return self._unknown.law_of(values)
+
     def _stress_derivatives(self, X: np.ndarray) -> np.ndarray:
         """Return the derivatives of `nominal_stress` by the parameters, shape (n_samples, n_parameters)."""
         columns, steps = [], 1e-5 * self._scales()
         for step, change in zip(steps, np.diag(steps), strict=True):
-            sides = [nominal_stress(self._unknown.law_of(self.parameters_ + sign * change), X) for sign in (1, -1)]
+            sides = [nominal_stress(self._law_of(self.parameters_ + sign * change), X) for sign in (1, -1)]
             columns.append((sides[0] - sides[1]) / (2 * step))
         return np.stack(columns, axis=1)
 
@@ -583,15 +561,15 @@ class SceneRegressor(LawEstimator):
         if isinstance(self._unknown, EnergyUnknowns):
             low, high, logarithmic = np.zeros(len(start)), np.full(len(start), np.inf), np.zeros(len(start), dtype=bool)
         else:
-            low, high, logarithmic = self._unknown.search_range(start, float(self._unknown.law_of(start).shear_modulus))
+            low, high, logarithmic = self._unknown.search_range(start, float(self._law_of(start).shear_modulus))
         x, low, high = (np.log(each, out=np.array(each, dtype=float), where=logarithmic) for each in (start, low, high))
         if self.law is not None:  # central differences stay between the bounds
             low, high = low + 2 * DIFFERENCE, high - 2 * DIFFERENCE
             x = np.clip(x, low, high)
         space = _Space(low, high, logarithmic)
-        self._begin(self._unknown.law_of(space.parameters(x)), y, root)
+        self._begin(self._law_of(space.parameters(x)), y, root)
         held = self.law is not None and self._without_scale()
-        return _Search(self._tests, self._unknown.law_of, space, y, root, self.law is None, held), x
+        return _Search(self._tests, self._law_of, space, y, root, self.law is None, held), x
 
     def _better_start(self, search: "_Search", x: np.ndarray) -> np.ndarray:
         """Return the start of the search with the lesser sum of squares: x, or the solution of the weak form at measured displacements.
@@ -611,11 +589,12 @@ class SceneRegressor(LawEstimator):
             self._keep(search, kept)
             x, jacobian = x[kept], jacobian[:, kept]
         weak = floored(solved(*scaled(jacobian, right, forces)))
-        squares = {name: float((search.residuals(each) ** 2).sum()) for name, each in (("default", x), ("weak form", weak))}
-        taken = "weak form" if squares["weak form"] < squares["default"] else "default"
+        starts = {"default": x, "weak form": weak}
+        squares = {name: float((search.residuals(each) ** 2).sum()) for name, each in starts.items()}
+        taken = min(starts, key=squares.__getitem__)
         finite = {name: value if np.isfinite(value) else None for name, value in squares.items()}
         self.start_ = {"taken": taken, "terms": self._unknown.unknowns(), "chi_squared": finite}
-        return weak if taken == "weak form" else x
+        return starts[taken]
 
     def _weak_form(self, search: "_Search", x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return the weighted equations of the weak form, a mask of those of forces, and the number of the step of each among all tests."""
@@ -630,7 +609,6 @@ class SceneRegressor(LawEstimator):
     def _keep(self, search: "_Search", kept: np.ndarray) -> None:
         """Keep only the unknowns that a mask chooses."""
         self._unknown, search.space = self._unknown.of(kept), search.space.of(kept)
-        search.law_of = self._unknown.law_of
         search.forget()
 
     def _searched(self, search: "_Search", x: np.ndarray) -> tuple[SimpleNamespace, np.ndarray]:
@@ -756,7 +734,7 @@ class SceneRegressor(LawEstimator):
         """Set parameters, covariance and lack of fit from the weighted Jacobian and residuals at the solution, and the remaining error."""
         jacobian = found.jac / space.sizes(x)
         self.parameter_names_, self.parameters_ = self._unknown.unknowns(), space.parameters(x)
-        self.law_ = self._unknown.law_of(self.parameters_)
+        self.law_ = self._law_of(self.parameters_)
         self.at_bound_ = [name for name, active in zip(self.parameter_names_, found.active_mask, strict=True) if active]
         free = len(residuals) - len(x)
         self.lack_of_fit_ = float((residuals**2).sum() / free) if free > 0 else np.nan
@@ -806,7 +784,7 @@ class SceneRegressor(LawEstimator):
             member = self.law_
             for part in change / 2.0 ** np.arange(HALVINGS)[:, None]:
                 with suppress(ValueError):  # some parameters between the bounds are not those of a law
-                    law = self._unknown.law_of(space.parameters(x + part))
+                    law = self._law_of(space.parameters(x + part))
                     if ((nominal_stress(law, states) - stress - slopes @ part) ** 2).mean() <= (error**2).mean():
                         member = law
                         break
@@ -851,8 +829,8 @@ class SceneRegressor(LawEstimator):
             forces = test.among(FORCES)
             if test.scene.loads or not forces.any():
                 continue
-            with _failing(f"the search cannot start at {self._unknown.law_of(start).describe()}"):
-                simulated = test.simulate(self._unknown.law_of(start))[0]
+            with _failing(f"the search cannot start at {self._law_of(start).describe()}"):
+                simulated = test.simulate(self._law_of(start))[0]
             weight = root[here][forces] ** 2
             product += float((weight * simulated[forces] * y[here][forces]).sum())
             square += float((weight * simulated[forces] ** 2).sum())

@@ -80,7 +80,11 @@ def incompressible_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
 
 
 class LawEstimator(RegressorMixin, BaseEstimator):
-    """Base of regressors that find a law: ``law_``."""
+    """Base of regressors that find a law.
+
+    A subclass sets ``law_`` and the parameters with their covariance in ``fit``, which begins with `_begin_fit`; its method ``_law_of``
+    returns the law with given values of the parameters.
+    """
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
@@ -89,6 +93,30 @@ class LawEstimator(RegressorMixin, BaseEstimator):
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "law_")
+
+    def law_covariance(self) -> LawCovariance:
+        """Return the covariance of the numbers of the fitted law, with which `pdsurrogate.Result.standard_errors` propagates it to results.
+
+        Returns
+        -------
+        LawCovariance
+            From `covariance_`, with the numbers that follow from the parameters, such as the bulk modulus from K/mu.
+
+        Raises
+        ------
+        ValueError
+            If the measurements do not determine a parameter, or a parameter is at a bound of the search.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar")
+        >>> found = pds.identification.LawRegressor("gent").fit(data.stretches, data.nominal_stress)
+        >>> found.law_covariance().names
+        ('shear_modulus', 'bulk_modulus', 'chain_limit')
+        """
+        check_is_fitted(self)
+        return covariance_of_numbers(self._law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
 
     def forget(self) -> None:
         """Delete the results of a fit from the regressor, which is unfitted afterwards.
@@ -153,30 +181,6 @@ class StressRegressor(LawEstimator):
         X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
         return nominal_stress(self.law_, self._stretches(X))
 
-    def law_covariance(self) -> LawCovariance:
-        """Return the covariance of the numbers of the fitted law, with which `pdsurrogate.Result.standard_errors` propagates it to results.
-
-        Returns
-        -------
-        LawCovariance
-            From `covariance_`, with the numbers that follow from the parameters, such as the bulk modulus from K/mu.
-
-        Raises
-        ------
-        ValueError
-            If the data do not determine a parameter, or a parameter is at a bound of the search.
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> data = pds.load_test_data("treloar")
-        >>> found = pds.identification.LawRegressor("gent").fit(data.stretches, data.nominal_stress)
-        >>> found.law_covariance().names
-        ('shear_modulus', 'bulk_modulus', 'chain_limit')
-        """
-        check_is_fitted(self)
-        return covariance_of_numbers(self.law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
-
     def redrawn(self, random: np.random.Generator) -> Self:
         """Return an unfitted copy for a committee, with random values of settings that neither the data nor the user determine.
 
@@ -197,6 +201,9 @@ class StressRegressor(LawEstimator):
         True
         """
         return clone(self)
+
+    def _law_of(self, values: ArrayLike) -> Law:
+        return self.law_of(values)
 
     def _stretches(self, X) -> np.ndarray:
         """Return X; raise ValueError unless it has two columns of positive stretches."""

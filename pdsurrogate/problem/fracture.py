@@ -112,11 +112,11 @@ class CriticalStretches:
         self._scene, self._remarks = scene, list[str]()
         tip = tip_diameters_in(scene, family) if gives_fracture_energy(scene) else None
         laws = [scene.law(), *(part.material.build() for part in scene.materials)]
+        own = [(None, ""), *((part.fracture, f"materials.{number}.") for number, part in enumerate(scene.materials))]
         self.of_materials = [
-            self._critical(part.fracture or rest, (law, law), tip, f"materials.{number}.fracture" if part.fracture else "fracture")
-            for number, (part, law) in enumerate(zip(scene.materials, laws[1:], strict=True))
+            self._critical(given or rest, (law, law), tip, f"{key if given else ''}fracture")
+            for (given, key), law in zip(own, laws, strict=True)
         ]
-        self.of_materials.insert(0, self._critical(rest, (laws[0], laws[0]), tip, "fracture"))
         names, ends, self.of_interfaces = names_of_materials(scene), np.sort(self._ends()) if rest.interfaces else np.zeros((0, 2)), {}
         for number, entry in enumerate(rest.interfaces):
             one, other = sorted(names.index(name) for name in entry.between)
