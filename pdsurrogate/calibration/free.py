@@ -131,7 +131,7 @@ def minimized(search, x: np.ndarray, close: float, most: int) -> SimpleNamespace
         before, cost, x = cost, reached, new
         if cost > (1 - close) * before:
             break
-    return SimpleNamespace(x=x, jac=jacobian if most == 1 else search.jacobian(x), active_mask=np.zeros(len(x), dtype=int))
+    return SimpleNamespace(x=x, jac=jacobian if most == 1 else search.jacobian(x))
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,8 @@ def average(
     x = np.array(list(found.values()))
     squares = ((x @ square[:, :-1].T - square[:, -1]) ** 2).sum(axis=1)
     scale = correlated * max(1.0, squares.min() / n)
-    equibiaxial, uniaxial = _prior_stresses(terms) @ x.T
+    states = np.array([[PRIOR_STRETCH, MODES[mode](PRIOR_STRETCH)] for mode in ("equibiaxial", "uniaxial")])
+    equibiaxial, uniaxial = columns_of(isochoric(states, np.ones(2)), states[:, 0], terms) @ x.T
     logarithms = -(squares - squares.min()) / (2 * scale) - PER_TERM * (x > 0).sum(axis=1) - PER_RATIO * equibiaxial / uniaxial
     weights = np.exp(logarithms - logarithms.max())
     weights /= weights.sum()
@@ -232,12 +233,6 @@ def sets_of(terms: Sequence[Term]) -> Iterator[list[int]]:
     ]
     for of_stretches in sets[0][0 if inverse.all() else 1 :]:
         yield from (of_stretches + of_inverses for of_inverses in sets[1] if of_stretches or of_inverses)
-
-
-def _prior_stresses(terms: Sequence[Term]) -> np.ndarray:
-    """Return the stresses of all terms in equibiaxial and in uniaxial tension at `PRIOR_STRETCH`, shape (2, n_terms)."""
-    states = np.array([[PRIOR_STRETCH, MODES[mode](PRIOR_STRETCH)] for mode in ("equibiaxial", "uniaxial")])
-    return columns_of(isochoric(states, np.ones(2)), states[:, 0], terms)
 
 
 def grouping(residuals: np.ndarray, places: np.ndarray, component: np.ndarray) -> tuple[float, int]:

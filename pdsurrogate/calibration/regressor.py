@@ -20,7 +20,7 @@ from ..arguments import check_kind, check_names, check_numbers, in_order
 from ..identification import EnergyRegressor, LawRegressor, nominal_stress
 from ..identification.energy import half_planes
 from ..identification.regressor import check_fitted
-from ..identification.stress_regressor import BULK_RATIO, LawEstimator
+from ..identification.stress_regressor import BULK_RATIO, LawEstimator, bulk_arguments
 from ..materials import LAWS, Law, Ogden
 from ..materials.covariance import derivatives_of_numbers
 from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, checked_dictionary
@@ -303,11 +303,10 @@ class SceneRegressor(LawEstimator):
         self._tests = self._tests_of(X[used])
         self._warn_of_copies(y[used])
         deviation = self._deviations(X, y, standard_deviation)
-        self._fitted(y[used], np.sqrt(weight[used]) / deviation[used])
-        self.standard_deviations_, self.residuals_ = deviation, np.full(len(y), np.nan)
-        self.discretization_ = np.full(len(y), np.nan)
-        self.discretization_[used], self.residuals_[used] = self._correction, y[used] - self._found
-        del self._tests, self._correction, self._found
+        self.standard_deviations_, self.residuals_, self.discretization_ = deviation, *np.full((2, len(y)), np.nan)
+        fit, self.discretization_[used] = self._fitted(y[used], np.sqrt(weight[used]) / deviation[used])
+        self.residuals_[used] = y[used] - fit
+        del self._tests
         return self
 
     def predict(self, X):
@@ -502,8 +501,8 @@ class SceneRegressor(LawEstimator):
                     stacklevel=3,
                 )
 
-    def _fitted(self, y: np.ndarray, root: np.ndarray) -> None:
-        """Set the results of the fit to values with roots of weights; keep the simulated values and the correction."""
+    def _fitted(self, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Set the results of the fit to values with roots of weights; return its values and the correction of the discretization error."""
         self._unknown = self._unknowns(len(y))
         start = self._start(y, root)
         search, x = self._search_from(start, y, root)
@@ -516,18 +515,18 @@ class SceneRegressor(LawEstimator):
             kept = x > FLOOR * x.max()
             self._keep(search, kept)
             x, found.jac, space = x[kept], found.jac[:, kept], search.space
-            found.spread, found.active_mask = found.spread[np.ix_(kept, kept)], found.active_mask[kept]
+            found.spread, found.active_mask = found.spread[np.ix_(kept, kept)], np.zeros(len(x), dtype=bool)
         else:
             found.active_mask = (found.active_mask != 0) | (np.minimum(x - space.low, space.high - x) < AT_BOUND * _errors(found.jac))
         visited = np.concatenate([test.states(search.law_at(x)) for test, _ in self._tests])
         self._set_domain(visited)
         self.n_simulations_ = search.count
-        self._correction, self._found = correction, search.values(x) + correction
-        residuals = root * (y - self._found)
+        fit = search.values(x) + correction
+        residuals = root * (y - fit)
         remaining = found.remaining if self._ratio == 1 else correction / (self._ratio**ORDER - 1)
         self._store(x, space, found, residuals, root * remaining)
         if self._ratio == 1:
-            self._correction = -remaining
+            correction = -remaining
             if (ratio := float(np.sqrt(((root * remaining) ** 2).mean()))) > 1:
                 warnings.warn(
                     f"refine=1: the discretization error that is not corrected is about {ratio:.2g} standard deviations of the "
@@ -536,6 +535,7 @@ class SceneRegressor(LawEstimator):
                 )
         if self.law is not None:
             self.members_ = self._drawn(x, space, found.jac, residuals, visited)
+        return fit, correction
 
     @property
     def _has_weak_form(self) -> bool:
@@ -800,11 +800,8 @@ class SceneRegressor(LawEstimator):
 
     def _bulk(self) -> dict[str, float]:
         """Return the bulk modulus or its ratio, as arguments of a `LawRegressor`: given, or that of the first scene with a material."""
-        if self.bulk_modulus is not None and self.bulk_ratio is not None:
-            raise ValueError("bulk_modulus and bulk_ratio exclude each other: choose one")
-        if self.bulk_modulus is not None or self.bulk_ratio is not None:
-            given = {"bulk_modulus": self.bulk_modulus, "bulk_ratio": self.bulk_ratio}
-            return {key: value for key, value in given.items() if value is not None}
+        if given := bulk_arguments(bulk_modulus=self.bulk_modulus, bulk_ratio=self.bulk_ratio):
+            return given
         for scene in self._scenes():
             if scene.material is not None:
                 return {"bulk_ratio": scene.law().bulk_modulus / scene.law().shear_modulus}
@@ -949,14 +946,14 @@ class _Search:
             return np.full(len(self.y), np.inf)  # the search then turns back
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        if x.tobytes() in self.differentiated:
-            return self.root[:, None] * self.differentiated[x.tobytes()]
-        numbers, chain = derivatives_of_numbers(self.law_at, x, DIFFERENCE * (np.abs(x) if self.linear else np.ones(len(x))))
-        values, derivatives = self._differentiated(x, [f"material.{name}" for name in numbers])
-        if self.held:
-            chain[:, 0] = 0.0
-        self.known[x.tobytes()], self.differentiated[x.tobytes()] = values, derivatives @ chain
-        return self.root[:, None] * self.differentiated[x.tobytes()]
+        key = x.tobytes()
+        if key not in self.differentiated:
+            numbers, chain = derivatives_of_numbers(self.law_at, x, DIFFERENCE * (np.abs(x) if self.linear else np.ones(len(x))))
+            self.known[key], derivatives = self._differentiated(x, [f"material.{name}" for name in numbers])
+            if self.held:
+                chain[:, 0] = 0.0
+            self.differentiated[key] = derivatives @ chain
+        return self.root[:, None] * self.differentiated[key]
 
     def _differentiated(self, x: np.ndarray, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
         law, values, derivatives = self.law_at(x), np.empty(len(self.y)), np.empty((len(self.y), len(names)))

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..identification import MODES
-from ..identification.reporting import covariance_of
+from ..identification.reporting import parameters_of, plain
 from ..results.figures import DIVERGING, STYLE
 from ..results.tables import column_name
 from ..scenes import Scene
@@ -147,7 +147,6 @@ def _quantities(X: np.ndarray, columns: Sequence[str]) -> dict[str, np.ndarray]:
 
 def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequence[str]) -> dict:
     """Return a report of a calibration as plain values; standard errors that are infinite are None, and outputs are named by `columns`."""
-    errors = [float(value) if np.isfinite(value) else None for value in model.standard_errors_]
     fits, quantities = {}, _quantities(X, columns)
     for name, here in quantities.items():
         if here.any():
@@ -163,22 +162,18 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
     for mode, stretches in STRETCHES.items():
         states = np.stack([np.array(stretches), MODES[mode](np.array(stretches))], axis=1)
         found = zip(stretches, *model.nominal_stress(states), strict=True)
-        stresses[mode] = [{"stretch": at, "nominal_stress": _plain(stress), "standard_error": _plain(error)} for at, stress, error in found]
+        stresses[mode] = [{"stretch": at, "nominal_stress": plain(stress), "standard_error": plain(error)} for at, stress, error in found]
     outputs = {
         name: [{"step": int(step), "measured": float(one), "fit": float(one - off)} for step, one, off in _steps(model, X, y, here)]
         for name, here in quantities.items()
         if name != "fields"
     }
     return {
-        "law": model.law_.describe(),
-        "parameters": dict(zip(model.parameter_names_, model.parameters_.tolist(), strict=True)),
-        "standard_errors": dict(zip(model.parameter_names_, errors, strict=True)),
+        **parameters_of(model),
         "correlation": model.correlation_.tolist(),
-        "covariance": covariance_of(model),
-        "at_bound": model.at_bound_,
         "undetermined": model.undetermined_,
-        "lack_of_fit": _plain(model.lack_of_fit_),
-        "p_value": _plain(model.p_value_),
+        "lack_of_fit": plain(model.lack_of_fit_),
+        "p_value": plain(model.p_value_),
         "measurements": fits,
         "worst": _worst(model, X, columns),
         "outputs": outputs,
@@ -195,10 +190,6 @@ def _worst(model: SceneRegressor, X: np.ndarray, columns: Sequence[str]) -> dict
     step, quantity, *place = X[row].tolist()
     what = f"u{quantity:.0f} at ({', '.join(f'{x:g}' for x in place)})" if quantity > 0 else columns[int(-quantity)]
     return {"step": int(step), "measured": what, "standard_deviations": float(off[row])}
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _steps(model: SceneRegressor, X: np.ndarray, y: np.ndarray, here: np.ndarray) -> list[tuple[float, float, float]]:

@@ -42,6 +42,17 @@ FREE_SIDES = 1e-4
 """Greatest difference, in log-stretch, of a lateral stretch from stretch**-0.5 at which the sides count as free: data have four digits."""
 
 
+def bulk_arguments(**given: float | None) -> dict[str, float]:
+    """Return `bulk_modulus` or `bulk_ratio`, whichever is not None, as arguments of a regressor: none if both are None.
+
+    Raise ValueError if neither is None.
+    """
+    found = {key: value for key, value in given.items() if value is not None}
+    if len(found) > 1:
+        raise ValueError("bulk_modulus and bulk_ratio exclude each other: choose one (--bulk-modulus or --bulk-ratio)")
+    return found
+
+
 def nominal_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
     """Return the nominal stress of a law along the first of two stretches in the plane; NaN past the limit of the law.
 

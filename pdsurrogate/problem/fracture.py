@@ -65,11 +65,7 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
 
 def _stretch_of_energy(law: Law, wanted: float, diameter: Callable[[float], float]) -> float:
     """Return the stretch at which the uniaxial energy density times the diameter of a tip, in horizons, has a wanted value."""
-
-    def energy(stretch: float) -> float:
-        return homogeneous.uniaxial(law, stretch).energy_density * diameter(stretch)
-
-    return _stretch_at(law, energy, wanted, "that fracture energy")
+    return _stretch_at(law, lambda one: homogeneous.uniaxial(law, one).energy_density * diameter(one), wanted, "that fracture energy")
 
 
 class CriticalStretches:
