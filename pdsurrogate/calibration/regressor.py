@@ -63,10 +63,10 @@ ROUNDS = 3
 
 FARTHEST = 0.5
 """Greatest difference of measured from simulated displacements in a step of a test that prescribes motions, relative to the greater of
-them. Its fields differ between laws by parts of this; a greater difference is an error of units, axes or the order of the steps."""
+them. Displacements of different laws differ by less; a greater difference is an error of units, axes or the order of the steps."""
 
 ALONE = 0.9
-"""Part of such a difference (root of the sum of squares) from which on it is that of a single measurement."""
+"""Share of a single measurement in such a difference (root of the sum of squares) from which on the error names this measurement."""
 
 SUBSTANTIAL = 0.1
 """Size of one component of the simulated displacements, relative to all, from which on the measured one must have the same sign."""
@@ -82,7 +82,7 @@ SETTLED = 0.1
 
 DIFFERENCE = 1e-6
 """Change of a search variable in central differences of the numbers of a law; of a coefficient of an energy, relative to it. Chosen:
-rounding then leaves 1e-10, and curvature less."""
+the error by rounding is then 1e-10, and that by curvature less."""
 
 MOST_STEPS = 60
 """Most laws that a search tries: well-posed fits take five to ten."""
@@ -95,8 +95,8 @@ MOST_COMPARED = 100
 
 FAIR, STEPS = 0.02, (1, 3, 0)
 """Relative decrease of the cost that ends the least-squares steps of an energy with all terms, and most such steps in each of the `ROUNDS`.
-Chosen: what the steps after these would change is less than the choice of the terms and the next correction do. The last round starts at
-the average of energies, about which the equations are linearized once more."""
+Chosen: further steps would change the energy less than the choice of the terms and the next correction do. The last round has no step: it
+linearizes the equations about the average of the energies."""
 
 EXPONENTS = ((2.0,), (2.0, -2.0), (1.3, 5.0, -2.0), (1.3, 5.0, -2.0, 8.0))
 """Exponents from which Ogden's law with one to four terms starts: those of Ogden (1972) for three terms."""
@@ -107,28 +107,29 @@ class SceneRegressor(LawEstimator):
     """Parameters of a law from measurements on a body of any shape, such as displacement fields and forces.
 
     The test is described by a scene. Its equilibria and their exact derivatives by the parameters (theory, section 23) are those of a
-    bounded least-squares iteration (Gauss-Newton steps in a trust region), so that noisy fields are never differentiated. The simulation
-    at the spacing of the scene is corrected by the difference of a finer simulation of the fitted law, and what this leaves of the
-    discretization error is part of the standard errors (theory, section 28). A fit takes seconds to many minutes; the logger
+    bounded least-squares iteration (Gauss-Newton steps in a trust region), so that noisy fields are never differentiated. A finer
+    simulation of the fitted law corrects the simulation at the spacing of the scene; the standard errors contain an estimate of the
+    discretization error that remains (theory, section 28). A fit takes seconds to many minutes; the logger
     ``pdsurrogate.calibration`` receives its progress.
 
     Parameters
     ----------
     scene : Scene, str, path or list of these, default="hole"
-        Test, or several tests of one material. The material in a scene serves as the start of the search if it has the law that is
-        fitted, and gives K/mu unless `bulk_ratio` or `bulk_modulus` does.
+        Test, or several tests of one material. The search starts at the material of a scene if this has the law that is fitted. K/mu is
+        that of the scene unless `bulk_ratio` or `bulk_modulus` is given.
     law : str or None, default="neo-hookean"
         Name of the law; None for an energy without a law, an average of energies of few terms of both invariants, weighted by how well they
         fit (theory, section 28). It is a `pdsurrogate.materials.Polyconvex`.
     n_terms : int, default=3
         Number of terms of Ogden's law; without effect for other laws.
     outputs : sequence of str, optional
-        Dotted keys of measurements of an output, such as ``"forces.right.0"`` or ``"probes.tip.displacement.1"``: those of the quantities
-        0, -1, -2 and so on. ``"force"``, the default, is the force of the region that is pulled, positive in tension.
+        Dotted keys of other measurements than fields, such as ``"forces.right.0"`` or ``"probes.tip.displacement.1"``, in the order of the
+        quantities 0, -1, -2 and so on in the table. The default, ``"force"``, is the force of the region that is pulled, positive in
+        tension.
     refine : int, optional
-        Ratio of the spacing of the scene to that of the finer simulation; 1 for no correction of the discretization error, which is then
-        estimated by a simulation with twice the spacing and part of the standard errors. By default 3 with a law and 6 without: an energy
-        of free terms follows the error that is left.
+        Ratio of the spacing of the scene to that of the finer simulation. With 1 the discretization error is not corrected, but estimated
+        by a simulation with twice the spacing, and the estimate is part of the standard errors. By default 3 with a law and 6 without one,
+        since the remaining error changes an energy of free terms more than a law.
     bulk_ratio : float, optional
         K/mu of the law.
     bulk_modulus : float, optional
@@ -157,8 +158,8 @@ class SceneRegressor(LawEstimator):
     at_bound_ : list of str
         Parameters at a bound, whose standard errors have no meaning.
     undetermined_ : list of str
-        Parameters in combinations whose relative standard error exceeds one half; for an energy without a law, single weights of terms
-        are meant, which may be undetermined although the stresses are not.
+        Parameters in combinations whose relative standard error exceeds one half. For an energy without a law, terms whose own weights
+        have such an error; the stresses may be determined nevertheless.
     lack_of_fit_ : float
         Sum of the squared residuals in standard deviations, divided by the degrees of freedom; 1 is expected.
     p_value_ : float
@@ -180,9 +181,9 @@ class SceneRegressor(LawEstimator):
     stretch_range_ : tuple of float
         Least and greatest stretch in the plane, or in space, in the simulated tests.
     start_ : dict
-        Start of the search: ``taken`` is ``"default"``, or ``"weak form"`` for an energy without a law whose weak form at the measured
-        displacements gave a smaller ``chi_squared``. This has the sums of squares of both, None where there is no equilibrium; ``terms``
-        are the candidates.
+        Start of the search. ``taken`` is ``"weak form"`` if an energy without a law was taken from the weak form at the measured
+        displacements, else ``"default"``. ``chi_squared`` has the sums of squares at both starts, None where there is no equilibrium, and
+        ``terms`` has the candidates; both are missing if no weak form was solved.
     n_simulations_ : int
         Number of simulated equilibria, derivatives not counted.
     n_features_in_ : int

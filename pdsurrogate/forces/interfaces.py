@@ -83,9 +83,9 @@ MOST_CURVED = 0.5
 products; a disc of 5 cells' radius, whose products are up to 0.6, has the same error with all limits from 0.5 on."""
 
 ROUNDED = 1e-11
-"""Multiples, in spacings, to which places on interfaces are rounded, and in units those of the normals there, so that points on one line
-across an interface have exactly the same place and share one fit. Chosen: far above the rounding of coordinates, and without effect on
-results."""
+"""Unit, in spacings, to whose multiples places on interfaces are rounded, as components of normals are to multiples of the number itself.
+Points on one line across an interface then have exactly the same place and share one fit. Chosen: far above the rounding of coordinates,
+and without effect on results."""
 
 Near: TypeAlias = tuple[float, np.ndarray, int, float, Round | None]
 """Interface near a point: distance and unit normal from the point to it, number of the material beyond, share of the horizon's volume whose

@@ -1,9 +1,9 @@
 """Dictionary of energies: terms with their names, energies, derivatives and convexity, and the sets from which regressors choose.
 
-A sum of polyconvex functions with positive coefficients is polyconvex. Each term but the last one is so for this reason:
+A sum of polyconvex functions with positive coefficients is polyconvex. These are the reasons why each term but the last is polyconvex:
 
 - powers of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3: I1bar and I2bar^1.5 are polyconvex (Hartmann, Neff, Int. J. Solids Struct. 40 (2003)
-  2767; I2bar itself is not), and the powers are convex and do not decrease from the least values of the differences, 0, on;
+  2767; I2bar itself is not), the differences are not negative, and powers of such numbers are convex and do not decrease;
 - the logarithm -log(1 - (I1bar - 3)/L), and its continuation: convex functions of I1bar that do not decrease, too;
 - powers of the stretches, among deformations of constant volume: l1^a + l2^a + l3^a is a convex function of F for a >= 1, and of cof F,
   whose singular values are the inverses of the stretches, for a <= -1 (Ball, Arch. Rat. Mech. Anal. 63 (1977) 337);

@@ -25,8 +25,8 @@ def measured_diameters() -> list[dict[str, Any]]:
 
     Each entry has the ``family`` of the force models, the ``plane``, the ``arrangement`` of the points, the ``horizon_ratio``, the
     ``critical_stretch``, and the ``diameter`` in horizons: the energy release rate at the peak of the load, divided by the uniaxial energy
-    density at the critical stretch and by the horizon. ``mean`` and ``deviation`` are those over the tears, whose single diameters follow:
-    ``rows`` by points per unit of height, ``seeds`` by seed.
+    density at the critical stretch and by the horizon. ``mean`` and ``deviation`` are taken over the tears, and ``rows``, by points per
+    unit of height, or ``seeds``, by seed, has the diameter of each tear.
     """
     return json.loads((resources.files(__package__) / "tip_diameters.json").read_text("utf-8"))
 
