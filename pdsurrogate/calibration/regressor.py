@@ -337,9 +337,8 @@ class SceneRegressor(LawEstimator):
         """
         check_is_fitted(self)
         X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
-        tests = self._tests_of(X)
         found = np.empty(len(X))
-        for test, here in tests:
+        for test, here in self._tests_of(X):
             found[here] = test.simulate(self.law_, self._fine(test.scene))[0]
         return found
 

@@ -34,7 +34,7 @@ class Cracks:
         self._run, self._integrator, self._account, self._damage = run, integrator, account, run.damage
         # Flags of points and ghosts that have lost bonds, and the numbers of such points.
         self._lost, self._torn = np.zeros(len(run.body.all_points), dtype=bool), np.empty(0, dtype=np.int64)
-        self._mark_lost(np.flatnonzero(run.damage.broken))
+        self._count_lost(np.flatnonzero(run.damage.broken))
         if run.state.crack is None:
             run.state.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
 
@@ -53,8 +53,8 @@ class Cracks:
                 error = invalid
             failed = self._bonds_of_failed_points()
             if share.any(len(failed) > 0):
-                # With viscosity the forces are evaluated at positions ahead of the body's. Bonds that broke before may have left a state
-                # with huge forces. These cancel in the sum of both released energies if both are evaluated at the same positions.
+                # The evaluation was ahead by the viscosity. Bonds broken at these positions may have left a state that soon collapses, with
+                # huge forces: they cancel in the sum of both releases if both are evaluated at the same positions.
                 run.force.place(run.positions)
                 self._break(failed)
             elif error is not None:
@@ -90,8 +90,8 @@ class Cracks:
             run.state.crack["failed_points"] += share.total(int(np.count_nonzero(failed[:n] & share.own)))
         return pairs
 
-    def _mark_lost(self, pairs: np.ndarray) -> None:
-        """Mark the ends of broken pairs, given by number, as points that have lost bonds."""
+    def _count_lost(self, pairs: np.ndarray) -> None:
+        """Count the ends of broken pairs, given by number, among the points that have lost bonds."""
         bonds = self._run.body.bonds
         self._lost[bonds.first[pairs]] = self._lost[bonds.second[pairs]] = True
         self._torn = np.flatnonzero(self._lost[: len(self._run.body)])
@@ -104,7 +104,7 @@ class Cracks:
         run, crack, share = self._run, self._run.state.crack, self._run.body.share
         crack["broken_bonds"] += share.total(int(np.count_nonzero(share.own[run.body.bonds.first[pairs]])))
         self._damage.break_bonds(pairs)
-        self._mark_lost(pairs)
+        self._count_lost(pairs)
         if crack["start"] is None:
             places = starts_of_cracks(*self._damage.in_order(pairs), run.body.horizon)
             row = run.state.history[-1]

@@ -25,8 +25,8 @@ def measured_diameters() -> list[dict[str, Any]]:
 
     Each entry has the ``family`` of the force models, the ``plane``, the ``arrangement`` of the points, the ``horizon_ratio``, the
     ``critical_stretch``, and the ``diameter`` in horizons: the energy release rate at the peak of the load, divided by the uniaxial energy
-    density at the critical stretch and by the horizon. ``mean`` and ``deviation`` are taken over the tears, and ``rows``, by points per
-    unit of height, or ``seeds``, by seed, has the diameter of each tear.
+    density at the critical stretch and by the horizon. ``mean`` and ``deviation`` are those over the tears, whose single diameters follow:
+    ``rows`` by points per unit of height, ``seeds`` by seed.
     """
     return json.loads((resources.files(__package__) / "tip_diameters.json").read_text("utf-8"))
 
@@ -71,13 +71,15 @@ def tip_diameters(plane: str, horizon_ratio: float, family: str | None = None, a
     for entry in measured_diameters():
         case = cases.setdefault((entry["family"], entry["plane"], entry["arrangement"]), {})
         case.setdefault(entry["horizon_ratio"], []).append((entry["critical_stretch"], entry["diameter"]))
-    measured = []
+    told = []
     for (known, state, points), by_ratio in cases.items():
         ratios = sorted(by_ratio)
         if (state, points) == (plane, arrangement) and family in (None, known) and ratios[0] - 1e-9 <= horizon_ratio <= ratios[-1] + 1e-9:
             return _between(by_ratio, horizon_ratio)
-        measured.append(_named(known, state, points) + " to ".join(dict.fromkeys(f"{ratio:g}" for ratio in (ratios[0], ratios[-1]))))
-    raise _not_measured("; ".join(measured), f"{_named(family, plane, arrangement)}{horizon_ratio:g}")
+        told.append(_told(known, state, points) + " to ".join(dict.fromkeys(f"{ratio:g}" for ratio in (ratios[0], ratios[-1]))))
+    here = f"{_told(family, plane, arrangement)}{horizon_ratio:g}"
+    limited = f"for which the diameter of a crack tip was measured ({'; '.join(told)}), not for {here}"
+    raise ValueError(f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch instead")
 
 
 def _between(by_ratio: dict[float, list], horizon_ratio: float) -> TipDiameters:
@@ -97,17 +99,11 @@ def tip_diameters_in(scene: Scene, family: str | None = None) -> TipDiameters:
     Raise ValueError for a weight of bonds that was not measured. With ``"constant"`` tears needed 12 to 21 % more energy than prescribed.
     """
     if scene.weight != "inverse":
-        raise _not_measured("weight=inverse", f"weight={scene.weight}")
+        limited = f"for which the diameter of a crack tip was measured (weight=inverse), not for weight={scene.weight}"
+        raise ValueError(f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch instead")
     return tip_diameters(scene.plane, scene.horizon_ratio, family, getattr(scene.body, "arrangement", LATTICE))
 
 
-def _named(family: str | None, plane: str, arrangement: str) -> str:
-    """Return the name of a case in messages, up to the ratio of the horizon."""
+def _told(family: str | None, plane: str, arrangement: str) -> str:
     points = "" if arrangement == LATTICE else f"arrangement={arrangement}, "
     return f"{'' if family is None else f'{family}, '}plane={plane}, {points}horizon_ratio "
-
-
-def _not_measured(cases: str, here: str) -> ValueError:
-    """Return the error that no diameter was measured for a case, with the measured ones."""
-    limited = f"for which the diameter of a crack tip was measured ({cases}), not for {here}"
-    return ValueError(f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch instead")
