@@ -304,7 +304,8 @@ class SceneRegressor(LawEstimator):
         self._tests = self._tests_of(X[used])
         self._warn_of_copies(y[used])
         deviation = self._deviations(X, y, standard_deviation)
-        self.standard_deviations_, self.residuals_, self.discretization_ = deviation, *np.full((2, len(y)), np.nan)
+        self.standard_deviations_ = deviation
+        self.residuals_, self.discretization_ = np.full((2, len(y)), np.nan)
         fit, self.discretization_[used] = self._fitted(y[used], np.sqrt(weight[used]) / deviation[used])
         self.residuals_[used] = y[used] - fit
         del self._tests
