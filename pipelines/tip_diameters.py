@@ -57,7 +57,7 @@ ROWS, ROWS_IN_SPACE, LAYERS = (20, 16, 24), (14, 10, 18), 3
 in space.
 The numbers of rows are even, so that the precut lies between two; with 25, where it lies on one, d was 0.78 at a horizon of 3.15."""
 
-THICKER, OTHER_LAYERS = {1.75: 5}, ((2.2, 10, 3), (2.2, 14, 3), (2.2, 10, 4), (2.2, 14, 4), (2.8, 10, 4))
+THICKER, OTHER_LAYERS = {1.75: 5}, ((2.2, 10, 3), (2.2, 14, 3), (2.2, 14, 4), (2.8, 10, 4))
 """Points through the thickness of strips at horizons where LAYERS are too few; critical stretches, rows and layers of others there.
 
 At 1.75 spacings bonds reach one layer. Of three layers, two points of the middle one can leave both flanks of a crack and hold it."""
