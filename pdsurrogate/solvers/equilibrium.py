@@ -11,7 +11,7 @@ from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from ..ranks import Share
 from .nearest_bonds import is_rigid, strain_rounding
-from .preconditioner import Preconditioner, preconditioner_of
+from .preconditioner import MOST_CHECKED, Preconditioner, has_struts, preconditioner_of
 
 Report = Callable[[int, float], None]
 """Function that a solver calls with the number of force evaluations so far and the residual."""
@@ -176,6 +176,7 @@ class EquilibriumSolver(ABC):
         self._share_left = UNBALANCED * min(1.0, tolerance / USUAL)
         self._held, self._drive = np.nonzero(free == 0), 0.0
         self._preconditioner: Preconditioner | None = None
+        self._bending: Preconditioner | None = None
 
     @abstractmethod
     def solve(
@@ -215,6 +216,13 @@ class EquilibriumSolver(ABC):
         if self._preconditioner is None:
             self._preconditioner = preconditioner_of(force, self.free)
         return self._preconditioner
+
+    def bending_preconditioner(self, force: InternalForce) -> Preconditioner:
+        """Return the preconditioner with which checks find the buckling of slender bodies, built on first use."""
+        if self._bending is None:
+            slender = has_struts(force.body, MOST_CHECKED)
+            self._bending = preconditioner_of(force, self.free, bending=True) if slender else self.preconditioner(force)
+        return self._bending
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
         """Return the largest absolute value of a free component of `forces` (n, d) per volume, in units of shear modulus / spacing.

@@ -47,24 +47,30 @@ POLYNOMIAL_ERROR = 0.5
 least degrees are then 4 at K = 100 mu and 8 at K = 1000 mu; an error of 0.3 needs 4 and 9, one of 0.7 needs 3 and 6."""
 
 
-SLENDER, MOST_STRUTS = 4.0, 1e6
+SLENDER, MOST_STRUTS, MOST_CHECKED = 4.0, 1e6, 2e5
 """Extent of a body to the power of its dimension, divided by its volume, from which it counts as slender; and greatest number of points
-times the mean number of points in a section across the extent at which the springs of `struts_of` a slender body are factorized.
+times the mean number of points in a section across the extent at which the springs of `struts_of` a slender body are factorized, for lowest
+modes and for the checks of stability in every run that compresses it.
 
-Chosen: a bar of 80 x 8 x 8 points has 6.6e5, for which the factorization takes 20 s and 200 MB. Stocky bodies need as many steps for their
-lowest modes with the usual preconditioner, which take a quarter of the time."""
+Chosen: a bar of 80 x 8 x 8 points has 6.6e5, for which the factorization takes 20 s and 200 MB; one of 32 x 8 x 8 points has 1.3e5, and it
+takes 1 s. Stocky bodies need as many steps for their lowest modes with the usual preconditioner, which take a quarter of the time."""
+
+
+def has_struts(body: Body, most: float = MOST_STRUTS) -> bool:
+    """Return whether a body on a single rank is slender, and with `most` small enough for a factorization of `struts_of` it."""
+    slender = body.extent**body.dimension >= SLENDER * body.volumes.sum()
+    return slender and len(body) ** 2 * body.spacing <= most * body.extent and not body.share.divided
 
 
 def preconditioner_of(force: InternalForce, free: np.ndarray, bending: bool = False) -> Preconditioner:
     """Return the preconditioner that suits a force; `free` (n, d) is 1 where a component may move, 0 where it is held.
 
-    With `bending`, slender bodies that are not too large are approximated by `struts_of` them: the ratio of this stiffness to that of the
-    tangent does not grow with their slenderness, but a solution takes longer.
+    With `bending`, bodies with `has_struts` are approximated by `struts_of` them: the ratio of this stiffness to that of the tangent does
+    not grow with their slenderness, but a solution takes longer.
     """
     body, moduli = force.body, force.stiffness_moduli
     obstacles = force.loads.obstacles if hasattr(force, "loads") else []
-    slender = body.extent**body.dimension >= SLENDER * body.volumes.sum()
-    if bending and slender and len(body) ** 2 * body.spacing <= MOST_STRUTS * body.extent:
+    if bending and has_struts(body):
         network = struts_of(body, moduli, force.corrected)
     else:
         network = laplacian_of(body, moduli, force.corrected) if force.nearly_incompressible else springs_of(body, moduli)

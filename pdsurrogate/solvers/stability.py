@@ -273,7 +273,7 @@ def check_branch(
             f"the body buckles between the stretches {before:.4g} and {after:.4g}: while its length changed by {growth:.3g}, its points "
             f"moved by {moved:.3g} on average from their extrapolated positions"
         )
-    preconditioner = solver.preconditioner(force)
+    preconditioner = solver.bending_preconditioner(force)
     preconditioner.update()
     arrays = force.state_arrays()
     held = {key: array.copy() for key, array in arrays.items()}

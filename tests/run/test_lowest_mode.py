@@ -53,27 +53,41 @@ def test_the_lowest_mode_is_that_of_the_dense_tangent(scene, keys, drifts):
         assert found.eigenvalue == pytest.approx(values[drifts], rel=1e-4)
 
 
-def test_a_column_vibrates_as_a_beam_and_buckles_as_eulers():
-    """Clamped, 20 times as long as thick. By Timoshenko's theory shear lowers the critical strain by 2.9 %, and the eigenvalue, the square
-    of a frequency, by some 3.5 %; the change of the sections under the load raises the critical strain by four times itself, 3.3 %."""
-    length, thick, modulus = 4.0, 0.2, 9 * 100 / (3 * 100 + 1)  # E of K = 100 mu
-    critical = np.pi**2 * thick**2 / (3 * length**2)
-    scene = pds.Scene.model_validate(
+def column(length, thick, steps):
+    """A sheet between clamped grips that approach each other."""
+    return pds.Scene.model_validate(
         {
             "name": "column",
             "spacing": thick / 6,
             "body": {"size": [length, thick]},
             "material": "neo-hookean",
-            "steps": [0.01 * critical * length, 0.4 * critical * length, 0.8 * critical * length],
+            "steps": steps,
             "prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": -1.0, "x2": 0.0}],
         }
     )
-    result = pds.simulate(scene, "bond-energy")
+
+
+def test_a_column_vibrates_as_a_beam_and_buckles_as_eulers():
+    """Clamped, 20 times as long as thick. By Timoshenko's theory shear lowers the critical strain by 2.9 %, and the eigenvalue, the square
+    of a frequency, by some 3.5 %; the change of the sections under the load raises the critical strain by four times itself, 3.3 %."""
+    length, thick, modulus = 4.0, 0.2, 9 * 100 / (3 * 100 + 1)  # E of K = 100 mu
+    critical = np.pi**2 * thick**2 / (3 * length**2)
+    result = pds.simulate(column(length, thick, [share * critical * length for share in (0.01, 0.4, 0.8)]), "bond-energy")
     strains = np.array([level["t"] for level in result.levels]) / length
     eigenvalues = [result.lowest_mode(level).eigenvalue for level in range(3)]
     assert eigenvalues[0] == pytest.approx(4.730041**4 * modulus * thick**2 / (12 * length**4), rel=0.05)
     zero = strains[2] + eigenvalues[2] * (strains[2] - strains[1]) / (eigenvalues[1] - eigenvalues[2])
     assert zero == pytest.approx(critical, rel=0.04)
+
+
+@pytest.mark.parametrize("length", [4.0, 8.0])
+def test_a_run_finds_that_a_slender_column_buckles(length):
+    """20 and 40 times as long as thick, at Euler's strain within the 4 % of the column above, and with increments beyond 0.8 of it."""
+    thick = 0.2
+    critical = np.pi**2 * thick**2 / (3 * length**2)
+    with pytest.raises(pds.SimulationFailed, match="is not stable, so the body buckles") as caught:
+        pds.simulate(column(length, thick, [0.8 * critical * length, 1.2 * critical * length]), "bond-energy")
+    assert caught.value.result.levels[-1]["t"] == pytest.approx(critical * length, rel=0.04)
 
 
 def bar(length, **keys):
@@ -131,6 +145,8 @@ def test_a_slender_solid_column_buckles_as_eulers():
     assert [mode.stable for mode in modes] == [True, True]
     half, most = (mode.eigenvalue for mode in modes)
     assert at[1] + most * (at[1] - at[0]) / (half - most) == pytest.approx(1.0, abs=0.03)
+    with pytest.raises(pds.SimulationFailed, match="is not stable, so the body buckles"):
+        pds.simulate(bar(length, loads=pressed, steps=[0.9, 1.2]), "bond-energy")
 
 
 def test_an_arch_is_unstable_between_its_limit_loads():
