@@ -11,7 +11,7 @@ from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from ..ranks import Share
 from .nearest_bonds import is_rigid, strain_rounding
-from .preconditioner import MOST_CHECKED, Preconditioner, has_struts, is_slender, preconditioner_of
+from .preconditioner import WIDEST_CHECKED, Preconditioner, has_struts, is_slender, preconditioner_of
 
 Report = Callable[[int, float], None]
 """Function that a solver calls with the number of force evaluations so far and the residual."""
@@ -225,8 +225,8 @@ class EquilibriumSolver(ABC):
     def bending_preconditioner(self, force: InternalForce) -> Preconditioner:
         """Return the preconditioner with which checks find the buckling of slender bodies, built on first use."""
         if self._bending is None:
-            slender = has_struts(force.body, MOST_CHECKED)
-            self._bending = preconditioner_of(force, self.free, bending=True) if slender else self.preconditioner(force)
+            struts = has_struts(force.body, WIDEST_CHECKED[force.body.dimension])
+            self._bending = preconditioner_of(force, self.free, bending=True) if struts else self.preconditioner(force)
         return self._bending
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:

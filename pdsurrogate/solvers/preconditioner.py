@@ -50,12 +50,12 @@ least degrees are then 4 at K = 100 mu and 8 at K = 1000 mu; an error of 0.3 nee
 SLENDER = 4.0
 """Extent of a body to the power of its dimension, divided by its volume, from which it counts as slender."""
 
-MOST_STRUTS, MOST_CHECKED = {2: 1e7, 3: 1e6}, {2: 1e7, 3: 2e5}
-"""Greatest number of points times the mean number of points in a section across the extent, by dimension, at which the springs of
-`struts_of` a slender body are factorized: for lowest modes, and for the checks of stability in every run that compresses it.
+MOST_STRUTS, WIDEST_CHECKED = {2: 1e7, 3: 1e6}, {2: 160, 3: 40}
+"""By dimension, greatest number of points times the mean number of points in a section across the extent, at which the springs of
+`struts_of` a slender body are factorized, and the greatest such mean at which this is done for the checks of stability in a run.
 
-Chosen: a bar of 80 x 8 x 8 points has 6.6e5, for which the factorization takes 20 s and 200 MB; one of 32 x 8 x 8 points has 1.3e5, and it
-takes as long as 20 force evaluations, which one check saves. A sheet of 640 x 80 points has 4e6, and it takes as long as 10. Stocky bodies
+Chosen: a bar of 80 x 8 x 8 points has 6.6e5, for which the factorization takes 20 s and 200 MB. In a sheet of 640 x 160 points it takes as
+long as 20 force evaluations, and in a bar of 48 x 6 x 6 no longer; a check with the usual preconditioner takes some 20 more. Stocky bodies
 need as many steps for their lowest modes with the usual preconditioner, which take a quarter of the time."""
 
 
@@ -64,10 +64,13 @@ def is_slender(body: Body) -> bool:
     return bool(body.extent**body.dimension >= SLENDER * body.share.sum(body.volumes))
 
 
-def has_struts(body: Body, most: dict[int, float] = MOST_STRUTS) -> bool:
-    """Return whether a body on a single rank is slender, and with `most` small enough for a factorization of `struts_of` it."""
-    small = len(body) ** 2 * body.spacing <= most[body.dimension] * body.extent
-    return small and not body.share.divided and is_slender(body)
+def has_struts(body: Body, widest: float = np.inf) -> bool:
+    """Return whether a body on a single rank is slender, and small enough for a factorization of `struts_of` it.
+
+    `widest` is the greatest mean number of points in a section.
+    """
+    section = len(body) * body.spacing / body.extent
+    return not body.share.divided and section <= widest and len(body) * section <= MOST_STRUTS[body.dimension] and is_slender(body)
 
 
 def preconditioner_of(force: InternalForce, free: np.ndarray, bending: bool = False) -> Preconditioner:
