@@ -13,6 +13,7 @@ sheets of these laws in the states of `states`. The noise is drawn here.
 """
 
 import argparse
+import logging
 import time
 from pathlib import Path
 
@@ -107,6 +108,8 @@ if __name__ == "__main__":
     parser.add_argument("--docs", action="store_true")
     parser.add_argument("--free", action="store_true")
     given = parser.parse_args()
+    logging.basicConfig(format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    logging.getLogger(pds.SceneRegressor.__module__).setLevel(logging.INFO)
     if given.free:
         text = energies()
         print(text)

@@ -12,7 +12,6 @@ from typing import Protocol
 
 import numpy as np
 
-from ..kernels import ghosts as kernels
 from ..ranks import Share
 
 WITH_ROUNDING = 1 + 1e-9
@@ -346,13 +345,6 @@ class Ghosts:
         On a body that is symmetric about the plane, the gradients of ghosts equal F as summed over their own horizons (theory (1)).
         """
         return self.source, self.gradient_parity, self.gradient_reflection
-
-    def fill_changes(self, changes: np.ndarray) -> None:
-        """Write the changes of the ghosts' deformation gradients, P dF_source S with parity P and reflection S, into `changes`.
-
-        Unlike the other methods this one sends no messages: the changes of halo points must be known.
-        """
-        kernels.fill_matrices(changes, *self.of_gradients, 0.0, np.zeros((len(self), changes.shape[1])))
 
     def fill_shapes(self, shapes: np.ndarray, images: np.ndarray | slice = slice(None)) -> None:
         """Write shape tensors (or their inverses), S K_source S with the reflection S, of all ghosts or some `images` into `shapes`."""

@@ -9,14 +9,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..identification import MODES
-from ..identification.energy import columns_of, isochoric, nonnegative, stiffness_of
+from ..identification.energy import columns_of, isochoric, no_sum_fits, nonnegative, stiffness_of
 from ..materials import Law
 from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, Term, wave_check
 from ..materials.polyconvex import law_of
 
 MOST_OF_STRETCHES, MOST_OF_INVERSES = 4, 1
-"""Most terms in an energy that are functions of the stretches, as those of I1bar, and of their inverses, as those of I2bar. Chosen: five of
-the former determine each other badly, and so do two of the latter."""
+"""Most terms in an energy that are functions of the stretches, as those of I1bar, and of their inverses, as those of I2bar. Chosen:
+measurements hardly distinguish five of the former from each other, nor two of the latter."""
 
 PER_TERM, PER_RATIO = 1.0, 4.0
 """Decreases of the logarithm of the prior weight of an energy: for each term, and for a ratio of the stress in equibiaxial tension to that
@@ -30,14 +30,14 @@ GROUP = 13
 """Number of neighboring places whose residuals of all steps are summed to see whether they are independent."""
 
 FLOOR = 3e-6
-"""Least coefficient in the search, relative to the greatest: differences over a millionth of the greatest modulus keep its sign."""
+"""Least coefficient in the search, relative to the greatest: differences over a millionth of the greatest do not make it negative."""
 
 MOST_TRIED = 8
 """Most terms whose coefficients a search varies, each of which takes the solution of linear equations in each step. Of a greater dictionary
 the weak form chooses these."""
 
 MET = 100.0
-"""Norm of the equation by which forces are met in their sum, divided by that of all other equations: they are then met to 1e-4."""
+"""Norm of the equation for the sum of the forces, divided by that of all other equations: the sum is then fitted to 1e-4."""
 
 HALVINGS = 6
 """Most halvings of a step that does not reduce the residuals."""
@@ -92,9 +92,9 @@ def solved(jacobian: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def scaled(jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the equations of the weak form with one more, by which the measured forces, chosen by a mask, are met in their sum.
+    """Return the equations of the weak form with one more, which fits the sum of the measured forces, chosen by a mask.
 
-    Otherwise an energy of almost zero, whose forces are in balance in every field, would fit best where the simulation has errors.
+    Without it an energy of almost zero would fit best where the simulation has errors, since its forces are in balance in every field.
     """
     if not forces.any():
         return jacobian, right
@@ -113,7 +113,7 @@ def proposed(jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray, groups
 def minimized(search, x: np.ndarray, close: float, most: int) -> SimpleNamespace:
     """Minimize the residuals of a search over coefficients, none negative, by at most `most` Gauss-Newton steps.
 
-    The search ends when a step reduces the sum of squares by less than its part `close`. Return the coefficients ``x``, of which none is
+    The search ends when a step reduces the sum of squares by a smaller share than `close`. Return the coefficients ``x``, of which none is
     less than `FLOOR` of the greatest, and the Jacobian ``jac``, as `scipy.optimize.least_squares` does.
     """
     x = floored(x)
@@ -131,7 +131,7 @@ def minimized(search, x: np.ndarray, close: float, most: int) -> SimpleNamespace
         before, cost, x = cost, reached, new
         if cost > (1 - close) * before:
             break
-    return SimpleNamespace(x=x, jac=jacobian if most == 1 else search.jacobian(x), active_mask=np.zeros(len(x), dtype=int))
+    return SimpleNamespace(x=x, jac=jacobian if most == 1 else search.jacobian(x))
 
 
 @dataclass(frozen=True)
@@ -197,14 +197,12 @@ def average(
         if stable(x):
             found[tuple(np.flatnonzero(x))] = x
     if not found:
-        raise ValueError(
-            "no sum of the terms with positive coefficients and stable waves describes the measurements: check that forces are positive "
-            "in tension, the steps in the table, and that a given dictionary has a polyconvex term, such as ('first', 1)"
-        )
+        raise no_sum_fits("measurements", "that forces are positive in tension, the steps in the table")
     x = np.array(list(found.values()))
     squares = ((x @ square[:, :-1].T - square[:, -1]) ** 2).sum(axis=1)
     scale = correlated * max(1.0, squares.min() / n)
-    equibiaxial, uniaxial = _prior_stresses(terms) @ x.T
+    states = np.array([[PRIOR_STRETCH, MODES[mode](PRIOR_STRETCH)] for mode in ("equibiaxial", "uniaxial")])
+    equibiaxial, uniaxial = columns_of(isochoric(states, np.ones(2)), states[:, 0], terms) @ x.T
     logarithms = -(squares - squares.min()) / (2 * scale) - PER_TERM * (x > 0).sum(axis=1) - PER_RATIO * equibiaxial / uniaxial
     weights = np.exp(logarithms - logarithms.max())
     weights /= weights.sum()
@@ -237,18 +235,12 @@ def sets_of(terms: Sequence[Term]) -> Iterator[list[int]]:
         yield from (of_stretches + of_inverses for of_inverses in sets[1] if of_stretches or of_inverses)
 
 
-def _prior_stresses(terms: Sequence[Term]) -> np.ndarray:
-    """Return the stresses of all terms in equibiaxial and in uniaxial tension at `PRIOR_STRETCH`, shape (2, n_terms)."""
-    states = np.array([[PRIOR_STRETCH, MODES[mode](PRIOR_STRETCH)] for mode in ("equibiaxial", "uniaxial")])
-    return columns_of(isochoric(states, np.ones(2)), states[:, 0], terms)
-
-
 def grouping(residuals: np.ndarray, places: np.ndarray, component: np.ndarray) -> tuple[float, int]:
     """Return the sum over groups of the squared sums of residuals of displacements, and the sum of the numbers of residuals in the groups.
 
-    A group are the residuals of all steps, of one component, at a place and its `GROUP` - 1 nearest. The quotient of both, divided by the
-    mean square, is 1 for independent residuals, and about the number of residuals that tell as much as one if their sources, such as the
-    discretization error, are smooth.
+    A group consists of the residuals of all steps, of one component, at a place and its `GROUP` - 1 nearest. The quotient of both sums,
+    divided by the mean square, is 1 for independent residuals. For residuals with smooth sources, such as the discretization error, it is
+    about the number of residuals that contain as much information as one independent residual.
 
     Parameters
     ----------

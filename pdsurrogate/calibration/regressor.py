@@ -1,5 +1,6 @@
 """Regressor that finds the parameters of a law from measurements on bodies, by simulations of the tests and their derivatives."""
 
+import logging
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -12,7 +13,6 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import chi2
-from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
@@ -20,14 +20,16 @@ from ..arguments import check_kind, check_names, check_numbers, in_order
 from ..identification import EnergyRegressor, LawRegressor, nominal_stress
 from ..identification.energy import half_planes
 from ..identification.regressor import check_fitted
-from ..identification.stress_regressor import BULK_RATIO
+from ..identification.stress_regressor import BULK_RATIO, LawEstimator, bulk_arguments
 from ..materials import LAWS, Law, Ogden
-from ..materials.covariance import LawCovariance, covariance_of_numbers, derivatives_of_numbers
+from ..materials.covariance import derivatives_of_numbers
 from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, checked_dictionary
 from ..materials.stretch_laws import MOST_TERMS
 from ..scenes import Mesh, Scene, load_scene
 from .free import FLOOR, HALVINGS, MOST_TRIED, EnergyUnknowns, average, floored, grouping, minimized, proposed, scaled, solved
 from .measured import DISPLACEMENTS, FAILURES, FORCES, MeasuredScene, Rows, local_fit
+
+logger = logging.getLogger(__name__)
 
 REFINED, REFINED_FREE = 3, 6
 """Default ratio of the spacing of a scene to that of the finer simulation, with a law and without. Chosen: for Carroll's law, fields with
@@ -61,10 +63,10 @@ ROUNDS = 3
 
 FARTHEST = 0.5
 """Greatest difference of measured from simulated displacements in a step of a test that prescribes motions, relative to the greater of
-them. Its fields differ between laws by parts of this; a greater difference is an error of units, axes or the order of the steps."""
+them. Displacements of different laws differ by less; a greater difference is an error of units, axes or the order of the steps."""
 
 ALONE = 0.9
-"""Part of such a difference (root of the sum of squares) from which on it is that of a single measurement."""
+"""Share of a single measurement in such a difference (root of the sum of squares) from which on the error names this measurement."""
 
 SUBSTANTIAL = 0.1
 """Size of one component of the simulated displacements, relative to all, from which on the measured one must have the same sign."""
@@ -80,7 +82,7 @@ SETTLED = 0.1
 
 DIFFERENCE = 1e-6
 """Change of a search variable in central differences of the numbers of a law; of a coefficient of an energy, relative to it. Chosen:
-rounding then leaves 1e-10, and curvature less."""
+the error by rounding is then 1e-10, and that by curvature less."""
 
 MOST_STEPS = 60
 """Most laws that a search tries: well-posed fits take five to ten."""
@@ -93,39 +95,41 @@ MOST_COMPARED = 100
 
 FAIR, STEPS = 0.02, (1, 3, 0)
 """Relative decrease of the cost that ends the least-squares steps of an energy with all terms, and most such steps in each of the `ROUNDS`.
-Chosen: what the steps after these would change is less than the choice of the terms and the next correction do. The last round starts at
-the average of energies, about which the equations are linearized once more."""
+Chosen: further steps would change the energy less than the choice of the terms and the next correction do. The last round has no step: it
+linearizes the equations about the average of the energies."""
 
 EXPONENTS = ((2.0,), (2.0, -2.0), (1.3, 5.0, -2.0), (1.3, 5.0, -2.0, 8.0))
 """Exponents from which Ogden's law with one to four terms starts: those of Ogden (1972) for three terms."""
 
 
 @dataclass(eq=False, repr=False)
-class SceneRegressor(RegressorMixin, BaseEstimator):
+class SceneRegressor(LawEstimator):
     """Parameters of a law from measurements on a body of any shape, such as displacement fields and forces.
 
     The test is described by a scene. Its equilibria and their exact derivatives by the parameters (theory, section 23) are those of a
-    bounded least-squares iteration (Gauss-Newton steps in a trust region), so that noisy fields are never differentiated. The simulation
-    at the spacing of the scene is corrected by the difference of a finer simulation of the fitted law, and what this leaves of the
-    discretization error is part of the standard errors (theory, section 28).
+    bounded least-squares iteration (Gauss-Newton steps in a trust region), so that noisy fields are never differentiated. A finer
+    simulation of the fitted law corrects the simulation at the spacing of the scene; the standard errors contain an estimate of the
+    discretization error that remains (theory, section 28). A fit takes seconds to many minutes; the logger
+    ``pdsurrogate.calibration`` receives its progress.
 
     Parameters
     ----------
     scene : Scene, str, path or list of these, default="hole"
-        Test, or several tests of one material. The material in a scene serves as the start of the search if it has the law that is
-        fitted, and gives K/mu unless `bulk_ratio` or `bulk_modulus` does.
+        Test, or several tests of one material. The search starts at the material of a scene if this has the law that is fitted. K/mu is
+        that of the scene unless `bulk_ratio` or `bulk_modulus` is given.
     law : str or None, default="neo-hookean"
         Name of the law; None for an energy without a law, an average of energies of few terms of both invariants, weighted by how well they
         fit (theory, section 28). It is a `pdsurrogate.materials.Polyconvex`.
     n_terms : int, default=3
         Number of terms of Ogden's law; without effect for other laws.
     outputs : sequence of str, optional
-        Dotted keys of measurements of an output, such as ``"forces.right.0"`` or ``"probes.tip.displacement.1"``: those of the quantities
-        0, -1, -2 and so on. ``"force"``, the default, is the force of the region that is pulled, positive in tension.
+        Dotted keys of other measurements than fields, such as ``"forces.right.0"`` or ``"probes.tip.displacement.1"``, in the order of the
+        quantities 0, -1, -2 and so on in the table. The default, ``"force"``, is the force of the region that is pulled, positive in
+        tension.
     refine : int, optional
-        Ratio of the spacing of the scene to that of the finer simulation; 1 for no correction of the discretization error, which is then
-        estimated by a simulation with twice the spacing and part of the standard errors. By default 3 with a law and 6 without: an energy
-        of free terms follows the error that is left.
+        Ratio of the spacing of the scene to that of the finer simulation. With 1 the discretization error is not corrected, but estimated
+        by a simulation with twice the spacing, and the estimate is part of the standard errors. By default 3 with a law and 6 without one,
+        since the remaining error changes an energy of free terms more than a law.
     bulk_ratio : float, optional
         K/mu of the law.
     bulk_modulus : float, optional
@@ -154,8 +158,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     at_bound_ : list of str
         Parameters at a bound, whose standard errors have no meaning.
     undetermined_ : list of str
-        Parameters in combinations whose relative standard error exceeds one half; for an energy without a law, single weights of terms
-        are meant, which may be undetermined although the stresses are not.
+        Parameters in combinations whose relative standard error exceeds one half. For an energy without a law, terms whose own weights
+        have such an error; the stresses may be determined nevertheless.
     lack_of_fit_ : float
         Sum of the squared residuals in standard deviations, divided by the degrees of freedom; 1 is expected.
     p_value_ : float
@@ -177,9 +181,9 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     stretch_range_ : tuple of float
         Least and greatest stretch in the plane, or in space, in the simulated tests.
     start_ : dict
-        Start of the search: ``taken`` is ``"default"``, or ``"weak form"`` for an energy without a law whose weak form at the measured
-        displacements gave a smaller ``chi_squared``. This has the sums of squares of both, None where there is no equilibrium; ``terms``
-        are the candidates.
+        Start of the search. ``taken`` is ``"weak form"`` if an energy without a law was taken from the weak form at the measured
+        displacements, else ``"default"``. ``chi_squared`` has the sums of squares at both starts, None where there is no equilibrium, and
+        ``terms`` has the candidates; both are missing if no weak form was solved.
     n_simulations_ : int
         Number of simulated equilibria, derivatives not counted.
     n_features_in_ : int
@@ -221,14 +225,6 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     bulk_modulus: float | None = None
     random_state: int = 0
     dictionary: Sequence[tuple[str, float]] | None = None
-
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True
-        return tags
-
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "law_")
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -278,7 +274,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         Warns
         -----
         UserWarning
-            If ``refine=1`` and the discretization error cannot be estimated, or exceeds the standard deviations of the measurements.
+            If a row is a copy of another one, or ``refine=1`` and the discretization error cannot be estimated, or exceeds the standard
+            deviations of the measurements.
 
         Examples
         --------
@@ -288,8 +285,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         >>> model.parameter_names_
         ['shear_modulus']
         """
-        self._forget()
-        self._validate_params()
+        self._begin_fit()
         if self.law is not None:
             check_fitted(self.law)
         if self.dictionary is not None:
@@ -306,12 +302,13 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         if not used.any():
             raise ValueError("all sample weights are zero")
         self._tests = self._tests_of(X[used])
+        self._warn_of_copies(y[used])
         deviation = self._deviations(X, y, standard_deviation)
-        self._fitted(y[used], np.sqrt(weight[used]) / deviation[used])
-        self.standard_deviations_, self.residuals_ = deviation, np.full(len(y), np.nan)
-        self.discretization_ = np.full(len(y), np.nan)
-        self.discretization_[used], self.residuals_[used] = self._correction, y[used] - self._found
-        del self._tests, self._correction, self._found
+        self.standard_deviations_ = deviation
+        self.residuals_, self.discretization_ = np.full((2, len(y)), np.nan)
+        fit, self.discretization_[used] = self._fitted(y[used], np.sqrt(weight[used]) / deviation[used])
+        self.residuals_[used] = y[used] - fit
+        del self._tests
         return self
 
     def predict(self, X):
@@ -341,9 +338,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
-        tests = self._tests_of(X)
         found = np.empty(len(X))
-        for test, here in tests:
+        for test, here in self._tests_of(X):
             found[here] = test.simulate(self.law_, self._fine(test.scene))[0]
         return found
 
@@ -377,31 +373,6 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         jacobian = self._stress_derivatives(X)
         variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian)
         return nominal_stress(self.law_, X), np.sqrt(variance)
-
-    def law_covariance(self) -> LawCovariance:
-        """Return the covariance of the numbers of the fitted law, with which `pdsurrogate.Result.standard_errors` propagates it to results.
-
-        Returns
-        -------
-        LawCovariance
-            From `covariance_`, with the numbers that follow from the parameters, such as the bulk modulus from K/mu.
-
-        Raises
-        ------
-        ValueError
-            If the measurements do not determine a parameter, or a parameter is at a bound of the search.
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> scene = pds.load_scene("hole", spacing=0.25)
-        >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.03)
-        >>> errors = model.law_covariance().standard_errors
-        >>> {name: round(error / getattr(model.law_, name), 2) for name, error in errors.items()}
-        {'shear_modulus': 0.04, 'bulk_modulus': 0.04}
-        """
-        check_is_fitted(self)
-        return covariance_of_numbers(self._unknown.law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
 
     def stated_deviations(self, X, y, stated: dict[int, float | None]) -> np.ndarray:
         """Return standard deviations of measurements: stated ones of all displacements or of an output, and estimated ones of the others.
@@ -439,11 +410,14 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                     found[here[test.rows.is_field if quantity > 0 else test.rows.quantity == quantity]] = value
         return found
 
+    def _law_of(self, values) -> Law:
+        return self._unknown.law_of(values)
+
     def _stress_derivatives(self, X: np.ndarray) -> np.ndarray:
         """Return the derivatives of `nominal_stress` by the parameters, shape (n_samples, n_parameters)."""
         columns, steps = [], 1e-5 * self._scales()
         for step, change in zip(steps, np.diag(steps), strict=True):
-            sides = [nominal_stress(self._unknown.law_of(self.parameters_ + sign * change), X) for sign in (1, -1)]
+            sides = [nominal_stress(self._law_of(self.parameters_ + sign * change), X) for sign in (1, -1)]
             columns.append((sides[0] - sides[1]) / (2 * step))
         return np.stack(columns, axis=1)
 
@@ -467,11 +441,6 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             X, "X", f"it must have the columns {', '.join(columns)}, and a row for each measurement" if columns else "give numbers"
         )
         check_numbers(y, "y", "give a measured value for each row of X")
-
-    def _forget(self) -> None:
-        """Delete the results of an earlier fit, which must not outlive a failed one."""
-        for key in [key for key in vars(self) if key.endswith("_") and not key.startswith("_")]:
-            delattr(self, key)
 
     def _scenes(self) -> list[Scene]:
         """Return the scenes, loaded if they are given by name; raise ValueError for none or for bodies of different dimension."""
@@ -519,8 +488,22 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 tests.append((MeasuredScene(scene, rows, self.outputs), here))
         return tests
 
-    def _fitted(self, y: np.ndarray, root: np.ndarray) -> None:
-        """Set the results of the fit to values with roots of weights; keep the simulated values and the correction."""
+    def _warn_of_copies(self, y: np.ndarray) -> None:
+        """Warn of rows that repeat a measurement, each of which counts: in a file they are mostly copies."""
+        for test, here in self._tests:
+            rows, places = test.rows, np.where(test.rows.is_field[:, None], test.rows.places, 0.0)
+            table = np.column_stack([rows.step, rows.quantity, places, y[here]])
+            unique, counts = np.unique(table, axis=0, return_counts=True)
+            for step, quantity, *_, value in unique[counts > 1][:1].tolist():
+                what = f"displacement along x{quantity:.0f}" if quantity > 0 else test.outputs[-int(quantity)][0]
+                warnings.warn(
+                    f"X: {(counts - 1).sum()} rows of scene {test.scene.name} are copies of others, such as {what} = {value:.4g} in step "
+                    f"{step:.0f}; each counts as a further measurement: leave copies out",
+                    stacklevel=3,
+                )
+
+    def _fitted(self, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Set the results of the fit to values with roots of weights; return its values and the correction of the discretization error."""
         self._unknown = self._unknowns(len(y))
         start = self._start(y, root)
         search, x = self._search_from(start, y, root)
@@ -533,18 +516,18 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             kept = x > FLOOR * x.max()
             self._keep(search, kept)
             x, found.jac, space = x[kept], found.jac[:, kept], search.space
-            found.spread, found.active_mask = found.spread[np.ix_(kept, kept)], found.active_mask[kept]
+            found.spread, found.active_mask = found.spread[np.ix_(kept, kept)], np.zeros(len(x), dtype=bool)
         else:
             found.active_mask = (found.active_mask != 0) | (np.minimum(x - space.low, space.high - x) < AT_BOUND * _errors(found.jac))
         visited = np.concatenate([test.states(search.law_at(x)) for test, _ in self._tests])
         self._set_domain(visited)
         self.n_simulations_ = search.count
-        self._correction, self._found = correction, search.values(x) + correction
-        residuals = root * (y - self._found)
+        fit = search.values(x) + correction
+        residuals = root * (y - fit)
         remaining = found.remaining if self._ratio == 1 else correction / (self._ratio**ORDER - 1)
         self._store(x, space, found, residuals, root * remaining)
         if self._ratio == 1:
-            self._correction = -remaining
+            correction = -remaining
             if (ratio := float(np.sqrt(((root * remaining) ** 2).mean()))) > 1:
                 warnings.warn(
                     f"refine=1: the discretization error that is not corrected is about {ratio:.2g} standard deviations of the "
@@ -553,6 +536,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 )
         if self.law is not None:
             self.members_ = self._drawn(x, space, found.jac, residuals, visited)
+        return fit, correction
 
     @property
     def _has_weak_form(self) -> bool:
@@ -578,15 +562,15 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         if isinstance(self._unknown, EnergyUnknowns):
             low, high, logarithmic = np.zeros(len(start)), np.full(len(start), np.inf), np.zeros(len(start), dtype=bool)
         else:
-            low, high, logarithmic = self._unknown.search_range(start, float(self._unknown.law_of(start).shear_modulus))
+            low, high, logarithmic = self._unknown.search_range(start, float(self._law_of(start).shear_modulus))
         x, low, high = (np.log(each, out=np.array(each, dtype=float), where=logarithmic) for each in (start, low, high))
         if self.law is not None:  # central differences stay between the bounds
             low, high = low + 2 * DIFFERENCE, high - 2 * DIFFERENCE
             x = np.clip(x, low, high)
         space = _Space(low, high, logarithmic)
-        self._begin(self._unknown.law_of(space.parameters(x)), y, root)
+        self._begin(self._law_of(space.parameters(x)), y, root)
         held = self.law is not None and self._without_scale()
-        return _Search(self._tests, self._unknown.law_of, space, y, root, self.law is None, held), x
+        return _Search(self._tests, self._law_of, space, y, root, self.law is None, held), x
 
     def _better_start(self, search: "_Search", x: np.ndarray) -> np.ndarray:
         """Return the start of the search with the lesser sum of squares: x, or the solution of the weak form at measured displacements.
@@ -606,11 +590,12 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             self._keep(search, kept)
             x, jacobian = x[kept], jacobian[:, kept]
         weak = floored(solved(*scaled(jacobian, right, forces)))
-        squares = {name: float((search.residuals(each) ** 2).sum()) for name, each in (("default", x), ("weak form", weak))}
-        taken = "weak form" if squares["weak form"] < squares["default"] else "default"
+        starts = {"default": x, "weak form": weak}
+        squares = {name: float((search.residuals(each) ** 2).sum()) for name, each in starts.items()}
+        taken = min(starts, key=squares.__getitem__)
         finite = {name: value if np.isfinite(value) else None for name, value in squares.items()}
         self.start_ = {"taken": taken, "terms": self._unknown.unknowns(), "chi_squared": finite}
-        return weak if taken == "weak form" else x
+        return starts[taken]
 
     def _weak_form(self, search: "_Search", x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return the weighted equations of the weak form, a mask of those of forces, and the number of the step of each among all tests."""
@@ -625,7 +610,6 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     def _keep(self, search: "_Search", kept: np.ndarray) -> None:
         """Keep only the unknowns that a mask chooses."""
         self._unknown, search.space = self._unknown.of(kept), search.space.of(kept)
-        search.law_of = self._unknown.law_of
         search.forget()
 
     def _searched(self, search: "_Search", x: np.ndarray) -> tuple[SimpleNamespace, np.ndarray]:
@@ -676,6 +660,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         """Return the measurements of the finer simulations with a law, shape (n,)."""
         found = np.empty(sum(len(here) for _, here in self._tests))
         for test, here in self._tests:
+            logger.info("%s: finer simulation, spacing %.3g", test.scene.name, self._fine(test.scene))
             with _failing(f"refine: with the spacing {self._fine(test.scene)} the fitted law fails; choose another spacing or refine"):
                 found[here] = test.simulate(law, self._fine(test.scene))[0]
         return found
@@ -689,7 +674,10 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             )
         counts = [sum(term.kind == kind for term in unknown.terms) for kind in ("stretches", "logarithms")]
         if max(counts) > MOST_TERMS:
-            raise ValueError(f"dictionary: at most {MOST_TERMS} exponents and {MOST_TERMS} logarithms, not {counts[0]} and {counts[1]}")
+            raise ValueError(
+                f"dictionary: a law has at most {MOST_TERMS} terms of the kind 'stretches' and {MOST_TERMS} of the kind 'logarithms': "
+                f"leave some of the {counts[0]} and {counts[1]} out"
+            )
         if len(unknown.terms) > MOST_TRIED and not self._has_weak_form:
             raise ValueError(
                 f"dictionary: measured displacements choose among more than {MOST_TRIED} terms, but here are too few: give at most "
@@ -747,7 +735,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         """Set parameters, covariance and lack of fit from the weighted Jacobian and residuals at the solution, and the remaining error."""
         jacobian = found.jac / space.sizes(x)
         self.parameter_names_, self.parameters_ = self._unknown.unknowns(), space.parameters(x)
-        self.law_ = self._unknown.law_of(self.parameters_)
+        self.law_ = self._law_of(self.parameters_)
         self.at_bound_ = [name for name, active in zip(self.parameter_names_, found.active_mask, strict=True) if active]
         free = len(residuals) - len(x)
         self.lack_of_fit_ = float((residuals**2).sum() / free) if free > 0 else np.nan
@@ -797,7 +785,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             member = self.law_
             for part in change / 2.0 ** np.arange(HALVINGS)[:, None]:
                 with suppress(ValueError):  # some parameters between the bounds are not those of a law
-                    law = self._unknown.law_of(space.parameters(x + part))
+                    law = self._law_of(space.parameters(x + part))
                     if ((nominal_stress(law, states) - stress - slopes @ part) ** 2).mean() <= (error**2).mean():
                         member = law
                         break
@@ -813,11 +801,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
     def _bulk(self) -> dict[str, float]:
         """Return the bulk modulus or its ratio, as arguments of a `LawRegressor`: given, or that of the first scene with a material."""
-        if self.bulk_modulus is not None and self.bulk_ratio is not None:
-            raise ValueError("bulk_modulus and bulk_ratio exclude each other: choose one")
-        if self.bulk_modulus is not None or self.bulk_ratio is not None:
-            given = {"bulk_modulus": self.bulk_modulus, "bulk_ratio": self.bulk_ratio}
-            return {key: value for key, value in given.items() if value is not None}
+        if given := bulk_arguments(bulk_modulus=self.bulk_modulus, bulk_ratio=self.bulk_ratio):
+            return given
         for scene in self._scenes():
             if scene.material is not None:
                 return {"bulk_ratio": scene.law().bulk_modulus / scene.law().shear_modulus}
@@ -842,8 +827,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             forces = test.among(FORCES)
             if test.scene.loads or not forces.any():
                 continue
-            with _failing(f"the search cannot start at {self._unknown.law_of(start).describe()}"):
-                simulated = test.simulate(self._unknown.law_of(start))[0]
+            with _failing(f"the search cannot start at {self._law_of(start).describe()}"):
+                simulated = test.simulate(self._law_of(start))[0]
             weight = root[here][forces] ** 2
             product += float((weight * simulated[forces] * y[here][forces]).sum())
             square += float((weight * simulated[forces] ** 2).sum())
@@ -962,20 +947,22 @@ class _Search:
             return np.full(len(self.y), np.inf)  # the search then turns back
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        if x.tobytes() in self.differentiated:
-            return self.root[:, None] * self.differentiated[x.tobytes()]
-        numbers, chain = derivatives_of_numbers(self.law_at, x, DIFFERENCE * (np.abs(x) if self.linear else np.ones(len(x))))
-        values, derivatives = self._differentiated(x, [f"material.{name}" for name in numbers])
-        if self.held:
-            chain[:, 0] = 0.0
-        self.known[x.tobytes()], self.differentiated[x.tobytes()] = values, derivatives @ chain
-        return self.root[:, None] * self.differentiated[x.tobytes()]
+        key = x.tobytes()
+        if key not in self.differentiated:
+            numbers, chain = derivatives_of_numbers(self.law_at, x, DIFFERENCE * (np.abs(x) if self.linear else np.ones(len(x))))
+            self.known[key], derivatives = self._differentiated(x, [f"material.{name}" for name in numbers])
+            if self.held:
+                chain[:, 0] = 0.0
+            self.differentiated[key] = derivatives @ chain
+        return self.root[:, None] * self.differentiated[key]
 
     def _differentiated(self, x: np.ndarray, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
         law, values, derivatives = self.law_at(x), np.empty(len(self.y)), np.empty((len(self.y), len(names)))
         for test, here in self.tests:
             self.count += test.count
             values[here], derivatives[here] = test.differentiate(law, names)
+        squares = ((self.root * (values - self.y)) ** 2).sum()
+        logger.info("%d equilibria, sum of squared residuals %.4g for %d measurements", self.count, squares, len(values))
         return values, derivatives
 
 

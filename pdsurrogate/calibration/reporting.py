@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..identification import MODES
-from ..identification.reporting import covariance_of
+from ..identification.reporting import parameters_of, plain
 from ..results.figures import DIVERGING, STYLE
 from ..results.tables import column_name
 from ..scenes import Scene
@@ -93,13 +93,16 @@ def read_columns(
     return np.array(found), numbers, chosen
 
 
-def _check_steps(scene: Scene, path: Path, steps: np.ndarray, lines: list[int]) -> None:
-    """Raise ValueError with the line of a step that the scene does not have."""
+def _check_rows(scene: Scene, path: Path, found: np.ndarray, lines: list[int]) -> None:
+    """Raise ValueError with the line of a step, the first column, that the scene does not have, or of a copy of an earlier row."""
     most = len(scene.stretches) if scene.stretched else np.inf
-    for step, line in zip(steps, lines, strict=True):
+    for step, line in zip(found[:, 0], lines, strict=True):
         if step != round(step) or not 1 <= step <= most:
             known = f"1 to {most}, the stretches of scene {scene.name}" if scene.stretched else f"the outputs of scene {scene.name} from 1"
             raise ValueError(f"{path}, line {line}: step {step:g}, but the steps are whole numbers: {known}")
+    first = np.unique(found, axis=0, return_index=True)[1]
+    if len(first) < len(found):
+        raise ValueError(f"{path}, line {lines[np.delete(np.arange(len(found)), first)[0]]}: this row is a copy of an earlier one")
 
 
 def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tuple[np.ndarray, np.ndarray, dict[str, str]]:
@@ -113,10 +116,7 @@ def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tupl
     if fields is not None:
         axes = range(1, d + 1)
         found, lines, _ = read_columns(fields, ("step", *(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes)))
-        _check_steps(scene, fields, found[:, 0], lines)
-        first = np.unique(found, axis=0, return_index=True)[1]
-        if len(first) < len(found):
-            raise ValueError(f"{fields}, line {lines[np.delete(np.arange(len(found)), first)[0]]}: this row is a copy of an earlier one")
+        _check_rows(scene, fields, found, lines)
         for axis in axes:
             tables.append(np.column_stack([found[:, 0], np.full(len(found), axis), found[:, 1 : 1 + d]]))
             values.append(found[:, d + axis])
@@ -129,7 +129,7 @@ def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tupl
                 f"{forces}: there is no column force, nor another one with a measurement, as history.csv of a run has them "
                 "(force_right_1, tip_displacement_2)"
             )
-        _check_steps(scene, forces, found[:, 0], lines)
+        _check_rows(scene, forces, found, lines)
         outputs = {name: str(output_of(name)) for name in names}
         for number, column in enumerate(found[:, 1:].T):
             there = np.isfinite(column)
@@ -147,7 +147,6 @@ def _quantities(X: np.ndarray, columns: Sequence[str]) -> dict[str, np.ndarray]:
 
 def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequence[str]) -> dict:
     """Return a report of a calibration as plain values; standard errors that are infinite are None, and outputs are named by `columns`."""
-    errors = [float(value) if np.isfinite(value) else None for value in model.standard_errors_]
     fits, quantities = {}, _quantities(X, columns)
     for name, here in quantities.items():
         if here.any():
@@ -163,22 +162,18 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
     for mode, stretches in STRETCHES.items():
         states = np.stack([np.array(stretches), MODES[mode](np.array(stretches))], axis=1)
         found = zip(stretches, *model.nominal_stress(states), strict=True)
-        stresses[mode] = [{"stretch": at, "nominal_stress": _plain(stress), "standard_error": _plain(error)} for at, stress, error in found]
+        stresses[mode] = [{"stretch": at, "nominal_stress": plain(stress), "standard_error": plain(error)} for at, stress, error in found]
     outputs = {
         name: [{"step": int(step), "measured": float(one), "fit": float(one - off)} for step, one, off in _steps(model, X, y, here)]
         for name, here in quantities.items()
         if name != "fields"
     }
     return {
-        "law": model.law_.describe(),
-        "parameters": dict(zip(model.parameter_names_, model.parameters_.tolist(), strict=True)),
-        "standard_errors": dict(zip(model.parameter_names_, errors, strict=True)),
+        **parameters_of(model),
         "correlation": model.correlation_.tolist(),
-        "covariance": covariance_of(model),
-        "at_bound": model.at_bound_,
         "undetermined": model.undetermined_,
-        "lack_of_fit": _plain(model.lack_of_fit_),
-        "p_value": _plain(model.p_value_),
+        "lack_of_fit": plain(model.lack_of_fit_),
+        "p_value": plain(model.p_value_),
         "measurements": fits,
         "worst": _worst(model, X, columns),
         "outputs": outputs,
@@ -195,10 +190,6 @@ def _worst(model: SceneRegressor, X: np.ndarray, columns: Sequence[str]) -> dict
     step, quantity, *place = X[row].tolist()
     what = f"u{quantity:.0f} at ({', '.join(f'{x:g}' for x in place)})" if quantity > 0 else columns[int(-quantity)]
     return {"step": int(step), "measured": what, "standard_deviations": float(off[row])}
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _steps(model: SceneRegressor, X: np.ndarray, y: np.ndarray, here: np.ndarray) -> list[tuple[float, float, float]]:

@@ -1,5 +1,6 @@
 """Command ``calibrate``, which finds a law from displacement fields and forces measured on a body that a scene describes."""
 
+import logging
 import time
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +14,7 @@ from ..calibration.measured import DISPLACEMENTS, FORCES
 from ..forces.identity import digest_of
 from ..identification import fitted_laws
 from ..identification.regressor import N_TERMS
-from ..identification.reporting import bulk_arguments
+from ..identification.stress_regressor import bulk_arguments
 from ..learning.fitting import TooInexact
 from ..learning.levenberg_marquardt import listening
 from ..learning.settings import FitSettings
@@ -24,7 +25,7 @@ from ..scenes import load_scene
 from ..scenes.reading import parse_change
 from .command import SCENE_HELP, Overwrite, SetScene, check_folder
 from .completion import scenes
-from .fit import BulkModulus, Terms, TrainingBar
+from .fit import BulkModulus, Terms, TrainingBar, print_parameters
 from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, warn, writing
 
 FIELDS_HELP = "CSV file of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3)."
@@ -77,7 +78,10 @@ def calibrate(
     noises, began = {1: field_noise}, time.perf_counter()
     for number, key in enumerate(outputs.values()):
         noises[-number] = force_noise if FORCES.fullmatch(key) else field_noise if DISPLACEMENTS.fullmatch(key) else None
-    with Bar(f"Calibrating {law or 'an energy'} in {test.name}"):
+    logger = logging.getLogger(SceneRegressor.__module__)
+    logger.setLevel(logging.INFO)
+    with Bar(f"Calibrating {law or 'an energy'} in {test.name}") as bar:
+        logger.handlers = [_OnBar(bar)]
         model.fit(X, y, standard_deviation=model.stated_deviations(X, y, noises))
     found = reporting.report(model, X, y, [*outputs])
     seconds = time.perf_counter() - began
@@ -97,14 +101,20 @@ def calibrate(
     note(f"Wrote {path}, and the report in {folder}")
 
 
+class _OnBar(logging.Handler):
+    """Logging handler that shows messages as the state of a progress bar."""
+
+    def __init__(self, bar: Bar) -> None:
+        super().__init__()
+        self._bar = bar
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._bar.show(0.0, record.getMessage())
+
+
 def print_calibrated(found: dict) -> None:
     """Print the parameters of a calibrated law with their standard errors, the residuals, and what the test leaves open."""
-    cells = []
-    for name, value in found["parameters"].items():
-        error = found["standard_errors"][name]
-        shown = "at its bound" if name in found["at_bound"] else "not determined by the data" if error is None else f"{error:.2g}"
-        cells.append((name, f"{value:.5g}", shown))
-    print_table(f"{found['law']['law']}, calibrated", ("parameter", "value", "standard error"), cells, left=1)
+    print_parameters(f"{found['law']['law']}, calibrated", found)
     columns = {"rows": "rows", "noise": "standard_deviation", "RMS residual": "rms_residual", "lack of fit": "lack_of_fit"}
     columns |= {"discretization": "rms_discretization"}
     rows = ((kind, *(f"{row[key]:.3g}" for key in columns.values())) for kind, row in found["measurements"].items())

@@ -17,6 +17,7 @@ from ..forces import FORCES, EnergySurrogate, ForceSurrogate
 from ..forces.identity import digest_of
 from ..identification import figure, fitted_laws, load_test_data, reporting
 from ..identification.regressor import N_TERMS
+from ..identification.stress_regressor import bulk_arguments
 from ..learning.fitting import TooInexact
 from ..learning.levenberg_marquardt import listening
 from ..learning.sampling import checked_range
@@ -67,7 +68,7 @@ def identify(
     names, rows = law or fitted_laws(), load_test_data(data)
     if terms is not None and "ogden" not in names:
         raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
-    terms, bulk = terms or N_TERMS, reporting.bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
+    terms, bulk = terms or N_TERMS, bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     asked = {"laws": names, "terms": terms, "up_to": stretch, **bulk}
     asked |= {"data": rows.name, "rows": len(rows), "digest": digest_of(asdict(rows))[:DIGITS]}
     check_folder(folder, "identify.json", asked, overwrite)
@@ -99,13 +100,9 @@ def identify(
 
 def print_identified(report: dict) -> None:
     """Print identified parameters with standard errors, and for each deformation mode R^2 and the greatest difference from the data."""
-    form, cells = report.get("form", report["law"]["law"]), []
-    for name, value in report["parameters"].items():
-        error = report["standard_errors"][name]
-        shown = "at its bound" if name in report["at_bound"] else "not determined by the data" if error is None else f"{error:.2g}"
-        cells.append((name, f"{value:.5g}", shown))
+    form = report.get("form", report["law"]["law"])
     title = f"{form} fitted to {report['data']}, {report['rows']} rows"
-    print_table(title, ("parameter", "value", "standard error"), cells, left=1)
+    print_parameters(title, report)
     _print_differences(f"{title}: fit compared with the tests", report["differences"], report["r_squared"])
     if report["at_bound"]:
         at_bound = ", ".join(report["at_bound"])
@@ -113,6 +110,16 @@ def print_identified(report: dict) -> None:
     if report["volume_ratio"] and report["volume_ratio"] > LARGE_GROWTH:
         growth = f"the volume grows by {100 * (report['volume_ratio'] - 1):.0f} % in the tests, more than that of rubber"
         warn(f"{form}: with this bulk modulus {growth}; set a greater one with --bulk-modulus.")
+
+
+def print_parameters(title: str, report: dict) -> None:
+    """Print the parameters of a report with their standard errors."""
+    cells = []
+    for name, value in report["parameters"].items():
+        error = report["standard_errors"][name]
+        shown = "at its bound" if name in report["at_bound"] else "not determined by the data" if error is None else f"{error:.2g}"
+        cells.append((name, f"{value:.5g}", shown))
+    print_table(title, ("parameter", "value", "standard error"), cells, left=1)
 
 
 def _print_differences(title: str, differences: dict, scores: dict | None = None) -> None:
@@ -170,7 +177,7 @@ def fit(
         raise ValueError("--free identifies an energy instead of a law, --law names a law: choose one")
     if terms is not None and (data is None or law != "ogden"):
         raise ValueError("--terms needs --law ogden and --data; without data, set the parameters of the law with --set")
-    law, bulk = law or "neo-hookean", reporting.bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
+    law, bulk = law or "neo-hookean", bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
         if bulk or force_fit or free:
             raise ValueError("--free, --bulk-modulus, --bulk-ratio and --force-fit need --data; without data, set parameters with --set")

@@ -30,11 +30,11 @@ STEPS = {2: 10, 3: 15}
 cracks would run. Chosen: neighbors are 0.6 spacings apart or more, and volumes deviate by some 9 % in the plane (standard deviation)."""
 
 GROUP = 2
-"""Cells along each side of the blocks that begin with as many points as cells: with one cell, four directions of the grid remain visible in
-the cloud; with more, or with random points, so do differences of density."""
+"""Cells along each side of a block, which has as many points as cells at the start. With one cell, four directions of the grid remain
+visible in the cloud; with more, or with random points, differences of density do."""
 
 METRIC = 2**10
-"""Factor of squared distances, whose ratios along the axes are rounded to integers: cells need not be squares."""
+"""Factor of squared distances, with which their ratios along the axes of cells that are no squares are rounded to integers."""
 
 MOST_PLACES = 1_000_000
 """Number of samples tested together."""
@@ -54,8 +54,8 @@ def relaxed_points(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the points and volumes of a cloud in a body, the same on every machine and on any number of threads and ranks.
 
-    The body is given by samples on a fine raster. Their number at `seed` is divided among the points in equal shares, and each point moves,
-    step by step, to the centroid of the samples that are nearer to it than to any other point.
+    The body is represented by samples on a fine raster. The points start at samples that are drawn with `seed`, equally many in equal
+    volumes. In each step a point moves to the centroid of the samples that are nearer to it than to any other point.
 
     Parameters
     ----------

@@ -83,9 +83,9 @@ MOST_CURVED = 0.5
 products; a disc of 5 cells' radius, whose products are up to 0.6, has the same error with all limits from 0.5 on."""
 
 ROUNDED = 1e-11
-"""Multiples, in spacings, to which places on interfaces are rounded, and in units those of the normals there, so that points on one line
-across an interface have exactly the same place and share one fit. Chosen: far above the rounding of coordinates, and without effect on
-results."""
+"""Unit, in spacings, to whose multiples places on interfaces are rounded, as components of normals are to multiples of the number itself.
+Points on one line across an interface then have exactly the same place and share one fit. Chosen: far above the rounding of coordinates,
+and without effect on results."""
 
 Near: TypeAlias = tuple[float, np.ndarray, int, float, Round | None]
 """Interface near a point: distance and unit normal from the point to it, number of the material beyond, share of the horizon's volume whose
@@ -306,9 +306,7 @@ class Interfaces:
     def _of_corrections(self, weights: np.ndarray) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
         """Return the matrix that maps jumps to corrections of gradients, by the weights of the bonds across, and minus its transpose."""
         _, owners, neighbors = self._across
-        found = self._on_columns(-weights * self.depths[neighbors, None], owners, neighbors)
-        found.sort_indices()
-        return found, (-found).T.tocsr()
+        return self._with_back(-weights * self.depths[neighbors, None], owners, neighbors)
 
     def _by_normals(self, matrix) -> scipy.sparse.csr_array:
         """Return the matrix (n d, n) that maps vectors at points to columns of gradients: v (x) normal, spread by a matrix (n, n)."""
@@ -338,6 +336,12 @@ class Interfaces:
         d, n, total = self._body.dimension, len(self._body), len(self._body.all_points)
         rows = (d * owners.astype(np.int64)[:, None] + np.arange(d)).ravel()
         return scipy.sparse.csr_array((weights.ravel(), (rows, np.repeat(others, d))), shape=(n * d, total))
+
+    def _with_back(self, *bonds: np.ndarray) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
+        """Return the matrix of `_on_columns`, and minus its transpose."""
+        found = self._on_columns(*bonds)
+        found.sort_indices()
+        return found, (-found).T.tocsr()
 
     def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
         """Return those directed bonds `across` interfaces that the gradient and energy of their first point omit (`left_out`).
@@ -380,9 +384,7 @@ class Interfaces:
         """Return the matrix that maps positions to the changes of gradients by `one_sided_bonds`, and minus its transpose."""
         numbers, points, changes = self.one_sided_bonds
         ends = np.concatenate([self._body.bonds.neighbors[numbers], points])
-        found = self._on_columns(np.concatenate([changes, -changes]), np.tile(points, 2), ends)
-        found.sort_indices()
-        return found, (-found).T.tocsr()
+        return self._with_back(np.concatenate([changes, -changes]), np.tile(points, 2), ends)
 
     def cells_across(self, number: int, most: int) -> float:
         """Return the median thickness, in spacings and at most `most`, of the layer of a material next to its interfaces; 0 if it has none.

@@ -64,12 +64,12 @@ of this mode. Chosen: modes differ by more from strains of a few percent on."""
 class EnergyRegressor(StressRegressor):
     """Isochoric energy fitted to nominal stresses, without a law.
 
-    W is a sum with non-negative weights of the fewest terms that foretell stresses left out as well as more terms do. The terms are
-    (l1^a + l2^a + l3^a - 3)/a^2 with positive and negative exponents, |a| >= 1 (a separable energy, after Valanis and Landel), and, where
-    cross-validation shows an improvement, powers up to the fourth of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3, roots of the invariants and
-    logarithms of I1bar - 3. Energy and stress always vanish in the undeformed state, and W grows without bound. Each term is polyconvex
-    among deformations that keep the volume (`pdsurrogate.materials.Polyconvex`), so that W is, and shear waves are stable in all states.
-    Beyond the data W continues as these terms.
+    W is a sum of terms with non-negative weights. It has the fewest terms with which cross-validation predicts stresses as well as with
+    more. The terms are (l1^a + l2^a + l3^a - 3)/a^2 with positive and negative exponents, |a| >= 1 (a separable energy, after Valanis and
+    Landel), and, where cross-validation shows an improvement, powers up to the fourth of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3, roots of
+    the invariants and logarithms of I1bar - 3. Energy and stress always vanish in the undeformed state, and W grows without bound. Each
+    term is polyconvex among deformations that keep the volume (`pdsurrogate.materials.Polyconvex`), so that W is polyconvex, too, and shear
+    waves are stable in all states. Beyond the data W continues as these terms.
 
     In states of constant volume the stresses are linear in the weights, so that the weights of given terms are a non-negative
     least-squares fit, without a start or random choices. Volume ratios, which depend on the bulk modulus, and weights are found
@@ -82,9 +82,9 @@ class EnergyRegressor(StressRegressor):
     Parameters
     ----------
     max_terms : int, default=8
-        Most terms; cross-validation chooses fewer where more foretell no better.
+        Most terms; cross-validation chooses fewer where more do not predict better.
     margin : float, default=0.05
-        Extension of the hull of the data, in log-stretch, within which the energy holds; a larger one trusts it where no data support it.
+        Extension of the hull of the data, in log-stretch, within which the energy holds; a larger one includes states without data.
     bulk_ratio : float, default=1000
         K/mu of the law, which such tests do not determine, see `LawRegressor`.
     bulk_modulus : float, optional
@@ -297,10 +297,7 @@ class EnergyRegressor(StressRegressor):
             terms, weights = _fitted(columns_of(stretches, X[:, 0], chosen), y, root, chosen, stable, count)
             if not stiffness_of(terms, weights) > 0:
                 if self.dictionary is not None:
-                    raise ValueError(
-                        "no sum of the terms with positive coefficients and stable waves describes the stresses: check that they rise "
-                        "with the stretch, and that the dictionary has a polyconvex term, such as ('first', 1)"
-                    )
+                    raise no_sum_fits("stresses", "that they rise with the stretch")
                 warnings.warn("the stresses do not rise with the stretch as in rubber; the fitted energy is almost zero", stacklevel=3)
                 terms, weights = [Term("stretches", 2.0)], np.array([1e-6 * max(np.abs(y).max(), 1e-300)])
             law = law_of(terms, weights, self._bulk(stiffness_of(terms, weights)))
@@ -362,6 +359,14 @@ class EnergyRegressor(StressRegressor):
         excess = squares - squares[:, [total.argmin()]]
         most = np.sqrt(len(squares)) * excess.std(axis=0, ddof=1) + NEGLIGIBLE**2 * ((root * y) ** 2).sum()
         return 1 + int(np.argmax(excess.sum(axis=0) <= most))
+
+
+def no_sum_fits(what: str, check: str) -> ValueError:
+    """Return the error that no permitted sum of the terms of a dictionary describes the data `what`, with what the user may check first."""
+    return ValueError(
+        f"no sum of the terms with positive coefficients and stable waves describes the {what}: check {check}, and that a given dictionary "
+        "has a polyconvex term, such as ('first', 1)"
+    )
 
 
 def _squares_left_out(columns, y, root, groups, fits) -> np.ndarray:

@@ -125,7 +125,6 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     >>> pds.fit_to_tests(pds.identification.LawRegressor("ogden"), data).law_.name
     'ogden'
     """
-    regressor.forget()
     regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
     found = examine(regressor, data)
     if found.refusals and not force:
@@ -356,10 +355,8 @@ def _falling(data: TestData):
         rows = rows[np.argsort(data.stretches[rows, 0], kind="stable")]
         stress, stretch = data.nominal_stress[rows], data.stretches[rows, 0]
         for k in np.flatnonzero((np.diff(stress) < -2 * NOISE * np.abs(stress[:-1])) & (np.diff(stretch) > 1e-3 * stretch[:-1])):
-            yield (
-                rows[k + 1],
-                f"{data.row_in_words(rows[k + 1])} is below the stress {stress[k]:g} at the smaller stretch {stretch[k]:g}",
-            )
+            row = rows[k + 1]
+            yield row, f"{data.row_in_words(row)} is below the stress {stress[k]:g} at the smaller stretch {stretch[k]:g}"
 
 
 def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegressor]):

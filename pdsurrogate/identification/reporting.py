@@ -17,7 +17,7 @@ from .data import BIAXIAL, MODES, TestData
 from .energy import EnergyRegressor
 from .examination import examine, standardized
 from .regressor import LawRegressor, check_fitted
-from .stress_regressor import StressRegressor, committee, free_sides, nominal_stress, states
+from .stress_regressor import LawEstimator, StressRegressor, committee, free_sides, nominal_stress, states
 
 EDGE = 1e-6
 """Least distance in log-stretch of a test from the domain of a force model at which the test counts as outside: less may be rounding."""
@@ -30,15 +30,10 @@ def report(model: StressRegressor, data: TestData) -> dict:
     volume ratio, and ``residuals`` lists the rows with the greatest residuals.
     """
     predicted, volume = states(model.law_, data.stretches)
-    errors = [float(value) if np.isfinite(value) else None for value in model.standard_errors_]
     return {
         "data": data.name,
         "rows": len(data),
-        "law": model.law_.describe(),
-        "parameters": dict(zip(model.parameter_names_, model.parameters_.tolist(), strict=True)),
-        "standard_errors": dict(zip(model.parameter_names_, errors, strict=True)),
-        "covariance": covariance_of(model),
-        "at_bound": model.at_bound_,
+        **parameters_of(model),
         "r_squared": data.r_squared(predicted),
         "differences": differences(data, predicted),
         "volume_ratio": float(np.nanmax(volume)) if np.isfinite(volume).any() else None,
@@ -46,12 +41,27 @@ def report(model: StressRegressor, data: TestData) -> dict:
     }
 
 
-def covariance_of(model) -> dict | None:
-    """Return the covariance of a fitted law as plain values, for a report; None if its parameters are not all determined."""
+def parameters_of(model: LawEstimator) -> dict:
+    """Return the fitted law of a regressor for a report: its parameters with standard errors, None where infinite, and their covariance.
+
+    The covariance is None if the parameters are not all determined.
+    """
     try:
-        return model.law_covariance().describe()
+        covariance = model.law_covariance().describe()
     except ValueError:
-        return None
+        covariance = None
+    return {
+        "law": model.law_.describe(),
+        "parameters": dict(zip(model.parameter_names_, model.parameters_.tolist(), strict=True)),
+        "standard_errors": dict(zip(model.parameter_names_, map(plain, model.standard_errors_), strict=True)),
+        "covariance": covariance,
+        "at_bound": model.at_bound_,
+    }
+
+
+def plain(value: float) -> float | None:
+    """Return a number for a report, None if it is not finite."""
+    return float(value) if np.isfinite(value) else None
 
 
 def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:
@@ -133,21 +143,10 @@ def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to:
     return rows
 
 
-def bulk_arguments(**given: float | None) -> dict[str, float]:
-    """Return `bulk_modulus` or `bulk_ratio`, whichever is not None, as a dictionary of regressor arguments.
-
-    The dictionary is empty if both are None. Raise ValueError if neither is.
-    """
-    found = {key: value for key, value in given.items() if value is not None}
-    if len(found) > 1:
-        raise ValueError("--bulk-modulus and --bulk-ratio exclude each other: choose one")
-    return found
-
-
 def fitted(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]) -> StressRegressor:
     """Fit a law (Ogden's with `n_terms` terms), or an energy without a law if `law` is None, to test data; return the regressor.
 
-    `bulk` is a dictionary as `bulk_arguments` returns it.
+    `bulk` is a dictionary as `stress_regressor.bulk_arguments` returns it.
     """
     if law is not None:
         check_fitted(law)
@@ -168,7 +167,7 @@ def identify(
     n_terms : int
         Terms of Ogden's law.
     bulk : dict
-        See `bulk_arguments`.
+        See `stress_regressor.bulk_arguments`.
     hold_out : bool
         Whether each mode is held out in turn from further fits.
     progress : callable

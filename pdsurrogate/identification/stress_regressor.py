@@ -42,6 +42,17 @@ FREE_SIDES = 1e-4
 """Greatest difference, in log-stretch, of a lateral stretch from stretch**-0.5 at which the sides count as free: data have four digits."""
 
 
+def bulk_arguments(**given: float | None) -> dict[str, float]:
+    """Return `bulk_modulus` or `bulk_ratio`, whichever is not None, as arguments of a regressor: none if both are None.
+
+    Raise ValueError if neither is None.
+    """
+    found = {key: value for key, value in given.items() if value is not None}
+    if len(found) > 1:
+        raise ValueError("bulk_modulus and bulk_ratio exclude each other: choose one (--bulk-modulus or --bulk-ratio)")
+    return found
+
+
 def nominal_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
     """Return the nominal stress of a law along the first of two stretches in the plane; NaN past the limit of the law.
 
@@ -79,7 +90,70 @@ def incompressible_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
     return law.shear_modulus * (p * first + q / first)
 
 
-class StressRegressor(RegressorMixin, BaseEstimator):
+class LawEstimator(RegressorMixin, BaseEstimator):
+    """Base of regressors that find a law.
+
+    A subclass sets ``law_`` and the parameters with their covariance in ``fit``, which begins with `_begin_fit`; its method ``_law_of``
+    returns the law with given values of the parameters.
+    """
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "law_")
+
+    def law_covariance(self) -> LawCovariance:
+        """Return the covariance of the numbers of the fitted law, with which `pdsurrogate.Result.standard_errors` propagates it to results.
+
+        Returns
+        -------
+        LawCovariance
+            From `covariance_`, with the numbers that follow from the parameters, such as the bulk modulus from K/mu.
+
+        Raises
+        ------
+        ValueError
+            If the measurements do not determine a parameter, or a parameter is at a bound of the search.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar")
+        >>> found = pds.identification.LawRegressor("gent").fit(data.stretches, data.nominal_stress)
+        >>> found.law_covariance().names
+        ('shear_modulus', 'bulk_modulus', 'chain_limit')
+        """
+        check_is_fitted(self)
+        return covariance_of_numbers(self._law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
+
+    def forget(self) -> None:
+        """Delete the results of a fit from the regressor, which is unfitted afterwards.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar").up_to(3.0)
+        >>> found = pds.identification.LawRegressor().fit(data.stretches, data.nominal_stress)
+        >>> found.forget()
+        >>> hasattr(found, "law_")
+        False
+        """
+        for key in [key for key in vars(self) if key.endswith("_")]:
+            delattr(self, key)
+
+    def _begin_fit(self) -> None:
+        """Delete the results of an earlier fit, which must not outlive a failed one; raise an error for a parameter of a wrong kind."""
+        self.forget()
+        self._validate_params()
+        for name, kinds in self._parameter_constraints.items():
+            if any(isinstance(kind, Interval) for kind in kinds):
+                check_kind(getattr(self, name), object, name, "a number")  # scikit-learn takes True for 1
+
+
+class StressRegressor(LawEstimator):
     """Base of regressors that find a law from nominal stresses.
 
     A subclass implements ``fit``, which takes its data from `_checked` and ends with `_store`, and ``law_of``, which returns the law with
@@ -91,11 +165,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.input_tags.positive_only = True
-        tags.regressor_tags.poor_score = True
         return tags
-
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "law_")
 
     def predict(self, X: ArrayLike) -> np.ndarray:
         """Return nominal stresses of the fitted law.
@@ -122,30 +192,6 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
         return nominal_stress(self.law_, self._stretches(X))
 
-    def law_covariance(self) -> LawCovariance:
-        """Return the covariance of the numbers of the fitted law, with which `pdsurrogate.Result.standard_errors` propagates it to results.
-
-        Returns
-        -------
-        LawCovariance
-            From `covariance_`, with the numbers that follow from the parameters, such as the bulk modulus from K/mu.
-
-        Raises
-        ------
-        ValueError
-            If the data do not determine a parameter, or a parameter is at a bound of the search.
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> data = pds.load_test_data("treloar")
-        >>> found = pds.identification.LawRegressor("gent").fit(data.stretches, data.nominal_stress)
-        >>> found.law_covariance().names
-        ('shear_modulus', 'bulk_modulus', 'chain_limit')
-        """
-        check_is_fitted(self)
-        return covariance_of_numbers(self.law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
-
     def redrawn(self, random: np.random.Generator) -> Self:
         """Return an unfitted copy for a committee, with random values of settings that neither the data nor the user determine.
 
@@ -167,20 +213,8 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         """
         return clone(self)
 
-    def forget(self) -> None:
-        """Delete the results of a fit from the regressor, which is unfitted afterwards.
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> data = pds.load_test_data("treloar").up_to(3.0)
-        >>> found = pds.identification.LawRegressor().fit(data.stretches, data.nominal_stress)
-        >>> found.forget()
-        >>> hasattr(found, "law_")
-        False
-        """
-        for key in [key for key in vars(self) if key.endswith("_")]:
-            delattr(self, key)
+    def _law_of(self, values: ArrayLike) -> Law:
+        return self.law_of(values)
 
     def _stretches(self, X) -> np.ndarray:
         """Return X; raise ValueError unless it has two columns of positive stretches."""
@@ -192,8 +226,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
 
     def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Check the data; return stretches, stresses and roots of weights for the rows of positive weight, and a mask of these rows."""
-        self.forget()  # results of an earlier fit must not outlive a failed one
-        self._validate_params()
+        self._begin_fit()
         for values, what, wanted in (
             (X, "X", f"it must have the columns {' and '.join(self.columns)} and at least one row" if self.columns else "give numbers"),
             (y, "y", "give a nominal stress for each row of X"),

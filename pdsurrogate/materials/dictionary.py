@@ -1,9 +1,9 @@
 """Dictionary of energies: terms with their names, energies, derivatives and convexity, and the sets from which regressors choose.
 
-A sum of polyconvex functions with positive coefficients is polyconvex. Each term but the last one is so for this reason:
+A sum of polyconvex functions with positive coefficients is polyconvex. These are the reasons why each term but the last is polyconvex:
 
 - powers of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3: I1bar and I2bar^1.5 are polyconvex (Hartmann, Neff, Int. J. Solids Struct. 40 (2003)
-  2767; I2bar itself is not), and the powers are convex and do not decrease from the least values of the differences, 0, on;
+  2767; I2bar itself is not), the differences are not negative, and powers of such numbers are convex and do not decrease;
 - the logarithm -log(1 - (I1bar - 3)/L), and its continuation: convex functions of I1bar that do not decrease, too;
 - powers of the stretches, among deformations of constant volume: l1^a + l2^a + l3^a is a convex function of F for a >= 1, and of cof F,
   whose singular values are the inverses of the stretches, for a <= -1 (Ball, Arch. Rat. Mech. Anal. 63 (1977) 337);
@@ -14,6 +14,7 @@ with this term may still be convex along all such lines in the states of a body,
 """
 
 from collections.abc import Callable, Sequence
+from itertools import combinations
 from numbers import Real
 from typing import Any, NamedTuple
 
@@ -177,7 +178,7 @@ def checked_dictionary(terms: Any) -> tuple[Term, ...]:
     Raises
     ------
     TypeError, ValueError
-        If there are none, one is no such pair, unknown or given twice, or none has a stiffness at rest.
+        If there are none, one is no such pair or unknown, two are the same function up to a factor, or none has a stiffness at rest.
 
     Examples
     --------
@@ -200,8 +201,9 @@ def checked_dictionary(terms: Any) -> tuple[Term, ...]:
         if not isinstance(number, Real) or isinstance(number, bool) or not KINDS[kind].permits(number):
             raise ValueError(f"dictionary: {kind} has {KINDS[kind].numbers}, not {kind_of(number)}")
         found.append(Term(kind, float(number)))
-    if len(set(found)) < len(found):
-        raise ValueError(f"dictionary: {next(term for term in found if found.count(term) > 1)} is there twice")
+    for term, other in combinations(found, 2):
+        if term.row[:3] == other.row[:3] and np.linalg.matrix_rank([term.row[3:], other.row[3:]]) == 1:
+            raise ValueError(f"dictionary: {(*term,)} and {(*other,)} are the same function up to a factor: give one of them")
     if not any(term.shear_modulus > 0 for term in found):
         raise ValueError("dictionary: no term has a stiffness at rest; add one that has, such as ('first', 1)")
     return tuple(found)

@@ -65,11 +65,7 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
 
 def _stretch_of_energy(law: Law, wanted: float, diameter: Callable[[float], float]) -> float:
     """Return the stretch at which the uniaxial energy density times the diameter of a tip, in horizons, has a wanted value."""
-
-    def energy(stretch: float) -> float:
-        return homogeneous.uniaxial(law, stretch).energy_density * diameter(stretch)
-
-    return _stretch_at(law, energy, wanted, "that fracture energy")
+    return _stretch_at(law, lambda one: homogeneous.uniaxial(law, one).energy_density * diameter(one), wanted, "that fracture energy")
 
 
 class CriticalStretches:
@@ -112,11 +108,11 @@ class CriticalStretches:
         self._scene, self._remarks = scene, list[str]()
         tip = tip_diameters_in(scene, family) if gives_fracture_energy(scene) else None
         laws = [scene.law(), *(part.material.build() for part in scene.materials)]
+        own = [(None, ""), *((part.fracture, f"materials.{number}.") for number, part in enumerate(scene.materials))]
         self.of_materials = [
-            self._critical(part.fracture or rest, (law, law), tip, f"materials.{number}.fracture" if part.fracture else "fracture")
-            for number, (part, law) in enumerate(zip(scene.materials, laws[1:], strict=True))
+            self._critical(given or rest, (law, law), tip, f"{key if given else ''}fracture")
+            for (given, key), law in zip(own, laws, strict=True)
         ]
-        self.of_materials.insert(0, self._critical(rest, (laws[0], laws[0]), tip, "fracture"))
         names, ends, self.of_interfaces = names_of_materials(scene), np.sort(self._ends()) if rest.interfaces else np.zeros((0, 2)), {}
         for number, entry in enumerate(rest.interfaces):
             one, other = sorted(names.index(name) for name in entry.between)

@@ -108,7 +108,7 @@ class Fronts:
         return [front for precut in self._scene.precuts for front in self._of_cut(precut)]
 
     def after(self, growth: Iterable[Sequence[Sequence[float]]]) -> list[Front]:
-        """Return the fronts after tips were found in turn at the given places; each tip moves the nearest front that it lies ahead of."""
+        """Return the fronts after tips were found in turn at the given places; each tip moves the nearest front ahead of which it lies."""
         fronts, base = list(self.first), 2 * self._body.horizon
         for tips in growth:
             still = set(range(len(fronts)))

@@ -63,11 +63,11 @@ class Cracks:
                 return
 
     def _bonds_of_failed_points(self) -> np.ndarray:
-        """Return the numbers of the intact pairs to break since a point has lost bonds and its deformation gradient has collapsed.
+        """Return the numbers of the intact pairs of points that have lost bonds and whose deformation gradient has collapsed.
 
-        The deformation gradient of the few bonds that remain at a crack front or on a fragment may be meaningless: if it turns a point
-        inside out, or compresses it to a tenth of its area or volume, the point has lost its support and its bonds are broken. For a
-        point with all its bonds det F <= 0 remains an error.
+        At a crack front or on a fragment a point may have so few bonds left that their deformation gradient is meaningless. If it turns
+        the point inside out, or compresses it to a tenth of its area or volume (`LEAST_RATIO`), all bonds of the point break. For a point
+        with all its bonds det F <= 0 is an error.
         """
         run = self._run
         bonds, n, share = run.body.bonds, len(run.body), run.body.share
@@ -152,7 +152,6 @@ def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
         Middles of the pairs, in the order in which they broke.
     horizon : float
     """
-    # The front of a group is the place of its latest broken bonds: the last tenth in the order of breaking.
     return [places[members[-max(1, len(members) // 10) :]].mean(axis=0).tolist() for members in _groups(places, horizon)]
 
 

@@ -113,8 +113,8 @@ ADVICE = {
     NotConverged: "increase solver.most_evaluations, decrease solver.largest_increment, or use another solver.method",
     Diverging: "use another solver.method",
     TooSmall: "apply larger strains and scale the results",
-    Unbalanced: "use a smaller solver.tolerance; for bond forces where two edges held by reflection meet, use force=bond-energy, "
-    "support=points or a smaller spacing",
+    Unbalanced: "use a smaller solver.tolerance, or larger strains if they are below a millionth; for bond forces where two edges held by "
+    "reflection meet, use force=bond-energy, support=points or a smaller spacing",
     TooFar: "use a smaller steps.largest_increment, or more outputs",
     Unstable: "compress the body less, or continue in dynamics",
     RanAway: "the load may exceed its maximum, like the pressure in a balloon: prescribe displacements instead, or continue in dynamics",

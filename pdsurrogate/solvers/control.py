@@ -157,7 +157,7 @@ class DisplacementControl(EquilibriumSolver):
     SHARE_LEFT = 1e-2
 
     # Least fraction of a step that is tried, and greatest number of iterations: usual are the whole step, and three to six.
-    LEAST_STEP, MOST = 1 / 16, 30
+    LEAST_STEP, MOST, IDLE = 1 / 16, 30, 5
 
     def __init__(self, control: np.ndarray, *settings) -> None:
         super().__init__(*settings)

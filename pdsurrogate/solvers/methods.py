@@ -53,6 +53,7 @@ class QuasiNewton(EquilibriumSolver):
     # Evaluations after which a suitable method has converged, as it does in 20 to 60, or still gains, as on slender bodies that bend: the
     # least residual of the last `WINDOW` steps is then below a tenth of that of the `WINDOW` steps before.
     PATIENCE, WINDOW = 250, 100
+    IDLE = WINDOW
 
     _searching: Preconditioner | None = None
 
@@ -164,7 +165,7 @@ class EnergyMinimizer(QuasiNewton):
     needs_energy = True
 
     # Each step lowers the energy, so the method need not give up before a run gives up an increment.
-    PATIENCE = 2_000
+    PATIENCE, IDLE = 2_000, EquilibriumSolver.IDLE
     # Fraction of the decrease of the energy by the slope that a step must reach (Armijo): the usual value, which refuses few steps.
     SUFFICIENT = 1e-4
     # Rounding of the energy by precision of the pass, in units of shear modulus times volume: a hundred times that of a single number.
@@ -373,8 +374,8 @@ class Newton(EquilibriumSolver):
     # some 15 products of the tangent.
     START, SHARE_LEFT = 1e-3, 1e-4
 
-    # Greatest number of iterations: a search that needs more than the usual two to five does not converge.
-    MOST = 20
+    # Greatest number of iterations, each of which gains far more than a third: a search that needs more than the usual two to five fails.
+    MOST, IDLE = 20, 5
 
     def __init__(self, *settings) -> None:
         super().__init__(*settings)

@@ -230,8 +230,10 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent, exact):
     np.savetxt(tmp_path / "G.csv", forces, delimiter=",", header="step,force", comments="")
     options = ["--set", "spacing=0.25", "--set", f"stretches={STRETCHES}", "--refine", "1", "--law", "gent", "--out", str(tmp_path / "out")]
     files = ["--fields", str(tmp_path / "F.csv"), "--forces", str(tmp_path / "G.csv")]
-    done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", *files, *options, "--json"])
+    with patch("pdsurrogate.cli.calibrate.Bar.show") as shown:
+        done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", *files, *options, "--json"])
     assert done.exit_code == 0, done.output
+    assert any("equilibria, sum of squared residuals" in call.args[1] for call in shown.call_args_list if len(call.args) > 1)
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert found["parameters"]["chain_limit"] == pytest.approx(12.0, rel=2e-3)
     assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"calibration-outputs.png", "calibration-residuals.png"}
@@ -295,6 +297,7 @@ def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
         ("step,stretch,evaluations,force_top_2\n0,1.1,20,2.0\n", "this is the history of a run"),
         ("step,force\n0,2.0\n", "line 2: step 0, but the steps are whole numbers: 1 to"),
         ("step,force\n1,\n", "there are no measurements"),
+        ("step,force\n1,2.0\n1,2.1\n1,2.0\n", "line 4: this row is a copy of an earlier one"),
     ],
 )
 def test_tables_of_outputs_that_make_no_sense_are_refused(text, message, tmp_path):
@@ -389,6 +392,22 @@ def test_repeated_measurements_do_not_hide_their_noise(exact, random):
     np.testing.assert_array_equal(twice, np.concatenate([once, once]))
 
 
+def test_copies_of_rows_are_told():
+    """Places of outputs have no meaning; a second value is a second measurement."""
+    model = pds.SceneRegressor(sheet("neo-hookean", stretches=[1.1]), refine=1)
+    with pytest.warns(UserWarning, match="X: 2 rows of scene hole are copies of others, such as forces.*[01] = 0.8 in step 1; each counts"):
+        model.fit([[1, 0, 0, 0], [1, 0, 1, 1], [1, 0, 0, 0], [1, 0, 0, 0]], [0.8, 0.8, 0.8, 0.82], standard_deviation=0.1)
+
+
+def test_a_fit_tells_its_progress(caplog):
+    model = pds.SceneRegressor(sheet("neo-hookean", stretches=[1.1]), refine=2)
+    with caplog.at_level("INFO", "pdsurrogate.calibration"):
+        model.fit([[1, 0, 0, 0]], [0.8], standard_deviation=0.1)
+    told = [record.getMessage() for record in caplog.records if record.name.startswith("pdsurrogate.calibration")]
+    assert told[-1].startswith(f"{model.n_simulations_} equilibria, sum of squared residuals ")
+    assert "hole: finer simulation, spacing 0.125" in told
+
+
 def test_a_bulk_modulus_and_its_ratio_exclude_each_other():
     with pytest.raises(ValueError, match="bulk_modulus and bulk_ratio exclude each other"):
         pds.SceneRegressor(sheet("neo-hookean"), bulk_ratio=100.0, bulk_modulus=80.0, refine=1).fit([[1, 0, 0, 0]], [0.86])
@@ -450,7 +469,7 @@ def test_a_dictionary_is_checked_before_work_starts(exact):
     exponents = [("stretches", 1 + n / 4) for n in range(9)]
     with pytest.raises(ValueError, match="dictionary: measured displacements choose among more than 8 terms, but here are too few"):
         pds.SceneRegressor(scene, None, dictionary=[*exponents[:8], ("roots", 2)]).fit(X[forces], exact[forces])
-    with pytest.raises(ValueError, match="dictionary: at most 8 exponents and 8 logarithms, not 9 and 0"):
+    with pytest.raises(ValueError, match=r"at most 8 terms of the kind 'stretches' and 8 of .* leave some of the 9 and 0 out"):
         pds.SceneRegressor(scene, None, dictionary=exponents).fit(X, exact)
 
 
@@ -459,6 +478,7 @@ def test_a_dictionary_is_checked_before_work_starts(exact):
     [
         ({"outputs": []}, {}, ValueError, "outputs: the list is empty; give names, such as"),
         ({"outputs": "force"}, {}, TypeError, "outputs must be a list of names, such as .*, not 'force'"),
+        ({"refine": True}, {}, TypeError, "refine must be a number, not True"),
         ({"dictionary": []}, {}, ValueError, "dictionary: the list is empty; give terms, pairs of a kind and a number, such as"),
         ({}, {"X": []}, ValueError, "X: it is empty; .* the columns step, quantity, x1, x2"),
         ({}, {"X": [[1, "force", 0, 0]]}, ValueError, "X: 'force' is no number"),

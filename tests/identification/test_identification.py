@@ -271,6 +271,14 @@ def test_bad_files_are_refused_by_line(tmp_path, text, message):
         load_test_data(tmp_path / "none.csv")
 
 
+@pytest.mark.parametrize(
+    "regressor", [pds.identification.LawRegressor("ogden", n_terms=True), pds.identification.EnergyRegressor(max_terms=True)]
+)
+def test_flags_are_no_numbers(regressor):
+    with pytest.raises(TypeError, match="_terms must be a number, not True"):
+        regressor.fit([[1.5, 1.5**-0.5], [2.0, 2.0**-0.5]], [0.8, 1.5])
+
+
 def test_bad_stretches_are_refused():
     with pytest.raises(ValueError, match="two columns"):
         pds.identification.LawRegressor().fit(np.ones((3, 3)), np.ones(3))

@@ -11,7 +11,7 @@ from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.engine.block_arrays import BLOCK, SCRATCH_ROWS
 from pdsurrogate.engine.threads import Chunks
 from pdsurrogate.kernels import damage, node_state, nosb, reference_state, steps, sums
-from pdsurrogate.kernels.ghosts import fold_matrices, fold_vectors, place_points
+from pdsurrogate.kernels.ghosts import fill_matrices, fold_matrices, fold_vectors, place_points
 from pdsurrogate.materials import NeoHookean, Ogden, solid
 
 COUNT, SPACING, CHUNKS = 7, 1 / 7, Chunks(threads=2, number=5)
@@ -233,7 +233,7 @@ def test_filling_and_folding_are_transposes(planes, random):
             place_points.bind(v[:n], *of_vectors, at_rest, filled, chunks=CHUNKS)()
             fold_vectors.bind(folded, *of_vectors, chunks=CHUNKS)()
         else:
-            ghosts.fill_changes(filled)
+            fill_matrices(filled, *ghosts.of_gradients, 0.0, np.zeros((len(ghosts), width)))
             fold_matrices.bind(folded, *ghosts.of_gradients, chunks=CHUNKS)()
         assert (filled * w).sum() == pytest.approx((v[:n] * folded[:n]).sum(), rel=1e-12)
 
@@ -320,7 +320,7 @@ def test_forces_of_a_bond_energy_are_its_derivative(random):
         u[:n] = random.standard_normal((n, 3))
         u[n:] = ghosts.parity * u[ghosts.source]
         dF = passes.gradients(u, 0.0)
-        ghosts.fill_changes(dF)
+        fill_matrices(dF, *ghosts.of_gradients, 0.0, np.zeros((len(ghosts), dF.shape[1])))
         change = (forces * (u[bonds.second] - u[bonds.first])).sum() + (moments * (dF[bonds.first] + dF[bonds.second])).sum()
         assert (out[:n] * u[:n]).sum() == pytest.approx(-change, rel=1e-11, abs=1e-9)
 

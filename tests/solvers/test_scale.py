@@ -91,6 +91,28 @@ def test_small_loads_bend_in_proportion(force):
     assert max(evaluations) < 2 * min(evaluations)
 
 
+@pytest.mark.parametrize("load", [1e-9, 1e-8])
+def test_small_loads_bend_a_nearly_incompressible_strip(load):
+    """The search ended 30 % of the load away from equilibrium, with 0.944 of the deflection at the smaller load.
+
+    Twenty times as long as thick, such a strip converges slowly; only rounding may end its search before the forces left are small.
+    """
+    scene = pds.Scene(
+        name="slender",
+        body={"size": [2.0, 0.1]},
+        spacing=0.025,
+        plane="strain",
+        material={"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 1000.0},
+        prescribed=[{"region": "left", "x1": 0, "x2": 0}],
+        loads=[{"region": "right", "traction": [0.0, -1.0], "amplitude": [[0.0, 0.0], [1.0, 1.0]]}],
+        steps=[load, 1e-6],
+    )
+    levels = simulate(scene, "bond-energy").levels
+    deflection = [level["displacements"]["right"][1] / level["t"] for level in levels]
+    assert deflection[0] == pytest.approx(deflection[1], rel=PART)  # the square of the slope, (7e-4)^2, is less
+    assert levels[0]["forces"]["left"][1] == pytest.approx(load * 0.1, rel=PART)
+
+
 @pytest.mark.parametrize("force", ["neo-hookean@2", "bond-energy"])
 @pytest.mark.parametrize("strain", [1e-7, 1e-9])
 def test_small_stretches_have_the_stress_of_linear_elasticity(force, strain):
