@@ -125,6 +125,7 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     >>> pds.fit_to_tests(pds.identification.LawRegressor("ogden"), data).law_.name
     'ogden'
     """
+    regressor.forget()
     regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
     found = examine(regressor, data)
     if found.refusals and not force:
