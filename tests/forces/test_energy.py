@@ -210,10 +210,10 @@ def test_the_least_curvature_has_the_sign_of_the_least_eigenvalue(precision, str
     if stable:
         # The translation that nothing holds is an exact zero.
         assert values[0] > -1e-9 * values[-1]
-        assert found > NEGATIVE
+        assert found > NEGATIVE[precision]
     else:
         assert values[0] < -1e-6 * values[-1]
-        assert found < NEGATIVE
+        assert found < NEGATIVE[precision]
 
 
 def rigid_free(matrix, positions):
