@@ -19,7 +19,7 @@ from .balanced import balanced_changes
 from .interfaces import YIELDING, Interfaces
 from .kinematics import Kinematics
 from .settings import BALANCED, QUADRATIC, ForceSettings
-from .term import Binding, Release
+from .term import Binding
 
 if TYPE_CHECKING:
     from ..materials import Law
@@ -184,7 +184,11 @@ class InternalForce:
             out += self._further
 
     def pass_bonds(self, out: np.ndarray) -> None:
-        """Write the forces to `out` from the states of the points as last computed; for timings, and for the energy of broken bonds."""
+        """Write the forces to `out` from the states of the points as last computed, without checks; for timings, and for broken bonds.
+
+        A force with an energy computes these states at the positions last set. Where they have no energy, `energy` then returns NaN.
+        """
+        self._kinematics.form_gradients()
         self._add_up([term.pass_bonds for term in self.terms], out)
 
     def place(self, positions: np.ndarray) -> None:
@@ -288,14 +292,8 @@ class InternalForce:
         """Return the derivative of the points' volume ratios by the positions, for a force that is `nearly_incompressible`."""
         return self.terms[0].linearized_dilatation()
 
-    def break_bonds(self, pairs: np.ndarray) -> Release | None:
+    def break_bonds(self, pairs: np.ndarray) -> None:
         """Break pairs (bonds): remove them for good from the horizons of their ends, from corrections, and from forces.
-
-        Returns
-        -------
-        Release or None
-            Energy and forces that the body loses with the pairs at the positions last set; None if the force has no energy. Both are zero
-            if the energy or a force is not finite before or after the pairs break.
 
         Raises
         ------
@@ -304,24 +302,9 @@ class InternalForce:
         """
         if not self.breakable:
             raise ValueError("the bonds of this force cannot break; bind it with ForceSettings(breakable=True)")
-        before = self._held() if self.has_energy else None
         changed = self._kinematics.break_bonds(pairs)
         for term in self.terms:
             term.break_bonds(pairs, changed)
-        if before is None:
-            return None
-        after = self._held()
-        energy, forces = before.energy - after.energy, before.forces - after.forces
-        if self.body.share.any(not (np.isfinite(energy) and np.isfinite(forces).all())):
-            return Release(0.0, np.zeros_like(forces))
-        return Release(energy, forces)
-
-    def _held(self) -> Release:
-        """Return stored energy and internal forces of the body at the positions last set; the energy is NaN if it is undefined."""
-        forces = np.zeros_like(self.body.points)
-        self._kinematics.form_gradients()
-        self.pass_bonds(forces)
-        return Release(self.energy(), forces)
 
     def collapsed_pairs(self) -> np.ndarray:
         """Return the numbers of pairs nearly or fully turned inside out in the last evaluation; empty for models that do not check."""

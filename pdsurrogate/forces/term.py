@@ -75,14 +75,6 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class Release:
-    """Stored energy that a body loses when bonds break, and the forces on points, shape (n, d), that vanish with these bonds."""
-
-    energy: float
-    forces: np.ndarray
-
-
-@dataclass(frozen=True)
 class Binding:
     """Data that the terms of an internal force have in common: body and kinematics, materials, and settings.
 

@@ -35,12 +35,16 @@ class Cracks:
         # Flags of points and ghosts that have lost bonds, and the numbers of such points.
         self._lost, self._torn = np.zeros(len(run.body.all_points), dtype=bool), np.empty(0, dtype=np.int64)
         self._count_lost(np.flatnonzero(run.damage.broken))
+        # Of the present step: stored energy and forces before bonds broke, None while none has, and the energy released since.
+        self._before: tuple[float, np.ndarray] | None = None
+        self._released = 0.0
         if run.state.crack is None:
             run.state.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
 
     def evaluate_and_break(self) -> None:
         """Break overstretched bonds and the bonds of failed points, and evaluate the forces, until no more bonds break."""
         run, integrator, share = self._run, self._integrator, self._run.body.share
+        self._before, self._released = None, 0.0
         run.force.place(run.positions)
         pairs = self._damage.overstretched(run.force.positions)
         if share.any(len(pairs) > 0):
@@ -53,8 +57,8 @@ class Cracks:
                 error = invalid
             failed = self._bonds_of_failed_points()
             if share.any(len(failed) > 0):
-                # The evaluation was ahead by the viscosity. Bonds broken at these positions may have left a state that soon collapses, with
-                # huge forces: they cancel in the sum of both releases if both are evaluated at the same positions.
+                # The evaluation was ahead by the viscosity.
+                run.loading.apply(run.state.parameter, run.force, run.positions)
                 run.force.place(run.positions)
                 self._break(failed)
             elif error is not None:
@@ -99,7 +103,7 @@ class Cracks:
     def _break(self, pairs: np.ndarray) -> None:
         """Break pairs, given by number, in one event: update damage, force, energy account and the summary about cracks.
 
-        If the force has an energy, `ExplicitDynamics.kick` adds to the velocities the impulse of the broken bonds in their last half step.
+        The force must be placed at the present positions. `_count_release` counts what the body loses.
         """
         run, crack, share = self._run, self._run.state.crack, self._run.body.share
         crack["broken_bonds"] += share.total(int(np.count_nonzero(share.own[run.body.bonds.first[pairs]])))
@@ -111,11 +115,31 @@ class Cracks:
             stress = {"nominal_stress": row["nominal_stress"]} if "nominal_stress" in row else {}
             crack["start"] = {"event": "first bond broken", **self._now(), **stress, "x": places[0], "tips": places}
             logger.info("%s: the first bond broken is at %s", run.loading.at(run.state.parameter), places)
-        release = run.force.break_bonds(pairs)
-        if release is not None:
-            self._account.released_energy += share.total(release.energy)
-            self._integrator.kick(release.forces)
+        if run.force.has_energy and self._before is None:
+            self._before = self._stored()
+        run.force.break_bonds(pairs)
+        if run.force.has_energy:
+            self._count_release()
         self._account.last_break = self._integrator.steps
+
+    def _count_release(self) -> None:
+        """Count the energy that the body has lost in all events of this step, and add the impulse of these bonds to the velocities.
+
+        An event may leave a state without energy, of points that fail next. The sum over all events of a step then has one nevertheless.
+        """
+        (energy, forces), (left, leaving) = self._before, self._stored()
+        released, lost = energy - left, forces - leaving
+        if self._run.body.share.any(not (np.isfinite(released) and np.isfinite(lost).all())):
+            released, lost = 0.0, np.zeros_like(lost)
+        self._account.released_energy += self._run.body.share.total(released) - self._released
+        self._released = self._run.body.share.total(released)
+        self._integrator.kick(lost)
+
+    def _stored(self) -> tuple[float, np.ndarray]:
+        """Return stored energy, NaN where it is undefined, and internal forces of the body at the positions last set."""
+        forces = np.zeros_like(self._run.positions)
+        self._run.force.pass_bonds(forces)
+        return self._run.force.energy(), forces
 
     def _now(self) -> dict[str, float]:
         """Return the present time and loading parameter, by name, for the summary about cracks."""

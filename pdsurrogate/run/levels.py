@@ -310,6 +310,7 @@ class Equilibria:
             before, patience = run.positions.copy(), LEAST_PATIENCE * self._usual()
             equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, patience, self._left(LAST))
             run.loads.check_path(run.target, run.target, before, run.positions)
+            self._path.check_branch(run.target, before)
             self._record(equilibrium)
         run.target = target
 

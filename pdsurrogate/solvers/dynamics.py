@@ -164,10 +164,15 @@ class ExplicitDynamics:
         self.force(self.positions, self.forces)
         self._add_loads()
 
-    def find_elastic(self) -> None:
-        """Evaluate `elastic` exactly, after moving held parts to their present places; `force` is left in that state."""
+    def find_elastic(self) -> float:
+        """Evaluate `elastic` exactly, after moving held parts to their present places; `force` is left in that state.
+
+        Return the power, with the present velocities, of the error that the estimate had.
+        """
+        estimated = self.elastic.copy()
         self._hold(self.positions, 0.0)
         self.force(self.positions, self.elastic)
+        return self._share.dot(estimated - self.elastic, self.velocities)
 
     def _add_loads(self) -> None:
         """Add the loads at their present size and at the present positions to `forces`."""
@@ -204,14 +209,16 @@ class ExplicitDynamics:
         return min(step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else step
 
     def kick(self, forces: np.ndarray) -> None:
-        """Add to the velocities the impulse over half a step of `forces` (n, d) of the bonds that break at the present positions.
+        """Add to the velocities the impulse over half a step of `forces` (n, d) of all bonds that break at the present positions.
 
         Velocities are half a step behind the positions. Breaking bonds act until the present time, but the forces of the next full step
         exclude them; without their impulse over the last half step the motion would lose less energy than the bonds have taken up.
+        A second call in a step, with the forces of further bonds as well, replaces the impulse of the first.
         """
-        kick = self._half_step_of(forces)
-        self.velocities += kick
-        self._kicks = kick if self._kicks is None else self._kicks + kick
+        if self._kicks is not None:
+            self.velocities -= self._kicks
+        self._kicks = self._half_step_of(forces)
+        self.velocities += self._kicks
 
     def _half_step_of(self, forces: np.ndarray) -> np.ndarray:
         return 0.5 * self.last_step * forces / self._mass[:, None] * self._free

@@ -11,7 +11,7 @@ from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from ..ranks import Share
 from .nearest_bonds import is_rigid, strain_rounding
-from .preconditioner import Preconditioner, preconditioner_of
+from .preconditioner import WIDEST_CHECKED, Preconditioner, has_struts, is_slender, preconditioner_of
 
 Report = Callable[[int, float], None]
 """Function that a solver calls with the number of force evaluations so far and the residual."""
@@ -20,6 +20,11 @@ UNBALANCED = 5e-4
 """Greatest permitted sum of the magnitudes of the residual forces on free points, divided by the greater of the sums for the loads and for
 the reactions. It also bounds the error of every balance of forces, and of moments divided by the greatest lever arm. Chosen: half of the
 error of 0.1 % at which an output counts as not converged (`run.levels.MOST_OFF`)."""
+
+NEARLY_BALANCED = 0.01
+"""Such a sum in intermediate states of slender bodies. Their loads are so small that the coarse tolerance of these states would let a body
+stay as it was before an increment, and a check of stability miss its buckling. Chosen: loads at which columns buckle are then known to
+about a percent."""
 
 USUAL = 1e-6
 """Default tolerance of solvers and scenes, in units of shear modulus / spacing; a smaller one reduces `UNBALANCED` in proportion."""
@@ -175,6 +180,7 @@ class EquilibriumSolver(ABC):
         self._share_left = UNBALANCED * min(1.0, tolerance / USUAL)
         self._held, self._drive = np.nonzero(free == 0), 0.0
         self._preconditioner: Preconditioner | None = None
+        self._bending: Preconditioner | None = None
 
     @abstractmethod
     def solve(
@@ -193,8 +199,8 @@ class EquilibriumSolver(ABC):
         positions : ndarray, shape (n, d)
             Initial positions; the equilibrium on return, or the last state reached if an error is raised.
         tolerance : float, optional
-            Tolerance in place of the solver's own, for intermediate states. If it is greater, the residual is the only criterion, and the
-            sum of the residual forces is not compared with the driving forces.
+            Tolerance in place of the solver's own, for intermediate states. If it is greater, the sum of the residual forces is compared
+            with the driving forces in slender bodies alone, and then with `NEARLY_BALANCED` of them.
         report : callable
             Called every few evaluations.
         least_drive : float
@@ -215,6 +221,13 @@ class EquilibriumSolver(ABC):
             self._preconditioner = preconditioner_of(force, self.free)
         return self._preconditioner
 
+    def bending_preconditioner(self, force: InternalForce) -> Preconditioner:
+        """Return the preconditioner with which checks find the buckling of slender bodies, built on first use."""
+        if self._bending is None:
+            struts = has_struts(force.body, WIDEST_CHECKED[force.body.dimension])
+            self._bending = preconditioner_of(force, self.free, bending=True) if struts else self.preconditioner(force)
+        return self._bending
+
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
         """Return the largest absolute value of a free component of `forces` (n, d) per volume, in units of shear modulus / spacing.
 
@@ -234,6 +247,7 @@ class EquilibriumSolver(ABC):
         """Reset the criteria of convergence for a new search; `least_drive` as in `solve`."""
         stiffness = force.law.bulk_modulus / force.law.shear_modulus if force.nearly_incompressible else 1.0
         self._least_drive, self.least_left, self._idle = least_drive, np.inf, 0
+        self._slender = is_slender(force.body)
         self._rounding = ROUNDED * stiffness * strain_rounding(force.body)
 
     def judge(self, force: InternalForce, forces: np.ndarray, tolerance: float) -> tuple[float, bool]:
@@ -245,13 +259,14 @@ class EquilibriumSolver(ABC):
             If the residual forces would have to be smaller than single precision resolves.
         """
         residual = self.residual(force, forces)
-        if not residual <= tolerance or tolerance > self.tolerance:
+        coarse = tolerance > self.tolerance
+        if not residual <= tolerance or (coarse and not self._slender):
             return residual, residual <= tolerance
         left = self.share.sum(np.abs(forces))
         loading = self.share.sum(np.abs(force.applied()))
         self._drive = max(loading, self._holding(force), self._least_drive)
-        most = self._share_left * self._drive
-        if left <= most:
+        most = (NEARLY_BALANCED if coarse else self._share_left) * self._drive
+        if left <= most or (coarse and residual <= self._rounding):
             return residual, True
         if residual * most < SINGLE * left and force.precision == "float32":
             if loading == 0 and is_rigid(force):

@@ -47,24 +47,41 @@ POLYNOMIAL_ERROR = 0.5
 least degrees are then 4 at K = 100 mu and 8 at K = 1000 mu; an error of 0.3 needs 4 and 9, one of 0.7 needs 3 and 6."""
 
 
-SLENDER, MOST_STRUTS = 4.0, 1e6
-"""Extent of a body to the power of its dimension, divided by its volume, from which it counts as slender; and greatest number of points
-times the mean number of points in a section across the extent at which the springs of `struts_of` a slender body are factorized.
+SLENDER = 4.0
+"""Extent of a body to the power of its dimension, divided by its volume, from which it counts as slender."""
 
-Chosen: a bar of 80 x 8 x 8 points has 6.6e5, for which the factorization takes 20 s and 200 MB. Stocky bodies need as many steps for their
-lowest modes with the usual preconditioner, which take a quarter of the time."""
+MOST_STRUTS, WIDEST_CHECKED = {2: 1e7, 3: 1e6}, {2: 160, 3: 40}
+"""By dimension, greatest number of points times the mean number of points in a section across the extent, at which the springs of
+`struts_of` a slender body are factorized, and the greatest such mean at which this is done for the checks of stability in a run.
+
+Chosen: a bar of 80 x 8 x 8 points has 6.6e5, for which the factorization takes 20 s and 200 MB. In a sheet of 640 x 160 points it takes as
+long as 20 force evaluations, and in a bar of 48 x 6 x 6 no longer; a check with the usual preconditioner takes some 20 more. Stocky bodies
+need as many steps for their lowest modes with the usual preconditioner, which take a quarter of the time."""
+
+
+def is_slender(body: Body) -> bool:
+    """Return whether a body is so slender that bending it takes small forces, compared with those of its bonds (`SLENDER`)."""
+    return bool(body.extent**body.dimension >= SLENDER * body.share.sum(body.volumes))
+
+
+def has_struts(body: Body, widest: float = np.inf) -> bool:
+    """Return whether a body on a single rank is slender, and small enough for a factorization of `struts_of` it.
+
+    `widest` is the greatest mean number of points in a section.
+    """
+    section = len(body) * body.spacing / body.extent
+    return not body.share.divided and section <= widest and len(body) * section <= MOST_STRUTS[body.dimension] and is_slender(body)
 
 
 def preconditioner_of(force: InternalForce, free: np.ndarray, bending: bool = False) -> Preconditioner:
     """Return the preconditioner that suits a force; `free` (n, d) is 1 where a component may move, 0 where it is held.
 
-    With `bending`, slender bodies that are not too large are approximated by `struts_of` them: the ratio of this stiffness to that of the
-    tangent does not grow with their slenderness, but a solution takes longer.
+    With `bending`, bodies with `has_struts` are approximated by `struts_of` them: the ratio of this stiffness to that of the tangent does
+    not grow with their slenderness, but a solution takes longer.
     """
     body, moduli = force.body, force.stiffness_moduli
     obstacles = force.loads.obstacles if hasattr(force, "loads") else []
-    slender = body.extent**body.dimension >= SLENDER * body.volumes.sum()
-    if bending and slender and len(body) ** 2 * body.spacing <= MOST_STRUTS * body.extent:
+    if bending and has_struts(body):
         network = struts_of(body, moduli, force.corrected)
     else:
         network = laplacian_of(body, moduli, force.corrected) if force.nearly_incompressible else springs_of(body, moduli)

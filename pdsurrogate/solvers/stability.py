@@ -62,8 +62,9 @@ class FrequencyEstimate:
 PROBES = {"float64": 1e-6, "float32": 1e-3}
 """Bond strain of the difference quotients that approximate the tangent, by the precision of the force.
 
-In double precision the quotients are one-sided, with a relative error of about the strain times K/mu. In single precision rounding
-requires a greater strain, and the quotients are central: their error is the square of the strain, and that of rounding a ten-thousandth.
+In double precision the quotients are one-sided, with a relative error of about the strain times K/mu; central ones have errors of 1e-8 in
+columns 20 and 40 times as long as thick. In single precision rounding requires a greater strain, and the quotients are central: their error
+is the square of the strain, and that of rounding a ten-thousandth.
 """
 
 MOST_PRODUCTS = 25
@@ -73,10 +74,14 @@ KNOWN = 1 / 3
 """Relative error bound at which a positive least Ritz value (Lanczos' estimate of the least eigenvalue) is accepted. Its sign is then
 certain; the value itself is not used, and a sharper bound costs products, each a force evaluation."""
 
-NEGATIVE = -0.01
-"""Curvature of the energy, divided by that of the undeformed body, below which an equilibrium counts as not stable. Chosen below zero by
-more than the error of difference quotients in single precision (a ten-thousandth) times K/mu of 100: bodies that can drift have a curvature
-of zero."""
+LEAST_PRODUCTS = 3
+"""Least number of Lanczos steps. The softest modes of the preconditioner make up most of the first vector. In one of ten cases the second
+mode of a column happened to outweigh the first in it, and a single step, which knew the value of the second, missed the lower one."""
+
+NEGATIVE = {"float64": -1e-4, "float32": -0.01}
+"""Curvature of the energy, divided by that of the preconditioner, below which an equilibrium counts as not stable, by the precision of the
+force. Chosen below zero by more than the errors of central differences, in single precision a ten-thousandth times K/mu of 100: bodies that
+can drift have a curvature of zero."""
 
 
 JUMP = 0.25
@@ -96,7 +101,8 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
 
     The latter is about the curvature of the undeformed body. A negative value proves that the state is not stable. Lanczos' method is
     applied to P^-1 K, with products of the tangent K from force differences and the approximation P of K. Its Ritz values are quotients
-    x K x / x P x: the method ends when the least one is below `NEGATIVE`, or positive and known to within `KNOWN`.
+    x K x / x P x, also with a P^-1 that is not quite linear and symmetric. The method ends when the least one is below `NEGATIVE`, which a
+    central difference along x confirms, or positive and known to within `KNOWN`.
 
     Parameters
     ----------
@@ -108,11 +114,18 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
     stiffness : Preconditioner
         Approximation P of the tangent.
     """
-    share = force.body.share
-    strain, one_sided = PROBES[force.precision], force.precision == "float64"
-    ahead, behind = np.empty_like(positions), np.empty_like(positions)
-    if one_sided:
-        force(positions, behind)
+    share, precision = force.body.share, force.precision
+    here, there = np.empty_like(positions), np.empty_like(positions)
+    if precision == "float64":
+        force(positions, here)
+
+    def product(q: np.ndarray, one_sided: bool) -> np.ndarray:
+        probe = PROBES[precision] / max(strain_of_step(force.body, q), 1e-300)
+        if not one_sided:
+            return tangent_product(force, positions, q, probe) * free
+        force(positions + probe * q, there)
+        return (here - there) / probe * free
+
     # K-conjugate bases: displacements q and the forces p = P q, with q_i . p_j = 1 if i = j, else 0.
     displacements, duals, diagonal, off_diagonal = [], [], [], []
     p = random_vector(share, free)
@@ -120,9 +133,13 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
     least, last = np.inf, 1.0
     for _ in range(MOST_PRODUCTS):
         q = stiffness.solve(p) * free
+        # Where P^-1 is an iteration, q contains earlier ones: the values below would not be those of K, and negative in stable bodies.
+        for displacement, dual in zip(displacements, duals, strict=True):
+            q -= share.dot(dual, q) * displacement
         norm = np.sqrt(max(share.dot(p, q), 0.0))
         if diagonal:
-            if norm * abs(last) <= KNOWN * least or not norm > 1e-10 * max(map(abs, diagonal)):
+            known = len(diagonal) >= LEAST_PRODUCTS and norm * abs(last) <= KNOWN * least
+            if known or not norm > 1e-10 * max(map(abs, diagonal)):
                 break
             off_diagonal.append(norm)
         elif norm == 0:
@@ -130,16 +147,15 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
         p, q = p / norm, q / norm
         displacements.append(q)
         duals.append(p)
-        probe = strain / max(strain_of_step(force.body, q), 1e-300)
-        force(positions + probe * q, ahead)
-        if not one_sided:
-            force(positions - probe * q, behind)
-        p = (behind - ahead) / (probe if one_sided else 2 * probe) * free
+        p = product(q, precision == "float64")
         diagonal.append(share.dot(q, p))
         values, vectors = scipy.linalg.eigh_tridiagonal(diagonal, off_diagonal, select="i", select_range=(0, 0))
         least, last = float(values[0]), float(vectors[-1, 0])
-        if least < NEGATIVE:
-            break
+        if least < NEGATIVE[precision]:
+            lowest = np.tensordot(vectors[:, 0], displacements, 1)
+            least = share.dot(lowest, product(lowest, False))
+            if least < NEGATIVE[precision]:
+                break
         for displacement, dual in zip(displacements, duals, strict=True):
             p -= share.dot(displacement, p) * dual
     return least
@@ -273,7 +289,7 @@ def check_branch(
             f"the body buckles between the stretches {before:.4g} and {after:.4g}: while its length changed by {growth:.3g}, its points "
             f"moved by {moved:.3g} on average from their extrapolated positions"
         )
-    preconditioner = solver.preconditioner(force)
+    preconditioner = solver.bending_preconditioner(force)
     preconditioner.update()
     arrays = force.state_arrays()
     held = {key: array.copy() for key, array in arrays.items()}
@@ -281,7 +297,7 @@ def check_branch(
     force(positions, np.empty_like(positions))
     for key, array in arrays.items():
         array[:] = held[key]
-    if curvature < NEGATIVE:
+    if curvature < NEGATIVE[force.precision]:
         raise Unstable(
             f"the equilibrium at {loading.at(after)} is not stable, so the body buckles: along one displacement the energy has "
             f"{curvature:.2g} times its curvature at rest"

@@ -10,8 +10,9 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.run import transient
-from pdsurrogate.run.cracks import starts_of_cracks
+from pdsurrogate.run.cracks import Cracks, starts_of_cracks
 from pdsurrogate.run.damage import Damage
+from pdsurrogate.run.transient import Transient
 
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
 """With a density of 1, shear waves have a speed of 1."""
@@ -206,3 +207,65 @@ def test_groups_of_first_bonds():
     places = np.array([[0.0, 0.0], [0.1, 0.0], [0.3, 0.0], [2.0, 0.5]])
     assert starts_of_cracks(places, np.zeros(4, dtype=int), 0.5) == [[0.1, 0.0], [2.0, 0.5]]
     assert starts_of_cracks(places, np.array([1, 2, 3, 0]), 0.5) == [[2.0, 0.5], [0.0, 0.0]]
+
+
+def test_the_account_closes_after_the_last_ligament_has_snapped():
+    """The halves of a notched sheet retract for some 200 steps after the last bond has broken: 0.3 % were lost from the account there.
+
+    `MOST_DRIFT` allows approximated elastic forces to change the account by 0.2 %. With the elastic forces of every step 0.003 % was found.
+    """
+    scene = pds.Scene(
+        name="notched",
+        spacing=1.2,
+        body={"shape": "rectangle", "size": [12.0, 24.0]},
+        precuts=[{"start": [-1.0, 12.0], "end": [6.0, 12.0]}],
+        material={**RUBBER, "bulk_modulus": 100.0},
+        prescribed=[
+            {"region": "bottom", "x1": 0.0, "x2": 0.0},
+            {"region": "top", "x1": 0.0, "x2": 1.0},
+            {"region": "right", "x1": 0.0},
+        ],
+        steps=[{"to": 8.0, "outputs": 2}, {"to": 24.0, "outputs": 5, "dynamics": {"duration": 160.0, "density": 1.0, "safety": 0.4}}],
+        fracture={"critical_stretch": 2.5},
+    )
+    result = pds.simulate(scene, "bond-energy")
+    crack, rows = result.summary["crack"], [row for row in result.history if "time" in row]
+    last_break = max(row["time"] for row in rows if row["broken_bonds"] < crack["broken_bonds"])
+    assert crack["through"]
+    assert result.history[-1]["time"] - last_break > 10  # times in which shear waves cross a spacing
+    assert abs(account(result)["greatest_energy_gap"]) < 0.2
+
+
+def test_bonds_of_a_failing_point_release_their_energy(monkeypatch):
+    """Two events in one step: a point first loses bonds and is turned inside out, so that no energy is defined, and then its others.
+
+    What is released, and the impulse, are those of all its bonds at once; nothing was counted.
+    """
+    run = started(strip(size=(1.5, 1.5), cuts=()))
+    transient, body = Transient(run, run.stages[-1]), run.body
+    middle = int(np.linalg.norm(body.points - body.points.mean(axis=0), axis=1).argmin())
+    off = (body.points - body.points[middle]) / body.spacing
+    # Columns slide along each other in a wave: the bonds to (3, 0) and (2, 1) alone give a gradient with a negative volume ratio.
+    around = 1 / (1 + (np.linalg.norm(off, axis=1) / 4.5) ** 8)
+    run.positions[:, 1] += 0.75 * body.spacing * around * np.sin(0.75 * np.pi * off[:, 0])
+    run.loading.apply(run.state.parameter, run.force, run.positions)
+    run.force.place(run.positions)
+    bonds, forces = body.bonds, np.empty((2, *run.positions.shape))
+    run.force.pass_bonds(forces[0])
+    before = run.force.energy()
+    own = np.flatnonzero((bonds.first == middle) | (bonds.second == middle))
+    others = np.where(bonds.first[own] == middle, bonds.second[own], bonds.first[own])
+    kept = np.array([tuple(np.round(off[other]).astype(int)) in {(3, 0), (2, 1)} for other in others])
+    assert kept.sum() == 2
+    run.state.history.append({})
+    transient.integrator.last_step, transient.integrator.steps = 0.01, 1
+    monkeypatch.setattr(run.damage, "overstretched", lambda positions: own[~kept])
+    Cracks(run, transient.integrator, transient.account).evaluate_and_break()
+    assert run.damage.broken[own].all()
+    run.loading.apply(run.state.parameter, run.force, run.positions)  # the last evaluation was ahead of the present time
+    run.force.place(run.positions)
+    run.force.pass_bonds(forces[1])
+    assert transient.account.released_energy == pytest.approx(before - run.force.energy(), rel=1e-9)
+    impulse = 0.5 * 0.01 * (forces[0] - forces[1]) * run.loading.free
+    mass = body.volumes[:, None]  # of a density of 1
+    np.testing.assert_allclose(transient.integrator.velocities * mass, impulse, rtol=0, atol=1e-9 * np.abs(impulse).max())

@@ -53,27 +53,51 @@ def test_the_lowest_mode_is_that_of_the_dense_tangent(scene, keys, drifts):
         assert found.eigenvalue == pytest.approx(values[drifts], rel=1e-4)
 
 
+def column(length, thick, steps, **keys):
+    """A sheet between clamped grips that approach each other."""
+    given = {
+        "name": "column",
+        "spacing": thick / 6,
+        "body": {"size": [length, thick]},
+        "material": "neo-hookean",
+        "steps": steps,
+        "prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": -1.0, "x2": 0.0}],
+    }
+    return pds.Scene.model_validate(given | keys)
+
+
 def test_a_column_vibrates_as_a_beam_and_buckles_as_eulers():
     """Clamped, 20 times as long as thick. By Timoshenko's theory shear lowers the critical strain by 2.9 %, and the eigenvalue, the square
     of a frequency, by some 3.5 %; the change of the sections under the load raises the critical strain by four times itself, 3.3 %."""
     length, thick, modulus = 4.0, 0.2, 9 * 100 / (3 * 100 + 1)  # E of K = 100 mu
     critical = np.pi**2 * thick**2 / (3 * length**2)
-    scene = pds.Scene.model_validate(
-        {
-            "name": "column",
-            "spacing": thick / 6,
-            "body": {"size": [length, thick]},
-            "material": "neo-hookean",
-            "steps": [0.01 * critical * length, 0.4 * critical * length, 0.8 * critical * length],
-            "prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": -1.0, "x2": 0.0}],
-        }
-    )
-    result = pds.simulate(scene, "bond-energy")
+    result = pds.simulate(column(length, thick, [share * critical * length for share in (0.01, 0.4, 0.8)]), "bond-energy")
     strains = np.array([level["t"] for level in result.levels]) / length
     eigenvalues = [result.lowest_mode(level).eigenvalue for level in range(3)]
     assert eigenvalues[0] == pytest.approx(4.730041**4 * modulus * thick**2 / (12 * length**4), rel=0.05)
     zero = strains[2] + eigenvalues[2] * (strains[2] - strains[1]) / (eigenvalues[1] - eigenvalues[2])
     assert zero == pytest.approx(critical, rel=0.04)
+
+
+@pytest.mark.parametrize("slender", [8.0, 20.0, 40.0])
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_a_run_finds_that_a_slender_column_buckles(plane, slender):
+    """At Euler's strain, which is the same in plane strain: E/(1 - nu^2) resists both the compression and the bending. Timoshenko's shear
+    lowers it by 3.6 times itself, and the change of the sections raises it by four times itself. The increments are 0.005 of it."""
+    thick, share = 0.2, np.pi**2 / (3 * slender**2)
+    critical = share * slender * thick
+    with pytest.raises(pds.SimulationFailed, match="is not stable, so the body buckles") as caught:
+        pds.simulate(column(slender * thick, thick, [0.9 * critical, 1.2 * critical], plane=plane), "bond-energy")
+    stable, last = (level["t"] / critical for level in caught.value.result.levels)
+    assert stable == pytest.approx(0.9)
+    assert last == pytest.approx((1 + 4 * share) / (1 + 3.6 * share), abs=0.05)
+
+
+def test_a_column_buckles_in_single_precision():
+    critical = np.pi**2 / (3 * 20**2) * 4.0
+    with pytest.raises(pds.SimulationFailed, match="is not stable, so the body buckles") as caught:
+        pds.simulate(column(4.0, 0.2, [0.9 * critical, 1.2 * critical], precision="float32"), "neo-hookean-energy")
+    assert caught.value.result.levels[-1]["t"] == pytest.approx(critical, rel=0.05)
 
 
 def bar(length, **keys):
@@ -119,18 +143,32 @@ def test_the_lowest_mode_of_a_slender_solid_is_that_of_the_dense_tangent():
     assert shares @ shares == pytest.approx(size, rel=1e-6)
 
 
-def test_a_slender_solid_column_buckles_as_eulers():
+@pytest.mark.parametrize("length", [8.0, *(pytest.param(length, marks=pytest.mark.slow) for length in (20.0, 40.0))])
+def test_a_slender_solid_column_buckles_as_eulers(length):
     """Clamped at its foot and free to move across at its top: Euler's load is that of the measured stiffness against bending."""
-    length = 8.0
     flexible = pds.simulate(bar(length), "bond-energy")
     bending = 1e-6 * length**3 / (3 * flexible.levels[-1]["probes"]["end"]["displacement"][1])
     euler = np.pi**2 * bending / (4 * length**2)
     pressed = [{"region": "right", "force": [-euler, 0.0, 0.0], "name": "top"}]
-    result = pds.simulate(bar(length, loads=pressed, steps=[0.5, 0.9]), "bond-energy")
+    with pytest.raises(pds.SimulationFailed, match="is not stable, so the body buckles") as caught:
+        pds.simulate(bar(length, loads=pressed, steps=[0.5, 0.9, 1.2]), "bond-energy")
+    result = caught.value.result
     at, modes = [level["t"] for level in result.levels], [result.lowest_mode(number) for number in range(2)]
+    assert at[:2] == [0.5, 0.9]
+    assert at[2] == pytest.approx(1.0, abs=0.05)
     assert [mode.stable for mode in modes] == [True, True]
     half, most = (mode.eigenvalue for mode in modes)
     assert at[1] + most * (at[1] - at[0]) / (half - most) == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_bent_cantilever_is_stable():
+    """Under a force across its end, which moves by half the length. The preconditioner of the check is an iteration here: with Lanczos'
+    method for a linear one its values are -0.1 and -0.9."""
+    loads = [{"region": "right", "force": [0.0, 0.006, 0.002], "name": "end"}]
+    material = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
+    result = pds.simulate(bar(8.0, loads=loads, material=material, steps=[1.0, 2.0]), "bond-energy")
+    moved = [np.linalg.norm(level["probes"]["end"]["displacement"]) for level in result.levels]
+    assert 0.4 * 8 < moved[0] < moved[1]
 
 
 def test_an_arch_is_unstable_between_its_limit_loads():
