@@ -51,11 +51,16 @@ def test_diameters_are_those_of_tears_within_seven_percent():
 
 
 def test_judging_tears_have_the_prescribed_energy_at_the_peak(pipeline):
-    """Stored tears that the table does not average: each spacing along a row, and the mean over clouds, within 7 %."""
+    """Stored tears that the table does not average: each spacing along a row, and the mean over clouds, within 7 %.
+
+    Between horizons of the table 10 %: neighbors enter the horizon in groups, so that no diameter is a smooth function of it.
+    """
+    measured = {pipeline.case_of(entry) for entry in pipeline.table()}
+    assert len(pipeline.judged()) > len(measured)
     for case, ratios in pipeline.judged().items():
         if case[2] == "lattice":
             assert len(ratios["along"]) >= 3, case
-            np.testing.assert_allclose(ratios["along"], 1.0, atol=0.07, err_msg=f"{case}")
+            np.testing.assert_allclose(ratios["along"], 1.0, atol=0.07 if case in measured else 0.1, err_msg=f"{case}")
         else:
             assert len(ratios["clouds"]) >= 5, case
             assert np.mean(ratios["clouds"]) == pytest.approx(1.0, abs=0.07), case
