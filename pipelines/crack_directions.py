@@ -21,7 +21,7 @@ from functools import partial
 import joblib
 import numpy as np
 from pages import FIGURES, markdown_table, replace_block
-from tip_diameters import BULK, ENERGY, FAMILIES, LAYERS, LONG, PRECUT, law_of, name_of, repeated, strip
+from tip_diameters import BULK, ENERGY, FAMILIES, LONG, PRECUT, law_of, layers_of, name_of, repeated, strip
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -152,7 +152,7 @@ def torn(case: dict, travels: tuple[float, float] | None = None, **dynamics: flo
 
     tips = np.array([(np.array(level["cracks"][0]["tip"][:2]) - center) @ along - tip for level in levels]) * case["rows"]
     tips, ends = np.maximum.accumulate(tips), (STARTED, advance_of(case))
-    area = (ends[1] - ends[0]) / case["rows"] * (LAYERS / case["rows"] if case["plane"] == "space" else 1.0)
+    area = (ends[1] - ends[0]) / case["rows"] * (layers_of(case) / case["rows"] if case["plane"] == "space" else 1.0)
 
     def per_area(*keys: str) -> float:
         """Increase of energies between both ends, per area of the crack."""

@@ -51,11 +51,16 @@ def test_diameters_are_those_of_tears_within_seven_percent():
 
 
 def test_judging_tears_have_the_prescribed_energy_at_the_peak(pipeline):
-    """Stored tears that the table does not average: each spacing along a row, and the mean over clouds, within 7 %."""
+    """Stored tears that the table does not average: each spacing along a row, and the mean over clouds, within 7 %.
+
+    Between horizons of the table 10 %: neighbors enter the horizon in groups, so that no diameter is a smooth function of it.
+    """
+    measured = {pipeline.case_of(entry) for entry in pipeline.table()}
+    assert len(pipeline.judged()) > len(measured)
     for case, ratios in pipeline.judged().items():
         if case[2] == "lattice":
             assert len(ratios["along"]) >= 3, case
-            np.testing.assert_allclose(ratios["along"], 1.0, atol=0.07, err_msg=f"{case}")
+            np.testing.assert_allclose(ratios["along"], 1.0, atol=0.07 if case in measured else 0.1, err_msg=f"{case}")
         else:
             assert len(ratios["clouds"]) >= 5, case
             assert np.mean(ratios["clouds"]) == pytest.approx(1.0, abs=0.07), case
@@ -88,10 +93,31 @@ def test_diameters_are_interpolated_in_the_horizon_and_the_critical_stretch():
     low, high = sorted(known)[:2]
     first, second = sorted(known[low].keys() & known[high].keys())[:2]
     for share in (0.0, 0.25, 1.0):
-        tip = tip_diameters("stress", (1 - share) * low + share * high, "bond energy")
-        expected = [(1 - share) * known[low][stretch] + share * known[high][stretch] for stretch in (first, second)]
+        ratio = (1 - share) * low + share * high
+        tip = tip_diameters("stress", ratio, "bond energy")
+        parts = (1 - share) * low / ratio, share * high / ratio
+        expected = [parts[0] * known[low][stretch] + parts[1] * known[high][stretch] for stretch in (first, second)]
         assert tip.at(first) == pytest.approx(expected[0], rel=1e-12)
         assert tip.at(0.3 * first + 0.7 * second) == pytest.approx(0.3 * expected[0] + 0.7 * expected[1], rel=1e-12)
+
+
+def test_horizons_with_the_same_neighbors_have_the_same_tips():
+    """A lattice with the weight ``"inverse"`` is then the same body, with the same tip in spacings: the interpolation agrees within 7 %."""
+    cases = {}
+    for entry in measured_diameters():
+        if entry["arrangement"] == "lattice":
+            cases.setdefault((entry["plane"], entry["family"]), set()).add(entry["horizon_ratio"])
+    for (plane, family), ratios in cases.items():
+        axes = np.indices((7,) * (3 if plane == "space" else 2))
+        shells = np.unique(np.sqrt((axes**2).sum(axis=0)))
+        for ratio in ratios:
+            known = tip_diameters(plane, ratio, family)
+            ends = shells[shells <= ratio][-1] + 1e-6, shells[shells > ratio][0] - 1e-6
+            for other in np.clip(ends, min(ratios), max(ratios)):
+                tip = tip_diameters(plane, other, family)
+                shared = tip.stretches[(tip.stretches >= known.stretches[0]) & (tip.stretches <= known.stretches[-1])]
+                for stretch in shared:
+                    assert tip.at(stretch) * other == pytest.approx(known.at(stretch) * ratio, rel=0.07), (plane, family, ratio, other)
 
 
 def critical_stretches(scene, force):
@@ -152,7 +178,7 @@ def test_a_critical_stretch_at_which_no_tip_was_measured_is_remarked(energy):
         ("tear", {"horizon_ratio": 6.0}, "analytic", "plane=stress, horizon_ratio 6"),
         ("tear", {"horizon_ratio": 2.0}, "bond-energy", "plane=stress, horizon_ratio 2"),
         ("tear", {"plane": "strain", "horizon_ratio": 6.0}, "bond-energy", "plane=strain, horizon_ratio 6"),
-        ("trousers", {"horizon_ratio": 1.75}, "bond-energy", "plane=space, horizon_ratio 1.75"),
+        ("trousers", {"horizon_ratio": 3.2}, "bond-energy", "plane=space, horizon_ratio 3.2"),
         ("trousers", {}, "nosb", "nosb, plane=space, horizon_ratio 2.2"),
     ],
 )
@@ -160,6 +186,23 @@ def test_a_fracture_energy_is_refused_where_the_tip_was_not_measured(scene, chan
     known = r"\(bond energy, plane=.*; bond force, plane=stress, horizon_ratio 2.2 to 5.*\)"
     with pytest.raises(pds.SceneError, match=rf"fracture\.energy .*{known}, not for {here}; set fracture\.critical_stretch"):
         pds.simulate(pds.load_scene(scene, {"fracture": {"energy": 274.0}} | changes), force)
+
+
+MESH = {"shape": "mesh", "file": "solid.msh", "dimension": 3}
+
+
+@pytest.mark.parametrize(
+    ("changes", "here"),
+    [
+        ({"horizon_ratio": 1.75}, "1.75, not 3 along x3: the middle one"),
+        ({"horizon_ratio": 1.99, "body.arrangement": "relaxed", "body.seed": 1}, "1.99, not 3 along x3: the middle one"),
+        ({"horizon_ratio": 1.75, "body": MESH, "spacing": None}, "1.75, not a mesh, whose layers"),
+    ],
+)
+def test_a_fracture_energy_is_refused_in_thin_solids_whose_bonds_reach_one_layer(changes, here):
+    with pytest.raises(pds.SceneError, match=rf"fracture\.energy needs at least 4 points .* {here} .*; set horizon_ratio to 2\.2 or 3"):
+        pds.load_scene("trousers", changes)
+    pds.load_scene("trousers", changes | {"fracture": {"critical_stretch": 2.5}})
 
 
 def test_an_arrangement_that_was_not_measured_is_refused():
