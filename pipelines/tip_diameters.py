@@ -6,7 +6,7 @@ python pipelines/tip_diameters.py --table            writes the table and the pa
 
 A strip of 4 x 1 with a precut of 1.5 is pulled in pure shear, and G is W h; in plane strain, where its volume would not allow that, the
 grips slide. In a strip that is turned in its lattice, and held at points, and in a square with an edge notch, G is -dE/da of two
-equilibria. Every tear is stored as it ends. All take some two hours on one core of 2 GHz.
+equilibria. Every tear is stored as it ends. All take some five hours on one core of 2 GHz.
 """
 
 import argparse
@@ -82,8 +82,8 @@ CLOUDS |= {("bond-energy", "strain", 4.2): 0, ("bond-energy", "space", 1.75): 10
 CLOUDS |= {("neo-hookean", "stress", ratio): 10 for ratio in (2.2, 3.15, 4.2, 5.0)}
 """Number of clouds for each critical stretch, and at most ten that judge; in other cases five.
 
-The first and the last case of bond-energy have more since five scatter too much to be judged: the first judging clouds deviated by 8 ± 5 %
-and 10 ± 6 %. In plane strain at 5 spacings d is near 0.7 or near 0.87, by which of two maxima of the load is greater."""
+Plane stress at 2.2 spacings and solids at 1.75 have more since fewer scatter too much to be judged: their judging clouds first deviated by
+8 ± 5 % and 10 ± 6 %. In plane strain at 5 spacings d is near 0.7 or near 0.87, by which of two maxima of the load is greater."""
 
 BETWEEN = ("bond-energy", "stress", 4.2), ("bond-energy", "strain", 3.6), ("bond-energy", "space", 2.6), ("neo-hookean", "stress", 3.6)
 """Force models, planes and horizons in spacings between those of the table, by which its interpolation is judged.
@@ -102,8 +102,8 @@ WIDE_TIPS = {"rows": (20, 24, 28), "energy": 0.19}
 G = ENERGY are lower than LEAST_HEIGHT, and tore at 0.84, 0.84 and 0.93 of the prescribed G."""
 
 LEAST_ROWS = {("space", 1.75): 14} | {("stress", ratio): 20 for ratio in (2.2, 3.15, 4.2, 5.0)}
-"""Least rows of points per unit of height of clouds with these critical stretches. At 1.75 spacings they are
-those of the judging clouds; with 10 rows d was 0 to 4 % smaller."""
+"""Least rows of points per unit of height of clouds with these critical stretches. At 1.75 spacings they are those of
+the judging clouds; with 10 rows d was up to 4 % smaller."""
 
 LEAST_HEIGHT = 2.0
 """Least height of these strips, in blunted tips, which are about as wide as a horizon that is stretched by the critical stretch.
