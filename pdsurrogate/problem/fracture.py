@@ -12,7 +12,11 @@ from ..materials.law import check_number, checked_law
 from ..scenes import Scene
 from ..scenes.consistency import gives_fracture_energy, names_of_materials
 from ..scenes.model import Criterion, Fracture
-from ..scenes.tip_diameter import TIP_DIAMETER, TipDiameters, tip_diameters_in
+from ..scenes.tip_diameter import LEAST_LAYERS, ONE_LAYER, TIP_DIAMETER, TipDiameters, tip_diameters_in
+
+MOST_IN_WALLS, INSIDE = 0.1, 0.75
+"""Part of a solid that may lie in walls of too few points without a warning, since every rounded body has thin edges; and distance in
+spacings from the nearest point within which a point of a grid counts as inside a body: in clouds most are within it."""
 
 
 def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER) -> float:
@@ -107,6 +111,8 @@ class CriticalStretches:
         self._body, self._of_points = body, of_points
         self._scene, self._remarks = scene, list[str]()
         tip = tip_diameters_in(scene, family) if gives_fracture_energy(scene) else None
+        if tip is not None and scene.plane == "space" and scene.horizon_ratio < ONE_LAYER:
+            self._check_walls()
         laws = [scene.law(), *(part.material.build() for part in scene.materials)]
         own = [(None, ""), *((part.fracture, f"materials.{number}.") for number, part in enumerate(scene.materials))]
         self.of_materials = [
@@ -166,6 +172,20 @@ class CriticalStretches:
             f"{tip.stretches[0]:g} to {tip.stretches[-1]:g}: the diameter at {tip.stretches[end]:g} is used ({trend}), so that the energy "
             "release rate at the peak of the load may differ from the given energy by more than 7 %; to be sure, set critical_stretch"
         )
+        self._warn(remark)
+
+    def _check_walls(self) -> None:
+        """Warn if many points of a solid in which bonds reach one layer lie in walls of fewer than `LEAST_LAYERS` points."""
+        thin, total = (self._body.share.total(int(count)) for count in points_in_walls(self._body, LEAST_LAYERS))
+        if thin > MOST_IN_WALLS * total:
+            self._warn(
+                f"{thin / total:.0%} of the body lies in walls that are thinner than {LEAST_LAYERS} points: with horizon_ratio "
+                f"{self._scene.horizon_ratio:g} points of a middle layer can hold a crack there, which then needs up to 1.7 times the "
+                "given energy; set horizon_ratio to 2.2 or a smaller spacing"
+            )
+
+    def _warn(self, remark: str) -> None:
+        """Warn, and keep the warning for the summary."""
         self._remarks.append(remark)
         warnings.warn(f"scene {self._scene.name}: {remark}", stacklevel=2)
 
@@ -174,6 +194,23 @@ class CriticalStretches:
         bonds = self._body.bonds
         numbers = np.concatenate([self._of_points, self._of_points[self._body.ghosts.source]])
         return np.stack([numbers[bonds.first], numbers[bonds.second]], axis=1)
+
+
+def points_in_walls(body: Body, layers: int) -> tuple[int, int]:
+    """Return how many points of a grid lie in walls of fewer than `layers` points, and how many lie in the body.
+
+    Walls are counted along the axes of the grid, which has the spacing of the body, so that clouds count as lattices.
+    """
+    lowest = body.all_points.min(axis=0)
+    counts = np.rint(np.ptp(body.all_points, axis=0) / body.spacing).astype(int) + 1
+    grid = lowest + body.spacing * np.stack(np.meshgrid(*(np.arange(count) for count in counts), indexing="ij"), axis=-1)
+    distances, _ = scipy.spatial.cKDTree(body.all_points).query(grid, distance_upper_bound=body.spacing)
+    inside = distances < INSIDE * body.spacing
+    thick = np.ones_like(inside)
+    for axis in range(body.dimension):
+        along = (layers if number == axis else 1 for number in range(body.dimension))
+        thick &= scipy.ndimage.binary_opening(inside, np.ones(tuple(along)))
+    return int(np.count_nonzero(inside & ~thick)), int(np.count_nonzero(inside))
 
 
 def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:

@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
+from pdsurrogate.problem import compile_scene
 from pdsurrogate.problem.fracture import CriticalStretches
 from pdsurrogate.scenes.tip_diameter import measured_diameters, tip_diameters, tip_diameters_in
 
@@ -203,6 +205,25 @@ def test_a_fracture_energy_is_refused_in_thin_solids_whose_bonds_reach_one_layer
     with pytest.raises(pds.SceneError, match=rf"fracture\.energy needs at least 4 points .* {here} .*; set horizon_ratio to 2\.2 or 3"):
         pds.load_scene("trousers", changes)
     pds.load_scene("trousers", changes | {"fracture": {"critical_stretch": 2.5}})
+
+
+@pytest.mark.parametrize("points", [{}, {"arrangement": "relaxed", "seed": 1}])
+@pytest.mark.parametrize("size", [[2.0, 1.0, 0.4], [2.0, 1.0, 0.7]])
+def test_walls_of_three_points_are_remarked_where_bonds_reach_one_layer(points, size):
+    """A plate of three layers with a fin passes the check of the whole body, but its crack can be held in the middle layer."""
+    fin = [{"shape": "box", "lower": [-0.1, -0.1, 0.3], "size": [1.9, 1.2, size[2]]}]
+    for holes, thin in ((fin, True), ([], False)):
+        body = {"shape": "box", "size": size, **points}
+        changes = {"body": body, "holes": holes, "plane": "space", "horizon_ratio": 1.75, "spacing": 0.1, "precuts": []}
+        scene = pds.Scene.model_validate(STRIP | changes)
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            body = compile_scene(scene).body
+            critical = CriticalStretches(scene, scene.fracture, body, "bond energy", np.zeros(len(body), dtype=int))
+        remarks = critical.summary["fracture_remarks"]
+        walls = [remark for remark in remarks if "thinner than 4 points" in remark]
+        assert bool(walls) == thin, remarks
+        assert any("thinner than 4 points" in str(warning.message) for warning in found) == thin
 
 
 def test_an_arrangement_that_was_not_measured_is_refused():
