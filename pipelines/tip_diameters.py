@@ -102,8 +102,8 @@ WIDE_TIPS = {"rows": (20, 24, 28), "energy": 0.19}
 G = ENERGY are lower than LEAST_HEIGHT, and tore at 0.84, 0.84 and 0.93 of the prescribed G."""
 
 LEAST_ROWS = {("space", 1.75): 14} | {("stress", ratio): 20 for ratio in (2.2, 3.15, 4.2, 5.0)}
-"""Least rows of points per unit of height of clouds with these critical stretches. At 1.75 spacings they are those of
-the judging clouds; with 10 rows d was up to 4 % smaller."""
+"""Least rows of points per unit of height of clouds with these critical stretches. At 1.75 spacings they are those
+of the judging clouds; with 10 rows d was up to 4 % smaller."""
 
 LEAST_HEIGHT = 2.0
 """Least height of these strips, in blunted tips, which are about as wide as a horizon that is stretched by the critical stretch.

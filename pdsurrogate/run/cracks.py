@@ -127,12 +127,13 @@ class Cracks:
 
         An event may leave a state without energy, of points that fail next. The sum over all events of a step then has one nevertheless.
         """
-        (energy, forces), (left, leaving) = self._before, self._stored()
+        (energy, forces), (left, leaving), share = self._before, self._stored(), self._run.body.share
         released, lost = energy - left, forces - leaving
-        if self._run.body.share.any(not (np.isfinite(released) and np.isfinite(lost).all())):
+        if share.any(not (np.isfinite(released) and np.isfinite(lost).all())):
             released, lost = 0.0, np.zeros_like(lost)
-        self._account.released_energy += self._run.body.share.total(released) - self._released
-        self._released = self._run.body.share.total(released)
+        total = share.total(released)
+        self._account.released_energy += total - self._released
+        self._released = total
         self._integrator.kick(lost)
 
     def _stored(self) -> tuple[float, np.ndarray]:
