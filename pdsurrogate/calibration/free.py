@@ -1,30 +1,15 @@
 """Energy without a law for calibrations: a sum of few terms, whose coefficients, of which none is negative, are the unknowns."""
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..identification import MODES
-from ..identification.energy import columns_of, isochoric, no_sum_fits, nonnegative, stiffness_of
+from ..identification.averaging import nonnegative
 from ..materials import Law
-from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, Term, wave_check
-from ..materials.polyconvex import law_of
-
-MOST_OF_STRETCHES, MOST_OF_INVERSES = 4, 1
-"""Most terms in an energy that are functions of the stretches, as those of I1bar, and of their inverses, as those of I2bar. Chosen:
-measurements hardly distinguish five of the former from each other, nor two of the latter."""
-
-PER_TERM, PER_RATIO = 1.0, 4.0
-"""Decreases of the logarithm of the prior weight of an energy: for each term, and for a ratio of the stress in equibiaxial tension to that
-in uniaxial tension, at `PRIOR_STRETCH`, that is greater by 1. Chosen by simulated tests of 35 laws (theory, section 28): they decide where
-the measurements do not."""
-
-PRIOR_STRETCH = 2.0
-"""Stretch at which the prior weight compares equibiaxial with uniaxial tension."""
+from ..materials.dictionary import OF_INVARIANTS, Term
+from ..materials.polyconvex import law_of, stiffness_of
 
 GROUP = 13
 """Number of neighboring places whose residuals of all steps are summed to see whether they are independent."""
@@ -88,7 +73,7 @@ def floored(values: np.ndarray) -> np.ndarray:
 def solved(jacobian: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Return the least-squares solution of J x = right without negative numbers, after an orthogonal reduction to a square matrix."""
     q, r = np.linalg.qr(jacobian)
-    return nonnegative(r, q.T @ right, np.ones(len(r)))[0]
+    return nonnegative(r, q.T @ right, np.ones(len(r)))
 
 
 def scaled(jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -132,107 +117,6 @@ def minimized(search, x: np.ndarray, close: float, most: int) -> SimpleNamespace
         if cost > (1 - close) * before:
             break
     return SimpleNamespace(x=x, jac=jacobian if most == 1 else search.jacobian(x))
-
-
-@dataclass(frozen=True)
-class Average:
-    """Average of energies of different terms, each weighted by the probability that the measurements give it.
-
-    Attributes
-    ----------
-    mean : ndarray, shape (n_terms,)
-        Coefficients of the average.
-    covariance : ndarray, shape (n_terms, n_terms)
-        Covariance of the coefficients: that within the energies, and that of the energies.
-    members : ndarray, shape (n_members, n_terms)
-        Coefficients of energies drawn by their weights, with random errors.
-    """
-
-    mean: np.ndarray
-    covariance: np.ndarray
-    members: np.ndarray
-
-
-def average(
-    terms: Sequence[Term],
-    jacobian: np.ndarray,
-    right: np.ndarray,
-    correlated: float,
-    count: int,
-    random_state: int = 0,
-    greatest: float = STABLE_TO,
-) -> Average:
-    """Return the average of all sets of few `terms` that solve the linear equations J x = right, with `count` members.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-    jacobian : ndarray, shape (n, n_terms)
-        Derivatives of the measurements by the coefficients of all terms, in standard deviations.
-    right : ndarray, shape (n,)
-    correlated : float
-        Number of measurements that tell as much as one independent measurement (`grouping`).
-    count : int
-    random_state : int
-        Seed of the members.
-    greatest : float
-        Greatest stretch of the states in which waves must be stable.
-
-    Raises
-    ------
-    ValueError
-        If no sum of the terms with a stiffness at rest fits.
-    """
-    n, every = jacobian.shape
-    square = np.linalg.qr(np.column_stack([jacobian, right]), mode="r")
-    waves, stiff, found = wave_check(terms, greatest), np.array([term.shear_modulus > 0 for term in terms]), {}
-
-    def stable(x: np.ndarray) -> bool:
-        """Return whether an energy has a stiffness at rest and stable waves."""
-        return bool(stiff[x > 0].any() and waves(x))
-
-    for chosen in sets_of(terms):
-        x = np.zeros(every)
-        x[chosen] = nonnegative(square[:, chosen], square[:, -1], np.ones(len(square)))[0]
-        if stable(x):
-            found[tuple(np.flatnonzero(x))] = x
-    if not found:
-        raise no_sum_fits("measurements", "that forces are positive in tension, the steps in the table")
-    x = np.array(list(found.values()))
-    squares = ((x @ square[:, :-1].T - square[:, -1]) ** 2).sum(axis=1)
-    scale = correlated * max(1.0, squares.min() / n)
-    states = np.array([[PRIOR_STRETCH, MODES[mode](PRIOR_STRETCH)] for mode in ("equibiaxial", "uniaxial")])
-    equibiaxial, uniaxial = columns_of(isochoric(states, np.ones(2)), states[:, 0], terms) @ x.T
-    logarithms = -(squares - squares.min()) / (2 * scale) - PER_TERM * (x > 0).sum(axis=1) - PER_RATIO * equibiaxial / uniaxial
-    weights = np.exp(logarithms - logarithms.max())
-    weights /= weights.sum()
-    mean = weights @ x
-    covariance, factors = (x - mean).T @ (weights[:, None] * (x - mean)), []
-    for kept, weight in zip(found, weights, strict=True):
-        factors.append(np.sqrt(scale) * np.linalg.pinv(square[:, list(kept)], rcond=1e-12))
-        covariance[np.ix_(kept, kept)] += weight * factors[-1] @ factors[-1].T
-    random, members = np.random.default_rng(random_state), []
-    for number in random.choice(len(x), size=count, p=weights):
-        member, kept = x[number].copy(), list(found)[number]
-        member[list(kept)] += factors[number] @ random.standard_normal(factors[number].shape[1])
-        # A coefficient is not negative, and the energy of the set itself takes the place of an unstable one.
-        member = np.maximum(member, 0.0)
-        members.append(member if stable(member) else x[number])
-    return Average(mean, covariance, np.array(members))
-
-
-def sets_of(terms: Sequence[Term]) -> Iterator[list[int]]:
-    """Yield the numbers of the terms in each set with 1 to `MOST_OF_STRETCHES` and 0 to `MOST_OF_INVERSES` of them.
-
-    Where all terms are functions of the inverses, each set has one of them.
-    """
-    inverse = np.array([term.row[0] < 0 for term in terms])
-    sets = [
-        [[*one] for size in range(most + 1) for one in combinations(np.flatnonzero(kind), size)]
-        for kind, most in ((~inverse, MOST_OF_STRETCHES), (inverse, MOST_OF_INVERSES))
-    ]
-    for of_stretches in sets[0][0 if inverse.all() else 1 :]:
-        yield from (of_stretches + of_inverses for of_inverses in sets[1] if of_stretches or of_inverses)
 
 
 def grouping(residuals: np.ndarray, places: np.ndarray, component: np.ndarray) -> tuple[float, int]:

@@ -18,15 +18,15 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, vali
 
 from ..arguments import check_kind, check_names, check_numbers, in_order
 from ..identification import EnergyRegressor, LawRegressor, nominal_stress
+from ..identification.averaging import average
 from ..identification.energy import half_planes
 from ..identification.regressor import check_fitted
 from ..identification.stress_regressor import BULK_RATIO, LawEstimator, bulk_arguments
 from ..materials import LAWS, Law, Ogden
 from ..materials.covariance import derivatives_of_numbers
-from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, checked_dictionary
-from ..materials.stretch_laws import MOST_TERMS
+from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, checked_dictionary, wave_margin
 from ..scenes import Mesh, Scene, load_scene
-from .free import FLOOR, HALVINGS, MOST_TRIED, EnergyUnknowns, average, floored, grouping, minimized, proposed, scaled, solved
+from .free import FLOOR, HALVINGS, MOST_TRIED, EnergyUnknowns, floored, grouping, minimized, proposed, scaled, solved
 from .measured import DISPLACEMENTS, FAILURES, FORCES, MeasuredScene, Rows, local_fit
 
 logger = logging.getLogger(__name__)
@@ -672,12 +672,6 @@ class SceneRegressor(LawEstimator):
                 "displacements under prescribed motions determine an energy without a law up to a factor alone: add rows of forces "
                 "(quantity 0; --forces)"
             )
-        counts = [sum(term.kind == kind for term in unknown.terms) for kind in ("stretches", "logarithms")]
-        if max(counts) > MOST_TERMS:
-            raise ValueError(
-                f"dictionary: a law has at most {MOST_TERMS} terms of the kind 'stretches' and {MOST_TERMS} of the kind 'logarithms': "
-                f"leave some of the {counts[0]} and {counts[1]} out"
-            )
         if len(unknown.terms) > MOST_TRIED and not self._has_weak_form:
             raise ValueError(
                 f"dictionary: measured displacements choose among more than {MOST_TRIED} terms, but here are too few: give at most "
@@ -712,13 +706,14 @@ class SceneRegressor(LawEstimator):
             total, count = total + each[0], count + each[1]
         correlated = max(1.0, total / count / (residuals**2).mean()) if count else 1.0
         greatest = max(STABLE_TO, *(test.greatest_stretch for test, _ in self._tests))
-        right, settings = found.jac @ found.x - residuals, (correlated, MEMBERS, self.random_state, greatest)
-        energies = average(self._unknown.terms, found.jac, right, *settings)
+        right, terms = found.jac @ found.x - residuals, self._unknown.terms
+        settings = lambda least: correlated * max(1.0, least / len(right)), wave_margin(terms, greatest), MEMBERS, self.random_state
+        energies = average(terms, found.jac, right, *settings)
         members, found.spread, found.x = energies.members, energies.covariance, floored(energies.mean)
         if self._ratio == 1 and number == ROUNDS - 1:
             found.remaining = self._error_by_coarse(search.law_at(found.x), search.values(found.x))
             shift = search.root * found.remaining
-            sides = [average(self._unknown.terms, found.jac, right + way * shift, *settings) for way in (1, -1)]
+            sides = [average(terms, found.jac, right + way * shift, *settings) for way in (1, -1)]
             members = np.concatenate([sides[0].members[::2], sides[1].members[1::2]])
             change = (sides[0].mean - sides[1].mean) / 2
             found.spread = found.spread + np.outer(change, change)

@@ -110,6 +110,13 @@ def print_identified(report: dict) -> None:
     if report["volume_ratio"] and report["volume_ratio"] > LARGE_GROWTH:
         growth = f"the volume grows by {100 * (report['volume_ratio'] - 1):.0f} % in the tests, more than that of rubber"
         warn(f"{form}: with this bulk modulus {growth}; set a greater one with --bulk-modulus.")
+    if rows := report.get("unmeasured"):
+        cells = [(row["mode"], f"{row['stretch']:g}", *map(_number, (row["nominal_stress"], row["standard_deviation"]))) for row in rows]
+        print_table(f"{title}: modes that were not measured", ("mode", "stretch", "nominal stress", "standard deviation"), cells, left=1)
+
+
+def _number(value: float | None) -> str:
+    return "none" if value is None else f"{value:.3g}"
 
 
 def print_parameters(title: str, report: dict) -> None:

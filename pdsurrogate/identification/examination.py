@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..materials.dictionary import NEGATIVE, POSITIVE, Term, powers_of_stretches
+from ..materials.dictionary import Term
 from .data import BIAXIAL, TestData
-from .energy import EnergyRegressor, columns_of, isochoric, nonnegative
+from .energy import EnergyRegressor
+from .averaging import columns_of, isochoric, nonnegative
 from .stress_regressor import StressRegressor
 
 NOISE = 0.01
@@ -54,7 +55,10 @@ POOR = 0.9
 """R^2 of a mode below which a fit is called poor. Chosen: the residuals are then a third of the scatter of the stresses, which a plot shows
 at a glance."""
 
-TERMS = [*powers_of_stretches(POSITIVE[-1], NEGATIVE[-1]), Term("first", 2.0), Term("first", 3.0)]
+POWERS = *range(-6, 0), *range(1, 13)
+"""Exponents of the stretches in `TERMS`."""
+
+TERMS = [*(Term("stretches", float(power)) for power in POWERS), Term("first", 2.0), Term("first", 3.0)]
 """Terms of an energy that stands for all admissible energies: powers of stretches, their inverses and the first invariant."""
 
 REWEIGHTINGS = 12
@@ -276,7 +280,7 @@ def _changes(data: TestData) -> list[_Change]:
             break
         add(mode, np.where(rows, stress / first, stress), CAUCHY)
         columns, others = _columns(data), 1 / (np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300) * ~rows
-        predicted = columns @ nonnegative(columns, stress, others)[0]
+        predicted = columns @ nonnegative(columns, stress, others)
         some = rows & (np.abs(predicted) > 0)
         factor = float(np.median(stress[some] / predicted[some])) if some.any() else 1.0
         if factor > 0 and abs(np.log(factor)) > np.log(LEAST_FACTOR):
@@ -305,7 +309,7 @@ def _robust(data: TestData, shifted: np.ndarray | None = None) -> tuple[np.ndarr
         columns = np.column_stack([columns, shifted, -1.0 * shifted])
     size, weight = np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300, np.ones(len(data))
     for _ in range(REWEIGHTINGS):
-        weights = nonnegative(columns, stress, np.sqrt(weight) / size)[0]
+        weights = nonnegative(columns, stress, np.sqrt(weight) / size)
         predicted = columns @ weights
         residuals = _relative(data, predicted, FLOOR)
         weight = 1 / (1 + (residuals / (2 * _scale(residuals))) ** 2)  # Cauchy's

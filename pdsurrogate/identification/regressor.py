@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import minimum_filter
 from scipy.optimize import least_squares, nnls
 from sklearn.utils._param_validation import Interval
 
@@ -15,9 +16,16 @@ from ..arguments import suggestion
 from ..materials import LAWS, Law, Ogden, Polyconvex
 from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, incompressible_stress, nominal_stress
 
+WELL_POSED = 1e14
+"""Greatest condition number of the normal equations of the parameters: above it the inverse has no digits left, and standard errors are
+infinite."""
+
 STARTS = 5
 """Number of the best candidates of the coarse search from which refinements start. Chosen: the best point of a coarse grid need not lie in
 the basin of the least error, and each start costs one more refinement."""
+
+COARSE_ROWS = 250
+"""Most rows that the starts and the first refinements consider. Chosen: more rows change the starts by less than the refinement does."""
 
 N_TERMS = 3
 """Number of terms of Ogden's law by default, as many as Ogden (1972) took for Treloar's rubber."""
@@ -132,19 +140,29 @@ class LawRegressor(StressRegressor):
         >>> pds.identification.LawRegressor("gent").fit(data.stretches, data.nominal_stress).parameter_names_
         ['shear_modulus', 'chain_limit']
         """
-        X, y, root, _ = self._checked(X, y, sample_weight)
+        X, y, root = self._checked(X, y, sample_weight)
         check_fitted(self.law)
         root = root / np.sqrt((root**2 * y**2).sum() or 1.0)
-        candidates = self._ogden_candidates(X, y, root) if self.law == Ogden.name else self._candidates(X, y, root)
+        # Every so many rows, from the one with the greatest stretch on, which not every law reaches.
+        few = np.argsort(X.max(axis=1), kind="stable")[:: -(-(-len(y) // COARSE_ROWS))]
+        coarse = X[few], y[few], root[few]
+        candidates = self._ogden_candidates(*coarse) if self.law == Ogden.name else self._candidates(*coarse)
         starts = [start for _, start in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0])]
         if not starts:
             raise ValueError(f"{self.law} cannot be fitted: it does not reach the stretch {X.max():g} with a positive stiffness")
-        fits = [self._refined(start, X, y, root, incompressible_stress) for start in starts]
+        fits = [self._refined(start, *coarse, incompressible_stress) for start in starts]
         best, *_ = min(fits, key=lambda one: one[-1].cost)
+        best, *_ = self._refined(best, X, y, root, incompressible_stress)
         values, jacobian, found = self._refined(best, X, y, root, nominal_stress)
         names = self.unknowns()
         at_bound = [name for name, active in zip(names, found.active_mask, strict=True) if active]
-        self._store(self.law_of(values), names, values, jacobian, 2 * found.cost, at_bound)
+        size = np.linalg.norm(jacobian, axis=0)
+        size[size == 0] = 1.0
+        information, free = (jacobian / size).T @ (jacobian / size), len(y) - len(values)
+        covariance = np.full(information.shape, np.inf)
+        if free > 0 and np.linalg.cond(information) < WELL_POSED:
+            covariance = 2 * found.cost / free * np.linalg.inv(information) / np.outer(size, size)
+        self._store(self.law_of(values), names, values, covariance, at_bound)
         return self
 
     def unknowns(self) -> list[str]:
@@ -253,16 +271,22 @@ class LawRegressor(StressRegressor):
         return values, found.jac / np.where(logarithmic, values, 1.0), found
 
     def _candidates(self, X, y, root):
-        """Yield (squared error, parameters) of a law other than Ogden's for each point of a grid, with the best shear modulus."""
+        """Return (squared error, parameters) of a law other than Ogden's at each point of a grid that no neighbor excels, with the best
+        shear modulus."""
         low, high, _ = self.search_range(np.empty(0), max(np.abs(y).max(), 1e-300))
-        for shape in _grid(low[1:], high[1:]):
+        axes = _axes(low[1:], high[1:])
+        shapes, shape = list(product(*axes)), [len(axis) for axis in axes]
+        moduli, errors = np.zeros(len(shapes)), np.full(len(shapes), np.inf)
+        for number, values in enumerate(shapes):
             try:
-                unit = incompressible_stress(self.law_of(np.array([1.0, *shape])), X)
+                unit = incompressible_stress(self.law_of(np.array([1.0, *values])), X)
             except ValueError:
                 continue
             if np.isfinite(unit).all():
-                modulus = max((root**2 * unit * y).sum() / max((root**2 * unit**2).sum(), 1e-300), low[0])
-                yield ((root * (modulus * unit - y)) ** 2).sum(), np.array([modulus, *shape])
+                moduli[number] = max((root**2 * unit * y).sum() / max((root**2 * unit**2).sum(), 1e-300), low[0])
+                errors[number] = ((root * (moduli[number] * unit - y)) ** 2).sum()
+        least = minimum_filter(errors.reshape(shape), 3, mode="nearest").ravel() if shape else errors
+        return [(errors[n], np.array([moduli[n], *shapes[n]])) for n in np.flatnonzero((errors == least) & np.isfinite(errors))]
 
     def _ogden_candidates(self, X, y, root):
         """Yield (error, parameters) of Ogden's law for each set of exponents from a grid, with the best moduli."""
@@ -277,13 +301,12 @@ class LawRegressor(StressRegressor):
                 yield error, np.concatenate([np.maximum(stiffness / np.abs(exponents), least), exponents])
 
 
-def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return a grid of candidates, between bounds, for the dimensionless parameters of a law, shape (n_candidates, n_parameters)."""
+def _axes(low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
+    """Return the axes of a grid of candidates, between bounds, for the dimensionless parameters of a law."""
     per_axis = 60 if len(low) == 1 else 25
     # Dense about 0 where bounds contain it: most dimensionless coefficients of rubber lie there.
     spread = np.geomspace(1e-5, 1, per_axis // 2)
-    axes = [
+    return [
         np.geomspace(least, greatest, per_axis) if least > 0 else np.unique([*least * spread, 0.0, *greatest * spread])
         for least, greatest in zip(low, high, strict=True)
     ]
-    return np.array(list(product(*axes)))

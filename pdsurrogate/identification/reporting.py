@@ -14,13 +14,16 @@ from ..forces.homogeneous import nominal_states
 from ..materials import Law
 from ..results.figures import STYLE
 from .data import BIAXIAL, MODES, TestData
-from .energy import EnergyRegressor
+from .energy import EnergyRegressor, mode_of
 from .examination import examine, standardized
 from .regressor import LawRegressor, check_fitted
 from .stress_regressor import LawEstimator, StressRegressor, committee, free_sides, nominal_stress, states
 
 EDGE = 1e-6
 """Least distance in log-stretch of a test from the domain of a force model at which the test counts as outside: less may be rounding."""
+
+UNMEASURED = 1.5, 2.0, 3.0
+"""Stretches at which a report states what an energy foretells in modes of loading without data. Chosen: those of most bodies of rubber."""
 
 
 def report(model: StressRegressor, data: TestData) -> dict:
@@ -196,8 +199,20 @@ def examined(model: StressRegressor, data: TestData, others: Sequence[StressRegr
     """Return the `report` of a fitted regressor, with the ``refusals`` and ``remarks`` of the examination of fit and data (`examine`)."""
     found = report(model, data)
     if isinstance(model, EnergyRegressor):
-        found |= {"form": "polyconvex energy without a law", "cross_validation": model.cross_validation_}
+        found |= {"form": "energy without a law", "unmeasured": unmeasured(model, data)}
     return {**found, **asdict(examine(model, data, others))}
+
+
+def unmeasured(model: EnergyRegressor, data: TestData) -> list[dict]:
+    """Return stresses and standard deviations of an energy in the modes of loading without data, at `UNMEASURED` and not beyond the data."""
+    greatest = data.stretches.max()
+    stretches, found = np.array([one for one in UNMEASURED if one <= greatest] or [greatest]), []
+    measured = {*mode_of(data.stretches).tolist()}
+    for mode in (mode for mode in MODES if mode not in measured):
+        states = np.stack([stretches, MODES[mode](stretches)], axis=1)
+        rows = zip(stretches.tolist(), model.predict(states), model.standard_deviations(states), strict=True)
+        found += [{"mode": mode, "stretch": at, "nominal_stress": plain(y), "standard_deviation": plain(sd)} for at, y, sd in rows]
+    return found
 
 
 class Identified(NamedTuple):

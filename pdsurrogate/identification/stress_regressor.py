@@ -5,7 +5,6 @@ A committee shows the uncertainty of an identification: its members are fitted t
 
 from collections.abc import Sequence
 from numbers import Real
-from typing import Self
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -19,10 +18,6 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, vali
 from ..arguments import check_jobs, check_kind, check_numbers, check_seed, check_whole_number, in_order
 from ..materials import Law, homogeneous, plane_stress
 from ..materials.covariance import LawCovariance, covariance_of_numbers
-
-WELL_POSED = 1e14
-"""Greatest condition number of the normal equations of the parameters: above it the inverse has no digits left, and standard errors are
-infinite."""
 
 BULK_RATIO = 1000.0
 """Default of K/mu of a law.
@@ -192,27 +187,6 @@ class StressRegressor(LawEstimator):
         X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
         return nominal_stress(self.law_, self._stretches(X))
 
-    def redrawn(self, random: np.random.Generator) -> Self:
-        """Return an unfitted copy for a committee, with random values of settings that neither the data nor the user determine.
-
-        Parameters
-        ----------
-        random : numpy.random.Generator
-
-        Returns
-        -------
-        estimator
-            Copy of the same class; an `EnergyRegressor` has another offset of the exponents, a `LawRegressor` the same settings.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import pdsurrogate as pds
-        >>> pds.identification.EnergyRegressor().redrawn(np.random.default_rng(0)).offset > 0
-        True
-        """
-        return clone(self)
-
     def _law_of(self, values: ArrayLike) -> Law:
         return self.law_of(values)
 
@@ -224,8 +198,8 @@ class StressRegressor(LawEstimator):
             raise ValueError(f"Negative values in data passed to {type(self).__name__}: a stretch must be positive, not {X.min():g}")
         return X
 
-    def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Check the data; return stretches, stresses and roots of weights for the rows of positive weight, and a mask of these rows."""
+    def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Check the data; return stretches, stresses and roots of weights for the rows of positive weight."""
         self._begin_fit()
         for values, what, wanted in (
             (X, "X", f"it must have the columns {' and '.join(self.columns)} and at least one row" if self.columns else "give numbers"),
@@ -239,41 +213,28 @@ class StressRegressor(LawEstimator):
         if not used.any():
             raise ValueError("all sample weights are zero")
         X = self._stretches(X)
-        return X[used], y[used], root[used], used
+        return X[used], y[used], root[used]
 
     def _bulk(self, shear_modulus: float) -> float:
         """Return the bulk modulus of a law with a shear modulus: the parameter `bulk_modulus`, or `bulk_ratio` times the shear modulus."""
         return self.bulk_modulus or self.bulk_ratio * shear_modulus
 
-    def _store(self, law: Law, names: Sequence[str], values, jacobian, squares: float, at_bound: Sequence[str] = ()) -> None:
-        """Set the results of a fit: the law, its parameters, and their covariance.
-
-        `jacobian` holds the derivatives of the weighted residuals by the parameters, shape (n_samples, n_parameters), and `squares` is the
-        sum of the squared residuals.
-        """
+    def _store(self, law: Law, names: Sequence[str], values, covariance: np.ndarray, at_bound: Sequence[str] = ()) -> None:
+        """Set the results of a fit: the law, its parameters, and their covariance."""
         self.law_, self.parameter_names_, self.parameters_, self.at_bound_ = law, list(names), values, list(at_bound)
-        n_samples, count = jacobian.shape
-        size = np.linalg.norm(jacobian, axis=0)
-        size[size == 0] = 1.0
-        information = (jacobian / size).T @ (jacobian / size)
-        if n_samples > count and np.linalg.cond(information) < WELL_POSED:
-            self.covariance_ = squares / (n_samples - count) * np.linalg.inv(information) / np.outer(size, size)
-        else:
-            self.covariance_ = np.full((count, count), np.inf)
-        self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
+        self.covariance_, self.standard_errors_ = covariance, np.sqrt(np.diag(covariance))
 
 
 def committee(
     regressor, X, y, n_members: int = 8, tests=None, random_state: int = 0, n_jobs: int = 1, sample_weight: np.ndarray | None = None
 ) -> list:
-    """Return copies of a regressor, each fitted to a random half of the tests, and with random values of settings that the data leave open.
+    """Return copies of a regressor, each fitted to a random half of the tests.
 
     A stress, or the result of a run with the ``law_`` of each member, varies among the members as far as the data leave it open. The root
     mean square of the differences from the fit to all data estimates the standard deviation of the result (the delete-half jackknife);
     `committee_spread` corrects it for few members. The bootstrap, which draws with replacement, is not consistent for parameters at a
-    bound, such as weights at zero. For an `EnergyRegressor` the offset of the exponents is drawn for each member as well: it is arbitrary,
-    and the sign of the error of a fit depends on it. The members do not show errors that all of them share, such as those of a law that
-    rubber does not follow.
+    bound, such as weights at zero. The members do not show errors that all of them share, such as those of a law that rubber does not
+    follow.
 
     Parameters
     ----------
@@ -335,7 +296,7 @@ def committee(
     for _ in range(n_members):
         drawn = np.concatenate([np.flatnonzero(tests == kind) for kind in random.choice(kinds, -(-len(kinds) // 2), replace=False)])
         weight = None if sample_weight is None else np.asarray(sample_weight)[drawn]
-        members.append(delayed(regressor.redrawn(random).fit)(X[drawn], y[drawn], weight))
+        members.append(delayed(clone(regressor).fit)(X[drawn], y[drawn], weight))
     return Parallel(n_jobs)(members)
 
 

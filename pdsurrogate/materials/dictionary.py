@@ -22,6 +22,7 @@ import numpy as np
 
 from ..arguments import kind_of, suggestion
 from ..kernels.elementary_in_numpy import exponential, logarithm, select
+from .stretch_laws import MOST_TERMS
 
 GREATEST_EXPONENT, LIMIT_RANGE = 50.0, (1e-3, 1e6)
 """Greatest magnitude of an exponent, and least and greatest limit of a logarithm: beyond them rounding decides the stresses. Ogden's
@@ -36,9 +37,8 @@ LEAST_GAP = 0.1
 second degree. Chosen: the stress is then ten times that of a Neo-Hookean term, which test data hardly exceed, and an energy from test
 data must not end within a body."""
 
-LEAST_EXPONENT, STEP = 1.0, 0.25
-"""Least absolute value of an exponent of the stretches, at which their powers are polyconvex, and distance between candidate exponents: the
-stresses of neighbors are nearly proportional, so that a smaller one would gain nothing."""
+LEAST_EXPONENT = 1.0
+"""Least absolute value of an exponent of the stretches, at which their powers are polyconvex."""
 
 STATES, DIRECTIONS, LINE_STEP = 13, 6, 1e-3
 """Number of stretches of each axis and of angles in a quarter turn of `line_curvatures`, and the step of its differences: the rounding is
@@ -144,32 +144,9 @@ OF_INVARIANTS = (
 Carroll's laws; of I2bar those of Gent and Thomas, of Carroll, and of Mooney and Rivlin. Terms that rise faster with I2bar are left out: the
 stresses in equibiaxial tension, which few tests of bodies contain, could be off by a factor."""
 
-POSITIVE, NEGATIVE = (3.0, 5.0, 8.0, 12.0), (1.0, 2.0, 4.0, 6.0)
-"""Greatest exponents of the stretches, and of their inverses, among which cross-validation chooses. Chosen: about evenly spaced in the
-logarithm; Ogden's exponents for rubber are 5 and -2, and above 12 a term acts only at the greatest stretch of the data."""
-
-POWERS = ((), (("first", 2, 3),), (("first", 2, 3), ("second", 1, 2, 3)), (("first", 2, 3, 4), ("second", 1, 2, 3, 4), ("roots", 1, 2)))
-"""Sets of powers and roots of invariants among which cross-validation chooses, as (kind of `Term`, numbers): none, those of I1bar - 3,
-those of I2bar^1.5 - 3 sqrt 3 as well, which may extrapolate badly to modes without data, and all. The last set also has the logarithms
-with `LIMITS`. I1bar - 3 itself is the exponent 2."""
-
-LIMITS = (1.25, 2.0, 4.0)
-"""Limits of the logarithms, divided by the greatest I1bar - 3 of the data. Chosen: nearer limits act at the greatest stretch of the data
-alone, and more distant ones are hardly distinguished by the data from I1bar - 3 and its square."""
-
-
-def powers_of_stretches(greatest: float, least: float, offset: float = 0.0) -> list[Term]:
-    """Return terms with exponents from -`least` to -1 and from 1 to `greatest`, with `offset` added to absolute values."""
-    sizes = np.arange(LEAST_EXPONENT, max(greatest, least) + STEP / 2, STEP)
-    exponents = np.concatenate([-sizes[sizes <= least][::-1] - offset, sizes[sizes <= greatest] + offset])
-    return [Term("stretches", exponent) for exponent in exponents.tolist()]
-
-
-def sets_of_invariants(greatest: float) -> list[list[Term]]:
-    """Return the sets `POWERS` of terms of the invariants, for data with a greatest I1bar - 3."""
-    found = [[Term(kind, float(number)) for kind, *numbers in kinds for number in numbers] for kinds in POWERS]
-    found[-1] += [Term("logarithms", share * greatest) for share in LIMITS]
-    return found
+OF_TESTS = (*OF_INVARIANTS, Term("stretches", 1.0))
+"""Terms for tests that visit all modes of loading: those of the invariants, and l1 + l2 + l3 of Varga's law, a separate function of the
+stretches. Sums of functions of one invariant each do not have the exponents between 1 and 2 of Ogden's law for natural rubber."""
 
 
 def checked_dictionary(terms: Any) -> tuple[Term, ...]:
@@ -178,7 +155,8 @@ def checked_dictionary(terms: Any) -> tuple[Term, ...]:
     Raises
     ------
     TypeError, ValueError
-        If there are none, one is no such pair or unknown, two are the same function up to a factor, or none has a stiffness at rest.
+        If there are none or too many, one is no such pair or unknown, two are the same function up to a factor, or none has a stiffness at
+        rest.
 
     Examples
     --------
@@ -204,6 +182,12 @@ def checked_dictionary(terms: Any) -> tuple[Term, ...]:
     for term, other in combinations(found, 2):
         if term.row[:3] == other.row[:3] and np.linalg.matrix_rank([term.row[3:], other.row[3:]]) == 1:
             raise ValueError(f"dictionary: {(*term,)} and {(*other,)} are the same function up to a factor: give one of them")
+    counts = [sum(term.kind == kind for term in found) for kind in ("stretches", "logarithms")]
+    if max(counts) > MOST_TERMS:
+        raise ValueError(
+            f"dictionary: a law has at most {MOST_TERMS} terms of the kind 'stretches' and {MOST_TERMS} of the kind 'logarithms': "
+            f"leave some of the {counts[0]} and {counts[1]} out"
+        )
     if not any(term.shear_modulus > 0 for term in found):
         raise ValueError("dictionary: no term has a stiffness at rest; add one that has, such as ('first', 1)")
     return tuple(found)
@@ -298,30 +282,28 @@ def line_curvatures(terms: Sequence[Term], greatest: float = 3.0) -> np.ndarray:
     return (energies[0] - 2 * energies[1] + energies[2]) / LINE_STEP**2
 
 
-def wave_check(terms: Sequence[Term], greatest: float = STABLE_TO) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function that tells whether shear waves are stable in sums of terms, up to rounding.
+def wave_margin(terms: Sequence[Term], greatest: float = STABLE_TO) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function that tells by how much shear waves are stable in sums of terms: from -1 to 1, positive if they are.
 
-    The function takes coefficients, shape (..., n_terms), and returns flags, shape (...). Sums of polyconvex terms have stable waves in all
-    states. The others are checked in the states of `line_curvatures`.
+    The function takes coefficients, shape (..., n_terms), and returns margins, shape (...). Sums of polyconvex terms have stable waves in
+    all states, and the margin 1. The others have the least sum of the second derivatives of their terms among the lines of
+    `line_curvatures`, divided by the sum of the absolute values of these.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from pdsurrogate.materials.dictionary import Term, wave_check
-    >>> wave_check([Term("first", 1.0), Term("second_logarithm", 1.0)])(np.array([[1.0, 0.0], [1.0, 2.0], [0.02, 1.0]])).tolist()
-    [True, True, False]
+    >>> from pdsurrogate.materials.dictionary import Term, wave_margin
+    >>> wave_margin([Term("first", 1.0), Term("second_logarithm", 1.0)])(np.array([[1.0, 0.0], [1.0, 2.0], [0.02, 1.0]])).round(2).tolist()
+    [1.0, 0.85, -0.43]
     """
     by_form = np.array([term.polyconvex for term in terms])
-    if by_form.all():
-        return lambda coefficients: np.ones(np.shape(coefficients)[:-1], dtype=bool)
-    curvatures = line_curvatures(terms, greatest)
+    curvatures = np.empty((0, len(terms))) if by_form.all() else line_curvatures(terms, greatest)
 
-    def stable(coefficients: np.ndarray) -> np.ndarray:
+    def margin(coefficients: np.ndarray) -> np.ndarray:
         found = np.asarray(coefficients).reshape(-1, len(terms))
-        doubtful = (found[:, ~by_form] != 0).any(axis=1)
-        least = (found[doubtful] @ curvatures.T).min(axis=1)
-        flags = ~doubtful
-        flags[doubtful] = least >= -1e-6 * np.abs(found[doubtful]).max(axis=1)
-        return flags.reshape(np.shape(coefficients)[:-1])
+        margins, doubtful = np.ones(len(found)), (found[:, ~by_form] != 0).any(axis=1)
+        sums, sizes = found[doubtful] @ curvatures.T, np.abs(found[doubtful]) @ np.abs(curvatures.T)
+        margins[doubtful] = (sums / np.maximum(sizes, 1e-300)).min(axis=1, initial=1.0)
+        return margins.reshape(np.shape(coefficients)[:-1])
 
-    return stable
+    return margin

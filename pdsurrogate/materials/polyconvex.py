@@ -180,3 +180,8 @@ def law_of(terms: Sequence[Term], coefficients: ArrayLike, bulk_modulus: float) 
         return Ogden(bulk_modulus=bulk_modulus, moduli=tuple(lists["moduli"]), exponents=tuple(lists["exponents"]))
     given: dict[str, Any] = {key: tuple(values) for key, values in lists.items()}
     return Polyconvex(bulk_modulus=bulk_modulus, **given)
+
+
+def stiffness_of(terms: Sequence[Term], coefficients: ArrayLike) -> float:
+    """Return the shear modulus of an energy in the undeformed state."""
+    return float(np.asarray(coefficients, dtype=float) @ [term.shear_modulus for term in terms])

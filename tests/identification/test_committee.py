@@ -54,20 +54,6 @@ def test_the_spread_of_few_members_is_students(random):
         assert within.mean() == pytest.approx(0.9545, abs=0.002)
 
 
-def test_members_have_exponents_of_their_own(measured):
-    """Those of an energy; a law has none to draw."""
-    members = pds.identification.committee(pds.identification.EnergyRegressor(), *measured, n_members=3)
-    assert len({one.offset for one in members}) == 3
-    for one in members:
-        assert 0 <= one.offset < 0.25
-        exponents = np.array([term.number for term in one.terms_ if term.kind == "stretches"])
-        steps = (np.abs(exponents) - 1 - one.offset) / 0.25
-        np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
-        assert (steps > -1e-9).all()  # polyconvex as ever
-    laws = pds.identification.committee(pds.identification.LawRegressor("mooney-rivlin"), *measured, n_members=2)
-    assert all(one.get_params() == pds.identification.LawRegressor("mooney-rivlin").get_params() for one in laws)
-
-
 def test_members_repeat_from_their_seed_and_have_half_of_the_tests(measured):
     members, again = (pds.identification.committee(pds.identification.EnergyRegressor(), *measured, n_members=2) for _ in range(2))
     np.testing.assert_array_equal(again[1].weights_, members[1].weights_)

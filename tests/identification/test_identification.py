@@ -272,7 +272,7 @@ def test_bad_files_are_refused_by_line(tmp_path, text, message):
 
 
 @pytest.mark.parametrize(
-    "regressor", [pds.identification.LawRegressor("ogden", n_terms=True), pds.identification.EnergyRegressor(max_terms=True)]
+    "regressor", [pds.identification.LawRegressor("ogden", n_terms=True), pds.identification.EnergyRegressor(margin=True)]
 )
 def test_flags_are_no_numbers(regressor):
     with pytest.raises(TypeError, match="_terms must be a number, not True"):

@@ -7,7 +7,7 @@ import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.materials import plane_stress
-from pdsurrogate.materials.dictionary import KINDS, Term, checked_dictionary, derivatives, line_curvatures, wave_check
+from pdsurrogate.materials.dictionary import KINDS, Term, checked_dictionary, derivatives, line_curvatures, wave_margin
 from pdsurrogate.materials.polyconvex import law_of
 
 TERMS = [Term("stretches", exponent) for exponent in (-6.0, -1.0, 1.0, 2.0, 3.25, 12.0)]
@@ -94,9 +94,12 @@ def test_sums_of_polyconvex_terms_are_stable_by_form_and_others_are_checked():
     assert not Term("second_logarithm", 1.0).polyconvex
     assert len(POLYCONVEX) == len(TERMS) - 1
     coefficients = np.array([[1.0, 1.0], [1.0, 0.0], [1 / 26, 1.0]])
-    assert wave_check([Term("first", 1.0), Term("second_logarithm", 1.0)], 3.4)(coefficients).tolist() == [True, True, False]
+    margins = wave_margin([Term("first", 1.0), Term("second_logarithm", 1.0)], 3.4)(coefficients)
+    assert (margins > 0).tolist() == [True, True, False]
+    assert margins[1] == 1
+    assert np.abs(margins).max() <= 1
     with patch("pdsurrogate.materials.dictionary.line_curvatures", side_effect=AssertionError):
-        assert wave_check([Term("first", 1.0), Term("roots", 2.0)])(coefficients).all()
+        assert (wave_margin([Term("first", 1.0), Term("roots", 2.0)])(coefficients) == 1).all()
 
 
 @pytest.mark.parametrize(
@@ -115,6 +118,7 @@ def test_sums_of_polyconvex_terms_are_stable_by_form_and_others_are_checked():
         ([("first", True)], ValueError, "dictionary: first has powers from 1 to 4, not True"),
         ([("first", 1), ("first", 1.0)], ValueError, r"dictionary: \('first', 1.0\) and \('first', 1.0\) are the same function up to a"),
         ([("stretches", 2), ("roots", 2), ("first", 1)], ValueError, r"\('stretches', 2.0\) and \('first', 1.0\) are the same function"),
+        ([("stretches", a) for a in range(1, 10)], ValueError, "a law has at most 8 terms of the kind 'stretches' and 8 .* of the 9 and 0 out"),
         ([("first", 2), ("second", 3)], ValueError, "dictionary: no term has a stiffness at rest"),
     ],
 )
