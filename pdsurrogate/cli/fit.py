@@ -52,12 +52,16 @@ BulkRatio = Annotated[float | None, Option(help="Ratio of bulk modulus to shear 
 Terms = Annotated[int | None, Option(help=f"Number of terms of Ogden's law (default: {N_TERMS}).", min=1, max=4)]
 
 
+Loading = Annotated[bool, Option("--loading", help="Take the rows of first loading only, without those of unloading.")]
+
+
 def identify(
     data: Annotated[Path, Argument(metavar="DATA", help=DATA_HELP)],
     *,
     law: Annotated[list[str] | None, Option(metavar="LAW", autocompletion=fitted_laws, help="Law; may be repeated (default: all).")] = None,
     terms: Terms = None,
     stretch: Annotated[float | None, Option("--up-to", help="Leave out rows with a greater stretch.")] = None,
+    loading: Loading = False,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
     hold_out: Annotated[bool, Option("--hold-out", help="Also leave out each mode in turn, and report how the fit predicts it.")] = False,
@@ -69,9 +73,11 @@ def identify(
     if terms is not None and "ogden" not in names:
         raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
     terms, bulk = terms or N_TERMS, bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
-    asked = {"laws": names, "terms": terms, "up_to": stretch, **bulk}
+    asked = {"laws": names, "terms": terms, "up_to": stretch, "loading": loading, **bulk}
     asked |= {"data": rows.name, "rows": len(rows), "digest": digest_of(asdict(rows))[:DIGITS]}
     check_folder(folder, "identify.json", asked, overwrite)
+    if loading:
+        rows = rows.loading()
     if stretch is not None:
         rows = rows.up_to(stretch)
     with Bar("Fitting") as bar:
@@ -168,6 +174,7 @@ def fit(
     data: Annotated[Path | None, Option(metavar="DATA", help=f"Identify the parameters of the law first. {DATA_HELP}")] = None,
     terms: Terms = None,
     free: Annotated[bool, Option("--free", help="With --data: identify a polyconvex energy instead of a law.")] = False,
+    loading: Loading = False,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
     force_fit: Annotated[bool, Option("--force-fit", help="With --data: continue even if the data or the fit would be refused.")] = False,
@@ -186,15 +193,18 @@ def fit(
         raise ValueError("--terms needs --law ogden and --data; without data, set the parameters of the law with --set")
     law, bulk = law or "neo-hookean", bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
-        if bulk or force_fit or free:
-            raise ValueError("--free, --bulk-modulus, --bulk-ratio and --force-fit need --data; without data, set parameters with --set")
+        if bulk or force_fit or free or loading:
+            options = "--free, --loading, --bulk-modulus, --bulk-ratio and --force-fit"
+            raise ValueError(f"{options} need --data; without data, set parameters with --set")
         tests, hull, material = None, None, law_of(law, change)
         members = [material] * (committee or 0)
     else:
         if change:
             raise ValueError("--data identifies the parameters of the law, --set sets them: choose one")
         with Bar(f"Fitting {'an energy' if free else law} to {data}"):
-            tests = reporting.identified(load_test_data(data), None if free else law, terms or N_TERMS, bulk, committee, settings.seed)
+            rows = load_test_data(data)
+            rows = rows.loading() if loading else rows
+            tests = reporting.identified(rows, None if free else law, terms or N_TERMS, bulk, committee, settings.seed)
         hull, material, members = None, tests.model.law_, tests.members
         if free:
             settings, hull = settings.within(*tests.model.stretch_range_), tests.model.domain_hull()

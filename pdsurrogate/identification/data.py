@@ -85,6 +85,23 @@ class TestData:
             raise ValueError(f"{self.name}: all rows have stretches above {stretch:g}")
         return self._taken(chosen)
 
+    def loading(self) -> Self:
+        """Return the rows of first loading: without those in which the strain of a mode is less than before, see `unloading`."""
+        return self._taken(~self.unloading)
+
+    @property
+    def unloading(self) -> np.ndarray:
+        """Mask of the rows, shape (n,), in which the strain is less than in an earlier row of the mode; none if strains only fall.
+
+        Rows of biaxial tests are none, as their order says nothing.
+        """
+        found, strain = np.zeros(len(self), dtype=bool), np.abs(np.log(self.stretches[:, 0]))
+        for mode in set(self.modes) - {BIAXIAL}:
+            rows = np.flatnonzero(self.mode == mode)
+            greatest = np.maximum.accumulate(strain[rows])
+            found[rows] = (strain[rows] < greatest) & (greatest[-1] > greatest[0])
+        return found
+
     def _taken(self, rows: np.ndarray) -> Self:
         return type(self)(self.name, self.mode[rows], self.stretches[rows], self.nominal_stress[rows], self.weight[rows], self.row[rows])
 
@@ -201,7 +218,8 @@ def _rows(row, kind, where):
         if not np.isfinite(numbers[key]):
             raise ValueError(f"{where}: {key} must be finite")
         if "stress" not in key and numbers[key] <= 0:
-            raise ValueError(f"{where}: {key} must be positive, not {numbers[key]:g}")
+            hint = "; a stretch is 1 + strain" if "stretch" in key else ""
+            raise ValueError(f"{where}: {key} must be positive, not {numbers[key]:g}{hint}")
     first, stress, weight = numbers["stretch"], numbers["nominal_stress"], numbers.get("weight", 1.0)
     if kind is GRID:
         second = numbers["lateral_stretch"]

@@ -20,7 +20,7 @@ from .averaging import Average, average, columns_of, isochoric
 from .data import BIAXIAL, MODES
 from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, states
 
-NEGLIGIBLE = 1e-6
+NEGLIGIBLE = 1e-7
 """Relative RMS error of stresses below which energies count as equally good, and share of the stresses below which a term is left out: no
 test is as exact."""
 
@@ -38,7 +38,7 @@ class EnergyRegressor(StressRegressor):
     """Isochoric energy fitted to nominal stresses, without a law.
 
     W is an average of energies, each a sum of few terms with non-negative weights: of at most four among l1 + l2 + l3 - 3 and functions of
-    I1bar (its root, and powers of I1bar - 3 up to the fourth), and at most one function of I2bar (its logarithm, its root or I2bar - 3). The
+    I1bar (its root, and powers of I1bar - 3 up to the fourth), and at most one function of I2bar (its logarithm, its root, I2bar - 3). The
     weight of an energy in the average
     is a prior times the likelihood of the stresses, theory (87): of energies that describe the stresses equally well, those with fewer
     terms and with smaller stresses in equibiaxial tension are the more probable. All rows of a mode of loading count as one independent

@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..materials.dictionary import Term
-from .data import BIAXIAL, TestData
-from .energy import EnergyRegressor
 from .averaging import columns_of, isochoric, nonnegative
+from .data import BIAXIAL, MODES, TestData
+from .energy import EnergyRegressor
+from .regressor import LawRegressor
 from .stress_regressor import StressRegressor
 
 NOISE = 0.01
@@ -60,6 +61,13 @@ POWERS = *range(-6, 0), *range(1, 13)
 
 TERMS = [*(Term("stretches", float(power)) for power in POWERS), Term("first", 2.0), Term("first", 3.0)]
 """Terms of an energy that stands for all admissible energies: powers of stretches, their inverses and the first invariant."""
+
+MOST_STRETCH = 15.0
+"""Greatest stretch that rubber bears: natural rubber breaks at 8 to 10, and soft gels at up to some 15. Of greater ones a remark says so if
+strains in their place describe the stresses better."""
+
+CHANGED_VOLUME = 0.1
+"""Change of log(volume) under a uniaxial load from which a material is no rubber. Chosen: twice the greatest of Kawabata's data."""
 
 REWEIGHTINGS = 12
 """Number of fits in a robust regression by iterative reweighting: the weights of outliers settle within a few."""
@@ -149,12 +157,12 @@ def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegre
         Regressor fitted to the data.
     data : TestData
     others : sequence of StressRegressor
-        Other fitted regressors, of which a remark names the best if it is much better than `model`; if no `EnergyRegressor` is among them
-        or is the model, one is fitted for this comparison.
+        Other fitted regressors, of which a remark names the best if it is much better than `model`; an `EnergyRegressor` and Ogden's law
+        are fitted for this comparison if they are not among them.
     """
     scores = data.r_squared(model.predict(data.stretches))
     poor = not min(scores.values(), default=1.0) >= POOR
-    refusals, remarks = wrong_signs(data), suspicions(data, MENDED_IF_POOR if poor else MENDED)
+    refusals, remarks = [*wrong_signs(data), *changes_of_volume(data)], suspicions(data, MENDED_IF_POOR if poor else MENDED)
     poorly = []
     for mode, value in scores.items():
         if value < 0:
@@ -181,6 +189,22 @@ def wrong_signs(data: TestData) -> list[str]:
     return [f"{', '.join(_some(found))}: tension is positive, compression negative"] if found else []
 
 
+def changes_of_volume(data: TestData) -> list[str]:
+    """Return a list of one message if stretches under uniaxial load, with the same stretch of width and thickness, change the volume."""
+    order = np.argsort(data.row, kind="stable")
+    pairs = order[:-1][np.diff(data.row[order]) == 0], order[1:][np.diff(data.row[order]) == 0]
+    free, size = data.mode == "uniaxial", np.abs(data.nominal_stress)
+    for along, across in (pairs, pairs[::-1]):
+        free[along] |= (data.mode[along] == BIAXIAL) & (size[across] <= NEAR_REST * size[along])
+    volume = data.stretches[:, 0] * data.stretches[:, 1] ** 2
+    off = np.where(free, np.abs(np.log(volume)), 0.0)
+    if not off.max() > CHANGED_VOLUME:
+        return []
+    row = int(off.argmax())
+    change = f"the stretches along and across a uniaxial load change the volume by {100 * (volume[row] - 1):.0f} %"
+    return [f"{data.row_in_words(row)}: {change}: the material is compressible, such as a foam, and these are laws of rubber"]
+
+
 def _some(found: list[str]) -> list[str]:
     """Return the first `MOST_ROWS` of the messages about rows, followed by the number of those left out."""
     return found if len(found) <= MOST_ROWS else [*found[:MOST_ROWS], f"and {len(found) - MOST_ROWS} more rows"]
@@ -201,27 +225,28 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     if outliers.any():
         several = len(set(data.mode[outliers].tolist())) < outliers.sum()
         enough, least = MENDED_IF_POOR if several else enough, NOISE
-    changes = _changes(data) if before > least else []
+    changes = _changes(data) if before > least or data.stretches.max() > MOST_STRETCH else []
     # The changes after which residuals are small enough, and at most twice those after the best change.
-    explained = [one for one in changes if one.size <= min(before / enough, 2 * changes[0].size)]
+    explained = [one for one in changes if one.size <= min(before / (one.enough or enough), 2 * changes[0].size)]
     if explained:
         best, predicted = explained[0].data, explained[0].predicted
     mended = {one.mode: one.words for one in reversed(explained)}  # the best change of each mode
     remarks = [f"{mode}: {words}" for mode, words in mended.items()]
-    known = np.isin(data.mode, list(mended)) | ("all modes" in mended)
-    resting = (np.abs(np.log(data.stretches)).max(axis=1) < AT_REST) & ~known
-    resting &= np.abs(data.nominal_stress) > AT_REST * _greatest_of_mode(data)
+    known = np.isin(best.mode, list(mended)) | ("all modes" in mended)
+    resting = (np.abs(np.log(best.stretches)).max(axis=1) < AT_REST) & ~known
+    resting &= np.abs(best.nominal_stress) > AT_REST * _greatest_of_mode(best)
     if resting.any():
-        at_rest = ", ".join(_some([data.row_in_words(row) for row in np.flatnonzero(resting).tolist()]))
+        at_rest = ", ".join(_some([best.row_in_words(row) for row in np.flatnonzero(resting).tolist()]))
         remarks.append(f"{at_rest}: rubber has no stress at a stretch of 1: check its zero, and that stretches are not strains")
     standing = np.abs(_standing(best, predicted))
     rows = [row for row in np.argsort(-standing).tolist() if standing[row] > OUTLIER and not known[row] and not resting[row]]
-    if len(rows) > max(1, len(data) / 4):
+    if len(rows) > max(1, len(best) / 4):
         together = "no physically possible energy describes these tests together"
-        return [*remarks, f"{together}: check that all stresses have the same unit, are nominal, and are zero at a stretch of 1"]
-    remarks += [f"{data.row_in_words(row)} deviates by {standing[row]:.0f} standard deviations from the other rows" for row in rows]
-    named = {*rows, *np.flatnonzero(resting)}
-    return remarks + _some([text for row, text in _falling(data) if not named & {row, row - 1}])
+        checks = "have the same unit, are nominal, and are zero at a stretch of 1; foams, whose volume changes, are not described"
+        return [*remarks, f"{together}: check that all stresses {checks}"]
+    remarks += [f"{best.row_in_words(row)} deviates by {standing[row]:.0f} standard deviations from the other rows" for row in rows]
+    named = {*rows, *np.flatnonzero(resting), *np.flatnonzero(known)}
+    return remarks + _some([text for row, text in _falling(best) if not named & {row, row - 1}])
 
 
 def standardized(model: StressRegressor, data: TestData, most: int = 5) -> list[dict]:
@@ -247,13 +272,19 @@ NOT_TOLD = "check that the stresses are nominal (force per undeformed area); Cau
 
 CAUCHY = "the stresses look like Cauchy (true) stresses; divide them by the stretch to obtain nominal stresses"
 SHIFTED = "the stresses look shifted by {shift:.3g}; they should be zero at a stretch of 1"
-"""Words of remarks for two faults in the stresses of a mode that a change of the data may mend (`_changes`)."""
+STRAINS = "the stretches, {:g} to {:g}, look like strains{}; a stretch is 1 + strain{}"
+HYSTERESIS = (
+    "{} of {} rows are of unloading or of loading again, with other stresses than those of first loading (hysteresis), which no elastic "
+    "law describes; take the loading branch alone (--loading, TestData.loading)"
+)
+"""Words of remarks for faults in the data of a mode that a change may mend (`_changes`)."""
 
 
 class _Change(NamedTuple):
-    """Change of the stresses of a mode, or of all modes, that may mend the data.
+    """Change of the data of a mode, or of all modes, that may mend them.
 
-    It holds the RMS of the relative residuals after the change, the mode, a description, the changed data, and the fitted stresses.
+    It holds the RMS of the relative residuals after the change, the mode, a description, the changed data, the fitted stresses, and the
+    least factor by which the residuals must fall, if it is not that of all changes.
     """
 
     size: float
@@ -261,24 +292,26 @@ class _Change(NamedTuple):
     words: str
     data: TestData
     predicted: np.ndarray
+    enough: float | None
 
 
 def _changes(data: TestData) -> list[_Change]:
-    """Return possible corrections of faulty data, the best first: another stress measure or unit, or a constant offset of the stress."""
+    """Return possible corrections of faulty data, the best first: of stress measure, unit or zero, of strains, and of unloading."""
     stress, first, found = data.nominal_stress, data.stretches[:, 0], []
 
-    def add(mode: str, changed: np.ndarray, words: str, shifted: np.ndarray | None = None) -> None:
-        mended = replace(data, nominal_stress=changed)
+    def add(mode: str, words: str, shifted: np.ndarray | None = None, enough: float | None = None, **changed: np.ndarray) -> None:
+        rows = changed.pop("rows", slice(None))
+        mended = replace(data._taken(rows), **changed)
         predicted, shift = _robust(mended, shifted)
-        found.append(_Change(_size(mended, predicted), mode, words.format(shift=shift), mended, predicted))
+        found.append(_Change(_size(mended, predicted), mode, words.format(shift=shift), mended, predicted, enough))
 
     for mode in data.modes:
         rows = data.mode == mode
         if mode != BIAXIAL:
-            add(mode, stress, SHIFTED, rows)
+            add(mode, SHIFTED, rows)
         if rows.all():
             break
-        add(mode, np.where(rows, stress / first, stress), CAUCHY)
+        add(mode, CAUCHY, nominal_stress=np.where(rows, stress / first, stress))
         columns, others = _columns(data), 1 / (np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300) * ~rows
         predicted = columns @ nonnegative(columns, stress, others)
         some = rows & (np.abs(predicted) > 0)
@@ -286,10 +319,21 @@ def _changes(data: TestData) -> list[_Change]:
         if factor > 0 and abs(np.log(factor)) > np.log(LEAST_FACTOR):
             size = f"{factor:.3g} times too large" if factor > 1 else f"{1 / factor:.3g} times too small"
             words = f"the stresses look {size} compared with the other modes; check their unit"
-            add(mode, np.where(rows, stress / factor, stress), words)
+            add(mode, words, nominal_stress=np.where(rows, stress / factor, stress))
     else:
-        add("all modes", stress, SHIFTED, np.ones(len(data), dtype=bool))
-        add("all modes", stress / first, CAUCHY)
+        add("all modes", SHIFTED, np.ones(len(data), dtype=bool))
+        add("all modes", CAUCHY, nominal_stress=stress / first)
+    for size, unit, share in ((100.0, " in per cent", "/100"), (1.0, "", "")):
+        stretches = 1 + data.stretches / size
+        for mode in set(data.modes) - {BIAXIAL}:
+            stretches[data.mode == mode, 1] = MODES[mode](stretches[data.mode == mode, 0])
+        words = STRAINS.format(first.min(), first.max(), unit, share)
+        add("all modes", words, enough=1.0 if first.max() > MOST_STRETCH else None, stretches=stretches)
+    turned = data.unloading
+    turned &= np.isin(data.mode, [mode for mode in data.modes if turned[data.mode == mode].sum() > MOST_ROWS])
+    if turned.any():
+        mode = {*data.mode[turned].tolist()}
+        add(mode.pop() if len(mode) == 1 else "all modes", HYSTERESIS.format(turned.sum(), len(data)), rows=~turned)
     return sorted(found, key=lambda one: one.size)
 
 
@@ -365,9 +409,9 @@ def _falling(data: TestData):
 
 
 def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegressor]):
-    """Yield a remark if the best among `others` and an `EnergyRegressor` has an error below the error of `model` divided by `BETTER`.
+    """Yield a remark if the best among `others`, an energy and Ogden's law has an error below the error of `model` divided by `BETTER`.
 
-    The error is the square root of the mean of 1 - R^2 over the modes. An `EnergyRegressor` is fitted here if none is given.
+    The error is the square root of the mean of 1 - R^2 over the modes. The energy and Ogden's law are fitted here if they are not given.
     """
 
     def off(one: StressRegressor) -> float:
@@ -378,10 +422,11 @@ def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegre
     if own < NOISE:
         return
     candidates = [model, *others]
-    if not any(isinstance(one, EnergyRegressor) for one in candidates):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            candidates.append(EnergyRegressor().fit(data.stretches, data.nominal_stress, data.balanced_weights()))
+    for other in (EnergyRegressor(), LawRegressor("ogden")):
+        if other.law not in [one.law for one in candidates]:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                candidates.append(other.fit(data.stretches, data.nominal_stress, data.balanced_weights()))
     best = min(candidates, key=off)
     if off(best) < own / BETTER:
         name = "an energy without a law (--free, EnergyRegressor)" if isinstance(best, EnergyRegressor) else best.law

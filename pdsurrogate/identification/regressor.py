@@ -13,8 +13,8 @@ from scipy.optimize import least_squares, nnls
 from sklearn.utils._param_validation import Interval
 
 from ..arguments import suggestion
-from ..materials import LAWS, Law, Ogden, Polyconvex
-from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, incompressible_stress, nominal_stress
+from ..materials import LAWS, Law, Ogden, Polyconvex, homogeneous
+from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, incompressible_stress, sheet_of, states
 
 WELL_POSED = 1e14
 """Greatest condition number of the normal equations of the parameters: above it the inverse has no digits left, and standard errors are
@@ -30,6 +30,18 @@ COARSE_ROWS = 250
 N_TERMS = 3
 """Number of terms of Ogden's law by default, as many as Ogden (1972) took for Treloar's rubber."""
 
+
+PER_AXIS = 25
+"""Number of points on an axis of the coarse search. Chosen: each basin of the squared error then has one."""
+
+SETTLED = 1e-6
+"""Relative change of parameters and squared error that ends the refinement of a start, of which the best is refined further."""
+
+DIFFERENCE = 1e-7
+"""Relative change of a parameter or a volume ratio over which differences give derivatives, near the square root of rounding."""
+
+FAILED = 1e3
+"""Residual where a law has no stress; those of the data are shares of their size, whose squares sum to 1."""
 
 EXPONENTS = -8.0, -5.0, -3.0, -2.0, -1.0, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 11.0
 """Exponents of Ogden's law in the coarse search, about evenly spaced in the logarithm of their size. Chosen: the refinement moves them, so
@@ -144,16 +156,16 @@ class LawRegressor(StressRegressor):
         check_fitted(self.law)
         root = root / np.sqrt((root**2 * y**2).sum() or 1.0)
         # Every so many rows, from the one with the greatest stretch on, which not every law reaches.
-        few = np.argsort(X.max(axis=1), kind="stable")[:: -(-(-len(y) // COARSE_ROWS))]
+        few = np.argsort(X.max(axis=1), kind="stable")[:: -int(np.ceil(len(y) / COARSE_ROWS))]
         coarse = X[few], y[few], root[few]
         candidates = self._ogden_candidates(*coarse) if self.law == Ogden.name else self._candidates(*coarse)
         starts = [start for _, start in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0])]
         if not starts:
             raise ValueError(f"{self.law} cannot be fitted: it does not reach the stretch {X.max():g} with a positive stiffness")
-        fits = [self._refined(start, *coarse, incompressible_stress) for start in starts]
+        fits = [self._refined(start, *coarse, _incompressible, SETTLED) for start in starts]
         best, *_ = min(fits, key=lambda one: one[-1].cost)
-        best, *_ = self._refined(best, X, y, root, incompressible_stress)
-        values, jacobian, found = self._refined(best, X, y, root, nominal_stress)
+        best, *_ = self._refined(best, X, y, root, _incompressible)
+        values, jacobian, found = self._refined(best, X, y, root, states)
         names = self.unknowns()
         at_bound = [name for name, active in zip(names, found.active_mask, strict=True) if active]
         size = np.linalg.norm(jacobian, axis=0)
@@ -245,34 +257,59 @@ class LawRegressor(StressRegressor):
         high = np.concatenate([np.full(n, 1e6 * scale), np.where(positive, most, -0.1)])
         return low, high, np.repeat([True, False], n)
 
-    def _refined(self, start, X, y, root, stress):
-        """Fit the parameters from `start`; return the parameters, the Jacobian of the residuals by parameters, and scipy's result.
+    def _refined(self, start, X, y, root, states_of, close=1e-12):
+        """Fit the parameters from `start` to relative changes `close`; return them, the residuals' Jacobian by them, and scipy's result.
 
-        ``stress(law, X)`` gives the nominal stresses of a law, and `root` holds square roots of row weights.
+        ``states_of(law, X)`` gives the nominal stresses of a law and volume ratios, and `root` holds square roots of row weights.
         """
         *bounds, logarithmic = self.search_range(start, max(np.abs(y).max(), 1e-300))
+        sheet = sheet_of(X)
+
+        volumes: dict[bytes, np.ndarray] = {}
 
         def value(searched):
             return np.exp(searched, out=searched.copy(), where=logarithmic)
 
         def residuals(searched):
+            volumes.clear()
             try:
-                predicted = stress(self.law_of(value(searched)), X)
+                predicted, volumes[searched.tobytes()] = states_of(self.law_of(value(searched)), X)
             except ValueError:  # parameters between the bounds that are not those of a law
-                return np.full(len(y), 1e3)
+                return np.full(len(y), FAILED)
             # Past its limit a law has no stress: a large residual.
-            return np.where(np.isfinite(predicted), root * (predicted - y), 1e3)
+            return np.where(np.isfinite(predicted), root * (predicted - y), FAILED)
+
+        def jacobian(searched):
+            """Return the derivatives of the residuals: those at a given volume, and those through the volume, by its implicit equation."""
+            if searched.tobytes() not in volumes:
+                residuals(searched)
+            if searched.tobytes() not in volumes:  # parameters that are not those of a law
+                return np.zeros((len(y), len(searched)))
+            volume, columns = volumes[searched.tobytes()], []
+            at = homogeneous.sheet_response(self.law_of(value(searched)), *sheet)
+            (stress, free), (swollen, pulled) = at(volume), at((1 + DIFFERENCE) * volume)
+            softening = 0.0 if states_of is _incompressible else (swollen - stress) / (pulled - free)
+            for number in range(len(searched)):
+                moved = searched.copy()
+                # Towards the farther bound, so that the law exists.
+                moved[number] += (
+                    DIFFERENCE * max(1.0, abs(searched[number])) * (1 if 2 * searched[number] < low[number] + high[number] else -1)
+                )
+                changed, unbalanced = homogeneous.sheet_response(self.law_of(value(moved)), *sheet)(volume)
+                columns.append((changed - stress - softening * (unbalanced - free)) / (moved[number] - searched[number]))
+            return root[:, None] * np.nan_to_num(np.array(columns).T, posinf=0.0, neginf=0.0)
 
         start, low, high = (np.log(values, out=values.copy(), where=logarithmic) for values in (start, *bounds))
         start = np.clip(start, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-        found = least_squares(residuals, start, bounds=(low, high), x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=400)
+        found = least_squares(
+            residuals, start, jacobian, bounds=(low, high), x_scale="jac", xtol=close, ftol=close, gtol=close, max_nfev=400
+        )
         values = value(found.x)
         # By the chain rule: the Jacobian by the parameters, where the logarithm was searched for.
         return values, found.jac / np.where(logarithmic, values, 1.0), found
 
     def _candidates(self, X, y, root):
-        """Return (squared error, parameters) of a law other than Ogden's at each point of a grid that no neighbor excels, with the best
-        shear modulus."""
+        """Return (squared error, parameters) of a law but Ogden's at points of a grid that no neighbor excels, with the best modulus."""
         low, high, _ = self.search_range(np.empty(0), max(np.abs(y).max(), 1e-300))
         axes = _axes(low[1:], high[1:])
         shapes, shape = list(product(*axes)), [len(axis) for axis in axes]
@@ -301,12 +338,16 @@ class LawRegressor(StressRegressor):
                 yield error, np.concatenate([np.maximum(stiffness / np.abs(exponents), least), exponents])
 
 
+def _incompressible(law: Law, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the nominal stresses of a law without a change of volume, and volume ratios, 1, as `states` does with one."""
+    return incompressible_stress(law, X), np.ones(len(X))
+
+
 def _axes(low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
     """Return the axes of a grid of candidates, between bounds, for the dimensionless parameters of a law."""
-    per_axis = 60 if len(low) == 1 else 25
     # Dense about 0 where bounds contain it: most dimensionless coefficients of rubber lie there.
-    spread = np.geomspace(1e-5, 1, per_axis // 2)
+    spread = np.geomspace(1e-5, 1, PER_AXIS // 2)
     return [
-        np.geomspace(least, greatest, per_axis) if least > 0 else np.unique([*least * spread, 0.0, *greatest * spread])
+        np.geomspace(least, greatest, PER_AXIS) if least > 0 else np.unique([*least * spread, 0.0, *greatest * spread])
         for least, greatest in zip(low, high, strict=True)
     ]

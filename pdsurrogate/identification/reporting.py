@@ -17,7 +17,7 @@ from .data import BIAXIAL, MODES, TestData
 from .energy import EnergyRegressor, mode_of
 from .examination import examine, standardized
 from .regressor import LawRegressor, check_fitted
-from .stress_regressor import LawEstimator, StressRegressor, committee, free_sides, nominal_stress, states
+from .stress_regressor import LawEstimator, StressRegressor, committee, nominal_stress, sheet_of, states
 
 EDGE = 1e-6
 """Least distance in log-stretch of a test from the domain of a force model at which the test counts as outside: less may be rounding."""
@@ -204,7 +204,7 @@ def examined(model: StressRegressor, data: TestData, others: Sequence[StressRegr
 
 
 def unmeasured(model: EnergyRegressor, data: TestData) -> list[dict]:
-    """Return stresses and standard deviations of an energy in the modes of loading without data, at `UNMEASURED` and not beyond the data."""
+    """Return stresses and standard deviations of an energy in the modes of loading without data, at stretches `UNMEASURED`."""
     greatest = data.stretches.max()
     stretches, found = np.array([one for one in UNMEASURED if one <= greatest] or [greatest]), []
     measured = {*mode_of(data.stretches).tolist()}
@@ -262,7 +262,6 @@ def simulate_tests(force: ForceModel, data: TestData, model: StressRegressor) ->
     outside : int
         Number of rows outside the domain of the force model.
     """
-    first, second = data.stretches.T
-    stress, beyond = nominal_states(force, model.law_, np.column_stack([first, np.where(free_sides(first, second), np.nan, second)]))
+    stress, beyond = nominal_states(force, model.law_, np.column_stack(sheet_of(data.stretches)))
     law = model.predict(data.stretches)
     return stress, float(np.abs(stress - law).max() / np.abs(law).max()), int((beyond > EDGE).sum())

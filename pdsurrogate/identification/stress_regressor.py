@@ -16,7 +16,7 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from ..arguments import check_jobs, check_kind, check_numbers, check_seed, check_whole_number, in_order
-from ..materials import Law, homogeneous, plane_stress
+from ..materials import Law, homogeneous
 from ..materials.covariance import LawCovariance, covariance_of_numbers
 
 BULK_RATIO = 1000.0
@@ -68,8 +68,13 @@ def nominal_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
 
 def states(law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return nominal stress and volume ratio J3 of a law, each of shape (n,), at pairs of stretches as in `nominal_stress`."""
+    return homogeneous.sheet_states(law, *sheet_of(stretches))
+
+
+def sheet_of(stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return stretches along the stress and across it, each of shape (n,), the latter NaN for free sides, from pairs (n, 2)."""
     first, second = np.asarray(stretches, dtype=float).T
-    return homogeneous.sheet_states(law, first, np.where(free_sides(first, second), np.nan, second))
+    return first, np.where(free_sides(first, second), np.nan, second)
 
 
 def free_sides(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -80,9 +85,7 @@ def free_sides(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 def incompressible_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
     """Return the nominal stress of a law, shape (n,), for an infinite bulk modulus: volume ratio 1, and no stress across the thickness."""
     first, second = stretches.T
-    with np.errstate(all="ignore"):
-        p, q, *_ = plane_stress.response(law, first**2 + second**2, first * second, np.ones_like(first))
-    return law.shear_modulus * (p * first + q / first)
+    return homogeneous.sheet_response(law, first, second)(np.ones_like(first))[0]
 
 
 class LawEstimator(RegressorMixin, BaseEstimator):

@@ -138,7 +138,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         Raises
         ------
         ValueError
-            If only one of `func` and `inverse_func` is given, the columns of a table have other names than those of `func`, or the
+            If the regressor does not take double precision, only one of `func` and `inverse_func` is given, the columns of a table have other names than those of `func`, or the
             transformed target is NaN for all samples.
 
         Examples
@@ -174,8 +174,16 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
             sample_weight = None if sample_weight is None else sample_weight[~undetermined]
         routed = get_config()["enable_metadata_routing"] and (sample_weight is None or self._routes_weights())
         weights = {} if sample_weight is None else {"sample_weight" if routed else weighted_part(regressor)[0]: sample_weight}
-        with config_context(enable_metadata_routing=routed):
-            regressor.fit(X, z, **weights)
+        try:
+            with config_context(enable_metadata_routing=routed):
+                regressor.fit(X, z, **weights)
+        except RuntimeError as error:
+            if "dtype" not in str(error):
+                raise
+            raise ValueError(
+                f"the regressor takes numbers of another precision than the samples, which have double precision ({error}): give a network "
+                "of double precision, as module.double() of torch is"
+            ) from None
         offsets = np.zeros(z.shape[1] if z.ndim == 2 else 1)
         if self.anchor is not None:
             at_anchor = np.ravel(regressor.predict(np.asarray(self.anchor, dtype=float).reshape(1, -1)))

@@ -180,16 +180,25 @@ def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> 
     >>> bool(np.isclose(stress[0], uniaxial(pds.materials.NeoHookean(), 1.5).nominal_stress))
     True
     """
+    at = sheet_response(law, stretch, lateral_stretch)
+    J3 = _root(lambda J3: at(J3)[1], np.ones_like(stretch))
+    stress, residual = at(J3)
+    reached = np.abs(residual) <= 1e-9 * law.bulk_modulus / law.shear_modulus
+    return np.where(reached, stress, np.nan), np.where(reached, J3, np.nan)
+
+
+def sheet_response(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """Return a function of J3 that gives the nominal stress of states as in `sheet_states`, and what vanishes where the thickness is free.
+
+    The latter is divided by the shear modulus. All arrays have the shape (n,).
+    """
     free = np.isnan(lateral_stretch)
 
     def at(J3):
         # Free sides and thickness have the same stretch, by symmetry.
         lateral = np.where(free, np.sqrt(J3 / stretch), lateral_stretch)
-        return plane_stress.response(law, stretch**2 + lateral**2, stretch * lateral, J3)
+        with np.errstate(all="ignore"):
+            p, q, residual, *_ = plane_stress.response(law, stretch**2 + lateral**2, stretch * lateral, J3)
+            return law.shear_modulus * (p * stretch + q / stretch), residual
 
-    J3 = _root(lambda J3: at(J3)[2], np.ones_like(stretch))
-    bulk = law.bulk_modulus / law.shear_modulus
-    with np.errstate(all="ignore"):
-        p, q, residual, *_ = at(J3)
-    reached = np.abs(residual) <= 1e-9 * bulk
-    return np.where(reached, law.shear_modulus * (p * stretch + q / stretch), np.nan), np.where(reached, J3, np.nan)
+    return at

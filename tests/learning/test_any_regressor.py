@@ -157,6 +157,29 @@ def test_a_network_of_torch_by_skorch_is_taken_over(samples):
     assert agreement(surrogate, model, samples) < 1e-5  # torch predicts in single precision
 
 
+@needs_torch
+@pytest.mark.parametrize("double", [False, True])
+def test_a_network_of_another_precision_is_told_in_a_line(samples, double):
+    import skorch
+    import torch
+
+    def network():
+        layers = torch.nn.Sequential(torch.nn.Linear(2, 8), torch.nn.Tanh(), torch.nn.Linear(8, 2))
+        return layers.double() if double else layers
+
+    net = skorch.NeuralNetRegressor(network, max_epochs=1, train_split=None, verbose=0)
+    model = pds.surrogate_pipeline(net, features="isochoric")
+    if double:
+        assert model.fit(samples.X, samples.y).predict(samples.X).shape == samples.y.shape
+        return
+    with pytest.raises(
+        ValueError, match=r"^the regressor takes numbers of another precision .* module.double\(\)"
+    ) as told:
+        model.fit(samples.X, samples.y)
+    assert told.value.__suppress_context__
+    assert "\n" not in str(told.value)
+
+
 @pytest.mark.parametrize(
     "regressor", [Quadratic(), KernelRidge(kernel="rbf", alpha=1e-4, gamma=0.1), make_pipeline(PolynomialFeatures(5), Ridge(1e-6))], ids=str
 )

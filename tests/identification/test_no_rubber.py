@@ -1,0 +1,119 @@
+"""Tables that are no rubber, or not as a fit takes them: the cause is named, not thirty bad rows, and not nothing."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import pdsurrogate as pds
+from pdsurrogate.cli import app
+from pdsurrogate.identification import MODES, TestData, TestDataWarning, examine, nominal_stress
+from pdsurrogate.identification.examination import suspicions
+
+RUBBER = pds.materials.Gent(0.4, 400.0, 60.0)
+
+
+def curve(stretches, mode="uniaxial", given=None, noise=0.01):
+    """Return test data of Gent's rubber at some stretches, with the stretches `given` in their place if they are not None."""
+    stretches = np.asarray(stretches, dtype=float)
+    stress = nominal_stress(RUBBER, np.stack([stretches, MODES[mode](stretches)], axis=1))
+    stress *= 1 + noise * np.random.default_rng(0).standard_normal(len(stress))
+    given = stretches if given is None else np.asarray(given, dtype=float)
+    return TestData("made", np.array([mode] * len(given)), np.stack([given, MODES[mode](given)], axis=1), stress, np.ones(len(given)))
+
+
+@pytest.mark.parametrize(("least", "greatest"), [(1.5, 89.0), (7.0, 560.0)])
+@pytest.mark.parametrize("mode", ["uniaxial", "pure-shear"])
+def test_strains_in_per_cent_are_named(least, greatest, mode):
+    """Yeoh's law fits them as stretches with an R^2 of 0.98 and more, and a shear modulus of almost nothing."""
+    percent = np.linspace(least, greatest, 25)
+    data = curve(1 + percent / 100, mode, percent)
+    with pytest.warns(
+        TestDataWarning,
+        match=rf"^all modes: the stretches, {least:g} to {greatest:g}, look like strains in per cent; a stretch is 1 \+ strain/100$",
+    ):
+        pds.fit_to_tests(pds.identification.LawRegressor("yeoh"), data, force=True)
+
+
+def test_strains_in_the_place_of_stretches_are_named():
+    strain = np.linspace(0.05, 3.0, 25)
+    said = suspicions(curve(1 + strain, given=strain))
+    assert said[0] == "all modes: the stretches, 0.05 to 3, look like strains; a stretch is 1 + strain"
+    assert len(said) == 1
+
+
+def test_stretches_that_the_stress_confirms_are_let_alone():
+    """A gel that is stretched twenty-fold: its stress at small stretches is that of stretches."""
+    stretch = np.concatenate([np.linspace(1.1, 3.0, 10), np.linspace(4.0, 20.0, 15)])
+    gel = pds.materials.Gent(0.01, 10.0, 900.0)
+    X = np.stack([stretch, stretch**-0.5], axis=1)
+    stress = nominal_stress(gel, X) * (1 + 0.005 * np.random.default_rng(0).standard_normal(25))
+    assert not suspicions(TestData("gel", np.array(["uniaxial"] * 25), X, stress, np.ones(25)))
+
+
+@pytest.fixture
+def cycle():
+    """Loading to a stretch of 3 and unloading, which is softer."""
+    up = np.linspace(1.1, 3.0, 20)
+    stretches = np.concatenate([up, up[-2::-1]])
+    data = curve(stretches, noise=0.002)
+    data.nominal_stress[20:] *= 0.55 + 0.4 * ((stretches[20:] - 1) / 2) ** 2
+    return data
+
+
+def test_hysteresis_is_named_and_the_loading_branch_offered(cycle):
+    (said,) = suspicions(cycle)
+    assert said == (
+        "uniaxial: 19 of 39 rows are of unloading or of loading again, with other stresses than those of first loading (hysteresis), which "
+        "no elastic law describes; take the loading branch alone (--loading, TestData.loading)"
+    )
+    loading = cycle.loading()
+    assert loading.row.tolist() == [*range(1, 21)]
+    model = pds.identification.LawRegressor("gent").fit(loading.stretches, loading.nominal_stress)
+    assert not examine(model, loading).remarks
+    assert model.law_.shear_modulus == pytest.approx(0.4, rel=0.02)
+
+
+def test_orders_that_are_no_unloading(cycle):
+    """A table from the greatest stretch down, and two specimens one after the other that agree."""
+    down = np.linspace(3.0, 1.1, 20)
+    assert len(curve(down).loading()) == 20
+    assert not suspicions(curve(down))
+    assert not suspicions(curve(np.concatenate([down[::-1], down[::-1]])))
+    for mode in ("pure-shear", "equibiaxial"):
+        assert not curve(down[::-1], mode).unloading.any()
+
+
+def test_commands_take_the_loading_branch(cycle, tmp_path):
+    rows = [f"{mode},{x[0]:.6g},{y:.6g}" for mode, x, y in zip(cycle.mode, cycle.stretches, cycle.nominal_stress, strict=True)]
+    (tmp_path / "tests.csv").write_text("\n".join(["mode,stretch,nominal_stress", *rows]) + "\n")
+    arguments = ["identify", str(tmp_path / "tests.csv"), "--law", "gent"]
+    told = CliRunner().invoke(app, arguments)
+    assert "take the loading branch alone (--loading" in " ".join(told.stderr.split())
+    done = CliRunner().invoke(app, [*arguments, "--loading"])
+    assert done.exit_code == 0, done.output
+    assert "hysteresis" not in done.stderr
+    assert "20 rows" in done.output
+    refused = CliRunner().invoke(app, ["fit", "x", "--loading", "--out", str(tmp_path / "artifacts")])
+    assert refused.exit_code == 2
+    assert "--loading, --bulk-modulus" in " ".join(refused.stderr.split())
+
+
+def foam(stretch, lateral):
+    """Return a table of a uniaxial test with its lateral stretches, and stresses across it of zero, as `load_test_data` reads it."""
+    stress = 0.05 * (stretch - stretch**-3.0)
+    X = np.stack([np.stack([stretch, lateral], axis=1), np.stack([lateral, stretch], axis=1)], axis=1).reshape(-1, 2)
+    values = np.stack([stress, np.zeros_like(stress)], axis=1).ravel()
+    return TestData("foam", np.array(["biaxial"] * len(X)), X, values, np.ones(len(X)), np.repeat(np.arange(1, len(stretch) + 1), 2))
+
+
+def test_a_foam_is_named_where_its_lateral_stretches_are_known():
+    stretch = np.linspace(0.4, 0.95, 12)
+    regressor = pds.identification.LawRegressor("mooney-rivlin")
+    with pytest.raises(
+        ValueError,
+        match=r"row 1 \(biaxial, stretches 0.4 and 1.02, .*: the stretches along and across a uniaxial load change the volume by -58 %: "
+        "the material is compressible, such as a foam, and these are laws of rubber",
+    ):
+        pds.fit_to_tests(regressor, foam(stretch, np.full(12, 1.02)))
+    rubber = foam(stretch, stretch**-0.5 * 1.01)
+    assert not any("volume" in text for text in examine(regressor.fit(rubber.stretches, rubber.nominal_stress), rubber).refusals)
