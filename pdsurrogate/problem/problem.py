@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from ..body.local_fit import text_of
 from ..discretization import check_size, discretize, grip_areas, held_at_points, memory_here, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
 from ..forces.interfaces import SIGHT
-from ..forces.settings import BALANCED
 from ..materials import Law
 from ..ranks import ALONE, Communicator
 from ..scenes import Scene
@@ -228,15 +227,14 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
         whole.append(body)
         return body if ranks.size == 1 else divided(body, ranks, SIGHT if scene.materials else HALO)
 
+    @cache
     def surface() -> Surface:
         return surface_of(scene, whole[0], lower, upper).of_share(body.share)
 
     curves = all(model.mirrors_curves for model in models)
     # Bond forces do not know where in a cell the interface lies: they gain nothing by divided cells.
     body, lower, upper = discretize(scene, share_of, curves, all(model.family == "bond energy" for model in models))
-    if scene.correction == BALANCED:
-        vars(body)["outward"] = surface().on_points(body.planes)
-        body.share.fill(body.outward)
+    vars(body)["boundary"] = surface
     problem = _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, surface), ranks)
     if models:
         warn_of_points(scene, problem.held_at_points)
