@@ -60,6 +60,7 @@ def balanced_changes(kinematics: Kinematics, shares: BondShares, portion_of: np.
     vectors = (body.all_points[ends] - body.points[owner]) / body.spacing
     near = lengths_of(vectors) <= REACH
     count = np.bincount(owner[near], minlength=n)
+    share.fill(count)
     near |= (count < FEW * d)[owner]
     numbers, owner, ends, vectors = numbers[near], owner[near], ends[near], vectors[near]
     signs = np.vstack([np.ones((n, d)), ghosts.reflection])[ends]

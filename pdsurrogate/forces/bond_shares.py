@@ -199,6 +199,8 @@ class BondShares:
         `stresses` are those after `steps_to_points`: moments of the points, weighed by their shapes.
         """
         points, places = np.unique(owners, return_inverse=True)
-        shapes = symmetric(self._kinematics.inverse_shape[points])
+        # A point without a gradient has no moments: any shape will do.
+        lost = self._kinematics.supported[points, None, None] == 0
+        shapes = np.where(lost, np.eye(self._body.dimension), symmetric(self._kinematics.inverse_shape[points]))
         moments = matrices(stresses[points]) @ np.linalg.inv(shapes) * self._body.volumes[points, None, None]
         return np.einsum("bij,bj->bi", moments[places], changes)
