@@ -72,8 +72,12 @@ def balanced_changes(kinematics: Kinematics, shares: BondShares, portion_of: np.
         arrays = tuple(share.joined(each, owner)[order] for each in arrays)
         whole = np.sort(np.concatenate(share.everywhere(places[share.own[owner]])))
         places = np.searchsorted(whole, places)
-    of_points = [share.gather(values) for values in (factors, loads, body.points)]
-    changes = share.ranks.to_all(_least_changes(*arrays, *of_points, body.planes, body.spacing) if share.leads else None)[places]
+    of_points = [share.gather(values) for values in (factors, loads, body.points / body.spacing)]
+    held = np.full(d, np.nan)
+    for plane in body.planes:
+        if plane.axis is not None:
+            held[plane.axis] = plane.position / body.spacing
+    changes = share.ranks.to_all(_least_changes(*arrays, *of_points, held) if share.leads else None)[places]
     return numbers, changes
 
 
@@ -131,11 +135,11 @@ def _factors_and_loads(kinematics: Kinematics, shares: BondShares, reached: np.n
     return factors, loads
 
 
-def _least_changes(owners, ends, signs, vectors, factors, loads, points, planes, spacing) -> np.ndarray:
+def _least_changes(owners, ends, signs, vectors, factors, loads, points, held) -> np.ndarray:
     """Return the least changes (k, d) of bonds that exert the `loads` (n, d) on the points, where changes reach.
 
     The bonds from `owners` to `ends`, sorted by owner, have undeformed `vectors` (k, d) in spacings; `signs` are the reflections of ends
-    that are images in the `planes`. The change c of a bond exerts the force B c on its end, and the opposite force on its owner, where
+    that are images in planes. The change c of a bond exerts the force B c on its end, and the opposite force on its owner, where
     B (n, d, d) are the owners' `factors`. The changes have the least sum of squares of B c/b, with the mean eigenvalue b of B: each
     component of B c then has equations of its own, and their matrices differ in the signs of images alone.
     """
@@ -157,7 +161,7 @@ def _least_changes(owners, ends, signs, vectors, factors, loads, points, planes,
         matrix = (differences.T @ differences - sum(each.T @ each for each in slopes)).tocsr()
         pieces = connected(n, owners, ends)[1]
         wanted = loads[:, components] / means[~thin].mean()
-        found = solution_of(matrix, wanted, points, pieces, planes, spacing)
+        found = solution_of(matrix, wanted, points, pieces, held)
         moved = differences @ found
         # Projection onto changes that keep the gradients of affine motions: their sum over a point's bonds, times the vectors, vanishes.
         fits = np.linalg.solve(moments, sums_of_products(owners, vectors, moved, n))

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import scipy
 
-from ..body import Mirror
 from ..ranks.share import connected
 
 BOX = 6
@@ -29,20 +28,19 @@ REGULAR = 1e-10
 make singular."""
 
 
-def solution_of(
-    matrix: scipy.sparse.csr_array, right: np.ndarray, points: np.ndarray, pieces: np.ndarray, planes: Sequence[Mirror], spacing: float
-) -> np.ndarray:
+def solution_of(matrix: scipy.sparse.csr_array, right: np.ndarray, points: np.ndarray, pieces: np.ndarray, held: np.ndarray) -> np.ndarray:
     """Return a solution (n, c) of equations for the part of their right-hand sides `right` (n, c) for which there is one.
 
-    Affine motions of the `pieces` (n,) of points that no plane of symmetry holds have no stiffness. Conjugate gradients are preconditioned
-    on two levels: by damped steps of Jacobi's method, and by linear functions on boxes of points, smoothed as in `Multigrid`.
+    Affine motions of the `pieces` (n,) of the `points` (n, d), in spacings, have no stiffness, but for those that planes of symmetry hold;
+    `held` (d,) are the coordinates of these planes, or NaN. Conjugate gradients are preconditioned on two levels: by damped steps of
+    Jacobi's method, and by linear functions on boxes of points, smoothed by such a step.
     """
     diagonal, found = matrix.diagonal(), np.zeros(right.shape)
     touched = np.flatnonzero(diagonal > FREE * diagonal.max())
     matrix, diagonal, points = matrix[touched][:, touched].tocsr(), diagonal[touched], points[touched]
     pieces = np.unique(pieces[touched], return_inverse=True)[1]
-    residual = right[touched] - _work(matrix, right[touched], points, pieces, planes)
-    precondition, solution, step = _two_levels(matrix, diagonal, points, spacing), np.zeros_like(residual), np.zeros_like(residual)
+    residual = right[touched] - _work(matrix, right[touched], points, pieces, held)
+    precondition, solution, step = _two_levels(matrix, diagonal, points), np.zeros_like(residual), np.zeros_like(residual)
     before, least = np.ones(residual.shape[1]), RESIDUAL * np.abs(residual).max(initial=0.0)
     for _ in range(MOST_STEPS):
         if np.abs(residual).max(initial=0.0) <= least:
@@ -61,13 +59,11 @@ def solution_of(
     return found
 
 
-def _work(matrix, right: np.ndarray, points: np.ndarray, pieces: np.ndarray, planes: Sequence[Mirror]) -> np.ndarray:
+def _work(matrix, right: np.ndarray, points: np.ndarray, pieces: np.ndarray, held: np.ndarray) -> np.ndarray:
     """Return the part of `right` (n, c) that does work in the affine motions without stiffness of the `pieces` (n,) of the points."""
     d, count = points.shape[1], int(pieces.max(initial=-1)) + 1
     middles = np.stack([np.bincount(pieces, column, count) for column in points.T], axis=1) / np.bincount(pieces, minlength=count)[:, None]
-    for plane in planes:
-        if plane.axis is not None:
-            middles[:, plane.axis] = plane.position
+    middles = np.where(np.isnan(held), middles, held)
     motions = np.column_stack([np.ones(len(points)), points - middles[pieces]])
     motions /= np.abs(motions).max(axis=0)
     resisted = np.zeros((count, d + 1), dtype=bool)
@@ -79,7 +75,7 @@ def _work(matrix, right: np.ndarray, points: np.ndarray, pieces: np.ndarray, pla
     return np.einsum("nm,nmc->nc", motions, amounts[pieces])
 
 
-def _two_levels(matrix, diagonal: np.ndarray, points: np.ndarray, spacing: float) -> Callable[[np.ndarray], np.ndarray]:
+def _two_levels(matrix, diagonal: np.ndarray, points: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """Return a function near the inverse of a matrix (n, n), symmetric and positive definite, that multiplies arrays (n, c)."""
     n, d = points.shape
     wave = np.random.default_rng(0).normal(size=n)
@@ -88,12 +84,12 @@ def _two_levels(matrix, diagonal: np.ndarray, points: np.ndarray, spacing: float
     damping = 4 / 3 / np.sqrt(np.einsum("n,n->", wave, wave)) / diagonal[:, None]
 
     # Points in one box that only others connect, as on both sides of a cut, have functions of their own.
-    boxes = np.unique(np.floor((points - points.min(axis=0)) / (BOX * spacing) + FREE), axis=0, return_inverse=True)[1].ravel()
+    boxes = np.unique(np.floor((points - points.min(axis=0)) / BOX + FREE), axis=0, return_inverse=True)[1].ravel()
     entries = matrix.tocoo()
     within = boxes[entries.row] == boxes[entries.col]
     count, boxes = connected(n, entries.row[within], entries.col[within])
     middles = np.stack([np.bincount(boxes, column, count) for column in points.T], axis=1) / np.bincount(boxes, minlength=count)[:, None]
-    values = np.column_stack([np.ones(n), (points - middles[boxes]) / (BOX * spacing)])
+    values = np.column_stack([np.ones(n), (points - middles[boxes]) / BOX])
     columns = (d + 1) * boxes[:, None] + np.arange(d + 1)
     linear = scipy.sparse.csr_array((values.ravel(), columns.ravel(), (d + 1) * np.arange(n + 1)), shape=(n, (d + 1) * count))
     smooth = (linear - scipy.sparse.diags_array(damping[:, 0]) @ (matrix @ linear)).tocsr()
