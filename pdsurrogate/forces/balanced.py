@@ -42,18 +42,16 @@ def balanced_changes(kinematics: Kinematics, shares: BondShares, portion_of: np.
     bonds, share, ghosts, n, owners = body.bonds, body.share, body.ghosts, len(body), body.bond_owners
     regular = body.mesh_cells is None and not body.relaxed
     chosen = _beside(kinematics, np.abs(body.outward).max(axis=1) > 0) if regular else np.ones(n, dtype=bool)
-    apart = _ends_of_unknown(body, portion_of)
-    chosen &= (kinematics.supported[:n] > 0) & ~_beside(kinematics, apart)
+    left_out = _beside(kinematics, _ends_of_unknown(body, portion_of))
     curved = np.array([*(plane.axis is None for plane in body.planes), False])
-    continued = np.zeros(n, dtype=bool)
-    continued[owners[np.concatenate([continued, curved[ghosts.plane]])[bonds.neighbors]]] = True
-    share.fill(continued)
-    chosen &= ~continued
+    left_out[owners[np.concatenate([np.zeros(n, dtype=bool), curved[ghosts.plane]])[bonds.neighbors]]] = True
+    share.fill(left_out)
+    chosen &= (kinematics.supported[:n] > 0) & ~left_out
     if not share.any(chosen.any()):
         return None
     reached = _beside(kinematics, chosen)
     factors, loads = _factors_and_loads(kinematics, shares, reached)
-    loads[continued] = 0.0
+    loads[left_out] = np.nan
 
     numbers = np.flatnonzero(chosen[owners])
     owner, ends = owners[numbers], bonds.neighbors[numbers]
@@ -136,7 +134,7 @@ def _factors_and_loads(kinematics: Kinematics, shares: BondShares, reached: np.n
 
 
 def _least_changes(owners, ends, signs, vectors, factors, loads, points, held) -> np.ndarray:
-    """Return the least changes (k, d) of bonds that exert the `loads` (n, d) on the points, where changes reach.
+    """Return the least changes (k, d) of bonds that exert the `loads` (n, d) on the points, where changes reach and loads are not NaN.
 
     The bonds from `owners` to `ends`, sorted by owner, have undeformed `vectors` (k, d) in spacings; `signs` are the reflections of ends
     that are images in planes. The change c of a bond exerts the force B c on its end, and the opposite force on its owner, where

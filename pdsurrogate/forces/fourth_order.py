@@ -31,12 +31,13 @@ make singular."""
 def solution_of(matrix: scipy.sparse.csr_array, right: np.ndarray, points: np.ndarray, pieces: np.ndarray, held: np.ndarray) -> np.ndarray:
     """Return a solution (n, c) of equations for the part of their right-hand sides `right` (n, c) for which there is one.
 
+    Points at which a right-hand side is NaN have no equation and the solution zero.
     Affine motions of the `pieces` (n,) of the `points` (n, d), in spacings, have no stiffness, but for those that planes of symmetry hold;
     `held` (d,) are the coordinates of these planes, or NaN. Conjugate gradients are preconditioned on two levels: by damped steps of
     Jacobi's method, and by linear functions on boxes of points, smoothed by such a step.
     """
     diagonal, found = matrix.diagonal(), np.zeros(right.shape)
-    touched = np.flatnonzero(diagonal > FREE * diagonal.max())
+    touched = np.flatnonzero((diagonal > FREE * diagonal.max()) & np.isfinite(right).all(axis=1))
     matrix, diagonal, points = matrix[touched][:, touched].tocsr(), diagonal[touched], points[touched]
     pieces = np.unique(pieces[touched], return_inverse=True)[1]
     residual = right[touched] - _work(matrix, right[touched], points, pieces, held)
