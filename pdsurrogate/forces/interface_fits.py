@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 import scipy
 
 from ..body import Body
+from ..body.body import owners_and_items
 from ..body.ghosts import WITH_ROUNDING
 
 NEAREST = (1.6, 2.2, 3.0, 4.0, 6.0)
@@ -304,7 +304,7 @@ def _find_rounds(body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarray
     large = np.flatnonzero(radii > LEAST_RADIUS * body.spacing)
     if not len(large) or not len(near):
         return
-    which, rows = _flat(scipy.spatial.cKDTree(body.points[near]).query_ball_point(centers[large], radii[large] + reach))
+    which, rows = owners_and_items(scipy.spatial.cKDTree(body.points[near]).query_ball_point(centers[large], radii[large] + reach))
     which, arms = large[which], body.points[near[rows]] - centers[large[which]]
     lengths = np.linalg.norm(arms, axis=1)
     distances = _rounded(lengths - radii[which], body.spacing)
@@ -316,15 +316,10 @@ def _find_rounds(body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarray
     normals = -np.sign(distances[order])[:, None] * arms[order] / lengths[order, None]
     # Of points equally near to the place beyond the interface, those on the interface may be of the own material.
     places = body.points[near[rows]] + (depths + body.spacing / 2)[:, None] * normals
-    owners, beyond = _flat(tree.query_ball_point(places, tree.query(places)[0] * (1 + 1e-6), return_sorted=True))
+    owners, beyond = owners_and_items(tree.query_ball_point(places, tree.query(places)[0] * (1 + 1e-6), return_sorted=True))
     differ = np.flatnonzero(portion_of[beyond] != portion_of[near[rows[owners]]])
     some, begin = np.unique(owners[differ], return_index=True)
     found.put(rows[some], depths[some], normals[some], portion_of[beyond[differ[begin]]], rounds=which[some])
-
-
-def _flat(lists: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return, for the items of several lists of numbers, the number of the list that holds each, and the items themselves."""
-    return np.repeat(np.arange(len(lists)), [len(each) for each in lists]), np.array([*chain(*lists)], dtype=np.int64)
 
 
 def _find_planes(
