@@ -13,7 +13,7 @@ from ..forces.errors import at_point
 from .held import Held, Support
 from .loads import AT_REST, Loads
 from .obstacles import PASSED, TOUCHING, Obstructed
-from .rigid import displaced, moment_of
+from .rigid import displaced, moment_of, nearest_turn, rigid_placement
 
 ONE_SIDED = 0.1
 """Distance along a reflection plane, divided by the horizon, between a point and the mean position of its neighbors, beyond which the
@@ -164,6 +164,20 @@ class Loading:
         """Return whether all held parts are in their undeformed places and all loads are zero, at a value of the loading parameter."""
         moved = self._share.greatest(np.abs(self.moves(parameter))) > AT_REST * self.body.extent
         return not moved and self.loads.vanish(parameter)
+
+    def deforms(self, parameter: float, positions: np.ndarray) -> bool:
+        """Return whether no rigid motion agrees with all prescribed motions, to rounding, at a value of the loading parameter.
+
+        It tells a rigid motion from strains so small that they are lost in the rounding of the `positions` (n, d).
+        """
+        share, at_rest = self._share, self.body.points
+        own, moves = share.own, self.moves(parameter)
+        middles = [np.array([share.sum(column) for column in places.T]) / share.size for places in (at_rest, positions)]
+        turn = nearest_turn(share.total((positions[own] - middles[1]).T @ (at_rest[own] - middles[0])))
+        arms, component, moved = (share.joined(rows, self.point) for rows in (self.place - middles[0], self.component, moves))
+        held = np.arange(len(arms)), component
+        left = rigid_placement(arms, held, arms[held] + moved, middles[1] - middles[0], turn, self.body.extent)[1]
+        return left > AT_REST * (share.greatest(np.abs(at_rest)) + share.greatest(np.abs(moves)))
 
     def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move held points (in `positions`) and planes (in `force`) to their places at a value of the parameter, and set the loads."""
