@@ -166,18 +166,23 @@ class Loading:
         return not moved and self.loads.vanish(parameter)
 
     def deforms(self, parameter: float, positions: np.ndarray) -> bool:
-        """Return whether no rigid motion agrees with all prescribed motions, to rounding, at a value of the loading parameter.
+        """Return whether the prescribed motions of a connected piece agree, to rounding, with no rigid motion, at a value of the parameter.
 
-        It tells a rigid motion from strains so small that they are lost in the rounding of the `positions` (n, d).
+        It tells rigid motions from strains so small that they are lost in the rounding of the `positions` (n, d).
         """
-        share, at_rest = self._share, self.body.points
-        own, moves = share.own, self.moves(parameter)
-        middles = [np.array([share.sum(column) for column in places.T]) / share.size for places in (at_rest, positions)]
-        turn = nearest_turn(share.total((positions[own] - middles[1]).T @ (at_rest[own] - middles[0])))
-        arms, component, moved = (share.joined(rows, self.point) for rows in (self.place - middles[0], self.component, moves))
-        held = np.arange(len(arms)), component
-        left = rigid_placement(arms, held, arms[held] + moved, middles[1] - middles[0], turn, self.body.extent)[1]
-        return left > AT_REST * (share.greatest(np.abs(at_rest)) + share.greatest(np.abs(moves)))
+        share, at_rest, moves, (count, piece) = self._share, self.body.points, self.moves(parameter), self.pieces()
+        table = [share.joined(rows, self.point) for rows in (piece[self.point], self.component, self.place, moves)]
+        error = AT_REST * (share.greatest(np.abs(at_rest)) + share.greatest(np.abs(moves)))
+        for number in range(count):
+            own = share.own & (piece == number)
+            size = share.total(int(own.sum()))
+            before, after = (share.total(places[own].sum(axis=0)) / size for places in (at_rest, positions))
+            turn = nearest_turn(share.total((positions[own] - after).T @ (at_rest[own] - before)))
+            component, places, moved = (rows[table[0] == number] for rows in table[1:])
+            arms, held = places - before, (np.arange(len(places)), component)
+            if rigid_placement(arms, held, arms[held] + moved, after - before, turn, self.body.extent)[1] > error:
+                return True
+        return False
 
     def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move held points (in `positions`) and planes (in `force`) to their places at a value of the parameter, and set the loads."""

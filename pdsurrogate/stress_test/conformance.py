@@ -277,8 +277,8 @@ def units(subject, force, positions):
 
 
 AWAY, GRID = 2.0**20, 2.0**-32
-"""Distance from the origin in `far_from_the_origin`, some 1e6 along every axis, and the grid on which coordinates of its bodies lie: sums and
-differences of them are then exact."""
+"""Distance along every axis in `far_from_the_origin`, some 1e6, and the grid on which coordinates of its bodies lie: sums and differences
+of them are then exact."""
 
 
 @cache
