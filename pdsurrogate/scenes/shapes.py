@@ -545,9 +545,21 @@ class Cut(StrictModel):
         return crossing
 
     def met_by(self, starts: np.ndarray, ends: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the numbers of the segments with ends on different sides of the plane, and the places where they meet it, shape (k, d).
+        """Return where segments meet the plane of the cut.
 
-        Points less than `rounding` behind the plane count as lying on the side of its normal.
+        Parameters
+        ----------
+        starts, ends : ndarray, shape (k, d)
+            Ends of the segments.
+        rounding : float
+            Distance behind the plane within which points count as lying on the side of its normal. Unit: length.
+
+        Returns
+        -------
+        numbers : ndarray of int, shape (m,)
+            Numbers of the segments with ends on different sides of the plane.
+        places : ndarray, shape (m, d)
+            Places where they meet it.
 
         Examples
         --------
