@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import combinations
-from typing import TYPE_CHECKING
+from itertools import chain, combinations
 
 import numpy as np
 import scipy
@@ -17,9 +16,6 @@ from ..ranks import Halo, Share
 from .cell_mesh import CellMesh
 from .cut_cells import cut_cells
 from .ghosts import WITH_ROUNDING, Ghosts, HeldBoundary, Mirror, ReflectionPlane
-
-if TYPE_CHECKING:
-    from .surface import Surface
 
 
 @dataclass(frozen=True)
@@ -100,7 +96,7 @@ class Body:
     rounds : sequence of Round, optional
         Circles or spheres on which the material changes; elsewhere interfaces between materials follow from the points.
     boundary : callable, optional
-        ``boundary()`` returns the boundary of the body as a `Surface`, see `outward`.
+        ``boundary()`` returns `outward`, None if it is unknown; called where a force first needs it.
     share : Share
         Share of a larger body to which these points belong, if several ranks (parallel processes) divide a run; by default the points are
         the whole body.
@@ -136,7 +132,7 @@ class Body:
     inside: Callable | None = None
     tessellate: Callable[[np.ndarray, np.ndarray], CellMesh] | None = None
     rounds: Sequence[Round] = ()
-    boundary: Callable[[], Surface] | None = None
+    boundary: Callable[[], np.ndarray | None] | None = None
     share: Share = None  # type: ignore[assignment]  # of all points, once there are points
     ghosts: Ghosts = field(init=False)
 
@@ -276,10 +272,9 @@ class Body:
         >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).outward is None
         True
         """
-        if self.boundary is None:
-            return None
-        found = self.boundary().on_points(self.planes)
-        self.share.fill(found)
+        found = self.boundary and self.boundary()
+        if found is not None:
+            self.share.fill(found)
         return found
 
     @cached_property
@@ -502,6 +497,11 @@ def lengths_of(vectors: np.ndarray) -> np.ndarray:
     for component in vectors.T[1:]:
         squares += component * component
     return np.sqrt(squares, out=squares)
+
+
+def owners_and_items(lists: Sequence[Sequence[int]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return, for every number in several lists, the index of its list, and the number itself; list by list."""
+    return np.repeat(np.arange(len(lists)), [len(each) for each in lists]), np.array([*chain(*lists)], dtype=np.int64)
 
 
 def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.ndarray, sign: float) -> np.ndarray:

@@ -15,7 +15,8 @@ import scipy
 
 from ..body import Body
 from ..body.body import lengths_of
-from .interfaces import YIELDING, Interfaces
+from .interface_fits import YIELDING
+from .interfaces import Interfaces
 from .kinematics import Kinematics
 from .settings import ForceSettings
 from .term import Binding
