@@ -10,7 +10,7 @@ from ..body import HALO, Body, Surface, divided
 from ..body.local_fit import text_of
 from ..discretization import check_size, cuts_of, discretize, grip_areas, held_at_points, memory_here, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
-from ..forces.interfaces import SIGHT
+from ..forces.interface_fits import SIGHT
 from ..forces.settings import BALANCED
 from ..materials import Law
 from ..ranks import ALONE, Communicator
