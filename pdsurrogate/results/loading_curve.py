@@ -28,7 +28,7 @@ MOVING = Prescribed, Obstacle
 
 
 class _Cause(NamedTuple):
-    """Prescribed motion, moving obstacle or load: its entry in the scene, its name, what it is, with its unit, and its size at amplitude 1."""
+    """Prescribed motion, obstacle or load: its entry in the scene, its name, what it is, with its unit, and its size at amplitude 1."""
 
     entry: Any
     name: str
@@ -46,7 +46,8 @@ def loading_curve(scene: Scene, history: Sequence[dict]) -> tuple[list[float], d
     of the greatest, and the lesser of two opposite ones, are left out.
     """
     rows = [{"t": 0.0}, *(row for row in history if any(key.startswith("force_") for key in row))]
-    every = [_cause(scene, entry, f"{key}.{n}") for key in ("prescribed", "obstacles", "loads") for n, entry in enumerate(getattr(scene, key))]
+    entries = {"prescribed": scene.prescribed, "obstacles": scene.obstacles, "loads": scene.loads}
+    every = [_cause(scene, entry, f"{key}.{n}") for key, of_key in entries.items() for n, entry in enumerate(of_key)]
     causes = [cause for cause in every if cause.size]
     x, xlabel = [row["t"] for row in rows], "loading parameter t"
     if len({(cause.label, abs(cause.size), cause.entry.amplitude) for cause in causes}) == 1:

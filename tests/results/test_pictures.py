@@ -169,13 +169,13 @@ def test_of_opposite_forces_one_is_shown_and_residuals_are_not():
 
 def test_what_an_obstacle_presses_has_its_force_over_its_motion():
     """It was drawn over t, with the force of the support."""
-    disc = {"disc": {"center": (0.5, 1.5), "radius": 0.5}, "x2": -0.2, "name": "punch"}
+    punch = {"half_plane": {"point": (0.0, 1.0), "normal": (0.0, 1.0)}, "x2": -0.05, "name": "punch"}
     fixed = {"region": "bottom", "x1": 0.0, "x2": 0.0}
-    fields = {"spacing": 0.25, "body": {"size": (1.0, 1.0)}, "material": "neo-hookean", "steps": [1.0], "units": {"length": "mm", "stress": "MPa"}}
-    scene = pds.Scene(name="pressed", prescribed=[fixed], obstacles=[disc], **fields)
+    fields = {"spacing": 0.25, "body": {"size": (1.0, 1.0)}, "material": "neo-hookean", "units": {"length": "mm", "stress": "MPa"}}
+    scene = pds.Scene(name="pressed", prescribed=[fixed], obstacles=[punch], steps=[1.0], **fields)
     columns = {"force_bottom_2": [0.1, 0.3], "force_punch_1": [1e-9, 1e-9], "force_punch_2": [-0.1, -0.3]}
     x, curves, xlabel, ylabel = loading_curve(scene, rows_of(t=[0.5, 1.0], **columns))
-    assert (x, xlabel, ylabel) == ([0.0, -0.1, -0.2], "prescribed displacement (mm)", "force on punch, x₂ (MPa·mm)")
+    assert (x, xlabel, ylabel) == ([0.0, -0.025, -0.05], "prescribed displacement (mm)", "force on punch, x₂ (MPa·mm)")
     np.testing.assert_allclose(curves["punch, x₂"], [0.0, -0.1, -0.3])
     assert set(pds.simulate(scene, "bond-energy").history[0]) >= {"force_punch_1", "force_punch_2"}
 
