@@ -201,7 +201,7 @@ def print_grip(result: Result) -> None:
     units, areas, used = result.scene.units, result.summary["grip_areas"], result.levels[-1]["nominal_stress_grip"]
     other = next(edge for edge in areas if edge != used)
     if not math.isclose(areas[used], areas[other], rel_tol=1e-6):
-        area, another = (units.amount(areas[edge], "length", ".5g", "^2") for edge in (used, other))
+        area, another = (units.amount(areas[edge], "area", ".5g") for edge in (used, other))
         force = f"Nominal stress: force of the {used} grip divided by its cross-section of {area}"
         out.print(f"{force}; the cross-section of the {other} grip is {another}")
 
@@ -262,7 +262,7 @@ def _print_rates(result: Result) -> None:
     for crack in next((row["cracks"] for row in reversed([*result.levels, *tips]) if row.get("cracks")), ()):
         rate, tip = crack["energy_release_rate"], ", ".join(f"{value:.3g}" for value in crack["tip"])
         length = units.amount(crack["length"], "length", ".4g")
-        told = "no room for G" if rate is None else f"G = {rate:.4g}{unit}"
+        told = f"no G: {crack['remark']}" if rate is None else f"G = {rate:.4g}{unit}"
         touch = "; its faces touch and pass through one another, so G has no meaning" if crack.get("closed") and rate is not None else ""
         out.print(f"Crack to ({tip}), length {length}: {told}{touch}")
 

@@ -112,7 +112,7 @@ UNDER_WAY = "the run is under way, or was ended from without"
 ADVICE = {
     NotConverged: "increase solver.most_evaluations, decrease solver.largest_increment, or use another solver.method",
     Diverging: "use another solver.method",
-    TooSmall: "apply larger strains and scale the results",
+    TooSmall: "apply larger strains and scale the results, or describe the body nearer to the origin",
     Unbalanced: "use a smaller solver.tolerance, or larger strains if they are below a millionth; for bond forces where two edges held by "
     "reflection meet, use force=bond-energy, support=points or a smaller spacing",
     TooFar: "use a smaller steps.largest_increment, or more outputs",
@@ -391,8 +391,7 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
         summary["dynamics"] = state.dynamics
     if state.crack is not None:
         summary |= {} if run.problem.critical_stretches is None else run.problem.critical_stretches.summary
-        path = {"path": crack_path(state.crack["tips"])}
-        summary["crack"] = state.crack | path | ({} if stress is None else {"peak": _peak(state.history)})
+        summary["crack"] = state.crack | {"path": crack_path(state.crack["tips"]), "peak": None if stress is None else _peak(state.history)}
     scene, body = run.problem.scene, run.body if run.whole is None else run.whole
     return Result(scene, body, summary, state.history, run.states, state.convergence, **_derived(scene, run.problem.models))
 

@@ -32,7 +32,7 @@ from ..learning import training_samples
 from ..materials import dimension_of
 from ..run.run import Silent
 from ..scenes import load_scene
-from .bodies import crack, disc_with_hole, gripped, jittered, notched, of_points, outward, plain, sheet
+from .bodies import crack, disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
 from .case import PASS, WEAK, Case, Outcome, Subject, case, cases_of, forces_at, off, required
 from .deformations import force_densities, mean_stress_at, turn, wavy, why_inaccurate
 from .runs import energy_account, force_balance, scale_of_units, small_loads
@@ -274,6 +274,29 @@ def units(subject, force, positions):
         found = _settled(other, length * positions) / (length ** (d - 1) * stress)
         errors.append(np.abs(found - expected).max() / _scale(force, expected))
     return errors
+
+
+AWAY, GRID = 2.0**20, 2.0**-32
+"""Distance along every axis in `far_from_the_origin`, some 1e6, and the grid on which coordinates of its bodies lie: sums and differences
+of them are then exact."""
+
+
+@cache
+def _near_and_far(subject: Subject) -> tuple[InternalForce, InternalForce]:
+    """Return the forces of a subject on the `notched` body, its points on the `GRID`, at the origin and `AWAY` from it."""
+    points = GRID * np.rint(notched(subject.dimension).points / GRID)
+    return subject.bind(of_points(points)), subject.bind(of_points(points + AWAY))
+
+
+@drawn("a million lengths from the origin", "same forces and energy, 1e-12", 1e-12, "accuracy")
+def far_from_the_origin(subject, force, positions):
+    """Return the relative changes of the forces and of the energy if the body lies a million lengths from the origin; the limit is 1e-12.
+
+    Positions enter by their differences alone, which are exact here: what is left is rounding in sums.
+    """
+    (near, far), placed = _near_and_far(subject), GRID * np.rint(positions / GRID)
+    expected, found = _settled(near, placed), _settled(far, placed + AWAY)
+    return [np.abs(found - expected).max() / _scale(near, expected), abs(_energy(far) - _energy(near))]
 
 
 GRADIENTS = (
@@ -527,8 +550,7 @@ def _bind_with(subject: Subject, key: str, value: Any) -> InternalForce:
     """Return the force of the model under test on a body, with the setting `key` set to a value; None leaves the model's default."""
     settings = {} if value is None else {key: value}
     dimension = dimension_of(settings.get("plane", subject.plane))
-    body = plain(dimension, outward=outward(plain(dimension).points))
-    return subject.bind(body, **{"precision": None} | settings)
+    return subject.bind(plain(dimension), **{"precision": None} | settings)
 
 
 def _settings_outcome(subject: Subject, key: str, value: Any) -> Any:
