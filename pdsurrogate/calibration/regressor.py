@@ -361,8 +361,8 @@ class SceneRegressor(LawEstimator):
         >>> scene = pds.load_scene("hole", spacing=0.25)
         >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.03)
         >>> stress, error = model.nominal_stress([[1.5, 1.5**-0.5]])
-        >>> (error / stress).round(2).tolist()
-        [0.04]
+        >>> bool(0.04 < error[0] / stress[0] < 0.05)
+        True
         """
         check_is_fitted(self)
         wanted = "X must have two columns of positive stretches, along the stress and across it"

@@ -138,8 +138,8 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         Raises
         ------
         ValueError
-            If the regressor does not take double precision, only one of `func` and `inverse_func` is given, the columns of a table have other names than those of `func`, or the
-            transformed target is NaN for all samples.
+            If the regressor does not take double precision, only one of `func` and `inverse_func` is given, the columns of a table have
+            other names than those of `func`, or the transformed target is NaN for all samples.
 
         Examples
         --------

@@ -172,9 +172,7 @@ def test_a_network_of_another_precision_is_told_in_a_line(samples, double):
     if double:
         assert model.fit(samples.X, samples.y).predict(samples.X).shape == samples.y.shape
         return
-    with pytest.raises(
-        ValueError, match=r"^the regressor takes numbers of another precision .* module.double\(\)"
-    ) as told:
+    with pytest.raises(ValueError, match=r"^the regressor takes numbers of another precision .* module.double\(\)") as told:
         model.fit(samples.X, samples.y)
     assert told.value.__suppress_context__
     assert "\n" not in str(told.value)
