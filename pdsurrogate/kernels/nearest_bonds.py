@@ -7,7 +7,7 @@ from ..engine.compile import kernel
 def add_unspanned(points, pointers, neighbors, first, second, sources, touching, near):
     """Flag in `near`, in place, the bonds that no two shorter ones with an angle of at least 90 degrees between them span.
 
-    A bond whose other end is the image of another point keeps its flag, since the bond of that point with the image of the first may differ.
+    A bond with the image of another point keeps its flag, since the bond of that point with the image of the first may differ.
 
     Parameters
     ----------
