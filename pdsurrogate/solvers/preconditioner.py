@@ -82,9 +82,9 @@ def preconditioner_of(force: InternalForce, free: np.ndarray, bending: bool = Fa
     body, moduli = force.body, force.stiffness_moduli
     obstacles = force.loads.obstacles if hasattr(force, "loads") else []
     if bending and has_struts(body):
-        network = struts_of(body, moduli, force.corrected)
+        network = struts_of(body, moduli)
     else:
-        network = laplacian_of(body, moduli, force.corrected) if force.nearly_incompressible else springs_of(body, moduli)
+        network = laplacian_of(body, moduli) if force.nearly_incompressible else springs_of(body, moduli)
     regions = getattr(force, "rigid", ())
     if regions or obstacles or force.nearly_incompressible:
         inner = inverse_with_regions(network, free, regions) if regions else Preconditioner(inverse_of(network, free))
