@@ -234,7 +234,8 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
     curves = all(model.mirrors_curves for model in models)
     # Bond forces do not know where in a cell the interface lies: they gain nothing by divided cells.
     body, lower, upper = discretize(scene, share_of, curves, all(model.family == "bond energy" for model in models))
-    if scene.correction == BALANCED:
+    balanced = bool(models) and models[0].family == "bond force" and scene.correction in (None, "tensor") and not scene.precuts
+    if scene.correction == BALANCED or balanced:
         vars(body)["outward"] = surface().on_points(body.planes)
         body.share.fill(body.outward)
     problem = _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, surface), ranks)

@@ -71,3 +71,8 @@ def pulled(body):
 def balanced(steps, names):
     """What is measured of models of bond energies with balanced gradients."""
     return arrays(steps, names, correction="balanced", outward=pulled)
+
+
+def balanced_pairs(steps, names):
+    """What is measured of bond forces whose pairs are balanced."""
+    return arrays(steps, names, outward=pulled)
