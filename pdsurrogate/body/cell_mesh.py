@@ -92,6 +92,14 @@ class CellMesh:
         """Number of coordinates of a node, 2 or 3."""
         return self.nodes.shape[1]
 
+    def extents(self, axis: int) -> np.ndarray:
+        """Return the extents of the cells along an axis, shape (n,)."""
+        return np.concatenate([np.ptp(self.nodes[block, axis], axis=1) for block in self.blocks])
+
+    def touching(self, chosen: np.ndarray) -> np.ndarray:
+        """Return flags of the cells with a corner at a chosen node, shape (n,), from flags of the nodes."""
+        return np.concatenate([chosen[block].any(axis=1) for block in self.blocks])
+
     @cached_property
     def _owners(self) -> np.ndarray:
         """Number of the cell to which each entry of `blocks` (a corner of a cell) belongs, in the order of `_entries`."""

@@ -49,10 +49,12 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     numbers = near[distance <= reach]
     share = Share(numbers, owners[numbers], n, ranks)
     groups = {name: share.local(np.sort(members)) for name, members in body.groups.items()}
-    part = replace(body, points=body.points[numbers], volumes=body.volumes[numbers], groups=groups, mesh_cells=None, share=share)
+    chosen = np.isin(np.arange(n), numbers)
+    cells = body.mesh_cells and body.mesh_cells.only(chosen)[0]
+    part = replace(body, points=body.points[numbers], volumes=body.volumes[numbers], groups=groups, mesh_cells=cells, share=share)
     if body.inside is not None or body.tessellate is not None:
         # Made in the whole body, so that nodes between two ranks have one place.
-        vars(part)["cells"] = body.cells.only(np.isin(np.arange(n), numbers))[0]
+        vars(part)["cells"] = body.cells.only(chosen)[0]
     return part
 
 

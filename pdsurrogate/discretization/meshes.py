@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,7 +19,26 @@ from ..scenes import Mesh
 from .chains import ROUNDING, same_places
 
 CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
-"""Accepted types of cells by dimension, by their names in meshio."""
+"""Accepted types of cells by dimension, by their names in meshio; names of quadratic cells end with their number of nodes."""
+
+EDGES = {
+    "triangle": ((0, 1), (1, 2), (2, 0)),
+    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
+    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    "hexahedron": ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+}
+"""Edges of a cell by the numbers of their corners, in the order in which the middles of edges follow the corners in a quadratic cell."""
+
+QUADRATIC = ("triangle6", "triangle7", "quad8", "quad9", "tetra10", "hexahedron20", "hexahedron27")
+"""Quadratic cells by their names in meshio, which become cells with the same corners and straight edges."""
+
+CURVED = 1e-3
+"""Distance of the middle of an edge from the line between its ends, in lengths of the edge, above which a warning tells that the edge is
+curved. Chosen: a straight edge then changes the area of a cell by less than a thousandth."""
+
+FLAT = 1e-3
+"""Greatest inclination of the cells of a flat mesh, and greatest extent across its plane divided by that along it. Chosen: flattening
+changes lengths by the square of the inclination, a millionth; the noise of CAD programs across a plane is far less."""
 
 BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
 """First letters of meshio's names of points, edges and faces, which a mesh may list in addition to its cells."""
@@ -156,21 +176,76 @@ def _read(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
     if not np.isfinite(points).all():
         raise ValueError(f"body.file: node {np.argwhere(~np.isfinite(points))[0, 0]} of {file} has a position that is not finite")
     # Points, edges and faces are those of boundaries and may be skipped; skipping cells of other types would leave holes.
-    kinds = {block.type for block in read.cells if len(block.data)}
+    kinds = {_kind(block.type) for block in read.cells if len(block.data)}
     refused = sorted(kind for kind in kinds - set(CELL_TYPES[dimension]) if not kind.startswith(BESIDE_CELLS[dimension]))
     if refused:
         advice = "; set dimension = 3 for a solid" if dimension == 2 and kinds & set(CELL_TYPES[3]) else ""
         raise ValueError(f"body.file: {file} has {', '.join(refused)} cells; use only {' and '.join(CELL_TYPES[dimension])}{advice}")
-    cells = tuple(block.data for block in read.cells if block.type in CELL_TYPES[dimension] and len(block.data))
-    if dimension == 2 and points.shape[1] == 3 and np.ptp(points[:, 2]) > 1e-9 * np.ptp(points[:, :2]):
-        raise ValueError(f"body.file: {file} is not flat: its third coordinate varies")
-    if not cells:
+    cells = []
+    for block in read.cells:
+        kind = _kind(block.type)
+        if kind in CELL_TYPES[dimension]:
+            count = max(map(max, EDGES[kind])) + 1
+            cells.append(block.data[:, :count])
+            if block.type != kind:
+                _warn_of_curves(file, points[cells[-1][:, np.array(EDGES[kind])]], points[block.data[:, count : count + len(EDGES[kind])]])
+    if not any(map(len, cells)):
         words, flat = ("triangles or quadrilaterals", False) if dimension == 2 else ("tetrahedra or hexahedra", kinds & set(CELL_TYPES[2]))
         raise ValueError(f"body.file: {file} has no {words}" + ("; set dimension = 2 for a sheet" if flat else ""))
     if dimension == 3:
         for block in cells:
             _check_solid_cells(file, points[block])
-    return MeshFile(points[:, :dimension], cells, *_groups(read, dimension))
+    elif points.shape[1] == 3:
+        points = _flattened(file, points, cells)
+    cell_groups, side_groups = _groups(file, read, dimension)
+    return MeshFile(points, *_each_once(cells, cell_groups), side_groups)
+
+
+def _kind(name: str) -> str:
+    """Return the type of linear cell that has the corners of cells of the type `name`; a type that is not read remains as it is."""
+    return name.rstrip("0123456789") if name in QUADRATIC else name
+
+
+def _warn_of_curves(file: str, ends: np.ndarray, middles: np.ndarray) -> None:
+    """Warn of edges with `ends` (n, edges, 2, d) that are curved, by the places of their `middles` (n, edges, d); see `CURVED`."""
+    along, off = ends[:, :, 1] - ends[:, :, 0], middles - ends[:, :, 0]
+    squares = np.einsum("nec,nec->ne", along, along)
+    off = off - (np.einsum("nec,nec->ne", off, along) / np.maximum(squares, 1e-300))[..., None] * along
+    greatest = float(np.sqrt(np.einsum("nec,nec->ne", off, off) / np.maximum(squares, 1e-300)).max(initial=0.0))
+    if greatest > CURVED:
+        what = f"{file} has curved edges, by up to {100 * greatest:.2g} % of their length"
+        warnings.warn(f"body.file: {what}: they become straight lines between corners; a finer mesh follows the curve", stacklevel=7)
+
+
+def _flattened(file: str, points: np.ndarray, cells: list[np.ndarray]) -> np.ndarray:
+    """Return the places (k, 2) of points (k, 3) in the coordinate plane in which flat `cells` lie, the lower of its two axes first."""
+    corners = [points[block] for block in cells]
+    # A triangle by two sides, a quadrilateral by its diagonals.
+    areas = np.concatenate([np.cross(each[:, -2] - each[:, 0], each[:, -1] - each[:, each.shape[1] - 3]) for each in corners])
+    across = int(np.abs(areas).sum(axis=0).argmax())
+    extents = np.ptp(np.concatenate([block.reshape(-1, 3) for block in corners]), axis=0)
+    inclined = np.linalg.norm(np.delete(areas, across, axis=1), axis=1) > FLAT * np.abs(areas[:, across])
+    if inclined.any() or extents[across] > FLAT * extents.max():
+        raise ValueError(f"body.file: {file} is not flat, or not parallel to two axes: turn it into the plane of x1 and x2")
+    return np.delete(points, across, axis=1)
+
+
+def _each_once(cells: list[np.ndarray], groups: Mapping[str, np.ndarray]) -> tuple[tuple[np.ndarray, ...], dict[str, np.ndarray]]:
+    """Return the cells, block by block, and groups of their numbers, with cells of equal corners as one.
+
+    meshio lists a cell of two physical groups of gmsh's version 2 twice.
+    """
+    first, starts = np.arange(sum(map(len, cells))), np.cumsum([0, *map(len, cells)])
+    for width in {block.shape[1] for block in cells}:
+        alike = [number for number, block in enumerate(cells) if block.shape[1] == width]
+        numbers = np.concatenate([np.arange(starts[number], starts[number + 1]) for number in alike])
+        _, chosen, which = np.unique(
+            side_numbers(np.concatenate([cells[number] for number in alike])), return_index=True, return_inverse=True
+        )
+        first[numbers] = numbers[chosen[which]]
+    kept = first == np.arange(len(first))
+    number = (np.cumsum(kept) - 1)[first]
+    return CellMesh.of_mesh(np.empty(0), cells, kept).blocks, {name: np.unique(number[members]) for name, members in groups.items()}
 
 
 def _check_solid_cells(file: str, cells: np.ndarray) -> None:
@@ -185,13 +260,62 @@ def _check_solid_cells(file: str, cells: np.ndarray) -> None:
         raise ValueError(f"body.file: {file} has {len(wrong)} invalid cells; {kind} {number} (counted from 0) is {what}")
 
 
-def _groups(read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+def _element_sets(file: str, read) -> dict[str, list[np.ndarray]]:
+    """Return the element sets of an Abaqus or CalculiX deck as meshio stores sets, for each of its blocks the numbers of the members.
+
+    meshio itself loses members of sets that several blocks of lines give, or that name other sets. Raise ValueError if two elements have
+    one number, as those of several parts may.
+    """
+    sets: dict[str, list[int]] = {}
+    names: dict[str, str] = {}
+    labels = []
+    for keyword, options, rows in _keywords(Path(file)):
+        entries = [entry for row in rows for entry in row.replace(" ", "").split(",") if entry]
+        members = []
+        if keyword == "ELEMENT":
+            members = [int(entry) for entry in entries[:: read.cells[len(labels)].data.shape[-1] + 1]]
+            labels.append(members)
+        elif keyword == "ELSET" and "GENERATE" in options:
+            for row in rows:
+                begin, end, *step = (int(entry) for entry in row.split(",") if entry.strip())
+                members += range(begin, end + 1, *step)
+        elif keyword == "ELSET":
+            members = [label for entry in entries for label in ([int(entry)] if entry.isdigit() else sets.get(entry.upper(), ()))]
+        if name := options.get("ELSET"):
+            sets.setdefault(name.upper(), []).extend(members)
+            names.setdefault(name.upper(), name)
+    if sets and len(np.unique(np.concatenate(labels))) != sum(map(len, labels)):
+        raise ValueError(f"body.file: two elements of {file} have one number, so that its sets are ambiguous; write the deck as one part")
+    return {names[name]: [np.flatnonzero(np.isin(block, members)) for block in labels] for name, members in sets.items()}
+
+
+def _keywords(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
+    """Yield the keywords of a deck with their options and lines of data, those of included files in their place."""
+    keyword, options, rows = "", {}, []
+    for line in [*path.read_text(errors="replace").splitlines(), "*"]:
+        if line.startswith("**"):
+            continue
+        if not line.startswith("*"):
+            rows.append(line)
+            continue
+        if keyword == "INCLUDE":
+            inner = Path(options["INPUT"])
+            yield from _keywords(inner if inner.exists() else path.parent / inner)  # as meshio looks for it
+        elif keyword:
+            yield keyword, options, rows
+        head, *given = (part.strip() for part in line[1:].split(","))
+        pairs = (part.partition("=") for part in given)
+        keyword, options, rows = head.upper(), {key.strip().upper(): value.strip() for key, _, value in pairs}, []
+
+
+def _groups(file: str, read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Return the physical groups of cells and of sides from what meshio has read: `cell_groups` and `side_groups` of `MeshFile`.
 
     meshio stores groups as sets of cells, block by block; for gmsh files of version 2 it stores a group number for each cell, and names
     of the numbers.
     """
-    members: dict[str, list] = {name: sets for name, sets in read.cell_sets.items() if not name.startswith("gmsh:")}
+    sets = _element_sets(file, read) if file.lower().endswith(".inp") else read.cell_sets
+    members: dict[str, list] = {name: given for name, given in sets.items() if not name.startswith("gmsh:")}
     numbers = read.cell_data.get("gmsh:physical")
     if numbers is not None:
         named = {name: entry for name, entry in read.field_data.items() if np.size(entry) == 2}
@@ -205,7 +329,7 @@ def _groups(read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.n
         cells, sides, begin = [], [], 0
         for block, chosen in zip(read.cells, sets, strict=True):
             chosen = np.asarray(() if chosen is None else chosen, dtype=int)
-            if block.type in CELL_TYPES[dimension]:
+            if _kind(block.type) in CELL_TYPES[dimension]:
                 cells.append(begin + chosen)
                 begin += len(block.data)
             elif dimension == 2 and block.type.startswith("line"):

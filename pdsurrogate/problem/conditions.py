@@ -21,6 +21,7 @@ from ..solvers.course import Paths, Pull
 from ..solvers.held import Held
 from ..solvers.increments import Motion
 from ..solvers.loads import DeadLoad, Loads, Pressure
+from ..solvers.nearest_bonds import RESOLVED, strain_rounding
 from ..solvers.obstacles import Obstacle
 from ..solvers.rigid import rigid_motions
 from .obstacles import obstacles_of
@@ -91,7 +92,7 @@ def conditions_of(
     parameter, rest = ("stretch", 1.0) if stretched else ("t", 0.0)
     loading = Loading(body, parameter, rest, names, plane_names, [*held, *planes], loads)
     # A plane moves like its points: two prescriptions may not disagree on either. Holds may move points next to a grip's plane.
-    _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *known_ends(stages)])
+    _check_motions(loading, [*([] if stretched else along_planes), *held], [rest, *known_ends(stages)])
     _check_counted(loading, prescriptions)
     if stretched:
         axis, travels = scene.loaded_axis, np.array([one.displacement for one in prescriptions[len(scene.holds) :]])
@@ -165,12 +166,14 @@ def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, 
     return one.held(names, np.setdiff1d(points, others), place, others=others, count=len(found))
 
 
-def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
+def _check_motions(loading: Loading, held: list[Held], ends: list[float]) -> None:
     """Raise ValueError if a prescribed displacement is not zero at the start, or two held parts prescribe different motions of a point.
 
     The later part would otherwise override the earlier one without notice. `ends` are the values of the loading parameter at the start and
-    at the ends of all stages; motions are compared at `SAMPLES` values in each stage.
+    at the ends of all stages; motions are compared at `SAMPLES` values in each stage. Motions that alone drive the body, and are lost in
+    the rounding of its positions, are refused too.
     """
+    body = loading.body
     samples = np.unique(np.concatenate([ends[:1], *(np.linspace(a, b, SAMPLES) for a, b in pairwise(ends))])).tolist()
     every, error = Loading(body, "t", 0.0, (), [], held, Loads(body, [])), 1e-9 * body.spacing
     try:
@@ -190,6 +193,12 @@ def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
         names, point = f"{held[every.part[one]].name} and {held[every.part[other]].name}", every.point[other]
         where = f"point {point} at {text_of(body.points[point])} differently along x{every.component[other] + 1}"
         raise ValueError(f"{names} move {where}")
+    greatest = max(body.share.greatest(np.abs(loading.moves(sample))) for sample in samples)
+    least = RESOLVED * strain_rounding(body, body.points) * body.spacing
+    if 0 < greatest < least and not len(loading.loads):
+        what = f"the greatest displacement, {greatest:.2g}, is too small for double precision, which resolves {least:.1g} here"
+        key = "prescribed" if loading.parameter == "t" else "stretches"
+        raise ValueError(f"{key}: {what}; apply larger ones and scale the results, or describe the body nearer to the origin")
 
 
 def _check_held(loading: Loading, key: str, advice: str, only: str | None = None) -> None:

@@ -16,10 +16,10 @@ from ..scenes.problems import suggestion
 from ..scenes.regions import edge_names
 
 LAYER = 0.99
-"""Greatest distance, in cells, of points that belong to an edge or to the boundary.
+"""Greatest distance of points that belong to an edge or to the boundary, in cells; from an edge of a mesh in sides of the point's own cell.
 
 The outermost points lie half a cell inside; so do points along a boundary whose cells include a part of another, cut cell. Points of the
-second layer lie one and a half cells inside."""
+second layer lie one and a half cells inside. A triangle or tetrahedron that touches the edge with one corner lies 2/3 or 3/4 inside."""
 
 RIM = 0.05
 """Distance in cells by which a place may lie outside the facets of the boundary and still count as inside the body.
@@ -47,7 +47,7 @@ class _Parts:
 
     def __init__(self, regions: "BodyRegions", places: np.ndarray, groups: Mapping[str, np.ndarray]) -> None:
         self.body, self.surface, self.places, self.groups = regions.body, regions.surface, places, groups
-        self.corners = regions.lower, regions.upper
+        self.corners, self.tolerance = (regions.lower, regions.upper), regions.tolerance
 
     def group(self, name: str) -> np.ndarray:
         """Return the distances from a physical group of the mesh file: 0 for its points or facets, infinite for others."""
@@ -75,11 +75,15 @@ class _Points(_Parts):
     def edge(self, name: str) -> np.ndarray:
         axis, side = EDGES[name]
         distance = side * (self.corners[side > 0][axis] - self.places[:, axis])
-        return np.where(distance < LAYER * self.body.cell[axis], 0.0, distance)
+        cells = self.body.mesh_cells
+        return np.where(distance < LAYER * (self.body.cell[axis] if cells is None else cells.extents(axis)), 0.0, distance)
 
     def boundary(self, name: str) -> np.ndarray:
-        surface, reach = self.surface(), LAYER * self.body.cell.max()
-        distance = surface.distances(self.places, reach, _facets_of(surface, name))
+        surface, reach, cells = self.surface(), LAYER * self.body.cell.max(), self.body.mesh_cells
+        facets = _facets_of(surface, name)
+        if cells is not None:  # those that touch it, of whatever size
+            return np.where(cells.touching(np.isfinite(surface.distances(cells.nodes, self.tolerance, facets))), 0.0, np.inf)
+        distance = surface.distances(self.places, reach, facets)
         return np.where(distance < reach, 0.0, distance)
 
     def listed(self, region: Region) -> np.ndarray:
@@ -153,7 +157,7 @@ class BodyRegions:
 
     def __init__(self, scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
         self._scene, self.body, self.lower, self.upper, self.surface = scene, body, lower, upper, cache(surface)
-        self._tolerance = ROUNDING * float((upper - lower).max())
+        self.tolerance = ROUNDING * float((upper - lower).max())
         self._points = _Points(self, body.points, body.groups)
 
     @cached_property
@@ -251,7 +255,7 @@ class BodyRegions:
         if region.points is not None or region.near is not None:
             return parts.listed(region)
         distance = _distance(region, parts.places)
-        return np.where(distance <= self._tolerance, 0.0, distance)
+        return np.where(distance <= self.tolerance, 0.0, distance)
 
     def _nearby(self, reference: str | Region, parts: _Points | _Facets, distance: np.ndarray) -> str:
         """Return, for the message about an empty region, which point or facet is nearest by the given distances, or why none is near."""

@@ -414,13 +414,17 @@ def _check_resolved(run: Run, target: float) -> None:
     """Raise `TooSmall` if the strains of an equilibrium are so small that rounding errors exceed a thousandth of them."""
     if not _is_driven(run, target):
         return
-    moduli = [law.shear_modulus for law, _ in run.force.laws]
+    laws = [law for law, _ in run.force.laws]
+    moduli = [law.shear_modulus for law in laws]
     contrast = max(moduli) / min(moduli)
-    least = RESOLVED * max(FORCE_ROUNDING[run.force.precision], strain_rounding(run.body)) * contrast
+    stiffness = 1.0 if run.force.plane == "stress" else max(1.0, *(law.bulk_modulus / law.shear_modulus for law in laws))
+    rounding = stiffness * strain_rounding(run.body, run.positions)
+    least = RESOLVED * max(FORCE_ROUNDING[run.force.precision], rounding) * contrast
     strain = strain_of(run.loaded)
     if strain < least:
         apart = f" with shear moduli that differ by a factor of {contrast:.3g}" if contrast > 1 else ""
-        resolved = f"{PRECISION_NAMES[run.force.precision]} precision, which resolves {least:.1g}{apart}"
+        away = f" at coordinates of up to {run.body.share.greatest(np.abs(run.positions)):.1g}" if run.force.precision == "float64" else ""
+        resolved = f"{PRECISION_NAMES[run.force.precision]} precision, which resolves {least:.1g}{apart}{away}"
         raise TooSmall(f"the greatest strain, {strain:.2g}, is too small for {resolved}")
 
 
@@ -428,4 +432,6 @@ def _is_driven(run: Run, parameter: float) -> bool:
     """Return whether the body is strained at a value of the loading parameter: False if it is undeformed, or unloaded and moved rigidly."""
     if run.loading.at_rest(parameter):
         return False
-    return run.body.share.any(bool((run.loaded.applied() * run.loading.free).any())) or not is_rigid(run.loaded)
+    if run.body.share.any(bool((run.loaded.applied() * run.loading.free).any())) or not is_rigid(run.loaded):
+        return True
+    return run.loading.deforms(parameter, run.positions)

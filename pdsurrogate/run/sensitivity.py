@@ -223,7 +223,7 @@ class Differentiated:
             run, loading = self.run, self.run.loading
             run.state.parameter = at
             place(run, run.body.points + displacements)
-            tolerance = max(BALANCED, ROUNDED_STRAIN * self.contrast * strain_rounding(run.body))
+            tolerance = max(BALANCED, ROUNDED_STRAIN * self.contrast * strain_rounding(run.body, run.positions))
             if control is not None:
                 return self._controlled(control, tolerance, outputs, parameters)
             solver = Newton(loading.free, run.body.volumes, tolerance)

@@ -112,7 +112,7 @@ UNDER_WAY = "the run is under way, or was ended from without"
 ADVICE = {
     NotConverged: "increase solver.most_evaluations, decrease solver.largest_increment, or use another solver.method",
     Diverging: "use another solver.method",
-    TooSmall: "apply larger strains and scale the results",
+    TooSmall: "apply larger strains and scale the results, or describe the body nearer to the origin",
     Unbalanced: "use a smaller solver.tolerance, or larger strains if they are below a millionth; for bond forces where two edges held by "
     "reflection meet, use force=bond-energy, support=points or a smaller spacing",
     TooFar: "use a smaller steps.largest_increment, or more outputs",

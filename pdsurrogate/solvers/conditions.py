@@ -13,7 +13,7 @@ from ..forces.errors import at_point
 from .held import Held, Support
 from .loads import AT_REST, Loads
 from .obstacles import PASSED, TOUCHING, Obstructed
-from .rigid import displaced, moment_of
+from .rigid import displaced, moment_of, nearest_turn, rigid_placement
 
 ONE_SIDED = 0.1
 """Distance along a reflection plane, divided by the horizon, between a point and the mean position of its neighbors, beyond which the
@@ -164,6 +164,25 @@ class Loading:
         """Return whether all held parts are in their undeformed places and all loads are zero, at a value of the loading parameter."""
         moved = self._share.greatest(np.abs(self.moves(parameter))) > AT_REST * self.body.extent
         return not moved and self.loads.vanish(parameter)
+
+    def deforms(self, parameter: float, positions: np.ndarray) -> bool:
+        """Return whether the prescribed motions of a connected piece agree, to rounding, with no rigid motion, at a value of the parameter.
+
+        It tells rigid motions from strains so small that they are lost in the rounding of the `positions` (n, d).
+        """
+        share, at_rest, moves, (count, piece) = self._share, self.body.points, self.moves(parameter), self.pieces()
+        table = [share.joined(rows, self.point) for rows in (piece[self.point], self.component, self.place, moves)]
+        error = AT_REST * (share.greatest(np.abs(at_rest)) + share.greatest(np.abs(moves)))
+        for number in range(count):
+            own = share.own & (piece == number)
+            size = share.total(int(own.sum()))
+            before, after = (share.total(places[own].sum(axis=0)) / size for places in (at_rest, positions))
+            turn = nearest_turn(share.total((positions[own] - after).T @ (at_rest[own] - before)))
+            component, places, moved = (rows[table[0] == number] for rows in table[1:])
+            arms, held = places - before, (np.arange(len(places)), component)
+            if rigid_placement(arms, held, arms[held] + moved, after - before, turn, self.body.extent)[1] > error:
+                return True
+        return False
 
     def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move held points (in `positions`) and planes (in `force`) to their places at a value of the parameter, and set the loads."""

@@ -248,7 +248,7 @@ class EquilibriumSolver(ABC):
         stiffness = force.law.bulk_modulus / force.law.shear_modulus if force.nearly_incompressible else 1.0
         self._least_drive, self.least_left, self._idle = least_drive, np.inf, 0
         self._slender = is_slender(force.body)
-        self._rounding = ROUNDED * stiffness * strain_rounding(force.body)
+        self._rounding = ROUNDED * stiffness * strain_rounding(force.body, force.positions)
 
     def judge(self, force: InternalForce, forces: np.ndarray, tolerance: float) -> tuple[float, bool]:
         """Return the residual in the state last evaluated, and whether that state is an equilibrium; `forces` are as `evaluate` wrote them.
@@ -292,4 +292,7 @@ class EquilibriumSolver(ABC):
         if residual <= tolerance:
             left = f"the sum of the residual forces on free points is more than {self._share_left:.1g} of the forces that drive the body"
             reached = f"after {evaluations} force evaluations {left}"
+        elif residual <= self._rounding:
+            farthest = force.body.share.greatest(np.abs(force.positions))
+            reached += f", which positions as far as {farthest:.1g} from the origin do not resolve: describe the body nearer to it"
         return NotConverged(reached + note_of_modes(force, "in which points never come to rest"))

@@ -520,14 +520,14 @@ def strain_of_step(body: Body, step: np.ndarray) -> float:
     return body.share.greatest(greatest_strain(step, body.points, body.bonds.first, body.bonds.second))
 
 
-def strain_rounding(body: Body) -> float:
-    """Return the strain that rounding of the positions in double precision causes in a bond as long as the spacing."""
-    return float(np.finfo(float).eps) * body.share.greatest(np.abs(body.points)) / body.spacing
+def strain_rounding(body: Body, positions: np.ndarray) -> float:
+    """Return the strain that rounding of `positions` (n, d) in double precision causes in a bond as long as the spacing."""
+    return float(np.finfo(float).eps) * body.share.greatest(np.abs(positions)) / body.spacing
 
 
 def is_rigid(force: InternalForce) -> bool:
     """Return whether the body has moved without deformation, up to rounding, in the state last evaluated."""
-    return strain_of(force) <= RESOLVED * strain_rounding(force.body)
+    return strain_of(force) <= RESOLVED * strain_rounding(force.body, force.positions)
 
 
 def strain_of(force: InternalForce) -> float:

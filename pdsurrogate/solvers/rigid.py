@@ -78,6 +78,25 @@ def nearest_turn(matrix: np.ndarray) -> np.ndarray:
     return U @ V
 
 
+def rigid_placement(
+    arms: np.ndarray, held: tuple[np.ndarray, ...], goals: np.ndarray, middle: np.ndarray, turn: np.ndarray, size: float
+) -> tuple[np.ndarray, float]:
+    """Return the rigid placement in which `held` components are nearest to their `goals`, and the greatest distance left between both.
+
+    The placement is that of `arms` (k, d) from a center; the search begins with the center at `middle` (d,) and the rotation `turn` (d, d).
+    `size` is the extent of the arms.
+    """
+    for _ in range(MOST_STEPS):
+        turned = arms @ turn.T
+        left = goals - (middle + turned)[held]
+        if np.abs(left).max(initial=0.0) <= 1e-14 * size:
+            break
+        step = np.linalg.lstsq(rigid_motions(turned / size)[held], left, rcond=INDEPENDENT)[0]
+        d = len(middle)
+        middle, turn = middle + step[:d], turn_by(step[d:] / size) @ turn
+    return middle + turned, float(np.abs(left).max(initial=0.0))
+
+
 class RigidRegion:
     """Rigid region of a body: points that keep their mutual distances.
 
@@ -115,17 +134,9 @@ class RigidRegion:
         """
         given = positions[self.points]
         goals = given[self._held]
-        middle, turn = self._placement(given)
-        for _ in range(MOST_STEPS):
-            placed = middle + self._arms @ turn.T
-            left = goals - placed[self._held]
-            if np.abs(left).max(initial=0.0) <= 1e-14 * self.size:
-                break
-            step = np.linalg.lstsq(self.motions(placed)[self._held], left, rcond=INDEPENDENT)[0]
-            d = len(middle)
-            middle, turn = middle + step[:d], turn_by(step[d:] / self.size) @ turn
-        if np.abs(left).max(initial=0.0) > HELD * self.size:
-            raise InvalidState(f"{self.name} is rigid, but is prescribed to deform: its points move by {np.abs(left).max():.3g} apart")
+        placed, left = rigid_placement(self._arms, self._held, goals, *self._placement(given), self.size)
+        if left > HELD * self.size:
+            raise InvalidState(f"{self.name} is rigid, but is prescribed to deform: its points move by {left:.3g} apart")
         positions[self.points] = placed
         positions[self.points[self._held[0]], self._held[1]] = goals
 

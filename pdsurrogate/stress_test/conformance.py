@@ -276,6 +276,29 @@ def units(subject, force, positions):
     return errors
 
 
+AWAY, GRID = 2.0**20, 2.0**-32
+"""Distance along every axis in `far_from_the_origin`, some 1e6, and the grid on which coordinates of its bodies lie: sums and differences
+of them are then exact."""
+
+
+@cache
+def _near_and_far(subject: Subject) -> tuple[InternalForce, InternalForce]:
+    """Return the forces of a subject on the `notched` body, its points on the `GRID`, at the origin and `AWAY` from it."""
+    points = GRID * np.rint(notched(subject.dimension).points / GRID)
+    return subject.bind(of_points(points)), subject.bind(of_points(points + AWAY))
+
+
+@drawn("a million lengths from the origin", "same forces and energy, 1e-12", 1e-12, "accuracy")
+def far_from_the_origin(subject, force, positions):
+    """Return the relative changes of the forces and of the energy if the body lies a million lengths from the origin; the limit is 1e-12.
+
+    Positions enter by their differences alone, which are exact here: what is left is rounding in sums.
+    """
+    (near, far), placed = _near_and_far(subject), GRID * np.rint(positions / GRID)
+    expected, found = _settled(near, placed), _settled(far, placed + AWAY)
+    return [np.abs(found - expected).max() / _scale(near, expected), abs(_energy(far) - _energy(near))]
+
+
 GRADIENTS = (
     np.array([[1.5, 0.0], [0.0, 0.82]]),
     np.array([[1.0, 0.8], [0.0, 1.0]]),

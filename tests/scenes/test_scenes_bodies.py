@@ -1,6 +1,7 @@
 """Bodies of scenes: shapes, holes, precuts and meshes, and what is said about those that make no sense."""
 
 import math
+import warnings
 
 import meshio
 import numpy as np
@@ -12,6 +13,7 @@ import pdsurrogate as pds
 from pdsurrogate.body import Cells
 from pdsurrogate.discretization import check_size, discretize, grip_areas, memory_here
 from pdsurrogate.materials import homogeneous
+from pdsurrogate.problem import compile_scene
 from pdsurrogate.scenes import Circle, Ellipse, Polygon, Precut, Rectangle, SceneError, load_scene
 from pdsurrogate.scenes.references import finite_element_level, reference_level
 
@@ -277,12 +279,13 @@ CORNERS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [3, 0, 0], [2, 1, 0]]
         # Left out without a word, the second cell was a hole in the body.
         (
             CORNERS,
-            [("quad", [[0, 1, 2, 3]]), ("triangle6", [[1, 4, 5, 2, 0, 3]])],
-            "has triangle6 cells; use only triangle",
+            [("quad", [[0, 1, 2, 3]]), ("polygon", [[1, 4, 5, 2, 0]])],
+            "has polygon cells; use only triangle",
         ),
         # The area of sides that cross is that of one lobe less the other.
         (CORNERS, [("quad", [[0, 1, 2, 3], [1, 4, 2, 5]])], "the sides of a quadrilateral cross each other"),
         ([[0, 0, 0], [1, 0, 0.1], [1, 1, 0]], [("triangle", [[0, 1, 2]])], "is not flat"),
+        ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1]], [("triangle", [[0, 1, 2], [3, 4, 5]])], "is not flat"),
         ([[0, 0, 0], [1, 0, 0], [1, np.nan, 0]], [("triangle", [[0, 1, 2]])], "body.file: node 2 of"),
     ],
 )
@@ -300,6 +303,161 @@ def test_rounding_leaves_a_mesh_flat_and_its_cells_may_run_either_way(tmp_path):
     meshio.write(path, meshio.Mesh(corners, [("quad", [[0, 1, 2, 3], [1, 2, 5, 4]]), ("line", [[0, 1]])]))
     body = build_body(scene_of(spacing=1.0, support="points", body={"shape": "mesh", "file": str(path)}, holes=[]))
     np.testing.assert_allclose(body.volumes, [1.0, 1.5])
+
+
+def bodies_of(path, dimension=2, **changes):
+    """The body of a mesh, and the same with middles of edges."""
+    return build_body(
+        scene_of(spacing=None, support="points", body={"shape": "mesh", "file": str(path), "dimension": dimension}, holes=[], **changes)
+    )
+
+
+@pytest.mark.parametrize("axes", [(0, 1), (0, 2), (1, 2)])
+@pytest.mark.parametrize("noise", [0.0, 1e-6])
+def test_a_flat_mesh_may_lie_in_any_plane_of_two_axes_with_the_noise_of_a_drawing(tmp_path, axes, noise):
+    """Those in other planes than that of x1 and x2, and with a millionth across it, were not flat."""
+    write_mesh(tmp_path / "square.vtu")
+    mesh = meshio.read(tmp_path / "square.vtu")
+    expected = bodies_of(tmp_path / "square.vtu")
+    points = np.zeros_like(mesh.points)
+    points[:, list(axes)] = mesh.points[:, :2]
+    (across,) = {0, 1, 2} - {*axes}
+    points[:, across] = 3.0 + noise * np.random.default_rng(0).uniform(-1, 1, len(points))
+    meshio.write(tmp_path / "turned.vtu", meshio.Mesh(points, mesh.cells))
+    found = bodies_of(tmp_path / "turned.vtu")
+    np.testing.assert_array_equal(found.points, expected.points)
+    np.testing.assert_array_equal(found.volumes, expected.volumes)
+
+
+def test_an_element_in_two_physical_groups_is_one(tmp_path):
+    """gmsh's version 2 lists it once for each group, so that points coincided."""
+    path, nodes = tmp_path / "two.msh", np.array(CORNERS, float)
+    cells = [("quad", [[0, 1, 2, 3], [1, 4, 5, 2]]), ("quad", [[1, 2, 5, 4][::-1]])]
+    data = {name: [np.array([1, 1]), np.array([2])] for name in ("gmsh:physical", "gmsh:geometrical")}
+    fields = {"all": np.array([1, 2]), "right": np.array([2, 2])}
+    meshio.write(path, meshio.Mesh(nodes, cells, cell_data=data, field_data=fields), file_format="gmsh22", binary=False)
+    body = bodies_of(path)
+    np.testing.assert_allclose(body.volumes, [1.0, 1.5])
+    assert {name: members.tolist() for name, members in body.groups.items()} == {"all": [0, 1], "right": [1]}
+
+
+def with_middles(nodes, kind, cells, edges, bulge=0.0):
+    """Quadratic cells of a linear mesh, with the middle of every edge, and of a cell if its type has one, moved by `bulge` along x1."""
+    nodes, found, middles = list(map(list, nodes)), [], {}
+    for cell in cells:
+        row = list(cell)
+        for one, other in edges:
+            key = frozenset((cell[one], cell[other]))
+            if key not in middles:
+                middles[key] = len(nodes)
+                nodes.append((np.add(nodes[cell[one]], nodes[cell[other]]) / 2 + [bulge, 0, 0]).tolist())
+            row.append(middles[key])
+        while len(row) < meshio._common.num_nodes_per_cell[kind]:
+            nodes.append(np.mean([nodes[corner] for corner in cell], axis=0).tolist())
+            row.append(len(nodes) - 1)
+        found.append(row)
+    return meshio.Mesh(np.array(nodes), [(kind, np.array(found))])
+
+
+FLAT = [(0, 1), (1, 2), (2, 0)], [(0, 1), (1, 2), (2, 3), (3, 0)]
+TETRA = [*FLAT[0], (0, 3), (1, 3), (2, 3)]
+BRICK = [*FLAT[1], (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+UNIT = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1], [2, 0, 0], [2, 1, 0], [2, 0, 1], [2, 1, 1]]
+HALVES = [[0, 1, 2, 3, 4, 5, 6, 7], [1, 8, 9, 2, 5, 10, 11, 6]]
+SIMPLICES = [
+    [half[k] for k in four]
+    for half in HALVES
+    for four in ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6))
+]
+
+
+@pytest.mark.parametrize(
+    ("kind", "linear", "edges", "cells", "suffix"),
+    [
+        ("triangle6", "triangle", FLAT[0], [[0, 1, 2], [0, 2, 3], [1, 8, 9], [1, 9, 2]], "msh"),
+        ("triangle6", "triangle", FLAT[0], [[0, 1, 2], [0, 2, 3], [1, 8, 9], [1, 9, 2]], "inp"),
+        ("quad8", "quad", FLAT[1], [[0, 1, 2, 3], [1, 8, 9, 2]], "vtu"),
+        ("quad9", "quad", FLAT[1], [[0, 1, 2, 3], [1, 8, 9, 2]], "msh"),
+        ("tetra10", "tetra", TETRA, SIMPLICES, "msh"),
+        ("tetra10", "tetra", TETRA, SIMPLICES, "inp"),
+        ("hexahedron20", "hexahedron", BRICK, HALVES, "vtu"),
+        ("hexahedron27", "hexahedron", BRICK, HALVES, "vtu"),
+    ],
+)
+def test_quadratic_cells_are_those_of_their_corners(tmp_path, kind, linear, edges, cells, suffix):
+    """They were refused. Straight edges leave nothing out; the area that curved ones enclose is another, and a warning says so."""
+    dimension = 2 if linear in ("triangle", "quad") else 3
+    ends = {"edge": "left", "holds": "normal"}, {"edge": "right", "holds": "normal", "travel": 1.0}
+    meshio.write(tmp_path / "linear.vtu", meshio.Mesh(np.array(UNIT, float), [(linear, np.array(cells))]))
+    expected = bodies_of(tmp_path / "linear.vtu", dimension, grips=ends)
+    form = {"file_format": "gmsh22", "binary": False} if suffix == "msh" else {}
+    for bulge in (0.0, 0.05):
+        path = tmp_path / f"quadratic{bulge}.{suffix}"
+        meshio.write(path, with_middles(UNIT, kind, cells, edges, bulge), **form)
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            found = bodies_of(path, dimension, grips=ends)
+        np.testing.assert_allclose(found.points, expected.points, atol=1e-12)
+        np.testing.assert_allclose(found.volumes, expected.volumes, rtol=1e-12)
+        assert any("curved edges, by up to 5 % of their length" in str(each.message) for each in told) == (bulge > 0)
+
+
+def write_graded(path, widths):
+    """A bar of height 1 of four rows of cells with the given widths, from left to right."""
+    x = np.cumsum([0.0, *widths])
+    nodes = np.array([[x1, row / 4, 0.0] for x1 in x for row in range(5)])
+    corner = np.array([5 * column + row for column in range(len(widths)) for row in range(4)])
+    meshio.write(path, meshio.Mesh(nodes, [("quad", corner[:, None] + [0, 5, 6, 1])]))
+
+
+@pytest.mark.parametrize("widths", [(0.75, 0.25, *12 * [0.125]), (*4 * [0.5], 0.25, *4 * [0.0625])])
+def test_the_edge_of_a_graded_mesh_is_its_cells_there(tmp_path, widths):
+    """Large cells at the left edge lie more than a mean cell inside: no point; of small ones several layers lie in a mean cell."""
+    write_graded(tmp_path / "graded.vtu", widths)
+    body = bodies_of(tmp_path / "graded.vtu")
+    scene = scene_of(spacing=None, support="points", body={"shape": "mesh", "file": str(tmp_path / "graded.vtu")}, holes=[])
+    regions = compile_scene(scene).regions
+    x, length = body.points[:, 0], sum(widths)
+    np.testing.assert_array_equal(regions.points("left"), np.flatnonzero(x < widths[0]))
+    np.testing.assert_array_equal(regions.points("right"), np.flatnonzero(x > length - widths[-1]))
+    outer = (x < widths[0]) | (x > length - widths[-1]) | (np.abs(body.points[:, 1] - 0.5) > 0.25)
+    np.testing.assert_array_equal(regions.points("outline"), np.flatnonzero(outer))
+
+
+DECK = """*Heading
+*NODE
+{nodes}
+*ELEMENT, TYPE=CPS4
+1, 1, 2, 7, 6
+*ELEMENT, TYPE=CPS4, ELSET=rubber
+2, 2, 3, 8, 7
+3, 3, 4, 9, 8
+*ELEMENT, TYPE=CPS4, ELSET=Rubber
+4, 4, 5, 10, 9
+*ELSET, ELSET=ends
+1,
+*ELSET, ELSET=ends
+4
+*ELSET, ELSET=odd, GENERATE
+1, 3, 2
+*ELSET, ELSET=whole
+rubber, odd
+"""
+
+
+def test_the_sets_of_a_deck_have_all_of_their_elements(tmp_path):
+    """meshio 5.3.5 gives a set on two blocks the numbers of the last in both, and keeps the last of two definitions."""
+    nodes = "\n".join(f"{5 * row + column + 1}, {column}.0, {row}.0, 0.0" for row in (0, 1) for column in range(5))
+    path = tmp_path / "deck.inp"
+    path.write_text(DECK.format(nodes=nodes).replace("*ELSET, ELSET=whole\nrubber, odd\n", ""))
+    found = bodies_of(path).groups
+    assert {name: members.tolist() for name, members in found.items()} == {"rubber": [1, 2, 3], "ends": [0, 3], "odd": [0, 2]}
+    (tmp_path / "part.inp").write_text(path.read_text())
+    path.write_text("*INCLUDE, INPUT=part.inp\n")
+    assert bodies_of(path).groups["rubber"].tolist() == [1, 2, 3]
+    path.write_text(DECK.format(nodes=nodes).replace("\n4, 4, 5", "\n3, 4, 5").replace("*ELSET, ELSET=whole\nrubber, odd\n", ""))
+    with pytest.raises(SceneError, match=r"two elements of .* have one number, so that its sets are ambiguous"):
+        bodies_of(path)
 
 
 def test_what_meshio_prints_is_in_the_message(tmp_path, capsys):

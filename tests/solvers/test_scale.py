@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pdsurrogate as pds
+from pdsurrogate.materials import homogeneous
 from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SinglePrecisionLeft
 from pdsurrogate.solvers import equilibrium
@@ -228,6 +229,57 @@ def test_a_run_in_double_is_resumed_in_double(tmp_path):
 def test_strains_beyond_double_precision_are_refused():
     with pytest.raises(pds.SimulationFailed, match="too small for double precision, which resolves"):
         pds.simulate(cantilever(1e-16), "bond-energy")
+
+
+def bar(corner, strain, **changes):
+    """A bar of 2 x 1 with its lower left corner at x1 = `corner`, stretched between rollers."""
+    held = [{"region": "left", "x1": 0}, {"region": "bottom", "x2": 0}, {"region": "right", "x1": 2 * strain}]
+    body = {"size": [2.0, 1.0], "lower": [corner, 0.0]}
+    scene = {"name": "bar", "body": body, "spacing": 0.1, "material": "neo-hookean", "prescribed": held, "steps": [1.0]}
+    return pds.Scene(**(scene | changes))
+
+
+@pytest.mark.parametrize("force", ["neo-hookean@2", "analytic", "bond-energy"])
+def test_tiny_strains_are_right_or_refused_wherever_the_body_lies(force):
+    """At 1e6 a strain of 1e-6 was 4 % and more off, one of 1e-9 gave any force, as at the origin one of 1e-12: all said to be converged."""
+    law = bar(0.0, 1.0).law()
+    young = 9 * law.bulk_modulus * law.shear_modulus / (3 * law.bulk_modulus + law.shear_modulus)
+    for corner, strain in [(0.0, 1e-2), (0.0, 1e-6), (0.0, 1e-9), (1e6, 1e-2), (1e6, 1e-5)]:
+        exact = homogeneous.uniaxial(law, 1 + strain).nominal_stress if strain == 1e-2 else young * strain
+        found = simulate(bar(corner, strain), force).levels[-1]["forces"]["right"][0]
+        assert found == pytest.approx(exact, rel=1e-3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SinglePrecisionLeft)
+        for corner, strain in [(0.0, 1e-12), (1e6, 1e-6)]:
+            with pytest.raises(pds.SimulationFailed, match=r"too small for double precision, which resolves .* nearer to the origin"):
+                pds.simulate(bar(corner, strain), force)
+        for corner, strain in [(0.0, 1e-15), (1e6, 1e-9), (1e6, 1e-12)]:
+            with pytest.raises(pds.SceneError, match=r"prescribed: the greatest displacement, 2e-.*, is too small for double precision"):
+                pds.simulate(bar(corner, strain), force)
+
+
+def test_pressures_of_tiny_strains_need_more_digits():
+    """An error of the volume counts K/mu times in the stress: with 10^4 a strain of 1e-10 was 0.3 % off."""
+    stiff = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 1e4}
+    with pytest.raises(pds.SimulationFailed, match="too small for double precision"):
+        pds.simulate(bar(0.0, 1e-10, plane="strain", spacing=0.2, material=stiff), "bond-energy")
+
+
+@pytest.mark.parametrize("corner", [0.0, 1e6])
+def test_a_body_that_turns_as_a_whole_is_no_matter_of_precision(corner):
+    """By the ends about one place, or by a pin and a roller that leave no strain."""
+    turned = [{"region": end, "rotation": 90.0, "about": [corner + 1.0, 0.5]} for end in ("left", "right")]
+    pin, roller = {"near": [corner, 0.5]}, {"near": [corner + 2.0, 0.5]}
+    tilted = [{"region": pin, "x1": 0.0, "x2": 0.0}, {"region": roller, "x2": 0.5}]
+    for held in (turned, tilted):
+        level = simulate(bar(corner, 0.0, prescribed=held, spacing=0.25), "bond-energy").levels[-1]
+        assert level["force_balance"] is None
+
+
+def test_a_search_that_rounding_ends_names_the_distance_from_the_origin():
+    stiff = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 1e4}
+    with pytest.raises(pds.SimulationFailed, match=r"positions as far as 1e\+08 from the origin do not resolve: describe the body nearer"):
+        pds.simulate(bar(1e8, 0.1, plane="strain", spacing=0.25, material=stiff, solver={"most_evaluations": 300}), "bond-energy")
 
 
 def test_nothing_drives_a_body_at_rest_or_moved_as_a_whole():
