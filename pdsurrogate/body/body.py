@@ -96,7 +96,8 @@ class Body:
     rounds : sequence of Round, optional
         Circles or spheres on which the material changes; elsewhere interfaces between materials follow from the points.
     outward : ndarray, shape (n, d), optional
-        Outward normals times areas of the free boundary, distributed to the points as loads on it are (`Surface.on_points`).
+        Outward normals times areas of the free boundary, distributed to the points as loads on it are (`Surface.on_points`);
+        NaN where they are not known, as beside cuts.
     share : Share
         Share of a larger body to which these points belong, if several ranks (parallel processes) divide a run; by default the points are
         the whole body.

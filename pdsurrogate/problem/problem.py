@@ -17,6 +17,7 @@ from ..ranks import ALONE, Communicator
 from ..scenes import Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import RIGID
+from ..scenes.shapes import Precut
 from ..solvers.conditions import Loading
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
@@ -234,14 +235,24 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
     curves = all(model.mirrors_curves for model in models)
     # Bond forces do not know where in a cell the interface lies: they gain nothing by divided cells.
     body, lower, upper = discretize(scene, share_of, curves, all(model.family == "bond energy" for model in models))
-    balanced = bool(models) and models[0].family == "bond force" and scene.correction in (None, "tensor") and not scene.precuts
+    balanced = bool(models) and models[0].family == "bond force" and scene.correction in (None, "tensor")
     if scene.correction == BALANCED or balanced:
         vars(body)["outward"] = surface().on_points(body.planes)
         body.share.fill(body.outward)
+    if balanced:
+        for cut in scene.precuts:
+            body.outward[_distances_to(cut, body.points) <= body.horizon] = np.nan
     problem = _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, surface), ranks)
     if models:
         warn_of_points(scene, problem.held_at_points)
     return problem
+
+
+def _distances_to(cut: Precut, places: np.ndarray) -> np.ndarray:
+    """Return the distances of places (k, 2) to a cut, shape (k,)."""
+    start, along = np.array(cut.start), np.subtract(cut.end, cut.start)
+    share = np.clip((places - start) @ along / (along @ along), 0, 1)
+    return np.linalg.norm(places - start - share[:, None] * along, axis=1)
 
 
 def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: BodyRegions, ranks: Communicator) -> Problem:
