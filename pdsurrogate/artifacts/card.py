@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, WrapValidator
+from pydantic import ConfigDict, Field, TypeAdapter, WrapValidator
 
 from ..arguments import kind_of
 from ..forces import EnergyNetwork, IsochoricNetwork, NetworkForce, PolynomialForce, SplineForce
@@ -79,7 +79,7 @@ class ArtifactError(ValueError):
 
 def _looked_at(part: type[StrictModel]) -> WrapValidator:
     """Return a pydantic validator that checks a table of a card against the pydantic model `part`, and returns the table itself."""
-    return WrapValidator(lambda value, _: part.model_validate(value) and value)  # type: ignore[truthy-bool]  # raises or is true
+    return WrapValidator(lambda value, _: TypeAdapter(part).validate_python(value) and value)  # type: ignore[truthy-bool]  # raises or is true
 
 
 class ErrorEntries(StrictModel):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 import scipy
@@ -481,6 +481,11 @@ def lengths_of(vectors: np.ndarray) -> np.ndarray:
     for component in vectors.T[1:]:
         squares += component * component
     return np.sqrt(squares, out=squares)
+
+
+def owners_and_items(lists: Sequence[Sequence[int]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return, for every number in several lists, the index of its list, and the number itself; list by list."""
+    return np.repeat(np.arange(len(lists)), [len(each) for each in lists]), np.array([*chain(*lists)], dtype=np.int64)
 
 
 def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.ndarray, sign: float) -> np.ndarray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy
 
-from ..kernels.polygons import encloses
+from ..kernels.polygons import distances_to_segments, encloses
 from ..ranks import Share
 from .ghosts import HeldBoundary, Mirror
 
@@ -154,16 +154,9 @@ class Surface:
         extent = np.linalg.norm(corners - middles[:, None], axis=2).max()
         near = scipy.spatial.cKDTree(places).sparse_distance_matrix(scipy.spatial.cKDTree(middles), reach + extent, output_type="ndarray")
         place, facet = near["i"], near["j"]
-        distances = _distances_to_segments if corners.shape[1] == 2 else _distances_to_triangles
+        distances = distances_to_segments if corners.shape[1] == 2 else _distances_to_triangles
         np.minimum.at(nearest, place, distances(places[place], *corners[facet].transpose(1, 0, 2)))
         return np.where(nearest <= reach, nearest, np.inf)
-
-
-def _distances_to_segments(places: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Return the distance of place i to the segment from ``starts[i]`` to ``ends[i]``, for every i, shape (k,)."""
-    along = ends - starts
-    share = np.clip(((places - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0, 1)
-    return np.linalg.norm(places - starts - share[:, None] * along, axis=1)
 
 
 def _distances_to_triangles(places: np.ndarray, first: np.ndarray, second: np.ndarray, third: np.ndarray) -> np.ndarray:
@@ -173,7 +166,7 @@ def _distances_to_triangles(places: np.ndarray, first: np.ndarray, second: np.nd
     square = (normal**2).sum(axis=1)
     shares = [(np.cross(a, b) * normal).sum(axis=1) / square for a, b in ((offset, other), (one, offset))]
     above = (shares[0] >= 0) & (shares[1] >= 0) & (shares[0] + shares[1] <= 1)
-    sides = [_distances_to_segments(places, *side) for side in ((first, second), (second, third), (third, first))]
+    sides = [distances_to_segments(places, *side) for side in ((first, second), (second, third), (third, first))]
     return np.where(above, np.abs((offset * normal).sum(axis=1)) / np.sqrt(square), np.min(sides, axis=0))
 
 

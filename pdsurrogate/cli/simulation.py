@@ -262,7 +262,7 @@ def _print_rates(result: Result) -> None:
     for crack in next((row["cracks"] for row in reversed([*result.levels, *tips]) if row.get("cracks")), ()):
         rate, tip = crack["energy_release_rate"], ", ".join(f"{value:.3g}" for value in crack["tip"])
         length = units.amount(crack["length"], "length", ".4g")
-        told = "no room for G" if rate is None else f"G = {rate:.4g}{unit}"
+        told = f"no G: {crack['remark']}" if rate is None else f"G = {rate:.4g}{unit}"
         touch = "; its faces touch and pass through one another, so G has no meaning" if crack.get("closed") and rate is not None else ""
         out.print(f"Crack to ({tip}), length {length}: {told}{touch}")
 

@@ -3,10 +3,15 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import scipy
 
 from ..body import Round
+from ..body.body import lengths_of, owners_and_items
 from ..scenes import Region, Scene
 from .chains import ROUNDING
+
+MOST_PLACES = 1_000_000
+"""Number of sampled places in cells whose sides are found together. Chosen: their coordinates take 16 or 24 MB."""
 
 TIED = 1e-6
 """Relative difference of distances up to which points are equally near to a part of a cell, which is then divided among them: on the
@@ -29,12 +34,30 @@ def _round_shapes(scene: Scene, reference: str | Region) -> Iterator:
             yield from _round_shapes(scene, member)
 
 
-def sides_of(places: np.ndarray, rounds: Sequence[Round]) -> np.ndarray:
-    """Number the sides of round interfaces on which places (k, d) lie, by the bits of one integer, shape (k,).
+def sides_of(places: np.ndarray, rounds: Sequence[Round], raster: np.ndarray | None = None) -> np.ndarray:
+    """Number the sides of round interfaces on which places (k, d) lie, shape (k,), or those of a `raster` (m, d) about each, shape (k, m).
 
-    A place on an interface, to rounding, lies within it, as in the region that it bounds.
+    Two places have the same number if they lie within the same circles or spheres. A place on an interface, to rounding, lies within it, as
+    in the region that it bounds.
     """
-    return (1 << np.arange(len(rounds))) @ np.array([each.distances(places) <= ROUNDING * each.radius for each in rounds])
+    around = np.zeros((1, places.shape[1])) if raster is None else raster
+    numbers, limits = np.zeros((len(places), len(around)), dtype=np.int64), [each.radius * (1 + ROUNDING) for each in rounds]
+    row, which = _beside(places, rounds, np.array(limits) + np.linalg.norm(around, axis=1).max() * (1 + ROUNDING))
+    level = np.arange(len(row)) - np.searchsorted(row, row)
+    for number in range(level.max(initial=-1) + 1):
+        rows, of_rows = row[level == number], which[level == number]
+        centers, radii = (np.array([values[k] for k in of_rows]) for values in ([each.center for each in rounds], limits))
+        within = np.linalg.norm(places[rows, None] + around - centers[:, None], axis=2) <= radii[:, None]
+        # The digits of the number, to a base that is greater by one than the count of shapes, are the shapes that contain the place.
+        numbers[rows] = np.where(within, numbers[rows] * (len(rounds) + 1) + of_rows[:, None] + 1, numbers[rows])
+    return numbers[:, 0] if raster is None else numbers
+
+
+def _beside(places: np.ndarray, rounds: Sequence[Round], limits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return all places within `limits` (r,) of the centers of round shapes, and the number of the shape of each, sorted by place."""
+    which, row = owners_and_items(scipy.spatial.cKDTree(places).query_ball_point([each.center for each in rounds], limits))
+    order = np.argsort(row, kind="stable")
+    return row[order], which[order]
 
 
 def divided_volumes(points: np.ndarray, volumes: np.ndarray, sides: np.ndarray, raster: np.ndarray, rounds: Sequence[Round]) -> np.ndarray:
@@ -53,19 +76,30 @@ def divided_volumes(points: np.ndarray, volumes: np.ndarray, sides: np.ndarray, 
         Places in a cell, relative to its middle in units of its sides, that sample its parts.
     rounds : sequence of Round
     """
-    whole = np.isclose(volumes, sides.prod(), rtol=1e-9, atol=0)
-    near = np.min([np.abs(each.distances(points)) for each in rounds], axis=0) < np.linalg.norm(sides) / 2
-    own, found = sides_of(points, rounds), volumes.copy()
-    for cell in np.flatnonzero(whole & near):
-        places = points[cell] + raster * sides
-        numbers = sides_of(places, rounds)
-        for other in np.setdiff1d(numbers, own[cell]):
-            part = numbers == other
-            heirs = np.flatnonzero(whole & (own == other))
-            if len(heirs):  # an inclusion smaller than a cell has no point
-                distances = np.linalg.norm(points[heirs] - places[part].mean(axis=0), axis=1)
-                nearest = heirs[distances <= distances.min() * (1 + TIED)]
-                volume = sides.prod() * part.mean()
-                found[cell] -= volume
-                found[nearest] += volume / len(nearest)
+    half, found = np.linalg.norm(sides) / 2, volumes.copy()
+    row, which = _beside(points, rounds, np.array([each.radius for each in rounds]) + half)
+    centers, radii = np.array([each.center for each in rounds]), np.array([each.radius for each in rounds])
+    row = np.unique(row[lengths_of(points[row] - centers[which]) > radii[which] - half])
+    whole = np.flatnonzero(np.isclose(volumes, sides.prod(), rtol=1e-9, atol=0))
+    cut, own = np.intersect1d(row, whole), sides_of(points, rounds)
+    for cells in np.array_split(cut, len(cut) * len(raster) // MOST_PLACES + 1):
+        numbers = sides_of(points[cells], rounds, raster * sides)
+        while len(cells):
+            # The first part of each cell on another side goes to the nearest points there.
+            elsewhere = numbers != own[cells, None]
+            left = elsewhere.any(axis=1)
+            cells, numbers, elsewhere = cells[left], numbers[left], elsewhere[left]
+            other = numbers[np.arange(len(cells)), elsewhere.argmax(axis=1)]
+            part = numbers == other[:, None]
+            middles = points[cells] + part @ (raster * sides) / part.sum(axis=1, keepdims=True)
+            for side in np.unique(other):
+                mine, heirs = other == side, whole[own[whole] == side]
+                if not len(heirs):  # an inclusion smaller than a cell has no point
+                    continue
+                tree = scipy.spatial.cKDTree(points[heirs])
+                giver, heir = owners_and_items(tree.query_ball_point(middles[mine], tree.query(middles[mine])[0] * (1 + TIED)))
+                volume = sides.prod() * part[mine].mean(axis=1)
+                found[cells[mine]] -= volume
+                np.add.at(found, heirs[heir], (volume / np.bincount(giver))[giver])
+            numbers = np.where(part, own[cells, None], numbers)
     return found

@@ -17,8 +17,10 @@ from ..body.local_fit import REACH
 from ..scenes import Box, Circle, Ellipse, Mesh, Rectangle, Scene, SceneError, Sphere
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
-from ..scenes.solids import AnyPrecut, Prism
+from ..scenes.solids import Prism
+from .chains import ROUNDING
 from .clouds import nearest_volumes, relaxed_points
+from .cuts import Crosses, Cuts
 from .interfaces import TIED, divided_volumes, round_interfaces, sides_of
 from .meshes import Sides, mesh_of
 from .planes import held_boundaries, reflected_edges, reflection_planes
@@ -459,7 +461,8 @@ def _places_in_a_cell(dimension: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _cuts(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray):
     """Return ``separates(starts, ends)``, which flags bonds that precuts or empty space cut; None if a scene has neither."""
-    tests = [partial(_crosses, precut, cell, lower, upper) for precut in scene.precuts]
+    crosses = cuts_of(scene, lower, upper).crosses
+    tests = [partial(_crosses, crosses, cell, lower, upper)] if scene.precuts else []
     if not isinstance(scene.body, Mesh) and (scene.holes or not _surely_convex(scene)):
         tests.append(_across_empty_space(scene, horizon, cell, lower, upper))
     if not tests:
@@ -474,14 +477,20 @@ def _cuts(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upp
     return separates
 
 
-def _crosses(precut: AnyPrecut, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Return whether bonds, which start in the body, cross a precut.
+def cuts_of(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> Cuts:
+    """Return the precuts of a scene whose body has a bounding box with the given corners."""
+    inside = _outside_holes if isinstance(scene.body, Mesh) else _inside
+    return Cuts(scene.precuts, ROUNDING * float((upper - lower).max()), partial(inside, scene))
 
-    Beyond its bounding box the body and the precut are continued by reflection.
+
+def _crosses(crosses: Crosses, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Return whether bonds, which start in the body, cross cuts, according to ``crosses(starts, ends)`` for segments in its bounding box.
+
+    Beyond the box the body and the cuts are continued by reflection.
     """
     inner = ((ends >= lower) & (ends <= upper)).all(axis=1)
     crossing = np.zeros(len(starts), dtype=bool)
-    crossing[inner] = precut.crosses(starts[inner], ends[inner])
+    crossing[inner] = crosses(starts[inner], ends[inner])
     origin, way = starts[~inner], (ends - starts)[~inner]
 
     # A part that ends on the cut's line need not cross it. Folded a little inside the box, a bond crosses a cut that ends at the box;
@@ -495,7 +504,7 @@ def _crosses(precut: AnyPrecut, cell: np.ndarray, lower: np.ndarray, upper: np.n
             places = [origin + share[:, None] * way for share in (begin, end)]
             middle = (places[0] + places[1]) / 2
             mirror = np.clip(middle, low, high)
-            crossing[~inner] |= precut.crosses(*(np.where(mirror == middle, place, 2 * mirror - place) for place in places))
+            crossing[~inner] |= crosses(*(np.where(mirror == middle, place, 2 * mirror - place) for place in places))
     return crossing
 
 
@@ -559,7 +568,7 @@ def _check_precuts(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarra
     """Raise ValueError if a precut crosses no bond, or crosses one that another precut in the same line or plane crosses too."""
     cut, before = body.all_points[body.bonds.cut], []
     for number, precut in enumerate(scene.precuts):
-        crossed = _crosses(precut, body.cell, lower, upper, cut[:, 0], cut[:, 1])
+        crossed = _crosses(precut.crosses, body.cell, lower, upper, cut[:, 0], cut[:, 1])
         if not body.share.any(crossed.any()):
             raise ValueError(f"precuts.{number}: the precut crosses no bond; it is outside the body, in a hole, or between points")
         edge = precut.edge(body.spacing)[0]

@@ -67,9 +67,11 @@ class BondShares:
         `pairs` must contain all pairs whose `strength`, or whose ends' flags `Kinematics.supported`, have changed.
         """
         kinematics, body, bonds, n = self._kinematics, self._body, self._body.bonds, len(self._body)
-        ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
-        touched = np.unique(ends[ends < n])
-        affected = np.unique(bonds.pair_of[entries_of(bonds.pointers, touched)])
+        touched, affected = np.zeros(len(body.all_points), dtype=bool), np.zeros(len(bonds.first), dtype=bool)
+        touched[bonds.first[pairs]] = touched[bonds.second[pairs]] = True
+        touched = np.flatnonzero(touched[:n])
+        affected[bonds.pair_of[entries_of(bonds.pointers, touched)]] = True
+        affected = np.flatnonzero(affected)
         self._divide_volumes(touched)
         if body.share.divided:
             body.bond_halo.fill(self.bond_shares)

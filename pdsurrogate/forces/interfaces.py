@@ -4,92 +4,15 @@ from __future__ import annotations
 
 import weakref
 from functools import partial
-from typing import TypeAlias
 
 import numpy as np
 import scipy
 
-from ..body import Body, Round
-from ..body.ghosts import WITH_ROUNDING, symmetric
+from ..body.ghosts import symmetric
 from ..kernels.ghosts import fill_matrices, fold_matrices, fold_vectors, place_points
+from .interface_fits import YIELDING, fitted_jumps
 from .kinematics import Kinematics, find_shapes
 from .steps import Step, sparse_product
-
-NEAREST = (1.6, 2.2, 3.0, 4.0, 6.0)
-"""Trial radii, in point spacings, of the neighborhood from which the value at a place is interpolated: the first that contains enough
-points is used. Chosen: a circle of radius 1.6 holds some eight points of a grid, each further radius about twice as many, and points beyond
-6 spacings say little."""
-
-WORST_SPREAD = 1e4
-"""Greatest accepted condition number of the scaled normal equations of an interpolation; beyond it the points are not spread enough to
-determine a linear function. Chosen: it costs four of sixteen digits; points on one line have an infinite condition number."""
-
-CENTERINGS = 3
-"""Number of fits of the straight interface next to a point, each centered on the place that the previous fit found. Chosen: the first fit
-is one-sided, the second is centered, and the third corrects the place."""
-
-REACH = 2
-"""Radius, in horizons, about a place on an interface within which the motion of either side is fitted; nearer points have greater weights.
-
-With one horizon the fit depends on the three nearest rows, and a point's continued place does not follow its own displacement: next to a
-material thirty times as stiff, bond forces then have no equilibrium. With two, `bimaterial` is as accurate, and the solution
-converges for a material a hundred times as stiff.
-"""
-
-TORN_REACH = 1.5
-"""Radius in horizons, as `REACH`, of the fits on the two sides of an interface that is cut or torn nearby."""
-
-ROUND_REACH = 1.5
-"""Radius in horizons, as `REACH`, for interfaces that are circles or spheres. Chosen: the force on a strip around a disc of 5 cells'
-radius, three times as stiff as the strip, has an error of 0.2 %; it was 0.5 % with `REACH`, since the function fitted is less accurate far
-from the place."""
-
-FARTHEST = 1.5
-"""Greatest distance, in horizons, at which an interface is assigned to a point. The point is bonded to points beyond the interface, the
-nearest within one horizon; half a horizon more is room for planes that are fitted obliquely."""
-
-SIGHT = FARTHEST + REACH
-"""Radius, in horizons, around a point of a body divided among ranks within which the rank must have all points to compute the jump of the
-deformation gradient that belongs to the point."""
-
-ASTRAY = 0.06
-"""Greatest share of a horizon's volume on the wrong side of the plane fitted to an interface, for the interface to count as straight; at a
-corner it is greater. Chosen: of some 30 points in a horizon (3.15 spacings in the plane, 1.75 in three dimensions) one may lie on the wrong
-side and two may not."""
-
-SECTOR = 0.5
-"""Sine of the greatest angle by which a point, seen from the place on an interface, may lie on the other material's side of the fitted
-plane and still be used in the fit of the motion. Chosen: 30 degrees admit interfaces that curve or turn a little, and exclude material
-behind a thin layer."""
-
-YIELDING = 4.001
-"""Ratio of the shear moduli of two materials beyond which the energy of the stiffer one depends on its own points only.
-
-Otherwise the error of the fitted motion of the softer material, times the stiffer modulus, acts as a force on the softer one: a layer of 4
-cells moves 33 % too little between halves ten times as stiff, and 83 % between halves a hundred times as stiff. Below this ratio the
-energies of both sides depend on each other's points. That is more accurate: homogeneous states are in equilibrium. Chosen below ten, where
-the error is a third, and not round: a derivative by the modulus of one of two materials with a ratio of exactly four must not cross it.
-"""
-
-WORST_CONDITION = 1e6
-"""Greatest accepted condition number of a fit of the motion at an interface, with lengths in units of the fit's radius. A layer of two rows
-of points leads to 1e3."""
-
-LEAST_RADIUS = 1.5
-"""Least radius, in spacings, of a circle or sphere on which depths and normals follow from its center and not from the points."""
-
-MOST_CURVED = 0.5
-"""Greatest product of depth and curvature with which an image takes account of a curved interface. Chosen: theory (62a) holds for small
-products; a disc of 5 cells' radius, whose products are up to 0.6, has the same error with all limits from 0.5 on."""
-
-ROUNDED = 1e-11
-"""Unit, in spacings, to whose multiples places on interfaces are rounded, as components of normals are to multiples of the number itself.
-Points on one line across an interface then have exactly the same place and share one fit. Chosen: far above the rounding of coordinates,
-and without effect on results."""
-
-Near: TypeAlias = tuple[float, np.ndarray, int, float, Round | None]
-"""Interface near a point: distance and unit normal from the point to it, number of the material beyond, share of the horizon's volume whose
-points lie on the other material's side of it, and the circle or sphere that it is, None for a plane fitted between the points."""
 
 
 class Interfaces:
@@ -157,46 +80,9 @@ class Interfaces:
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbors])
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
         near = np.unique(kinematics.sources[np.concatenate([owners[across], bonds.neighbors[across]])])
-        jumps, mirrored, torn = ({} for _ in range(3))  # rows of matrices, by point: columns and entries
-        growth, self._watched = np.ones(n), breakable or share.any(len(bonds.cut) > 0)
-        tree, everywhere = scipy.spatial.cKDTree(body.points), scipy.spatial.cKDTree(body.all_points)
-        modulus_of, fits = np.zeros(portion_of.max() + 1), {}
-        modulus_of[portion_of] = moduli
-        for i in near[share.own[near]]:
-            found = (quadratic and _round_beside(body, everywhere, portion_of, i)) or _interface_beside(body, everywhere, portion_of, i)
-            if quadratic and (found is None or found[3] > ASTRAY):
-                found = _nearest_softer(body, everywhere, portion_of, moduli, i) or found
-            if found is None:
-                continue
-            depth, normal, other, _, shape = found
-            normal, own = _rounded(normal, 1.0), int(portion_of[i])
-            place = _rounded(body.points[i] + depth * normal, body.spacing)
-            if quadratic and moduli[i] > YIELDING * modulus_of[other]:
-                around, x, beyond, _, reach = _two_sides(body, tree, portion_of, place, normal, (own, other), shape)
-                sizes = depth / reach, body.spacing / reach
-                jump, at_image = _mirrored((x, body.volumes[around], beyond), normal, sizes, around == i, volumes_held)
-                if jump is None:
-                    continue
-                # Toward the center of a circle or sphere of stiff material the jump of the slope grows, theory (62a).
-                convex = shape is not None and (place - shape.center) @ normal > 0 and shape.divides(body.horizon)
-                bent = min((body.dimension - 1) * depth / shape.radius, MOST_CURVED) if convex else 0.0
-                growth[i] = 1 + bent
-                mirrored[i] = np.append(around[beyond], i), np.append((1 + 2 * bent) * at_image, -1 - 2 * bent)
-                jumps[i] = around, (1 + bent) * jump / reach
-            else:
-                # The jump of the slope is the same from either side: all fits at a place start from the material of the lower number.
-                both, normal_up = (own, other) if own < other else (other, own), normal if own < other else -normal
-                key = *place, *normal_up, *both, *(() if shape is None else shape.center)
-                if key not in fits:
-                    fits[key] = _fits_at((body, tree, portion_of, place, normal_up, both, shape), quadratic, self._watched)
-                jump, apart = fits[key]
-                if jump is None:
-                    continue
-                jumps[i] = jump
-                if apart is not None:
-                    torn[i] = apart
-            self.depths[i], self.normals[i] = depth, normal
-        jumps, mirrored, torn = (_matrix_of(rows, n) for rows in (jumps, mirrored, torn))
+        self._watched = breakable or share.any(len(bonds.cut) > 0)
+        fits = fitted_jumps(body, portion_of, moduli, near[share.own[near]], quadratic, volumes_held, self._watched)
+        self.depths[:n], self.normals[:], jumps, mirrored, torn = fits.depths, fits.normals, fits.jumps, fits.images, fits.apart
         of_all = share.with_rows_of_others(jumps)
         self._jump = _by_different_rows(jumps)
         self._jump_of_all = _by_different_rows(of_all) if share.divided else self._jump
@@ -222,7 +108,7 @@ class Interfaces:
         # Along the normal an image has the gradient of the softer material at the mirrored place, as a clamp's has.
         self._changes_by_jumps, by_columns = dyads @ scipy.sparse.diags_array(1 - is_image), dyads @ self._by_normals(images.T).T
         self._changes_back = self._by_normals(back) @ dyads.T
-        self._jumps_by_columns = scipy.sparse.diags_array(-2.0 * volumes_held * is_image * growth) @ dyads.T
+        self._jumps_by_columns = scipy.sparse.diags_array(-2.0 * volumes_held * is_image * fits.growth) @ dyads.T
         self._changes_by_columns = by_columns
         self._intact, self._parted, self._is_image = np.ones((n, 1)), np.zeros((n, 1)), is_image > 0
         self._lost_across, self._lost_within = np.zeros((2, n), dtype=bool)
@@ -446,21 +332,6 @@ class Interfaces:
         ]
 
 
-def _rounded(values: np.ndarray | float, unit: float) -> np.ndarray:
-    """Return values rounded to multiples of `ROUNDED` units."""
-    return np.round(values / (ROUNDED * unit)) * (ROUNDED * unit)
-
-
-def _matrix_of(rows: dict[int, tuple[np.ndarray, np.ndarray]], n: int) -> scipy.sparse.csr_array:
-    """Return the matrix (n, n) with the given rows, the columns and entries of each, and no entries in other rows."""
-    lengths, (columns, entries) = np.zeros(n, dtype=np.int64), zip(*rows.values(), strict=True) if rows else ((), ())
-    lengths[list(rows)] = [len(of_row) for of_row in columns]
-    arrays = np.concatenate([np.zeros(0), *entries]), np.concatenate([np.zeros(0, np.int64), *columns])
-    found = scipy.sparse.csr_array((*arrays, np.append(0, np.cumsum(lengths))), shape=(n, n))
-    found.sort_indices()
-    return found
-
-
 def _by_different_rows(matrix: scipy.sparse.csr_array) -> list[scipy.sparse.csr_array]:
     """Return matrices whose product is `matrix`: a selection of rows, and these rows; only `matrix` itself if all its rows differ."""
     filled, different = np.flatnonzero(np.diff(matrix.indptr)), {}
@@ -471,107 +342,6 @@ def _by_different_rows(matrix: scipy.sparse.csr_array) -> list[scipy.sparse.csr_
         return [matrix]
     first = filled[np.unique(which, return_index=True)[1]]
     return [scipy.sparse.csr_array((np.ones(len(filled)), (filled, which)), shape=(matrix.shape[0], len(first))), matrix[first]]
-
-
-def _two_sides(
-    body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarray, place: np.ndarray, normal: np.ndarray, both: tuple[int, int], shape
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
-    """Return the points to which the motion is fitted at a place on an interface, and the radius of the fit.
-
-    The points, of the two materials `both`, are given by their numbers, their positions relative to the place in units of the radius, flags
-    of those of the second material, toward which `normal` points, and heights above the interface. `tree` holds the points, not the ghosts.
-    """
-    reach = (REACH if shape is None else ROUND_REACH) * body.horizon
-    around = np.array(tree.query_ball_point(place, reach * WITH_ROUNDING, return_sorted=True), dtype=np.int64)
-    around = around[(portion_of[around] == both[0]) | (portion_of[around] == both[1])]
-    x, beyond = (body.points[around] - place) / reach, portion_of[around] == both[1]
-    outwards = 0.0 if shape is None else np.sign((place - shape.center) @ normal)
-    heights = x @ normal if shape is None else outwards * shape.distances(body.points[around]) / reach
-    # Beyond a thin layer or a gap there may be more of the same material, which does not belong to this interface.
-    # A point at the place itself is on the interface, whatever rounding says.
-    near = np.where(beyond, -1.0, 1.0) * heights <= SECTOR * np.linalg.norm(x, axis=1) + ROUNDED
-    return around[near], x[near], beyond[near], heights[near], reach
-
-
-def _fits_at(at: tuple, quadratic: bool, watched: bool) -> tuple:
-    """Return the numbers and weights of points whose values give the jump of the slope at a place on an interface.
-
-    `at` holds the arguments of `_two_sides`. The second item returned holds those of fits to each side alone, if `watched`. Both items may
-    be None, see `_jump_of_slopes`.
-    """
-    (around, x, beyond, heights, reach), (body, *_, normal, _, _) = _two_sides(*at), at
-    volumes, apart_reach = body.volumes[around], TORN_REACH * body.horizon
-    jump = _jump_of_slopes(x, volumes, heights * beyond, quadratic)
-    apart = _jump_of_sides(x * reach / apart_reach, volumes, normal, beyond) if watched else None
-    return jump if jump is None else (around, jump / reach), apart if apart is None else (around, apart / apart_reach)
-
-
-def _round_beside(body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarray, i: int) -> Near | None:
-    """Return the circle or sphere next to point i on which the material changes, None if there is none; `tree` holds points and ghosts."""
-    rounds = [each for each in body.rounds if each.radius > LEAST_RADIUS * body.spacing]
-    if not rounds:
-        return None
-    distances = [float(_rounded(each.distances(body.points[i : i + 1])[0], body.spacing)) for each in rounds]
-    nearest = int(np.abs(distances).argmin())
-    depth, arm = abs(distances[nearest]), body.points[i] - rounds[nearest].center
-    normal = -np.sign(distances[nearest]) * arm / np.linalg.norm(arm)
-    # Of points equally near to the place beyond the interface, those on the interface may be of the own material.
-    place = body.points[i] + (depth + body.spacing / 2) * normal
-    beyond = portion_of[tree.query_ball_point(place, tree.query(place)[0] * (1 + 1e-6), return_sorted=True)]
-    others = beyond[beyond != portion_of[i]]
-    return (depth, normal, int(others[0]), 0.0, rounds[nearest]) if 0 < depth <= FARTHEST * body.horizon and len(others) else None
-
-
-def _interface_beside(body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarray, i: int) -> Near | None:
-    """Return the interface near point i as the plane that divides the volume around the point as the two materials there do.
-
-    `tree` holds all points and ghosts. Return None if there are not exactly two materials, or no such plane lies in front of the point.
-    """
-    points, volumes, own = body.all_points, body.all_volumes, portion_of[i]
-    place = points[i]
-    for _ in range(CENTERINGS):
-        around = np.array(tree.query_ball_point(place, body.horizon * WITH_ROUNDING, return_sorted=True), dtype=np.int64)
-        others = portion_of[around] != own
-        kinds = np.unique(portion_of[around[others]])
-        if len(kinds) != 1 or others.all():
-            return None
-        V = volumes[around]
-        x = points[around] - V @ points[around] / V.sum()
-        second = np.einsum("k,ka,kb->ab", V, x, x)
-        if np.linalg.eigvalsh(second)[0] < 1e-3 * np.trace(second):
-            return None
-        normal = np.linalg.solve(second, (V * (others - V @ others / V.sum())) @ x)
-        normal /= np.linalg.norm(normal)
-        # The plane has as much of the volume beyond it as the other material has.
-        along = points[around] @ normal
-        order = np.argsort(along, kind="stable")
-        behind = np.searchsorted(np.cumsum(V[order]), V[~others].sum() * (1 + 1e-9))
-        if not 0 < behind < len(order):
-            return None
-        depth = (along[order[behind - 1]] + along[order[behind]]) / 2 - points[i] @ normal
-        if abs(depth) > FARTHEST * body.horizon:
-            return None
-        place = points[i] + depth * normal
-    astray = V[others != (along > along[order[behind - 1]] + 1e-9 * body.spacing)].sum() / V.sum()
-    return (float(depth), normal, int(kinds[0]), float(astray), None) if depth > 0 else None
-
-
-def _nearest_softer(body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int) -> Near | None:
-    """Return the interface near point i, placed half a spacing before the nearest points of a much softer material.
-
-    `tree` holds all points and ghosts. Return None if no much softer material (`YIELDING`) lies within the horizon of the point.
-    """
-    around = np.array(tree.query_ball_point(body.points[i], body.horizon * WITH_ROUNDING, return_sorted=True), dtype=np.int64)
-    softer = around[moduli[around] * YIELDING < moduli[i]]
-    if not len(softer):
-        return None
-    arms = body.all_points[softer] - body.points[i]
-    distance = np.linalg.norm(arms, axis=1)
-    nearest = distance < distance.min() * (1 + 1e-6)
-    normal = arms[nearest].mean(axis=0)
-    length = np.linalg.norm(normal)
-    depth = length - body.spacing / 2 if length > 0 else 0.0
-    return (float(depth), normal / length, int(portion_of[softer[nearest][0]]), 0.0, None) if depth > 0 else None
 
 
 def _scale(rows: np.ndarray, factors: np.ndarray) -> None:
@@ -588,98 +358,3 @@ def _refill(matrices: tuple, found: tuple) -> None:
     """Replace the entries of matrices by those of others with the same pattern."""
     for matrix, other in zip(matrices, found, strict=True):
         matrix.data[:] = other.data
-
-
-def _jump_of_sides(x: np.ndarray, volumes: np.ndarray, normal: np.ndarray, beyond: np.ndarray) -> np.ndarray | None:
-    """Return weights as `_jump_of_slopes` does, of linear functions that are fitted to the two sides separately.
-
-    Return None if the points of either side do not determine a linear function. `beyond` flags the points of the other side.
-    """
-    weights, found = volumes * np.maximum(1 - (x * x).sum(axis=1), 0.0), np.zeros(len(x))
-    for side, sign in ((beyond, 1.0), (~beyond, -1.0)):
-        values = np.column_stack([np.ones(side.sum()), x[side]])
-        second = values.T @ (weights[side, None] * values) / weights.sum()
-        if not np.linalg.cond(second) < WORST_CONDITION:
-            return None
-        found[side] = sign * weights[side] * (values @ np.linalg.solve(second, np.append(0.0, normal))) / weights.sum()
-    return found
-
-
-def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, quadratic: bool) -> np.ndarray | None:
-    """Return the weights (k,) with which values at points give the jump of their slope along a normal across an interface.
-
-    The jump belongs to the continuous function that fits the values best. On either side this function is quadratic if `quadratic` is True
-    and the points determine it, or else linear. Return None if the points do not determine a linear function.
-
-    Parameters
-    ----------
-    x : ndarray, shape (k, d)
-        Positions of the points relative to a place on the interface, in units of the radius of the fit.
-    volumes : ndarray, shape (k,)
-    beyond : ndarray, shape (k,)
-        Distances from the interface of points beyond it, zero for others.
-    quadratic : bool
-    """
-    linear = [beyond, np.ones(len(x)), *x.T]
-    curved = [x[:, a] * x[:, b] for a in range(x.shape[1]) for b in range(a + 1)] + [beyond * along for along in x.T]
-    weights = volumes * np.maximum(1 - (x * x).sum(axis=1), 0.0)
-    for functions in ([*linear, *curved], linear) if quadratic else (linear,):
-        values = np.stack(functions, axis=1)
-        second = values.T @ (weights[:, None] * values) / weights.sum()
-        if np.linalg.cond(second) < WORST_CONDITION:
-            return weights * (values @ np.linalg.solve(second, np.eye(len(functions))[0])) / weights.sum()
-    return None
-
-
-def _mirrored(
-    at: tuple[np.ndarray, np.ndarray, np.ndarray], normal: np.ndarray, sizes: tuple[float, float], own: np.ndarray, by_gradient: bool
-) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-    """Return the weights (k,) with which values at points give the jump that makes a stiff point an odd mirror image of softer material.
-
-    Like the images of a clamp, theory (22), such images continue the stress of the softer material undisturbed up to a nearly undeformed
-    stiff material. The second array returned holds the weights with which values at the softer points give the value at the mirrored place.
-    Both are None if the points determine no value at the interface or at the mirrored place.
-
-    Parameters
-    ----------
-    at : tuple of ndarray
-        Positions of the points relative to the place on the interface, shape (k, d), their volumes (k,), and flags of the softer ones.
-    normal : ndarray, shape (d,)
-    sizes : tuple of float
-        Distance of the stiff point to the interface, and spacing, in the unit of the positions.
-    own : ndarray of bool, shape (k,)
-        True at the stiff point itself.
-    by_gradient : bool
-        Whether the deformed place on the interface follows from the stiff point and its gradient; the weights then omit the gradient's
-        term.
-    """
-    (x, volumes, beyond), (depth, spacing) = at, sizes
-    mirrored = _interpolation(x[beyond], volumes[beyond], depth * normal, spacing)
-    at_interface = None if by_gradient else _interpolation(x[~beyond], volumes[~beyond], np.zeros_like(normal), spacing)
-    if mirrored is None or (at_interface is None and not by_gradient):
-        return None, None
-    jump = own / -depth if by_gradient else own / depth
-    if not by_gradient:
-        jump[~beyond] -= 2 * at_interface / depth
-    jump[beyond] += mirrored / depth
-    return jump, mirrored
-
-
-def _interpolation(x: np.ndarray, volumes: np.ndarray, place: np.ndarray, spacing: float) -> np.ndarray | None:
-    """Return weights (k,) that interpolate values at points `x` (k, d) to a place, exactly for linear functions, from the nearest points.
-
-    Return None if the points within the greatest radius of `NEAREST` spacings do not determine a linear function.
-    """
-    arms = x - place
-    distance = np.linalg.norm(arms, axis=1) / spacing
-    values = np.column_stack([np.ones(len(x)), arms / spacing])
-    for reach in NEAREST:
-        # A point at the place itself has all the weight.
-        weights = volumes * np.maximum(1 - distance / reach, 0.0) ** 2 / (distance**2 + 1e-8)
-        if np.count_nonzero(weights) <= len(place):
-            continue
-        second = values.T @ (weights[:, None] * values) / weights.sum()
-        scale = 1 / np.sqrt(np.maximum(np.diag(second), 1e-300))
-        if np.linalg.cond(second * scale[:, None] * scale) < WORST_SPREAD:
-            return weights * (values @ np.linalg.solve(second, np.eye(len(second))[0])) / weights.sum()
-    return None

@@ -16,7 +16,8 @@ import scipy
 from ..body import Body
 from ..body.body import lengths_of
 from .balanced import balanced_changes
-from .interfaces import YIELDING, Interfaces
+from .interface_fits import YIELDING
+from .interfaces import Interfaces
 from .kinematics import Kinematics
 from .settings import BALANCED, QUADRATIC, ForceSettings
 from .term import Binding

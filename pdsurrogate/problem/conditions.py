@@ -75,7 +75,8 @@ def conditions_of(
         holding = [one for one in prescriptions if edge in regions.mirrors(one.region)]
         if not body.share.any(body.ghosts.lever[reached, number].any()):
             words = words_for(edge, body)
-            raise ValueError(f"{holding[0].key}: no bond crosses the {words} of the body, on which there is no material; check the holes")
+            why = "precuts run along all of it; move them into the body" if len(body.bonds.cut) else "no material is there; check the holes"
+            raise ValueError(f"{holding[0].key}: no bond crosses the {words} of the body: {why}")
         points, sources = regions.points(edge), np.unique(body.ghosts.source[body.ghosts.plane == number])
         feet, _ = plane.mirrored(body.points[sources])
         rigid_points = np.intersect1d(points, rigid)  # a plane's images hold no region that nothing deforms

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..body import HALO, Body, Surface, divided
 from ..body.local_fit import text_of
-from ..discretization import check_size, discretize, grip_areas, held_at_points, memory_here, surface_of
+from ..discretization import check_size, cuts_of, discretize, grip_areas, held_at_points, memory_here, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
-from ..forces.interfaces import SIGHT
+from ..forces.interface_fits import SIGHT
 from ..forces.settings import BALANCED
 from ..materials import Law
 from ..ranks import ALONE, Communicator
@@ -83,7 +83,7 @@ class Problem:
     @cached_property
     def fronts(self) -> Fronts:
         """Fronts of the cracks of the whole body."""
-        return Fronts(self.scene, self.whole)
+        return Fronts(self.scene, self.whole, cuts_of(self.scene, self.regions.lower, self.regions.upper))
 
     @cached_property
     def held_at_points(self) -> dict[str, str]:

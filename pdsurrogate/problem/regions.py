@@ -7,6 +7,7 @@ import numpy as np
 import scipy
 
 from ..body import Body, Surface
+from ..body.body import lengths_of
 from ..body.local_fit import text_of, too_few
 from ..discretization.chains import ROUNDING
 from ..discretization.planes import whole_boundaries, whole_edge
@@ -286,6 +287,6 @@ def _distance(region: Region, places: np.ndarray) -> np.ndarray:
         return np.linalg.norm(np.maximum(0, np.maximum(lower - places, places - upper)), axis=1)
     round_one, side = region.disc or region.ball, region.half_plane or region.half_space
     if round_one is not None:
-        return np.maximum(0, np.linalg.norm(places - np.array(round_one.center), axis=1) - round_one.radius)
+        return np.maximum(0, lengths_of(places - np.array(round_one.center)) - round_one.radius)
     normal = np.array(side.normal)
     return np.maximum(0, (np.array(side.point) - places) @ (normal / np.linalg.norm(normal)))

@@ -1,6 +1,7 @@
 """Measurements at an output: its row in the summary's list ``levels``, and the columns of the history table."""
 
 import numpy as np
+import scipy
 
 from ..body import Body
 from ..forces import released_by
@@ -152,20 +153,42 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None, 
 def crack_rows(run: Run) -> list[dict]:
     """Return tip, length and energy release rate of every crack that grows from a precut, theory (74), (75), in the state last evaluated.
 
-    A rate is None if there is no room for its domain; ``closed`` tells whether the faces of the precut overlap.
+    A rate is None if there is no room for its domain, or the body has several materials; `remark` then says why. ``closed`` tells whether
+    the faces of the precut overlap.
     """
     body, force, found = run.body, run.force, run.problem.fronts
     fronts = found.after([output["tips"] for output in run.state.crack["tips"]] if run.state.crack else [])
     rows, loads, F = [], run.loaded.applied() * body.share.own[:, None], force.deformation_gradients().copy()
     for front in fronts:
-        reach, rate = found.reach(front, fronts), None
+        reach, rate, remark = None, None, "the body has several materials"
+        if force.portion_of is None:
+            reach, remark = found.reach(front, fronts, _nearest(run, front, loads))
         if reach is not None:
             motion = front.motion(body.points, reach)
             work = np.einsum("ni,nij,nj->", loads, F, motion)
             rate = body.share.total(float(released_by(force, motion) - work)) / front.extent
-        row = {"tip": front.path[-1].tolist(), "length": front.length, "energy_release_rate": rate, "reach": reach}
+        row = {"tip": front.path[-1].tolist(), "length": front.length, "energy_release_rate": rate, "reach": reach, "remark": remark}
         rows.append(row | {"closed": _closed(run, front, F)})
     return rows
+
+
+def _nearest(run: Run, front: Front, loads: np.ndarray) -> dict[str, float]:
+    """Return how near to a front the held points come, and points under other `loads` (n, d) per volume than its surroundings.
+
+    The motion (75) must not move them: a body force moves with its material, a support or a load on a region does not.
+    """
+    body, share = run.body, run.body.share
+    distances = np.where(share.own, scipy.spatial.cKDTree(front.places).query(body.points)[0], np.inf)
+    density = loads / body.volumes[:, None]
+    here = int(distances.argmin())
+    _, around = min(share.everywhere((float(distances[here]), density[here].tolist())))
+    varies = np.abs(density - around).max(axis=1) > ROUNDING * share.greatest(float(np.abs(density).max()))
+    points = {"a point under a load": varies}
+    for part in run.loading.held:
+        if part.plane is None:
+            held = points.setdefault(f"a point that {part.name} holds", np.zeros(len(body), dtype=bool))
+            held[part.every] = True
+    return {what: -share.greatest(-float(distances[chosen].min(initial=np.inf))) for what, chosen in points.items()}
 
 
 def _closed(run: Run, front: Front, F: np.ndarray) -> bool:

@@ -156,8 +156,8 @@ class Run:
 
     @property
     def measures_cracks(self) -> bool:
-        """Whether the results have energy release rates: of a body of one material with precuts, whose force has an energy."""
-        return bool(self.problem.scene.precuts) and self.force.has_energy and len(self.force.laws) == 1
+        """Whether the results have energy release rates: of a body with precuts, whose force has an energy."""
+        return bool(self.problem.scene.precuts) and self.force.has_energy
 
     def warm_up(self) -> None:
         """Evaluate the force once, so that all kernels are compiled, and reset the clock of the evaluations."""

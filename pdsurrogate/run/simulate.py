@@ -391,8 +391,7 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
         summary["dynamics"] = state.dynamics
     if state.crack is not None:
         summary |= {} if run.problem.critical_stretches is None else run.problem.critical_stretches.summary
-        path = {"path": crack_path(state.crack["tips"])}
-        summary["crack"] = state.crack | path | ({} if stress is None else {"peak": _peak(state.history)})
+        summary["crack"] = state.crack | {"path": crack_path(state.crack["tips"]), "peak": None if stress is None else _peak(state.history)}
     scene, body = run.problem.scene, run.body if run.whole is None else run.whole
     return Result(scene, body, summary, state.history, run.states, state.convergence, **_derived(scene, run.problem.models))
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from pydantic import BeforeValidator, Field
 
-from ..kernels.polygons import encloses
+from ..kernels.polygons import distances_to_segments, encloses
 from .strict_model import Point, Positive, StrictModel, Whole
 
 MOST_SEED = 2**63 - 1
@@ -424,7 +424,161 @@ ENDS = 1e-9
 length and the rounding."""
 
 
-class Precut(StrictModel):
+class Cut(StrictModel):
+    """Base of straight cuts in the plane and flat cuts of solids: the body has no bonds that cross them."""
+
+    dimension: ClassVar[int] = 3
+
+    @abstractmethod
+    def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return the plane of the cut, in two dimensions the line.
+
+        Returns
+        -------
+        place : ndarray, shape (d,)
+            A place on the plane.
+        normal : ndarray, shape (d,)
+            Unit normal; in two dimensions it points to the left of the cut.
+        extent : float
+            Longest side or radius of the cut.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> place, normal, extent = pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 2.0)).plane()
+        >>> normal.tolist(), extent
+        ([0.0, 0.0, 1.0], 0.4)
+        """
+
+    @abstractmethod
+    def covers(self, places: np.ndarray) -> np.ndarray:
+        """Return whether places on the plane of the cut belong to the cut; places on its edge do not.
+
+        Parameters
+        ----------
+        places : array_like, shape (k, d)
+
+        Returns
+        -------
+        ndarray of bool, shape (k,)
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0)).covers([[0.3, 0.0, 1.0]]).tolist()
+        [True]
+        """
+
+    @abstractmethod
+    def distances(self, places: np.ndarray) -> np.ndarray:
+        """Return the distances of places from the cut.
+
+        Parameters
+        ----------
+        places : ndarray, shape (k, d)
+
+        Returns
+        -------
+        ndarray, shape (k,)
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> pds.shapes.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).distances(np.array([[1.0, 2.0], [5.0, 1.5]])).tolist()
+        [0.5, 2.0]
+        """
+
+    @abstractmethod
+    def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return places along the edge of the cut; in two dimensions its two ends.
+
+        Parameters
+        ----------
+        pitch : float
+            Greatest distance of neighboring places. Unit: length.
+
+        Returns
+        -------
+        places, outward : ndarray, shape (k, d)
+            Places, and the unit vectors along which the cut would grow there.
+        lengths : ndarray, shape (k,)
+            Length of the edge for which each place stands; 1 in two dimensions.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> places, outward, _ = pds.shapes.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).edge(0.1)
+        >>> places.tolist(), outward.tolist()
+        ([[0.0, 1.5], [3.0, 1.5]], [[-1.0, 0.0], [1.0, 0.0]])
+        >>> places, outward, lengths = pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0)).edge(0.1)
+        >>> places.shape, round(float(lengths.sum()), 3)
+        ((26, 3), 2.513)
+        """
+
+    def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return whether segments cross the cut, its edge not included.
+
+        A point on the cut's plane, to rounding, counts as lying on the side of the normal, in two dimensions to the left: a cut through a
+        layer of points separates these points from those on the other side, and not from those on the side of the normal.
+
+        Parameters
+        ----------
+        starts, ends : ndarray, shape (k, d)
+            Ends of the segments.
+
+        Returns
+        -------
+        ndarray of bool, shape (k,)
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> cut = pds.shapes.Precut(start=(0.0, 0.5), end=(1.0, 0.5))
+        >>> cut.crosses(np.array([[0.5, 0.0], [2.0, 0.0]]), np.array([[0.5, 1.0], [2.0, 1.0]])).tolist()
+        [True, False]
+        """
+        crossing = np.zeros(len(starts), dtype=bool)
+        apart, meets = self.met_by(starts, ends, ENDS * self.plane()[2])
+        crossing[apart] = self.covers(meets)
+        return crossing
+
+    def met_by(self, starts: np.ndarray, ends: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return where segments meet the plane of the cut.
+
+        Parameters
+        ----------
+        starts, ends : ndarray, shape (k, d)
+            Ends of the segments.
+        rounding : float
+            Distance behind the plane within which points count as lying on the side of its normal. Unit: length.
+
+        Returns
+        -------
+        numbers : ndarray of int, shape (m,)
+            Numbers of the segments with ends on different sides of the plane.
+        places : ndarray, shape (m, d)
+            Places where they meet it.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> cut = pds.shapes.Precut(start=(0.0, 0.5), end=(1.0, 0.5))
+        >>> numbers, places = cut.met_by(np.array([[0.5, 0.0], [2.0, 0.7]]), np.array([[0.5, 1.0], [2.0, 1.0]]), 1e-9)
+        >>> numbers.tolist(), places.tolist()
+        ([0], [[0.5, 0.5]])
+        """
+        place, normal, _ = self.plane()
+        heights = [(points - place) @ normal for points in (starts, ends)]
+        sides = [height >= -rounding for height in heights]
+        apart = np.flatnonzero(sides[0] != sides[1])
+        first, second = heights[0][apart], heights[1][apart]
+        return apart, starts[apart] + (first / (first - second))[:, None] * (ends[apart] - starts[apart])
+
+
+class Precut(Cut):
     """Straight cut in the plane: the body has no bonds that cross it.
 
     Parameters
@@ -450,62 +604,20 @@ class Precut(StrictModel):
         if self.start == self.end:
             raise ValueError("a precut needs two different ends")
 
-    def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return whether segments cross the cut.
+    def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
+        start, along = np.array(self.start), np.subtract(self.end, self.start)
+        length = float(np.linalg.norm(along))
+        return start, np.array([-along[1], along[0]]) / length, length
 
-        A point on the cut's line, to rounding, counts as lying to the left of the cut: a cut through a row of points separates these points
-        from those on the right, and not from those on the left.
+    def covers(self, places: np.ndarray) -> np.ndarray:
+        start, along = np.array(self.start), np.subtract(self.end, self.start)
+        share = (places - start) @ along / (along @ along)
+        return (share > ENDS) & (share < 1 - ENDS)
 
-        Parameters
-        ----------
-        starts, ends : ndarray, shape (k, 2)
-            Ends of the segments.
-
-        Returns
-        -------
-        ndarray of bool, shape (k,)
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import pdsurrogate as pds
-        >>> cut = pds.shapes.Precut(start=(0.0, 0.5), end=(1.0, 0.5))
-        >>> cut.crosses(np.array([[0.5, 0.0], [2.0, 0.0]]), np.array([[0.5, 1.0], [2.0, 1.0]])).tolist()
-        [True, False]
-        """
-        a, b = np.array(self.start), np.array(self.end)
-        along = b - a
-        sides = [_cross(along, points - a) >= -1e-9 * (along @ along) for points in (starts, ends)]
-        apart = np.flatnonzero(sides[0] != sides[1])
-        crossing = np.zeros(len(starts), dtype=bool)
-        origin, direction = starts[apart], ends[apart] - starts[apart]
-        # Place on the cut where the segment meets its line: 0 at the start, 1 at the end.
-        place = _cross(direction, origin - a) / _cross(direction, along)
-        crossing[apart] = (place > ENDS) & (place < 1 - ENDS)
-        return crossing
+    def distances(self, places: np.ndarray) -> np.ndarray:
+        return distances_to_segments(places, np.array(self.start), np.array(self.end))
 
     def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the ends of the cut.
-
-        Parameters
-        ----------
-        pitch : float
-            Distance of places on the edges of flat cuts; a straight cut has two ends at any pitch.
-
-        Returns
-        -------
-        places, outward : ndarray, shape (2, 2)
-            The two ends, and the unit vectors along which the cut would grow there.
-        lengths : ndarray, shape (2,)
-            Ones: a cut has ends in the plane, which is of unit thickness.
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> places, outward, _ = pds.shapes.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).edge(0.1)
-        >>> places.tolist(), outward.tolist()
-        ([[0.0, 1.5], [3.0, 1.5]], [[-1.0, 0.0], [1.0, 0.0]])
-        """
         ends = np.array([self.start, self.end])
         outward = ends - ends[::-1]
         return ends, outward / np.linalg.norm(outward[1]), np.ones(2)

@@ -6,8 +6,9 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from .shapes import ENDS, AnyOutline, Circle, Ellipse, Mesh, Outline, Polygon, Precut, Rectangle, Shape, nearest_on_sphere, with_shape
-from .strict_model import Finite, Positive, SpaceDirection, SpacePoint, StrictModel
+from ..kernels.polygons import distances_to_segments
+from .shapes import ENDS, AnyOutline, Circle, Cut, Ellipse, Mesh, Outline, Polygon, Precut, Rectangle, Shape, nearest_on_sphere, with_shape
+from .strict_model import Finite, Positive, SpaceDirection, SpacePoint
 
 
 class Solid(Shape):
@@ -349,110 +350,7 @@ class Sphere(Solid):
         return lower, center + self.radius
 
 
-class FlatCut(StrictModel):
-    """Base of flat cuts of a solid; the body has no bonds that cross the cut."""
-
-    dimension: ClassVar[int] = 3
-
-    @abstractmethod
-    def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return the plane of the cut.
-
-        Returns
-        -------
-        place : ndarray, shape (3,)
-            A place on the plane.
-        normal : ndarray, shape (3,)
-            Unit normal.
-        extent : float
-            Longest side or radius of the cut.
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> place, normal, extent = pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 2.0)).plane()
-        >>> normal.tolist(), extent
-        ([0.0, 0.0, 1.0], 0.4)
-        """
-
-    @abstractmethod
-    def covers(self, places: np.ndarray) -> np.ndarray:
-        """Return whether places on the plane of the cut belong to the cut.
-
-        Parameters
-        ----------
-        places : array_like, shape (k, 3)
-
-        Returns
-        -------
-        ndarray of bool, shape (k,)
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0)).covers([[0.3, 0.0, 1.0]]).tolist()
-        [True]
-        """
-
-    @abstractmethod
-    def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return places along the edge of the cut.
-
-        Parameters
-        ----------
-        pitch : float
-            Greatest distance of neighboring places. Unit: length.
-
-        Returns
-        -------
-        places, outward : ndarray, shape (k, 3)
-            Places, and the unit vectors along which the cut would grow there.
-        lengths : ndarray, shape (k,)
-            Length of the edge for which each place stands.
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> places, outward, lengths = pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0)).edge(0.1)
-        >>> places.shape, round(float(lengths.sum()), 3)
-        ((26, 3), 2.513)
-        """
-
-    def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return whether segments cross the cut.
-
-        A point on the cut's plane, to rounding, counts as lying on the side of the normal: a cut through a layer of points separates these
-        points from those on the other side, and not from those on the side of the normal.
-
-        Parameters
-        ----------
-        starts, ends : ndarray, shape (k, 3)
-            Ends of the segments.
-
-        Returns
-        -------
-        ndarray of bool, shape (k,)
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import pdsurrogate as pds
-        >>> cut = pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0))
-        >>> cut.crosses(np.array([[0.0, 0.0, 0.5]]), np.array([[0.0, 0.0, 1.5]])).tolist()
-        [True]
-        """
-        place, normal, extent = self.plane()
-        heights = [(points - place) @ normal for points in (starts, ends)]
-        sides = [height >= -1e-9 * extent for height in heights]
-        apart = np.flatnonzero(sides[0] != sides[1])
-        crossing = np.zeros(len(starts), dtype=bool)
-        below, above = heights[0][apart], heights[1][apart]
-        meets = starts[apart] + (below / (below - above))[:, None] * (ends[apart] - starts[apart])
-        crossing[apart] = self.covers(meets)
-        return crossing
-
-
-class ParallelogramCut(FlatCut):
+class ParallelogramCut(Cut):
     """Flat cut in the shape of a parallelogram.
 
     Parameters
@@ -487,6 +385,12 @@ class ParallelogramCut(FlatCut):
         shares = (places - np.array(self.corner)) @ np.linalg.pinv(np.array(self.sides))
         return ((shares > ENDS) & (shares < 1 - ENDS)).all(axis=1)
 
+    def distances(self, places: np.ndarray) -> np.ndarray:
+        corner, (one, other) = np.array(self.corner), np.array(self.sides)
+        corners = [corner, corner + one, corner + one + other, corner + other]
+        beside = np.min([distances_to_segments(places, *side) for side in zip(corners, corners[1:] + corners[:1], strict=True)], axis=0)
+        return np.where(self.covers(places), np.abs((places - corner) @ self.plane()[1]), beside)
+
     def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         found, corner, normal = [], np.array(self.corner), self.plane()[1]
         one, other = np.array(self.sides)
@@ -499,7 +403,7 @@ class ParallelogramCut(FlatCut):
         return places, outward, lengths
 
 
-class DiscCut(FlatCut):
+class DiscCut(Cut):
     """Flat cut in the shape of a disc, such as a penny-shaped crack.
 
     Parameters
@@ -529,6 +433,11 @@ class DiscCut(FlatCut):
 
     def covers(self, places: np.ndarray) -> np.ndarray:
         return np.linalg.norm(places - np.array(self.center), axis=1) < (1 - ENDS) * self.radius
+
+    def distances(self, places: np.ndarray) -> np.ndarray:
+        center, normal, radius = self.plane()
+        heights = (places - center) @ normal
+        return np.hypot(heights, np.maximum(0.0, np.linalg.norm(places - center - heights[:, None] * normal, axis=1) - radius))
 
     def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         center, normal, radius = self.plane()

@@ -1,7 +1,8 @@
 """Base class, number types and vector types of all parts of a scene's description."""
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any
+from contextlib import contextmanager
+from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -49,12 +50,19 @@ Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3), AfterV
 """Components for parts of two- or three-dimensional bodies; `vectors_in` finds them, and `Scene` checks their number."""
 
 
+@contextmanager
+def _in_one_line() -> Iterator[None]:
+    """Raise SceneError in the place of Pydantic's ValidationError."""
+    try:
+        yield
+    except ValidationError as error:
+        raise SceneError(str(error.errors()[0]["ctx"]["error"])) from None
+
+
 class _PartType(type(BaseModel)):
     def __call__(cls, /, *args: Any, **fields: Any) -> Any:
-        try:
+        with _in_one_line():
             return super().__call__(*args, **fields)
-        except ValidationError as error:
-            raise SceneError(str(error.errors()[0]["ctx"]["error"])) from None
 
 
 class StrictModel(BaseModel, metaclass=_PartType):
@@ -65,6 +73,24 @@ class StrictModel(BaseModel, metaclass=_PartType):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @classmethod
+    def model_validate(cls, described: Any, **options: Any) -> Self:
+        """Return the part of a scene that a mapping describes.
+
+        Raises
+        ------
+        SceneError
+            If it is invalid, in one line that names the key.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.shapes.Precut.model_validate({"start": [0.0, 1.0], "end": [3.0, 1.0]}).end
+        (3.0, 1.0)
+        """
+        with _in_one_line():
+            return super().model_validate(described, **options)
 
     @model_validator(mode="wrap")
     @classmethod

@@ -1,5 +1,7 @@
 """Interfaces between materials that are circles or spheres: volumes of both sides, energies, and finite elements."""
 
+import sys
+
 import numpy as np
 import pytest
 from bodies import sheet
@@ -154,3 +156,36 @@ def test_one_gradient_on_both_sides_has_the_energy_of_both_laws(plane, ratio, ra
     density(y, np.empty_like(y))
     share = body.volumes[stiff].sum() / body.volumes.sum()
     assert force.energy() == pytest.approx(density.energy() * (1 + (ratio - 1) * share), rel=1e-9)
+
+
+def sheet_of_discs(count, radius, spacing=0.1, apart=1.0):
+    """A square of count x count discs, each of the second material."""
+    centers = [((i + 0.53) * apart, (j + 0.47) * apart) for i in range(count) for j in range(count)]
+    discs = [{"region": {"disc": {"center": center, "radius": radius}}, "material": stiffer(10.0)} for center in centers]
+    size = {"size": (count * apart, count * apart)}
+    return strip(10.0, spacing, body=size, materials=discs, prescribed=[{"region": "left", "x1": 0.0, "x2": 0.0}], probes=[])
+
+
+def test_the_work_of_many_inclusions_grows_with_the_points_alone():
+    """Calls of Python functions for each point, from the scene to the force: one for each point and disc would be 100 here."""
+    scene, calls = sheet_of_discs(10, 0.21), [0]
+
+    def count(frame, event, argument):
+        calls[0] += event == "call"
+
+    problem = compile_scene(scene, [FORCES["bond-energy"]()] * 101)
+    sys.setprofile(count)
+    try:
+        force, _ = problem.bind()
+    finally:
+        sys.setprofile(None)
+    assert (force.interfaces.depths > 0).sum() > 0.5 * len(force.body)
+    assert calls[0] < 2 * len(force.body)
+
+
+def test_more_than_64_circles_divide_their_cells():
+    """Each of 81 discs has its whole volume, as the first has; the sides had one bit of an integer for each circle."""
+    body, _, _ = discretize(sheet_of_discs(9, 0.41))
+    whole = [body.volumes[each.distances(body.points) < 0].sum() for each in body.rounds]
+    assert len(whole) == 81
+    np.testing.assert_allclose(whole, np.pi * 0.41**2, rtol=5e-3)

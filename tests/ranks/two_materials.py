@@ -7,7 +7,7 @@ import numpy as np
 import pdsurrogate as pds
 from pdsurrogate.body import Body, ReflectionPlane, Round, divided
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
-from pdsurrogate.forces.interfaces import SIGHT
+from pdsurrogate.forces.interface_fits import SIGHT
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.ranks import communicator
 from pdsurrogate.solvers.nearest_bonds import random_vector

@@ -116,9 +116,9 @@ def test_forces_without_energy_have_no_rate():
 def test_a_slow_crack_is_driven_by_the_energy_of_the_strip():
     """While a crack runs along a strip, its rate is that of the strip in pure shear, and its length follows from the broken bonds."""
     scene = sheet(
-        [4.0, 1.2],
+        [4.0, 1.4],
         0.1,
-        [(0.6, 0.0, 1.5)],
+        [(0.7, 0.0, 1.5)],
         stretches=[1.1, 1.25],
         grips=GRIPS,
         fracture={"critical_stretch": 2.0},
@@ -130,7 +130,7 @@ def test_a_slow_crack_is_driven_by_the_energy_of_the_strip():
     for tips in running:
         (crack,) = tips["cracks"]
         energy = homogeneous.pure_shear(scene.law(), tips["stretch"]).energy_density
-        assert crack["energy_release_rate"] == pytest.approx(1.2 * energy, rel=0.04)
+        assert crack["energy_release_rate"] == pytest.approx(1.4 * energy, rel=0.04)
         assert crack["tip"] == pytest.approx(tips["tip"])
         assert crack["length"] == pytest.approx(tips["tip"][0], abs=0.15)
 
@@ -168,3 +168,59 @@ def test_fronts_of_cuts_in_solids():
     assert front.extent == pytest.approx(2 * np.pi * 0.4)
     assert front.length == pytest.approx(0.8, abs=0.01)
     assert np.einsum("kc,kc->k", front.outward, front.places - [0.0, 0.0, 1.5]) == pytest.approx(0.4)
+
+
+def strip(length, spacing=0.1, held=(), loads=()):
+    """A sheet of 4 x 2, stretched by a quarter, with a cut along half of its middle."""
+    edges = [{"region": "bottom", "x1": 0.0, "x2": -0.25}, {"region": "top", "x1": 0.0, "x2": 0.25}]
+    return sheet([4.0, 2.0], spacing, [(1.0, -1.0, length)], prescribed=[*edges, *held], loads=loads, steps=[1.0])
+
+
+def disc(*center):
+    return {"disc": {"center": list(center), "radius": 0.12}}
+
+
+BESIDE = {
+    "held": ({"held": [{"region": disc(2.0, 1.3), "x1": 0.0, "x2": 0.0}]}, "a point that prescribed.2 holds is 0.25"),
+    "held ahead": ({"held": [{"region": disc(2.5, 1.3), "x1": 0.0, "x2": 0.0}]}, "a point that prescribed.2 holds is 0.5"),
+    "force along the crack": ({"loads": [{"region": disc(2.3, 1.3), "force": [1.0, 0.0]}]}, "a point under a load is 0.35"),
+    "force across it": ({"loads": [{"region": disc(1.7, 1.3), "force": [0.0, 1.0]}]}, "a point under a load is 0.35"),
+    "body force on a part": ({"loads": [{"region": {"box": [[2.2, 0], [4, 2]]}, "body_force": [0, 1]}]}, "a point under a load is 0.25"),
+}
+
+
+@pytest.mark.parametrize("case", BESIDE)
+def test_beside_holds_and_loads_there_is_no_rate(case, capsys):
+    """The motion (75) would move them with the crack: the rates were 4 to 79 % off. The message says what lies there."""
+    what, told = BESIDE[case]
+    result = pds.simulate(strip(2.0, **what), "bond-energy")
+    (crack,) = result.levels[-1]["cracks"]
+    assert crack["energy_release_rate"] is crack["reach"] is None
+    assert crack["remark"].startswith(told)
+    print_result(result)
+    assert f"no G: {told}" in capsys.readouterr().out
+
+
+def test_the_spacing_that_is_named_gives_a_rate():
+    """Against the differences of energies for a crack one spacing shorter and longer: with the spacing that the message names."""
+    held = [{"region": disc(2.65, 1.65), "x1": 0.0, "x2": 0.0}]
+    (crack,) = cracks(strip(2.0, held=held))
+    spacing = float(crack["remark"].split("a spacing of ")[1].split(" or less")[0])
+    assert 0.04 < spacing < 0.1
+    spacing = 2.0 / np.ceil(2.0 / spacing)
+    shorter, here, longer = (
+        pds.simulate(strip(2.0 + 0.1 * spacing + step, spacing, held), "bond-energy").levels[-1] for step in (-spacing, 0.0, spacing)
+    )
+    expected = (shorter["energy"] - longer["energy"]) / (2 * spacing)
+    assert here["cracks"][0]["energy_release_rate"] == pytest.approx(expected, rel=0.01)
+
+
+def test_several_materials_have_no_rate():
+    """A rigid region ended in a TypeError."""
+    for material in ({"law": "rigid"}, {**RUBBER, "shear_modulus": 2.0}):
+        held = [{"region": "bottom", "x1": 0.0, "x2": 0.0}, {"region": "top", "x1": 0.0, "x2": 0.3}]
+        parts = [{"region": disc(2.5, 1.0), "material": material}]
+        scene = sheet([3.0, 2.0], 0.1, [(1.0, -1.0, 1.0)], prescribed=held, materials=parts, steps=[1.0])
+        (crack,) = cracks(scene)
+        assert crack["energy_release_rate"] is None
+        assert crack["remark"] == "the body has several materials"

@@ -346,3 +346,33 @@ def test_the_account_closes_with_rows_of_every_twentieth_step(held):
     first, last = rows[0], rows[-1]
     change = sum(last[key] - first[key] for key in ("kinetic_energy", "strain_energy", "damped_energy"))
     assert last["work"] == pytest.approx(change, abs=0.02 * abs(last["work"]) if held == "swung" else 2e-3 * first["strain_energy"])
+
+
+def test_the_summary_of_a_crack_has_every_key():
+    """In a program without grips no bond breaks, and there is no nominal stress whose peak could be given: it is null."""
+    step = {"to": 0.1, "dynamics": {"duration": 0.5, "density": 1.0, "outputs": 2}}
+    held = [{"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.1, "x2": 0.0}]
+    scene = pds.Scene(
+        name="tear",
+        spacing=0.1,
+        body={"size": [1.0, 0.6]},
+        material={"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 5.0},
+        precuts=[{"start": [0.5, 0.0], "end": [0.5, 0.2]}],
+        prescribed=held,
+        steps=[step],
+        fracture={"critical_stretch": 3.0},
+    )
+    crack = pds.simulate(scene, "bond-energy").summary["crack"]
+    assert set(crack) == {"start", "peak", "path", "tips", "broken_bonds", "failed_points", "through"}
+    assert crack["peak"] is crack["start"] is None
+
+
+@pytest.mark.parametrize("edge", ["bottom", "top"])
+def test_a_precut_along_all_of_a_held_edge_is_named(edge):
+    height = {"bottom": 0.0, "top": 1.0}[edge]
+    held = [{"region": "bottom", "x1": 0.0, "x2": 0.0}, {"region": "top", "x1": 0.0, "x2": 0.1}]
+    cut = {"start": [-1.0, height], "end": [2.0, height]}
+    material = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 5.0}
+    scene = pds.Scene(name="cut", spacing=0.1, body={"size": [1.0, 1.0]}, material=material, precuts=[cut], prescribed=held, steps=[1.0])
+    with pytest.raises(pds.SceneError, match=rf"no bond crosses the {edge} edge of the body: precuts run along all of it"):
+        pds.simulate(scene, "bond-energy")

@@ -196,9 +196,10 @@ def test_changes_stay_as_the_caller_gave_them(tmp_path):
     ],
 )
 def test_parts_composed_in_python_are_told_like_those_of_files(part, fields, message):
-    with pytest.raises(SceneError) as caught:
-        part(**fields)
-    assert str(caught.value) == message
+    for make in (lambda: part(**fields), lambda: part.model_validate(fields)):
+        with pytest.raises(SceneError) as caught:
+            make()
+        assert str(caught.value) == message
 
 
 GOOD = """

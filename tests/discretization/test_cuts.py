@@ -1,0 +1,204 @@
+"""Cuts that touch one another, holes and edges: which bonds they cut together, and which of their ends are tips."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import pdsurrogate as pds
+from pdsurrogate.discretization import cuts_of, discretize
+from pdsurrogate.problem import compile_scene
+
+RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
+GRIPS = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
+STRIP = {"shape": "rectangle", "size": [3.0, 2.0]}
+
+
+def line(*corners):
+    """Pieces of a cut from corner to corner."""
+    return [{"start": list(start), "end": list(end)} for start, end in pairwise(corners)]
+
+
+def panel(corner, one, other):
+    return {"corner": corner, "sides": [one, other]}
+
+
+def scene_of(cuts, **more):
+    fields = {"name": "cuts", "spacing": 0.1, "body": STRIP, "precuts": cuts, "material": RUBBER, "stretches": [1.2], "grips": GRIPS}
+    return pds.Scene(**{**fields, **more})
+
+
+def cut_bonds(cuts, **more):
+    body = discretize(scene_of(cuts, **more))[0]
+    return {frozenset(map(tuple, np.rint(1e6 * body.all_points[pair]).astype(int).tolist())) for pair in body.bonds.cut}
+
+
+@pytest.mark.parametrize("joint", [1.0, 1.05, 1.1, 0.95])
+@pytest.mark.parametrize("height", [1.0, 1.05])
+def test_pieces_in_a_line_cut_what_the_whole_does(joint, height):
+    """Joints at the middle of a bond, at a vertical bond, and between rows or on a row of points; pieces that run either way."""
+    whole = cut_bonds(line((0, height), (1.5, height)))
+    assert cut_bonds(line((0, height), (joint, height), (1.5, height))) == whole
+    if height == 1.0:
+        assert cut_bonds([*line((joint, 1), (0, 1)), *line((1.5, 1), (joint, 1))]) == whole
+        assert cut_bonds([*line((0, 1), (joint, 1)), *line((1.5, 1), (joint, 1))]) == whole
+
+
+@pytest.mark.parametrize("joint", [(1.5, 1.0), (1.45, 1.0), (1.5, 1.1)])
+def test_a_kink_leaves_no_bond_through_its_corner(joint):
+    """The bonds cut are those that the corner cuts when it is moved by 1e-5 spacings, in one direction at least."""
+    ends = (0.013, joint[1]), (2.487, 1.437)
+    found = cut_bonds(line(ends[0], joint, ends[1]))
+    moved = [cut_bonds(line(ends[0], np.add(joint, shift), ends[1])) for shift in ([1e-6, 0], [0, 1e-6], [0, -1e-6])]
+    assert found >= moved[0] & moved[1] & moved[2]
+    assert found <= moved[0] | moved[1] | moved[2]
+    assert moved[0] == moved[1] == moved[2]
+
+
+@pytest.mark.parametrize("place", [(1.5, 1.0), (1.5, 1.1)])
+@pytest.mark.parametrize("branches", ["T", "T from below", "X"])
+def test_t_and_x_joints_divide_a_sheet(place, branches):
+    """Cuts to all edges leave no bond between the parts, however they meet."""
+    x, y = place
+    cuts = line((-1, y), (x, y), (4, y)) if branches == "X" else line((-1, y), (4, y))
+    cuts += [] if branches == "T from below" else line((x, y), (x, 3))
+    cuts += [] if branches == "T" else line((x, -1), (x, y))
+    body = discretize(scene_of(cuts))[0]
+    above, right = (body.all_points > place).T[::-1]
+    part = np.where(above, 2 + (right & (branches != "T from below")), right & (branches != "T"))
+    assert (part[body.bonds.first] == part[body.bonds.second]).all()
+    assert (part[body.bonds.cut[:, 0]] != part[body.bonds.cut[:, 1]]).all()
+
+
+@pytest.mark.parametrize(("side", "cut_row"), [(1.0, True), (-1.0, False)])
+def test_a_branch_on_a_row_of_points(side, cut_row):
+    """Points on a cut lie to its left: a branch on that side divides them, a branch on the other side does not."""
+    cuts = [*line((-1, 1.05), (4, 1.05)), *line((1.5, 1.05), (1.5, 1.05 + 2 * side))]
+    body = discretize(scene_of(cuts))[0]
+    row = np.flatnonzero(np.abs(body.points[:, 1] - 1.05) < 1e-9)
+    bonds = body.bonds
+    along = np.isin(bonds.first, row) & np.isin(bonds.second, row)
+    across = along & ((body.all_points[bonds.first, 0] < 1.5) != (body.all_points[bonds.second, 0] < 1.5))
+    assert across.any() != cut_row
+
+
+def test_pieces_that_nearly_touch_are_not_joined():
+    """A gap of 1e-4 spacings has two tips; bonds that pass within it remain, those through the common end of touching pieces do not."""
+    apart = [*line((0, 1), (1.5 - 5e-6, 1)), *line((1.5 + 5e-6, 1), (2.4, 1))]
+    joined, separate = cut_bonds(line((0, 1), (1.5, 1), (2.4, 1))), cut_bonds(apart)
+    assert separate < joined
+    assert {frozenset([(1450000, 950000), (1550000, 1050000)]), frozenset([(1550000, 950000), (1450000, 1050000)])} <= joined - separate
+    assert len(compile_scene(scene_of(apart)).fronts.first) == 3
+
+
+@pytest.mark.parametrize("arrangement", ["relaxed", "mesh"])
+def test_pieces_touch_in_clouds_and_meshes(arrangement, tmp_path):
+    body = {**STRIP, "arrangement": "relaxed"}
+    if arrangement == "mesh":
+        pytest.importorskip("meshio")
+        import meshio
+
+        x, y = np.meshgrid(np.linspace(0, 3, 31), np.linspace(0, 2, 21), indexing="ij")
+        number = np.arange(x.size).reshape(x.shape)
+        quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
+        meshio.write_points_cells(tmp_path / "strip.vtu", np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1), [("quad", quads)])
+        body = {"shape": "mesh", "file": str(tmp_path / "strip.vtu")}
+    assert cut_bonds(line((0, 1), (1.5, 1), (2.4, 1)), body=body) == cut_bonds(line((0, 1), (2.4, 1)), body=body)
+
+
+def tips_of(cuts, **more):
+    return sorted(tuple(np.round(front.path[-1], 6).tolist()) for front in compile_scene(scene_of(cuts, **more)).fronts.first)
+
+
+HOLE = {"shape": "circle", "center": [1.5, 1.0], "radius": 0.3}
+
+
+@pytest.mark.parametrize(
+    ("cuts", "more", "tips"),
+    [
+        (line((0, 1), (1, 1), (2, 1.4)), {}, [(2.0, 1.4)]),
+        ([*line((0.5, 1), (2.5, 1)), *line((1.5, 1), (1.5, 1.6))], {}, [(0.5, 1.0), (1.5, 1.6), (2.5, 1.0)]),
+        ([*line((0.5, 1), (2.5, 1)), *line((1.5, 0.5), (1.5, 1.6))], {}, [(0.5, 1.0), (1.5, 0.5), (1.5, 1.6), (2.5, 1.0)]),
+        (line((0, 1), (1.2, 1)), {"holes": [HOLE]}, []),
+        (line((0.4, 1), (1.2, 1)), {"holes": [HOLE]}, [(0.4, 1.0)]),
+        (line((1.5, 1.3), (1.5, 2.0)), {"holes": [HOLE]}, []),
+    ],
+)
+def test_a_tip_is_an_end_that_nothing_touches(cuts, more, tips):
+    assert tips_of(cuts, **more) == tips
+
+
+def test_a_cut_that_ends_on_a_hole_cuts_the_bonds_through_its_end():
+    """Bonds that touch the hole where the cut ends."""
+    ends, beyond = (cut_bonds(line((begin, 1.0), (2.5, 1.0)), holes=[HOLE]) for begin in (1.8, 1.7))
+    assert ends == beyond
+
+
+def test_the_length_of_a_crack_goes_on_through_its_pieces():
+    (front,) = compile_scene(scene_of(line((0, 1), (0.7, 1), (1.2, 1), (2, 1)))).fronts.first
+    assert front.length == pytest.approx(2.0, abs=0.01)
+
+
+BLOCK = {"shape": "box", "size": [1.0, 0.8, 0.6]}
+
+
+def test_panels_of_a_solid_that_share_an_edge():
+    """A flat panel in two parts, with joints through bonds, and a step of three panels that divides the block."""
+    block = {"body": BLOCK, "spacing": 0.1}
+    whole = [panel([-1, 0.4, -1], [1.5, 0, 0], [0, 0, 3])]
+    parts = [panel([-1, 0.4, -1], [1.2, 0, 0], [0, 0, 3])]
+    parts += [panel([0.2, 0.4, -1], [0.3, 0, 0], [0, 0, 1.32]), panel([0.2, 0.4, 0.32], [0.3, 0, 0], [0, 0, 1.68])]
+    assert cut_bonds(parts, **block) == cut_bonds(whole, **block)
+    step = [
+        panel([-1, 0.2, -1], [1.5, 0, 0], [0, 0, 3]),
+        panel([0.5, 0.2, -1], [0, 0.4, 0], [0, 0, 3]),
+        panel([0.5, 0.6, -1], [1, 0, 0], [0, 0, 3]),
+    ]
+    body = discretize(scene_of(step, **block))[0]
+    above = body.all_points[:, 1] > np.where(body.all_points[:, 0] < 0.5, 0.2, 0.6)
+    assert (above[body.bonds.first] == above[body.bonds.second]).all()
+    assert not compile_scene(scene_of(step, **block)).fronts.first
+    (front,) = compile_scene(scene_of(parts[:1], **block)).fronts.first
+    assert front.extent == pytest.approx(0.6, abs=0.01)
+
+
+def test_touching_ends_do_not_depend_on_the_unit_of_length():
+    usual = discretize(scene_of(line((0, 1), (1.5, 1), (2.4, 1.3))))[0].bonds.cut
+    for unit in (1e-6, 3.7, 1e6):
+        scaled = {"spacing": 0.1 * unit, "body": {"shape": "rectangle", "size": [3 * unit, 2 * unit]}}
+        cuts = line((0, unit), (1.5 * unit, unit), (2.4 * unit, 1.3 * unit))
+        np.testing.assert_array_equal(discretize(scene_of(cuts, **scaled))[0].bonds.cut, usual)
+
+
+def test_a_joint_does_not_change_an_equilibrium():
+    """Energies of a cut in one piece and in two, which were 8 to 10 % apart."""
+    energies = [
+        pds.simulate(scene_of(cuts), "bond-energy").levels[-1]["energy"]
+        for cuts in (line((0, 1), (1.8, 1)), line((0, 1), (0.8, 1), (1.8, 1)), line((0, 1), (0.85, 1), (1.8, 1)))
+    ]
+    assert energies[1:] == pytest.approx([energies[0]] * 2, rel=1e-6)
+
+
+def test_distances_of_places_from_cuts():
+    """Against the distances of many places on the cuts."""
+    rng = np.random.default_rng(0)
+    shares = rng.random((20_000, 2))
+    flat = pds.shapes.ParallelogramCut(corner=(0.1, 0.2, 0.3), sides=((1.0, 0.2, 0.0), (0.3, 0.1, 0.9)))
+    radius, angle = 0.7 * np.sqrt(shares[:, :1]), 2 * np.pi * shares[:, 1:]
+    disc = pds.shapes.DiscCut(center=(0.0, 0.0, 0.5), radius=0.7, normal=(0.0, 0.0, 2.0))
+    cases = [
+        (flat, np.array(flat.corner) + shares @ np.array(flat.sides)),
+        (disc, np.array(disc.center) + np.hstack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle])),
+    ]
+    for cut, places in cases:
+        asked = rng.uniform(-1, 2, (100, 3))
+        nearest = np.linalg.norm(places - asked[:, None], axis=2).min(axis=1)
+        np.testing.assert_allclose(cut.distances(asked), nearest, atol=0.03)
+        assert (cut.distances(asked) <= nearest + 1e-12).all()
+
+
+def test_pieces_that_touch_know_it():
+    scene = scene_of(line((0, 1), (1.5, 1), (2.4, 1.3)))
+    cuts = cuts_of(scene, np.zeros(2), np.array([3.0, 2.0]))
+    assert cuts.touched(0, np.array([[0.0, 1.0], [1.5, 1.0], [1.0, 1.0]])).tolist() == [True, True, False]
+    assert cuts.touched(1, np.array([[2.4, 1.3]])).tolist() == [False]
