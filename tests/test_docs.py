@@ -2,7 +2,6 @@
 
 import doctest
 import inspect
-import json
 import math
 import re
 import runpy
@@ -205,14 +204,3 @@ def test_every_scene_is_in_the_gallery():
 def test_every_guide_has_a_picture(page):
     """But the list of guides; the build of the site finds pictures that are missing."""
     assert page.stem == "index" or re.search(r"!\[[^\]]+\]\([^)]+\.png\)", page.read_text("utf-8"))
-
-
-def test_rows_with_a_correction_are_compared_with_those_without_it():
-    """If not: python pipelines/boundaries.py --row NAME."""
-    found = json.loads((DOCS / "figures" / "boundaries.json").read_text())
-    corrected = [name for name in found if name.endswith("-corrected")]
-    assert len(corrected) == 4
-    for name in corrected:
-        for quantity, points in found[name].items():
-            for spacing, entries in points.items():
-                assert entries["before"] == found[name.removesuffix("-corrected")][quantity][spacing]["now"]

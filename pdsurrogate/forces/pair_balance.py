@@ -1,4 +1,4 @@
-"""Changes of the reference vectors of pairs with which a uniform stress exerts the load of the boundary on every point (theory (80a))."""
+"""Changes of the reference vectors of pairs with which a uniform stress exerts the load of the boundary on every point (theory (80b))."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import scipy
 
 from ..body import Body, rows_of
 from ..ranks import Rows
+from .balanced import ends_of_unknown
 
 ABOVE_ROUNDING = 64
 """Multiple of the rounding error of the longest reference vector beyond which the vectors of a point count as out of balance. Their sum is
@@ -21,7 +22,8 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
 
     With the changes the vectors (n_pairs, d) of a point sum to minus the load of a unit tension of the boundary on it, `Body.outward`. The
     sum of their squares, each divided by the length of the vector, is the least possible. Pairs without force have the vector zero and no
-    change, and points beside cuts and curved held boundaries no equation.
+    change, and points beside curved held boundaries, and beside cuts that `Body.outward` does not contain, no
+    equation.
     """
     bonds, share, n, d = body.bonds, body.share, len(body), body.dimension
     within, sources = bonds.second < n, np.concatenate([np.arange(n), body.ghosts.source.astype(np.int64)])
@@ -30,12 +32,11 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
         left[:, c] -= np.bincount(bonds.first, vectors[:, c], n) - np.bincount(bonds.second[within], vectors[within, c], n)
     rounding = ABOVE_ROUNDING * float(np.finfo(vectors.dtype).eps) * share.greatest(float(size.max(initial=0.0)))
     uneven = np.abs(left).max(axis=1) > rounding
-    known = np.isfinite(left).all(axis=1)
-    uneven |= ~known
-    left[~known] = 0.0
+    unknown = ends_of_unknown(body, None)
+    uneven |= unknown
     curved = np.array([*(plane.axis is None for plane in body.planes), False])
     curved = np.concatenate([np.zeros(n, dtype=bool), curved[body.ghosts.plane]])[bonds.second]
-    free = uneven & known
+    free = uneven & ~unknown
     free[bonds.first[curved]] = False
     share.fill(left, uneven, free)
 

@@ -1,8 +1,9 @@
 """Compilation of a scene into a problem: everything that a run needs, resolved once into points, numbers and names."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -11,13 +12,11 @@ from ..body.local_fit import text_of
 from ..discretization import check_size, cuts_of, discretize, grip_areas, held_at_points, memory_here, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
 from ..forces.interface_fits import SIGHT
-from ..forces.settings import BALANCED
 from ..materials import Law
 from ..ranks import ALONE, Communicator
 from ..scenes import Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import RIGID
-from ..scenes.shapes import Precut
 from ..solvers.conditions import Loading
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
@@ -229,30 +228,25 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
         whole.append(body)
         return body if ranks.size == 1 else divided(body, ranks, SIGHT if scene.materials else HALO)
 
+    @cache
     def surface() -> Surface:
         return surface_of(scene, whole[0], lower, upper).of_share(body.share)
+
+    def boundary() -> np.ndarray | None:
+        try:
+            return surface().on_points(body.planes)
+        except ValueError as error:  # such as of holes in three dimensions that meet
+            warnings.warn(f"{error}; strain and stress near the boundary are less accurate: gradients are not balanced", stacklevel=2)
+            return None
 
     curves = all(model.mirrors_curves for model in models)
     # Bond forces do not know where in a cell the interface lies: they gain nothing by divided cells.
     body, lower, upper = discretize(scene, share_of, curves, all(model.family == "bond energy" for model in models))
-    balanced = bool(models) and models[0].family == "bond force" and scene.correction in (None, "tensor")
-    if scene.correction == BALANCED or balanced:
-        vars(body)["outward"] = surface().on_points(body.planes)
-        body.share.fill(body.outward)
-    if balanced:
-        for cut in scene.precuts:
-            body.outward[_distances_to(cut, body.points) <= body.horizon] = np.nan
+    vars(body)["boundary"] = boundary
     problem = _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, surface), ranks)
     if models:
         warn_of_points(scene, problem.held_at_points)
     return problem
-
-
-def _distances_to(cut: Precut, places: np.ndarray) -> np.ndarray:
-    """Return the distances of places (k, 2) to a cut, shape (k,)."""
-    start, along = np.array(cut.start), np.subtract(cut.end, cut.start)
-    share = np.clip((places - start) @ along / (along @ along), 0, 1)
-    return np.linalg.norm(places - start - share[:, None] * along, axis=1)
 
 
 def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: BodyRegions, ranks: Communicator) -> Problem:

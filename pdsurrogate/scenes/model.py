@@ -20,6 +20,16 @@ from .shapes import Mesh
 from .solids import AnyBody, AnyPrecut, AnyShape
 from .strict_model import Finite, Positive, StrictModel, Vector, Whole, refused
 
+
+def _bond_force_correction(value: Any) -> Any:
+    """Return a correction; raise ValueError for those that were choices for bond energies."""
+    if value == "balanced":
+        raise ValueError("bond energies always have balanced gradients now, so that balanced is no choice; leave out correction")
+    if value == "quadratic":
+        raise ValueError("quadratic is gone: bond energies have balanced gradients in its place; leave out correction")
+    return value
+
+
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 """Name of a scene, after which result files are named: no path, and no character with a meaning to a terminal or a shell."""
 
@@ -426,11 +436,9 @@ class Scene(StrictModel):
         Horizon divided by the smaller side of a cell; by default 3.15 in the plane, as in the paper, and 1.75 for solids. Unit: none.
     weight : str
         Weight of a bond of length l at the horizon d: ``"inverse"`` is d/l, as in the paper; ``"constant"`` is 1; ``"linear"`` is 1 - l/d.
-    correction : {"tensor", "scalar", "none", "quadratic", "balanced"}, optional
-        Correction of incomplete horizons, near edges: for bond forces ``"tensor"`` is theory (21), ``"scalar"`` is the paper's (24)-(25).
-        By default ``"tensor"`` if the force model supports it. For bond energies of solids, ``"quadratic"`` makes gradients exact for
-        quadratic motions, theory (64). For bond energies, ``"balanced"`` makes strain and stress converge beside free and loaded
-        boundaries, theory (78).
+    correction : {"tensor", "scalar", "none"}, optional
+        Correction of incomplete horizons, near edges, in bond forces: ``"tensor"`` is theory (21), ``"scalar"`` is the paper's (24)-(25).
+        By default ``"tensor"`` if the force model supports it. Bond energies have balanced gradients there (theory, section 26).
     rotation : {"polar", "convected"}, optional
         Rotation of a horizon: that of the polar decomposition, which is the default, or the paper's (22)-(23).
     precision : {"float32", "float64"}, optional
@@ -492,7 +500,7 @@ class Scene(StrictModel):
     support: Literal["reflected", "points"] = "reflected"
     horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = Field(None, validate_default=True)
     weight: Annotated[str, AfterValidator(_known_weight)] = "inverse"
-    correction: Literal["tensor", "scalar", "none", "quadratic", "balanced"] | None = None
+    correction: Annotated[Literal["tensor", "scalar", "none"], BeforeValidator(_bond_force_correction)] | None = None
     rotation: Literal["polar", "convected"] | None = None
     precision: Literal["float32", "float64"] | None = None
     outside: Literal["fallback", "warn", "raise", "extrapolate"] | None = None

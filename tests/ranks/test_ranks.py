@@ -100,23 +100,15 @@ def test_forces_and_steps_have_the_same_bits(ranks):
 
 @several
 @pytest.mark.parametrize("number", [2, pytest.param(3, marks=pytest.mark.slow)])
-def test_corrected_gradients_have_the_same_bits(ranks, number):
-    model = "bond-energy of solids"
-    alone = ranks.loaded(1, "corrected", 30, model, module="every_model")[0]["value"]
-    plain = ranks.loaded(1, "arrays", 30, (model,), module="every_model")[0]["value"]
-    assert np.abs(alone[f"{model}: forces"] - plain[f"{model}: forces"]).max() > 1e-6
-    check_bits(alone, ranks(number, "corrected", 30, model, module="every_model")[0]["value"], (model,))
-
-
-@several
-@pytest.mark.parametrize("number", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_balanced_gradients_have_the_same_bits(ranks, number):
     models = "bond-energy", "bond-energy of solids"
-    alone = ranks.loaded(1, "balanced", 30, models, module="every_model")[0]["value"]
-    plain = ranks.loaded(1, "arrays", 30, models, module="every_model")[0]["value"]
-    for model in models:
-        assert np.abs(alone[f"{model}: forces"] - plain[f"{model}: forces"]).max() > 1e-6
-    check_bits(alone, ranks(number, "balanced", 30, models, module="every_model")[0]["value"], models)
+    found = [ranks.loaded(1, *asked, module="every_model")[0]["value"] for asked in (("arrays", 30, models), ("balanced", 30, models))]
+    torn = ranks.loaded(1, "balanced", 30, models, True, module="every_model")[0]["value"]
+    for one, other, what in ((*found, "forces"), (found[1], torn, "positions")):
+        for model in models:
+            assert np.abs(one[f"{model}: {what}"] - other[f"{model}: {what}"]).max() > 1e-6
+    check_bits(found[1], ranks(number, "balanced", 30, models, module="every_model")[0]["value"], models)
+    check_bits(torn, ranks(number, "balanced", 30, models, True, module="every_model")[0]["value"], models)
 
 
 @several
