@@ -114,11 +114,11 @@ def test_balanced_gradients_have_the_same_bits(ranks, number):
 @several
 def test_balanced_pairs_have_the_same_bits(ranks):
     models = "analytic", "neo-hookean"
-    alone = ranks.loaded(1, "balanced_pairs", 30, models, module="every_model")[0]["value"]
+    alone = ranks.loaded(1, "balanced", 30, models, True, module="every_model")[0]["value"]
     plain = ranks.loaded(1, "arrays", 30, models, module="every_model")[0]["value"]
     for model in models:
         assert np.abs(alone[f"{model}: forces"] - plain[f"{model}: forces"]).max() > 1e-6
-    check_bits(alone, ranks(2, "balanced_pairs", 30, models, module="every_model")[0]["value"], models)
+    check_bits(alone, ranks(2, "balanced", 30, models, True, module="every_model")[0]["value"], models)
 
 
 @several

@@ -199,7 +199,7 @@ def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
 
 @pytest.mark.parametrize("force", ["neo-hookean", "analytic"])
 def test_without_a_cut_it_is_compressed_or_refused(force):
-    """It stays straight only if the forces are symmetric to the last digit, which is up to rounding, and so to the versions of numpy and LLVM."""
+    """It stays straight where forces are symmetric to the last digit, which is up to rounding, and so to the versions of numpy and LLVM."""
     try:
         result = simulate(pds.load_scene("uniaxial", {"spacing": 0.2, "stretches": [0.5]}), force)
     except SimulationFailed as failure:
