@@ -201,7 +201,7 @@ def print_grip(result: Result) -> None:
     units, areas, used = result.scene.units, result.summary["grip_areas"], result.levels[-1]["nominal_stress_grip"]
     other = next(edge for edge in areas if edge != used)
     if not math.isclose(areas[used], areas[other], rel_tol=1e-6):
-        area, another = (units.amount(areas[edge], "length", ".5g", "^2") for edge in (used, other))
+        area, another = (units.amount(areas[edge], "area", ".5g") for edge in (used, other))
         force = f"Nominal stress: force of the {used} grip divided by its cross-section of {area}"
         out.print(f"{force}; the cross-section of the {other} grip is {another}")
 

@@ -33,7 +33,8 @@ def balanced_changes(kinematics: Kinematics, shares: BondShares, portion_of: np.
     Gradients remain exact for affine motions. Among the changes with which the force of a uniform stress on every point is the load of the
     boundary on it, `Body.outward`, the least ones are chosen (`_least_changes`). On a lattice the points within a horizon of those on
     which the boundary acts have changes, otherwise all points; but none within two horizons of an interface between materials
-    (`portion_of`) or of a cut that `Body.outward` does not contain, and none that have images beyond a curved held boundary as neighbors.
+    (`portion_of`) or of a cut that `Body.outward` does not contain, and none that see images beyond a curved held boundary, or in the
+    corner of a clamp and a free side beyond the clamp.
     None is returned for a body that does not know its boundary.
     """
     body, d = kinematics.body, kinematics.body.dimension
@@ -41,11 +42,13 @@ def balanced_changes(kinematics: Kinematics, shares: BondShares, portion_of: np.
         return None
     bonds, share, ghosts, n, owners = body.bonds, body.share, body.ghosts, len(body), body.bond_owners
     regular = body.mesh_cells is None and not body.relaxed
-    chosen = _beside(kinematics, np.abs(body.outward).max(axis=1) > 0) if regular else np.ones(n, dtype=bool)
+    beside = _beside(kinematics, np.abs(body.outward).max(axis=1) > 0)
     left_out = _beside(kinematics, ends_of_unknown(body, portion_of))
-    curved = np.array([*(plane.axis is None for plane in body.planes), False])
-    left_out[owners[np.concatenate([np.zeros(n, dtype=bool), curved[ghosts.plane]])[bonds.neighbors]]] = True
+    left_out |= _sees(body, [plane.axis is None for plane in body.planes])
+    # Beyond a clamp gradients continue otherwise than displacements do, and the corners of clamps and free sides are not homogeneous.
+    left_out |= _sees(body, [plane.axis is not None and max(plane.parity) < 0 for plane in body.planes]) & beside
     share.fill(left_out)
+    chosen = beside if regular else np.ones(n, dtype=bool)
     chosen &= (kinematics.supported[:n] > 0) & ~left_out
     if not share.any(chosen.any()):
         return None
@@ -71,11 +74,7 @@ def balanced_changes(kinematics: Kinematics, shares: BondShares, portion_of: np.
         whole = np.sort(np.concatenate(share.everywhere(places[share.own[owner]])))
         places = np.searchsorted(whole, places)
     of_points = [share.gather(values) for values in (factors, loads, body.points / body.spacing)]
-    held = np.full(d, np.nan)
-    for plane in body.planes:
-        if plane.axis is not None:
-            held[plane.axis] = plane.position / body.spacing
-    changes = share.ranks.to_all(_least_changes(*arrays, *of_points, held) if share.leads else None)[places]
+    changes = share.ranks.to_all(_least_changes(*arrays, *of_points) if share.leads else None)[places]
     return numbers, changes
 
 
@@ -87,6 +86,13 @@ def _beside(kinematics: Kinematics, flags: np.ndarray) -> np.ndarray:
     found[bonds.first[every[bonds.second]]] = True
     found[sources[bonds.second[every[bonds.first]]]] = True
     body.share.fill(found)
+    return found
+
+
+def _sees(body: Body, planes: list[bool]) -> np.ndarray:
+    """Return flags of the points (n,) that have images beyond chosen planes, or other boundaries, as neighbors."""
+    images, found = np.array([*planes, False])[body.ghosts.plane], np.zeros(len(body), dtype=bool)
+    found[body.bond_owners[np.concatenate([found, images])[body.bonds.neighbors]]] = True
     return found
 
 
@@ -133,11 +139,11 @@ def _factors_and_loads(kinematics: Kinematics, shares: BondShares, reached: np.n
     return factors, loads
 
 
-def _least_changes(owners, ends, signs, vectors, factors, loads, points, held) -> np.ndarray:
+def _least_changes(owners, ends, signs, vectors, factors, loads, points) -> np.ndarray:
     """Return the least changes (k, d) of bonds that exert the `loads` (n, d) on the points, where changes reach and loads are not NaN.
 
     The bonds from `owners` to `ends`, sorted by owner, have undeformed `vectors` (k, d) in spacings; `signs` are the reflections of ends
-    that are images in planes. The change c of a bond exerts the force B c on its end, and the opposite force on its owner, where
+    that are images. The change c of a bond exerts the force B c on its end, and the opposite force on its owner, where
     B (n, d, d) are the owners' `factors`. The changes have the least sum of squares of B c/b, with the mean eigenvalue b of B: each
     component of B c then has equations of its own, and their matrices differ in the signs of images alone.
     """
@@ -159,7 +165,7 @@ def _least_changes(owners, ends, signs, vectors, factors, loads, points, held) -
         matrix = (differences.T @ differences - sum(each.T @ each for each in slopes)).tocsr()
         pieces = connected(n, owners, ends)[1]
         wanted = loads[:, components] / means[~thin].mean()
-        found = solution_of(matrix, wanted, points, pieces, held)
+        found = solution_of(matrix, wanted, points, pieces)
         moved = differences @ found
         # Projection onto changes that keep the gradients of affine motions: their sum over a point's bonds, times the vectors, vanishes.
         fits = np.linalg.solve(moments, sums_of_products(owners, vectors, moved, n))

@@ -28,19 +28,18 @@ REGULAR = 1e-10
 make singular."""
 
 
-def solution_of(matrix: scipy.sparse.csr_array, right: np.ndarray, points: np.ndarray, pieces: np.ndarray, held: np.ndarray) -> np.ndarray:
+def solution_of(matrix: scipy.sparse.csr_array, right: np.ndarray, points: np.ndarray, pieces: np.ndarray) -> np.ndarray:
     """Return a solution (n, c) of equations for the part of their right-hand sides `right` (n, c) for which there is one.
 
     Points at which a right-hand side is NaN have no equation and the solution zero.
-    Affine motions of the `pieces` (n,) of the `points` (n, d), in spacings, have no stiffness, but for those that planes of symmetry hold;
-    `held` (d,) are the coordinates of these planes, or NaN. Conjugate gradients are preconditioned on two levels: by damped steps of
-    Jacobi's method, and by linear functions on boxes of points, smoothed by such a step.
+    Affine motions of the `pieces` (n,) of the `points` (n, d), in spacings, may have no stiffness. Conjugate gradients are preconditioned
+    on two levels: by damped steps of Jacobi's method, and by linear functions on boxes of points, smoothed by such a step.
     """
     diagonal, found = matrix.diagonal(), np.zeros(right.shape)
     touched = np.flatnonzero((diagonal > FREE * diagonal.max()) & np.isfinite(right).all(axis=1))
     matrix, diagonal, points = matrix[touched][:, touched].tocsr(), diagonal[touched], points[touched]
     pieces = np.unique(pieces[touched], return_inverse=True)[1]
-    residual = right[touched] - _work(matrix, right[touched], points, pieces, held)
+    residual = right[touched] - _work(matrix, right[touched], points, pieces)
     precondition, solution, step = _two_levels(matrix, diagonal, points), np.zeros_like(residual), np.zeros_like(residual)
     before, least = np.ones(residual.shape[1]), RESIDUAL * np.abs(residual).max(initial=0.0)
     for _ in range(MOST_STEPS):
@@ -60,20 +59,24 @@ def solution_of(matrix: scipy.sparse.csr_array, right: np.ndarray, points: np.nd
     return found
 
 
-def _work(matrix, right: np.ndarray, points: np.ndarray, pieces: np.ndarray, held: np.ndarray) -> np.ndarray:
+def _work(matrix, right: np.ndarray, points: np.ndarray, pieces: np.ndarray) -> np.ndarray:
     """Return the part of `right` (n, c) that does work in the affine motions without stiffness of the `pieces` (n,) of the points."""
-    d, count = points.shape[1], int(pieces.max(initial=-1)) + 1
-    middles = np.stack([np.bincount(pieces, column, count) for column in points.T], axis=1) / np.bincount(pieces, minlength=count)[:, None]
-    middles = np.where(np.isnan(held), middles, held)
-    motions = np.column_stack([np.ones(len(points)), points - middles[pieces]])
-    motions /= np.abs(motions).max(axis=0)
-    resisted = np.zeros((count, d + 1), dtype=bool)
-    np.logical_or.at(resisted, pieces, np.abs(matrix @ motions) > FREE * matrix.diagonal().max())
-    motions[resisted[pieces]] = 0.0
-    gram = np.stack([np.bincount(pieces, motions[:, a] * motions[:, b], count) for a, b in np.ndindex(d + 1, d + 1)], axis=1)
-    done = np.stack([np.stack([np.bincount(pieces, motion * each, count) for each in right.T], axis=1) for motion in motions.T], axis=1)
-    amounts = np.linalg.pinv(gram.reshape(count, d + 1, d + 1), rcond=FREE, hermitian=True) @ done
-    return np.einsum("nm,nmc->nc", motions, amounts[pieces])
+    count = int(pieces.max(initial=-1)) + 1
+
+    def sums(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        columns = [np.bincount(pieces, a * b, count) for a in one.T for b in other.T]
+        return np.stack(columns, axis=1).reshape(count, one.shape[1], other.shape[1])
+
+    ones = np.ones((len(points), 1))
+    middles = sums(ones, points)[:, 0] / sums(ones, ones)[:, 0]
+    motions = np.hstack([ones, points - middles[pieces]])
+    sizes = np.sqrt(np.einsum("pmm->pm", sums(motions, motions)))
+    motions /= np.where(sizes > 0, sizes, 1.0)[pieces]
+    stiffness, combined = np.linalg.eigh(sums(motions, matrix @ motions))
+    combined *= (stiffness <= FREE * matrix.diagonal().max(initial=0.0))[:, None]
+    free = np.einsum("nm,nmk->nk", motions, combined[pieces])
+    amounts = np.linalg.pinv(sums(free, free), rcond=FREE, hermitian=True) @ sums(free, right)
+    return np.einsum("nm,nmc->nc", free, amounts[pieces])
 
 
 def _two_levels(matrix, diagonal: np.ndarray, points: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:

@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from ..arguments import suggestion
 from ..html_tables import html_facts
@@ -346,21 +346,33 @@ class Units(StrictModel):
     length: UnitName | None = None
     stress: UnitName | None = None
     time: UnitName | None = None
+    _dimension: int = PrivateAttr(3)
+
+    def of_body(self, dimension: int) -> "Units":
+        """Return the same names for a body of a dimension: of a body in the plane forces, areas and energies are those per thickness."""
+        found = self.model_copy()
+        found._dimension = dimension
+        return found
+
+    def _times_length(self, power: int) -> str:
+        """Return the unit of length to a power, one less in the plane, after a blank; empty for the power 0."""
+        power -= self._dimension == 2
+        return f" {self.length}" + (f"^{power}" if power > 1 else "") if power else ""
 
     @property
     def force(self) -> str | None:
-        """Return the unit of forces, stress times length^2 (sheets are one unit of length thick); None if either unit has no name."""
-        return f"{self.stress} {self.length}^2" if self.stress and self.length else None
+        """Return the unit of forces, stress times length^2, in the plane stress times length; None if either unit has no name."""
+        return self.stress + self._times_length(2) if self.stress and self.length else None
 
     @property
     def area(self) -> str | None:
-        """Return the unit of areas, length^2 (sheets are one unit of length thick); None if the unit of length has no name."""
-        return self.length and f"{self.length}^2"
+        """Return the unit of areas, length^2, in the plane length; None if the unit of length has no name."""
+        return self.length and self._times_length(2).strip()
 
     @property
     def energy(self) -> str | None:
-        """Return the unit of energies and moments, stress times length^3; None if either unit has no name."""
-        return f"{self.stress} {self.length}^3" if self.stress and self.length else None
+        """Return the unit of energies and moments, stress times length^3, in the plane length^2; None if either unit has no name."""
+        return self.stress + self._times_length(3) if self.stress and self.length else None
 
     def label(self, what: str, kind: str) -> str:
         """Return the name `what` of a quantity with its unit in brackets, for headers and axes; `kind` is "length" or "force", say."""
@@ -515,6 +527,11 @@ class Scene(StrictModel):
     def _usual(cls, value: Any, info: ValidationInfo) -> Any:
         """Return the value given for `plane` or `horizon_ratio`, or else its default for the dimension of the body."""
         return USUAL[str(info.field_name)][_dimension_of(info.data)] if value is None else value
+
+    @field_validator("units")
+    @classmethod
+    def _of_the_body(cls, value: Units, info: ValidationInfo) -> Units:
+        return value.of_body(_dimension_of(info.data))
 
     @field_validator("regions")
     @classmethod

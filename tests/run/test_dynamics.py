@@ -210,7 +210,7 @@ def test_files_of_a_crack_scene(torn):
     assert damage.min() >= 0
     assert 0.3 < damage.max() <= 1
     rows = list(csv.DictReader((folder / "history.csv").read_text().splitlines()))
-    energies = {f"{name} [kPa cm^3]" for name in ("work", "kinetic_energy", "damped_energy")}
+    energies = {f"{name} [kPa cm^2]" for name in ("work", "kinetic_energy", "damped_energy")}
     assert {"time [s]", "nominal_stress [kPa]", *energies, "broken_bonds", "free_points"} <= set(rows[0])
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["crack"]["broken_bonds"] == int(rows[-1]["broken_bonds"])

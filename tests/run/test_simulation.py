@@ -100,7 +100,7 @@ def test_the_stress_of_an_l_is_that_of_its_leg():
     summary = simulate(scene, "analytic").summary
     level = summary["levels"][0]
     assert summary["grip_areas"] == pytest.approx({"bottom": 3.0, "top": 1.0}, rel=1e-12)
-    assert summary["units"]["force"] == "kPa cm^2"
+    assert summary["units"]["force"] == "kPa cm"
     assert (level["nominal_stress_grip"], level["nominal_stress_area"]) == ("top", pytest.approx(1.0, rel=1e-12))
     assert level["nominal_stress"] == level["forces"]["top"][1] / level["nominal_stress_area"]
     # Each grip pulls outwards, and the two balance, also across the load.
