@@ -43,7 +43,7 @@ def balanced_changes(kinematics: Kinematics, shares: BondShares, portion_of: np.
     bonds, share, ghosts, n, owners = body.bonds, body.share, body.ghosts, len(body), body.bond_owners
     regular = body.mesh_cells is None and not body.relaxed
     beside = _beside(kinematics, np.abs(body.outward).max(axis=1) > 0)
-    left_out = _beside(kinematics, _ends_of_unknown(body, portion_of))
+    left_out = _beside(kinematics, ends_of_unknown(body, portion_of))
     left_out |= _sees(body, [plane.axis is None for plane in body.planes])
     # Beyond a clamp gradients continue otherwise than displacements do, and the corners of clamps and free sides are not homogeneous.
     left_out |= _sees(body, [plane.axis is not None and max(plane.parity) < 0 for plane in body.planes]) & beside
@@ -96,7 +96,7 @@ def _sees(body: Body, planes: list[bool]) -> np.ndarray:
     return found
 
 
-def _ends_of_unknown(body: Body, portion_of: np.ndarray | None) -> np.ndarray:
+def ends_of_unknown(body: Body, portion_of: np.ndarray | None) -> np.ndarray:
     """Return flags of the points (n,) with bonds to another material, or of which a cut that `Body.outward` does not contain took bonds."""
     found, bonds = np.zeros(len(body.all_points), dtype=bool), body.bonds
     loaded = np.abs(body.outward).max(axis=1) > 0

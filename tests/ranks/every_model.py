@@ -73,5 +73,5 @@ def crossing(body):
 
 
 def balanced(steps, names, breaks=False):
-    """What is measured of models of bond energies with balanced gradients, of which some bonds break if `breaks`."""
+    """What is measured of models with balanced gradients or pairs, of which some bonds break if `breaks`."""
     return arrays(steps, names, outward=pulled, torn=crossing if breaks else None)

@@ -112,6 +112,16 @@ def test_balanced_gradients_have_the_same_bits(ranks, number):
 
 
 @several
+def test_balanced_pairs_have_the_same_bits(ranks):
+    models = "analytic", "neo-hookean"
+    alone = ranks.loaded(1, "balanced", 30, models, True, module="every_model")[0]["value"]
+    plain = ranks.loaded(1, "arrays", 30, models, module="every_model")[0]["value"]
+    for model in models:
+        assert np.abs(alone[f"{model}: forces"] - plain[f"{model}: forces"]).max() > 1e-6
+    check_bits(alone, ranks(2, "balanced", 30, models, True, module="every_model")[0]["value"], models)
+
+
+@several
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [2, 3, 4])
 def test_forces_and_steps_of_every_model_have_the_same_bits(number):

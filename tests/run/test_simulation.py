@@ -199,7 +199,7 @@ def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
 
 @pytest.mark.parametrize("force", ["neo-hookean", "analytic"])
 def test_without_a_cut_it_is_compressed_or_refused(force):
-    """In double precision it stays straight; in single precision that is up to rounding, and so to the versions of numpy and LLVM."""
+    """It stays straight where forces are symmetric to the last digit, which is up to rounding, and so to the versions of numpy and LLVM."""
     try:
         result = simulate(pds.load_scene("uniaxial", {"spacing": 0.2, "stretches": [0.5]}), force)
     except SimulationFailed as failure:
@@ -207,7 +207,6 @@ def test_without_a_cut_it_is_compressed_or_refused(force):
     else:
         assert abs(result.levels[0]["nominal_stress_error"]) < 1e-5
         return
-    assert force == "neo-hookean"
     assert "the body buckles between the stretches 0.5" in refused
 
 
@@ -539,13 +538,13 @@ assert not find_overstretched
     subprocess.run([sys.executable, "-c", code, str(SHIPPED / "neo-hookean")], check=True)
 
 
-def test_a_small_run_loads_neither_the_compiler_nor_parts_of_scipy():
-    """A run of 300 points whose kernels are in the cache."""
+def test_a_small_run_loads_neither_the_compiler_nor_what_it_does_not_use():
+    """A run of 300 points whose kernels are in the cache; it knows its boundary, which takes shapely and parts of SciPy."""
     code = """
 import sys
 import pdsurrogate as pds
 assert pds.simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2])).summary["converged"]
-slow = {"scipy.sparse", "scipy.spatial", "scipy.linalg", "scipy.optimize", "shapely", "filelock", "urllib.request", "matplotlib"}
+slow = {"scipy.optimize", "filelock", "urllib.request", "matplotlib"}
 compiler = {"numba.cpython.unicode", "numba.np.linalg", "numba.typed.typedlist"}
 if sys.argv[1] == "cached":
     assert not (slow | compiler) & set(sys.modules), (slow | compiler) & set(sys.modules)
