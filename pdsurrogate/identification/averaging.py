@@ -78,7 +78,7 @@ def average(
     """
     size = np.linalg.norm(jacobian, axis=0)
     size[size == 0] = 1.0  # data of the undeformed state have no stress
-    square, sets = np.linalg.qr(np.column_stack([jacobian / size, right]), mode="r"), list(sets_of(terms))
+    square, sets = np.asarray(np.linalg.qr(np.column_stack([jacobian / size, right]), mode="r")), list(sets_of(terms))
     x = np.zeros((len(sets), len(terms)))
     for row, chosen in zip(x, sets, strict=True):
         row[chosen] = nnls(square[:, chosen], square[:, -1])[0]
@@ -123,7 +123,7 @@ def sets_of(terms: Sequence[Term]) -> Iterator[list[int]]:
     """
     inverse = np.array([term.row[0] < 0 for term in terms])
     sets = [
-        [[*one] for size in range(most + 1) for one in combinations(np.flatnonzero(kind), size)]
+        [[*one] for size in range(most + 1) for one in combinations(np.flatnonzero(kind).tolist(), size)]
         for kind, most in ((~inverse, MOST_OF_STRETCHES), (inverse, MOST_OF_INVERSES))
     ]
     for of_stretches in sets[0][0 if inverse.all() else 1 :]:

@@ -299,19 +299,17 @@ def _changes(data: TestData) -> list[_Change]:
     """Return possible corrections of faulty data, the best first: of stress measure, unit or zero, of strains, and of unloading."""
     stress, first, found = data.nominal_stress, data.stretches[:, 0], []
 
-    def add(mode: str, words: str, shifted: np.ndarray | None = None, enough: float | None = None, **changed: np.ndarray) -> None:
-        rows = changed.pop("rows", slice(None))
-        mended = replace(data._taken(rows), **changed)
+    def add(mode: str, words: str, mended: TestData = data, shifted: np.ndarray | None = None, enough: float | None = None) -> None:
         predicted, shift = _robust(mended, shifted)
         found.append(_Change(_size(mended, predicted), mode, words.format(shift=shift), mended, predicted, enough))
 
     for mode in data.modes:
         rows = data.mode == mode
         if mode != BIAXIAL:
-            add(mode, SHIFTED, rows)
+            add(mode, SHIFTED, shifted=rows)
         if rows.all():
             break
-        add(mode, CAUCHY, nominal_stress=np.where(rows, stress / first, stress))
+        add(mode, CAUCHY, replace(data, nominal_stress=np.where(rows, stress / first, stress)))
         columns, others = _columns(data), 1 / (np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300) * ~rows
         predicted = columns @ nonnegative(columns, stress, others)
         some = rows & (np.abs(predicted) > 0)
@@ -319,21 +317,21 @@ def _changes(data: TestData) -> list[_Change]:
         if factor > 0 and abs(np.log(factor)) > np.log(LEAST_FACTOR):
             size = f"{factor:.3g} times too large" if factor > 1 else f"{1 / factor:.3g} times too small"
             words = f"the stresses look {size} compared with the other modes; check their unit"
-            add(mode, words, nominal_stress=np.where(rows, stress / factor, stress))
+            add(mode, words, replace(data, nominal_stress=np.where(rows, stress / factor, stress)))
     else:
-        add("all modes", SHIFTED, np.ones(len(data), dtype=bool))
-        add("all modes", CAUCHY, nominal_stress=stress / first)
-    for size, unit, share in ((100.0, " in per cent", "/100"), (1.0, "", "")):
-        stretches = 1 + data.stretches / size
+        add("all modes", SHIFTED, shifted=np.ones(len(data), dtype=bool))
+        add("all modes", CAUCHY, replace(data, nominal_stress=stress / first))
+    for whole, unit, share in ((100.0, " in per cent", "/100"), (1.0, "", "")):
+        stretches = 1 + data.stretches / whole
         for mode in set(data.modes) - {BIAXIAL}:
             stretches[data.mode == mode, 1] = MODES[mode](stretches[data.mode == mode, 0])
         words = STRAINS.format(first.min(), first.max(), unit, share)
-        add("all modes", words, enough=1.0 if first.max() > MOST_STRETCH else None, stretches=stretches)
+        add("all modes", words, replace(data, stretches=stretches), enough=1.0 if first.max() > MOST_STRETCH else None)
     turned = data.unloading
     turned &= np.isin(data.mode, [mode for mode in data.modes if turned[data.mode == mode].sum() > MOST_ROWS])
     if turned.any():
-        mode = {*data.mode[turned].tolist()}
-        add(mode.pop() if len(mode) == 1 else "all modes", HYSTERESIS.format(turned.sum(), len(data)), rows=~turned)
+        modes = sorted({*data.mode[turned].tolist()})
+        add(modes[0] if len(modes) == 1 else "all modes", HYSTERESIS.format(turned.sum(), len(data)), data._taken(~turned))
     return sorted(found, key=lambda one: one.size)
 
 
