@@ -80,6 +80,17 @@ def test_processes_that_do_not_know_of_each_other_are_refused(ranks, monkeypatch
     assert "mpiexec -n 2 python -m mpi4py -m pdsurrogate" in reply["err"]
 
 
+@several
+def test_worlds_of_one_rank_each_are_told_in_one_line():
+    """The launcher of another MPI starts processes that mpi4py takes for one rank each: every one ran the whole scene."""
+    asks = [sys.executable, "-m", "mpi4py", "-m", "pdsurrogate", "run", "hole"]
+    others = environment() | {"OMPI_COMM_WORLD_SIZE": "2"}
+    done = subprocess.run(asks, capture_output=True, text=True, timeout=TIMEOUT, env=others, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "2 processes were started, but each would run the whole scene by itself: the launcher is not that of mpi4py" in done.stderr
+
+
 def test_where_mpi4py_is_missing_the_refusal_says_what_to_install(monkeypatch):
     monkeypatch.setenv("PMI_SIZE", "2")
     monkeypatch.setitem(sys.modules, "mpi4py", None)  # as where it is not installed
