@@ -7,15 +7,14 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..kernels.polygons import encloses
+from ..scenes.shapes import ENDS
 from ..scenes.solids import AnyPrecut
 
 BESIDE = 8.0
 """Distance, in those within which places coincide, by which points on a cut are moved to its side. A piece may end one such distance beyond
 the cut on which it ends, and another one belongs to it there, so that points must be moved by more than three; where the normals of two
 pieces that meet form an angle of 90 degrees, by more than 4.2."""
-
-HALVINGS = 50
-"""Number of halvings of an interval in which a cut leaves the body; they reach rounding."""
 
 Crosses = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Function that takes starts and ends of segments (k, d) and returns flags (k,) of those that cross a cut."""
@@ -77,35 +76,33 @@ class Cuts:
         """Return which places (k, d) lie on a cut, to rounding; free ends are not part of it."""
         return np.any([self._lie_on(number, places) for number in range(len(self.pieces))], axis=0)
 
-    def straight_parts(self, pitch: float, encloses: Callable[[np.ndarray], np.ndarray]) -> Iterator[tuple[int, np.ndarray]]:
+    def straight_parts(self, boundary: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
         """Yield the straight parts of plane cuts, between ends, places where pieces meet, and the boundary of the body.
 
-        Each is given by the number of its piece and its two ends (2, 2). Parts outside the body, which ``encloses`` places, are left out;
-        boundaries are looked for between places `pitch` apart.
+        Each is given by the number of its piece and its two ends (2, 2). Parts outside the body, of which `boundary` are the two ends of
+        each facet (f, 2, 2), are left out.
         """
         for number, piece in enumerate(self.pieces):
-            ends = piece.edge(pitch)[0]
+            ends = piece.edge(1.0)[0]
             start, along = ends[0], ends[1] - ends[0]
             length = float(np.linalg.norm(along))
             shares = [0.0, 1.0]
             for other in (piece for index, piece in enumerate(self.pieces) if index != number):
-                theirs = other.edge(pitch)[0]
+                theirs = other.edge(1.0)[0]
                 met = [piece.met_by(theirs[:1], theirs[1:], self._rounding)[1], theirs]
                 places = np.concatenate(met)
                 places = places[(piece.distances(places) <= self._rounding) & (other.distances(places) <= self._rounding)]
                 shares += ((places - start) @ along / length**2).tolist()
-            asked = np.linspace(0, 1, int(np.ceil(length / pitch)) + 1)
-            there = encloses(start + asked[:, None] * along)
-            for change in np.flatnonzero(there[1:] != there[:-1]):
-                low, high = asked[change : change + 2]
-                for _ in range(HALVINGS):
-                    middle = (low + high) / 2
-                    low, high = (middle, high) if encloses((start + middle * along)[None])[0] == there[change] else (low, middle)
-                shares.append((low + high) / 2)
+            starts, sides = boundary[:, 0] - start, boundary[:, 1] - boundary[:, 0]
+            across = along[0] * sides[:, 1] - along[1] * sides[:, 0]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = (starts[:, 0] * sides[:, 1] - starts[:, 1] * sides[:, 0]) / across
+                of_side = (starts[:, 0] * along[1] - starts[:, 1] * along[0]) / across
+            shares += share[(of_side >= -ENDS) & (of_side <= 1 + ENDS) & (share > 0) & (share < 1)].tolist()
             shares = np.unique(np.clip(shares, 0, 1))
             for low, high in pairwise(shares[np.append(True, np.diff(shares) > self._rounding / length)]):
                 part = start + np.array([[low], [high]]) * along
-                if encloses(part.mean(axis=0)[None])[0]:
+                if encloses(part.mean(axis=0)[None], boundary[:, 0], boundary[:, 1])[0]:
                     yield number, part
 
     def _belong(self, number: int, places: np.ndarray) -> np.ndarray:

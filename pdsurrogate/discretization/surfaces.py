@@ -4,7 +4,6 @@ In the plane the outline and the holes become closed chains of facets, see `chai
 `solid_surfaces`.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -74,7 +73,7 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
         return found
     cuts = cuts_of(scene, lower, upper)
     mouths = Following(_at_mouths(body, found, cuts))
-    return replace(found, interpolation=mouths, faces=_faces_of(body, cuts, found.encloses))
+    return replace(found, interpolation=mouths, faces=_faces_of(body, cuts, nodes[facets]))
 
 
 def _at_mouths(body: Body, surface: Surface, cuts: Cuts) -> tuple[scipy.sparse.csr_array, ...]:
@@ -100,13 +99,13 @@ def _at_mouths(body: Body, surface: Surface, cuts: Cuts) -> tuple[scipy.sparse.c
     return (found,)
 
 
-def _faces_of(body: Body, cuts: Cuts, encloses: Callable[[np.ndarray], np.ndarray]) -> Surface | None:
-    """Return the faces of the cuts of a plane body, which ``encloses`` places, as chains of facets beside each straight part of a cut.
+def _faces_of(body: Body, cuts: Cuts, boundary: np.ndarray) -> Surface | None:
+    """Return the faces of the cuts of a plane body with the `boundary` (f, 2, 2), as chains of facets beside each straight part of a cut.
 
     Nodes lie a little beside the cut, so that they follow the points on their side, and a little before the places where parts meet.
     """
     nodes, facets, normals, parts = [np.zeros((0, 2))], [np.zeros((0, 2), dtype=int)], [np.zeros((0, 1, 2))], list[str]()
-    for number, part in cuts.straight_parts(body.spacing, encloses):
+    for number, part in cuts.straight_parts(boundary):
         start, end = part
         along = (end - start) / np.linalg.norm(end - start)
         normal = np.array([-along[1], along[0]])

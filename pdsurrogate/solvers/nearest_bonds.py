@@ -13,6 +13,7 @@ import scipy
 from ..body import Body
 from ..body.body import lengths_of, sums_at_points
 from ..forces import InternalForce
+from ..kernels.nearest_bonds import add_unspanned
 from ..kernels.steps import greatest_strain
 from ..ranks import Share
 from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
@@ -21,6 +22,7 @@ from .shared_multigrid import SharedMultigrid
 REACH = 1.3
 """Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a plane grid, and about as many off a grid.
 
+Longer bonds belong to it if no two shorter ones span them (`add_unspanned`), as between the layers of cells that are longer than wide.
 With the diagonal bonds too, a factorization has four times the entries and costs four times as much, for a tenth fewer steps.
 """
 
@@ -32,6 +34,9 @@ with 1.8 sheets in uniaxial tension, in pure shear and with a hole need a fifth 
 still; the factor has 1.7 and 2.5 times the entries. Solids need no fewer, and use `REACH`, as do sheets of more points, whose factor has to
 fit into memory.
 """
+
+TOUCHING = 1e-6
+"""Deviation from a right angle that may be rounding: on a grid, two sides of a cell span its diagonal at exactly 90 degrees."""
 
 BESIDE = 1.2
 """Greatest distance, in spacings, of a point from its image beyond a held boundary of any shape at which `springs_beside_boundaries` keeps
@@ -152,13 +157,12 @@ class NearestBonds:
         stiffness = shear_moduli * body.weigh(length) * volumes / body.kappa
         wide = diagonal or (body.relaxed and body.dimension == 2 and share.size <= MOST_WIDE)
         near = length <= (WIDE_REACH if wide else REACH) * body.spacing
-        if not share.any(near.any()):
-            near[:] = True
+        # The point at the second end of every bond, or the point of which that end is an image.
+        sources = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[bonds.second]
+        add_unspanned(points, bonds.pointers, bonds.neighbors, bonds.first, bonds.second, sources, TOUCHING, near)
         moment = stiffness * length**2
         of_all = moment * share.own[bonds.first]
         scaled = stiffness * share.total(of_all.sum()) / share.total(of_all[near].sum())
-        # The point at the second end of every bond, or the point of which that end is an image.
-        sources = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[bonds.second]
         if every is not None:
             unscaled = every[bonds.first] | every[sources]
             scaled, near = np.where(unscaled, stiffness, scaled), near | unscaled
