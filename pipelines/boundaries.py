@@ -5,8 +5,7 @@ python pipelines/boundaries.py --row bushing --row disc   some of them
 python pipelines/boundaries.py --row torsion --coarse     their two coarser spacings alone; the third keeps its figure
 
 Figures go to docs/figures/boundaries.json, so that rows can be run one by one, and from there into the table of
-docs/validation/boundaries.md. The first figure of a quantity at a spacing stays there as "before", with which later ones are compared;
-"before" of a row with a correction is the present figure of the row without it.
+docs/validation/boundaries.md.
 
 References: "FE" are finite elements, in the plane nine-node quadrilaterals with the law in double precision, in three dimensions hexahedra
 (three-field), made with FElupe 11.3; each names its change in the last refinement of the mesh. Others are closed or the radial equation of
@@ -17,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -26,6 +24,7 @@ import numpy as np
 from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 from scipy.integrate import solve_bvp
+from scipy.optimize import brentq
 from solid_report import sphere
 
 import pdsurrogate as pds
@@ -137,9 +136,9 @@ def simple_shear(spacing: float) -> Errors:
 
 
 @row("torsion of a bonded cube by 60 degrees, K = 1000", (1 / 8, 1 / 16, 1 / 24), torque="1 at 1/16", axial_force="3 at 1/16")
-def torsion(spacing: float, **more) -> Errors:
+def torsion(spacing: float) -> Errors:
     """FE: 0.15851 and -0.05502."""
-    changes = {"spacing": spacing, "material.bulk_modulus": 1000.0, "solver.tolerance": 1e-5, **more}
+    changes = {"spacing": spacing, "material.bulk_modulus": 1000.0, "solver.tolerance": 1e-5}
     result = pds.simulate(pds.load_scene("torsion", changes), ENERGY)
     level, count = result.levels[-1], result.summary["n_force_evaluations"]
     yield "torque", percent(level["moments"]["right"][0], 0.15851), count
@@ -147,20 +146,20 @@ def torsion(spacing: float, **more) -> Errors:
 
 
 @row("cylinder of radius 0.5 and length 1.5 between bonded plates, twisted by 60 degrees", (1 / 8, 1 / 16, 1 / 24), torque="1 at 1/16")
-def cylinder(spacing: float, **more) -> Errors:
+def cylinder(spacing: float) -> Errors:
     """Rivlin's torque, pi/2 mu times the twist per length times the fourth power of the radius (incompressible)."""
     radius, length = 0.5, 1.5
     body = {"shape": "cylinder", "axis": "x1", "radius": radius, "length": length}
     turned = {"region": "right", "rotation": 60.0, "about": (length, 0.0, 0.0), "axis": (1.0, 0.0, 0.0)}
     held = [{"region": "left", **HELD, "x3": 0.0}, turned]
-    _, level, count = ran(spacing=spacing, body=body, prescribed=held, steps=(0.5, 1.0), solver={"tolerance": 1e-5}, **more)
+    _, level, count = ran(spacing=spacing, body=body, prescribed=held, steps=(0.5, 1.0), solver={"tolerance": 1e-5})
     yield "torque", percent(level["moments"]["right"][0], np.pi / 2 * np.deg2rad(60.0) / length * radius**4), count
 
 
 @row("thick sphere of radii 0.5 and 1 under inner pressure 0.25", (1 / 8, 1 / 16, 1 / 24), inner_displacement="0.8 at 1/16")
-def thick_sphere(spacing: float, **more) -> Errors:
+def thick_sphere(spacing: float) -> Errors:
     """The radial equation of equilibrium; means of the displacement within 0.1 of a surface."""
-    changes = {"spacing": spacing, "steps": [0.25], "solver.tolerance": 1e-5, **more}
+    changes = {"spacing": spacing, "steps": [0.25], "solver.tolerance": 1e-5}
     result = pds.simulate(pds.load_scene("inflation", changes), ENERGY)
     places, volumes = result.body.points, result.body.volumes
     radius = np.linalg.norm(places, axis=1)
@@ -182,9 +181,7 @@ dimensions the clamp also keeps the section from changing its width, which makes
     sheet="5 at 4 points",
     **{"sheet, bond forces": "5 at 4 points"},
 )
-def bent_bar(
-    spacing: float, kinds=(("in space", 3, ENERGY), ("sheet", 2, ENERGY), ("sheet, bond forces", 2, "analytic")), **more
-) -> Errors:
+def bent_bar(spacing: float, kinds=(("in space", 3, ENERGY), ("sheet", 2, ENERGY), ("sheet, bond forces", 2, "analytic"))) -> Errors:
     """A traction under which Timoshenko's beam moves by 0.04 at its end."""
     young, thickness, length = 900 / 301, 0.2, 2.0
     traction = 0.04 / (length**3 / (3 * young * thickness**3 / 12) + length / (5 / 6 * thickness)) / thickness
@@ -192,35 +189,42 @@ def bent_bar(
         body = {"shape": "box" if d == 3 else "rectangle", "size": (length, thickness, thickness)[:d]}
         held, load = {"region": "left", **HELD, **({"x3": 0.0} if d == 3 else {})}, (0.0, traction, 0.0)[:d]
         probe, loads = {"name": "tip", "at": (length, *[thickness / 2] * (d - 1))}, [{"region": "right", "traction": load}]
-        _, level, count = ran(force, spacing=spacing, body=body, prescribed=[held], loads=loads, probes=[probe], **more)
+        _, level, count = ran(force, spacing=spacing, body=body, prescribed=[held], loads=loads, probes=[probe])
         yield name, percent(level["probes"]["tip"]["displacement"][1], BAR[d]), count
 
 
-CORRECTED = {"correction": "quadratic"}
+def square(spacing: float, plane: str, arrangement: str = "lattice") -> Errors:
+    """Displacement of the edge of a square under a dead traction of 0.5 on all sides, one quarter of it; closed."""
+    body = {"size": (1.0, 1.0), "arrangement": arrangement}
+    loads = [{"region": "right", "traction": (0.5, 0.0)}, {"region": "top", "traction": (0.0, 0.5)}]
+    held, probe = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}], {"name": "edge", "at": (1.0, 0.5)}
+
+    def off(stretch: float) -> float:
+        out = 1.0 if plane == "strain" else brentq(lambda out: nominal(*map(np.array, (out, stretch, stretch))), 0.1, 1.5, xtol=1e-14)
+        return float(nominal(*map(np.array, (stretch, stretch, out)))) - 0.5
+
+    exact = brentq(off, 1.0, 1.4, xtol=1e-14) - 1
+    for suffix, force in (("", ENERGY), (", bond forces", "analytic")):
+        _, level, count = ran(force, spacing=spacing, plane=plane, body=body, loads=loads, prescribed=held, probes=[probe])
+        yield f"edge{suffix}", percent(level["probes"]["edge"]["displacement"][0], exact), count
 
 
-@row("torsion of the bonded cube with correction = quadratic", (1 / 8, 1 / 16, 1 / 24), torque="1 at 1/16", axial_force="3 at 1/16")
-def torsion_corrected(spacing: float) -> Errors:
-    """As `torsion`."""
-    yield from torsion(spacing, **CORRECTED)
+@row("square under a traction of 0.5 on all sides, plane stress", (0.1, 0.05), edge="0.001 at 0.1", **{"edge, bond forces": "0.1 at 0.1"})
+def square_plane_stress(spacing: float) -> Errors:
+    """See `square`."""
+    return square(spacing, "stress")
 
 
-@row("twisted cylinder with correction = quadratic", (1 / 8, 1 / 16, 1 / 24), torque="1 at 1/16")
-def cylinder_corrected(spacing: float) -> Errors:
-    """As `cylinder`."""
-    yield from cylinder(spacing, **CORRECTED)
+@row("the same in plane strain", (0.1, 0.05), edge="0.001 at 0.1", **{"edge, bond forces": "0.1 at 0.1"})
+def square_plane_strain(spacing: float) -> Errors:
+    """See `square`."""
+    return square(spacing, "strain")
 
 
-@row("thick sphere with correction = quadratic", (1 / 8, 1 / 16, 1 / 24), inner_displacement="0.8 at 1/16")
-def thick_sphere_corrected(spacing: float) -> Errors:
-    """As `thick_sphere`."""
-    yield from thick_sphere(spacing, **CORRECTED)
-
-
-@row("bent bar with correction = quadratic: 4, 6 and 8 points across", (0.05, 0.2 / 6, 0.025), in_space="5 at 4 points")
-def bent_bar_corrected(spacing: float) -> Errors:
-    """As `bent_bar`."""
-    yield from bent_bar(spacing, (("in space", 3, ENERGY),), **CORRECTED)
+@row("the same of relaxed points", (0.1, 0.05), edge="0.1 at 0.1", **{"edge, bond forces": "0.1 at 0.1"})
+def square_relaxed(spacing: float) -> Errors:
+    """See `square`."""
+    return square(spacing, "strain", "relaxed")
 
 
 ECCENTRIC = {"body": {"shape": "circle", "radius": 2.0}, "holes": [{"shape": "circle", "radius": 1.0, "center": (0.3, 0.0)}]}
@@ -334,14 +338,14 @@ def ring_states(pressure: float, plane: str) -> Callable[[np.ndarray], tuple[np.
     return states
 
 
-def edges(plane: str, spacing: float, **more) -> Errors:
+def edges(plane: str, spacing: float) -> Errors:
     """Greatest error of F and of P within a horizon of the edges, over the greatest F - I and P of the ring: the radial equation."""
     # The ring stays where it is by the symmetry of its points; these supports carry nothing.
     supports = {"east": ((1.5, 0.0), "x2"), "west": ((-1.5, 0.0), "x2"), "north": ((0.0, 1.5), "x1"), "south": ((0.0, -1.5), "x1")}
     held = [{"region": {"near": place}, "name": name, component: 0.0} for name, (place, component) in supports.items()]
     # In plane strain the thickness does not change.
     loads = [{"region": "holes", "pressure": 0.3, **({"thickness": "undeformed"} if plane == "stress" else {})}]
-    result, _, count = ran(spacing=spacing, plane=plane, loads=loads, prescribed=held, **RING, **more)
+    result, _, count = ran(spacing=spacing, plane=plane, loads=loads, prescribed=held, **RING)
     places, fields = result.body.points, result.states[-1][1]
     radius = np.linalg.norm(places, axis=1)
     axes = np.zeros((len(places), 3, 3))
@@ -371,37 +375,7 @@ def edges_plane_strain(spacing: float) -> Errors:
     return edges("strain", spacing)
 
 
-BALANCED = {"correction": "balanced"}
-
-
-@row("F and P in the ring in plane stress with correction = balanced", (0.1, 0.05, 0.025), **EDGES)
-def edges_plane_stress_balanced(spacing: float) -> Errors:
-    """As `edges_plane_stress`."""
-    return edges("stress", spacing, **BALANCED)
-
-
-@row("F and P in the ring in plane strain with correction = balanced", (0.1, 0.05, 0.025), **EDGES)
-def edges_plane_strain_balanced(spacing: float) -> Errors:
-    """As `edges_plane_strain`."""
-    return edges("strain", spacing, **BALANCED)
-
-
-@row("thick sphere with correction = balanced", (1 / 8, 1 / 16, 1 / 24), inner_displacement="0.8 at 1/16")
-def thick_sphere_balanced(spacing: float) -> Errors:
-    """As `thick_sphere`."""
-    yield from thick_sphere(spacing, **BALANCED)
-
-
-def compare_corrected(found: dict[str, dict]) -> None:
-    """Enter the present figures of rows without a correction as "before" in the rows of the same bodies with it."""
-    for name in found:
-        plain = re.sub("-(corrected|balanced)$", "", name)
-        for quantity, points in found[name].items() if plain != name else ():
-            for key, entries in points.items():
-                entries["before"] = found.get(plain, {}).get(quantity, {}).get(key, {}).get("now")
-
-
-HEADER = ["case", "quantity", "aim (%)", "spacing", "before (%)", "now (%)", "evaluations before", "now"]
+HEADER = ["case", "quantity", "aim (%)", "spacing", "error (%)", "evaluations"]
 
 
 def table(found: dict[str, dict]) -> str:
@@ -409,15 +383,12 @@ def table(found: dict[str, dict]) -> str:
     lines = []
     for name, case in ROWS.items():
         for quantity, points in found.get(name, {}).items():
-            joined = {}
-            for key in ("before", "now"):
-                entries = [points.get(f"{spacing:.4g}", {}).get(key) for spacing in case.spacings]
-                joined[key] = " / ".join("none" if entry is None else f"{entry['error']:+.2f}" for entry in entries)
-                joined[f"{key} evaluations"] = " / ".join("none" if entry is None else str(entry["evaluations"]) for entry in entries)
+            entries = [points.get(f"{spacing:.4g}") for spacing in case.spacings]
+            errors = " / ".join("none" if entry is None else f"{entry['error']:+.2f}" for entry in entries)
+            evaluations = " / ".join("none" if entry is None else str(entry["evaluations"]) for entry in entries)
             spacings = " / ".join(f"{spacing:.4g}" for spacing in case.spacings)
-            figures = [joined[key] for key in ("before", "now", "before evaluations", "now evaluations")]
             title = "" if any(line[0].endswith(f"(`{name}`)") for line in lines) else f"{case.title} (`{name}`)"
-            lines.append([title, quantity, case.aims.get(quantity, ""), spacings, *figures])
+            lines.append([title, quantity, case.aims.get(quantity, ""), spacings, errors, evaluations])
     return markdown_table(HEADER, lines)
 
 
@@ -435,13 +406,11 @@ def main() -> None:
                 try:
                     for quantity, error, count in case.measure(spacing):
                         entry = {"error": round(error, 3), "evaluations": count}
-                        place = found.setdefault(name, {}).setdefault(quantity, {}).setdefault(key, {"before": entry})
-                        place["now"] = entry
+                        found.setdefault(name, {}).setdefault(quantity, {})[key] = entry
                         console.print(f"{name}, {quantity}, spacing {key}: {error:+.3f} %, {count} evaluations", soft_wrap=True)
                 except pds.SimulationFailed as failure:
                     console.print(f"{name}, spacing {key}: {failure}", soft_wrap=True)
             console.print(f"{name}, spacing {key}: {time.perf_counter() - began:.0f} s")
-        compare_corrected(found)
         write_json(TABLE, {name: found[name] for name in ROWS if name in found})
     replace_block("boundaries", table(found))
 

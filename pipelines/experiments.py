@@ -82,7 +82,6 @@ def predicted(law, spacing: float) -> dict:
         body=pds.shapes.Polygon(vertices=OUTLINE),
         holes=holes(),
         material=law,
-        correction="balanced",
         prescribed=(pds.Prescribed(region="bottom", x1=0.0, x2=0.0), pds.Prescribed(region="top", x1=0.0, x2=GRIP)),
         steps=(pds.Step(to=1.0, outputs=8),),
     )

@@ -2,7 +2,6 @@
 
 import doctest
 import inspect
-import json
 import math
 import re
 import runpy
@@ -207,12 +206,9 @@ def test_every_guide_has_a_picture(page):
     assert page.stem == "index" or re.search(r"!\[[^\]]+\]\([^)]+\.png\)", page.read_text("utf-8"))
 
 
-def test_rows_with_a_correction_are_compared_with_those_without_it():
-    """If not: python pipelines/boundaries.py --row NAME."""
-    found = json.loads((DOCS / "figures" / "boundaries.json").read_text())
-    corrected = [name for name in found if name.endswith("-corrected")]
-    assert len(corrected) == 4
-    for name in corrected:
-        for quantity, points in found[name].items():
-            for spacing, entries in points.items():
-                assert entries["before"] == found[name.removesuffix("-corrected")][quantity][spacing]["now"]
+@pytest.mark.parametrize("page", ["README.md", "docs/start/choose.md", "docs/about.md"])
+def test_pages_agree_on_contact(page):
+    """One said that there is none, one that it is not modeled, one that there are obstacles: rigid ones, without friction, and no other."""
+    told = [line for line in re.split(r"\n(?=[-|#])", (ROOT / page).read_text("utf-8")) if "obstacles" in line]
+    assert any("rigid" in line and "without friction" in line for line in told)
+    assert not re.search(r"^- Contact(,| and) plasticity", (ROOT / page).read_text("utf-8"), re.MULTILINE)

@@ -95,8 +95,8 @@ class Body:
         ``tessellate(points, volumes)`` returns the cells, a `CellMesh`, around points that lie on no lattice and come from no mesh.
     rounds : sequence of Round, optional
         Circles or spheres on which the material changes; elsewhere interfaces between materials follow from the points.
-    outward : ndarray, shape (n, d), optional
-        Outward normals times areas of the free boundary, distributed to the points as loads on it are (`Surface.on_points`).
+    boundary : callable, optional
+        ``boundary()`` returns `outward`, None if it is unknown; called where a force first needs it.
     share : Share
         Share of a larger body to which these points belong, if several ranks (parallel processes) divide a run; by default the points are
         the whole body.
@@ -132,7 +132,7 @@ class Body:
     inside: Callable | None = None
     tessellate: Callable[[np.ndarray, np.ndarray], CellMesh] | None = None
     rounds: Sequence[Round] = ()
-    outward: np.ndarray | None = None
+    boundary: Callable[[], np.ndarray | None] | None = None
     share: Share = None  # type: ignore[assignment]  # of all points, once there are points
     ghosts: Ghosts = field(init=False)
 
@@ -259,6 +259,23 @@ class Body:
         1.0
         """
         return np.concatenate([self.volumes, self.volumes[self.ghosts.source] * self.ghosts.volume_ratio])
+
+    @cached_property
+    def outward(self) -> np.ndarray | None:
+        """Outward normals times areas of the free boundary, distributed to the points as loads on it are; None without `boundary`.
+
+        Shape (n, d), see `Surface.on_points`. Times the stress, bond energies exert these loads in homogeneous states (theory (78)).
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).outward is None
+        True
+        """
+        found = self.boundary and self.boundary()
+        if found is not None:
+            self.share.fill(found)
+        return found
 
     @cached_property
     def cells(self) -> CellMesh:

@@ -70,8 +70,8 @@ class Surface:
 
     The outermost points of a body lie half a cell inside its boundary. The position of a node is linear in those of the points near it,
     y_s = sum_j N_sj y_j, with sum_j N_sj = 1 and sum_j N_sj X_j = X_s. So every affine motion is followed exactly, and a load on a node
-    acts at the boundary itself: its force and moment on the points equal those of the load. The node at the mouth of a cut follows both
-    of its sides.
+    acts at the boundary itself: its force and moment on the points equal those of the load. A node in the plane at the mouth of a cut
+    follows the mean of its two sides.
 
     Attributes
     ----------
@@ -90,6 +90,8 @@ class Surface:
         Numbers of the facets in each physical group of a mesh file.
     follow : ndarray of bool, shape (k,), optional
         Nodes that have a non-empty row in the map N of the whole body, if `interpolation` covers only the points of one rank.
+    faces : Surface, optional
+        The two faces of each cut, which are free: no region contains them, and no load or obstacle acts on them.
     """
 
     nodes: np.ndarray
@@ -98,11 +100,13 @@ class Surface:
     interpolation: Following
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     follow: np.ndarray | None = None
+    faces: Surface | None = None
 
     def of_share(self, share: Share) -> Surface:
         """Return the surface with its interpolation restricted to the points of this rank's `share` of the body that it owns."""
         own = Following(tuple(share.own_columns(rows) for rows in self.interpolation.rows))
-        return replace(self, interpolation=own, follow=self.followed())
+        faces = None if self.faces is None else self.faces.of_share(share)
+        return replace(self, interpolation=own, follow=self.followed(), faces=faces)
 
     def midpoints(self) -> np.ndarray:
         """Return the reference positions of the middles of the facets, shape (f, d)."""
@@ -131,7 +135,8 @@ class Surface:
                 normals[(np.abs(corners[..., plane.axis] - plane.position) < IN_PLANE * np.ptp(self.nodes)).all(axis=1)] = 0.0
         for ends in self.facets.T:
             np.add.at(forces, ends, normals)
-        return self.interpolation.T @ forces
+        on_faces = 0.0 if self.faces is None else self.faces.on_points(())  # free where they lie in a plane, too
+        return self.interpolation.T @ forces + on_faces
 
     def followed(self) -> np.ndarray:
         """Return flags of the nodes that have enough points near them to define their motion, shape (k,)."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
+from ..kernels.polygons import encloses
+from ..scenes.shapes import ENDS
 from ..scenes.solids import AnyPrecut
 
 BESIDE = 8.0
@@ -29,10 +32,17 @@ class Cuts:
         Distance within which places coincide.
     inside : callable
         ``inside(places)`` returns whether places (k, d) lie in the body, shape (k,).
+
+    Attributes
+    ----------
+    beside : float
+        Distance from a cut of places that lie beside it and not on it, far below all lengths of a body.
+    pieces
     """
 
     def __init__(self, pieces: Sequence[AnyPrecut], rounding: float, inside: Callable[[np.ndarray], np.ndarray]) -> None:
         self.pieces, self._rounding, self._inside = pieces, rounding, inside
+        self.beside = 4 * BESIDE * rounding
 
     def touched(self, number: int, places: np.ndarray) -> np.ndarray:
         """Return which places (k, d) on a piece, given by its number, another piece touches or the boundary of the body."""
@@ -65,6 +75,35 @@ class Cuts:
     def on(self, places: np.ndarray) -> np.ndarray:
         """Return which places (k, d) lie on a cut, to rounding; free ends are not part of it."""
         return np.any([self._lie_on(number, places) for number in range(len(self.pieces))], axis=0)
+
+    def straight_parts(self, boundary: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+        """Yield the straight parts of plane cuts, between ends, places where pieces meet, and the boundary of the body.
+
+        Each is given by the number of its piece and its two ends (2, 2). Parts outside the body, of which `boundary` are the two ends of
+        each facet (f, 2, 2), are left out.
+        """
+        for number, piece in enumerate(self.pieces):
+            ends = piece.edge(1.0)[0]
+            start, along = ends[0], ends[1] - ends[0]
+            length = float(np.linalg.norm(along))
+            shares = [0.0, 1.0]
+            for other in (piece for index, piece in enumerate(self.pieces) if index != number):
+                theirs = other.edge(1.0)[0]
+                met = [piece.met_by(theirs[:1], theirs[1:], self._rounding)[1], theirs]
+                places = np.concatenate(met)
+                places = places[(piece.distances(places) <= self._rounding) & (other.distances(places) <= self._rounding)]
+                shares += ((places - start) @ along / length**2).tolist()
+            starts, sides = boundary[:, 0] - start, boundary[:, 1] - boundary[:, 0]
+            across = along[0] * sides[:, 1] - along[1] * sides[:, 0]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = (starts[:, 0] * sides[:, 1] - starts[:, 1] * sides[:, 0]) / across
+                of_side = (starts[:, 0] * along[1] - starts[:, 1] * along[0]) / across
+            shares += share[(of_side >= -ENDS) & (of_side <= 1 + ENDS) & (share > 0) & (share < 1)].tolist()
+            shares = np.unique(np.clip(shares, 0, 1))
+            for low, high in pairwise(shares[np.append(True, np.diff(shares) > self._rounding / length)]):
+                part = start + np.array([[low], [high]]) * along
+                if encloses(part.mean(axis=0)[None], boundary[:, 0], boundary[:, 1])[0]:
+                    yield number, part
 
     def _belong(self, number: int, places: np.ndarray) -> np.ndarray:
         """Return which places (k, d) on the plane of a piece belong to it: those within it, and those of its edge that are touched."""

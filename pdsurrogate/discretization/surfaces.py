@@ -4,22 +4,32 @@ In the plane the outline and the holes become closed chains of facets, see `chai
 `solid_surfaces`.
 """
 
+from dataclasses import replace
+
 import numpy as np
+import scipy
 
 from ..body import Body, Following, Surface
 from ..body.cell_mesh import side_numbers
-from ..body.local_fit import boundary_rows
+from ..body.local_fit import boundary_rows, empty_rows
 from ..ranks.share import connected
 from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
 from .chains import ROUNDING, boundary_of
+from .cuts import Cuts
 from .meshes import mesh_of
+from .points import cuts_of
 from .solid_surfaces import boundary_of_solids, quarters
 
 EDGE = 0.8
 """Cosine of the angle between normals of facets in three dimensions above which the facets belong to one side, without an edge between.
 Chosen: 37 degrees are more than between neighboring facets of a round surface, and less than at the edges of a box."""
+
+
+PARTED = 16.0
+"""Distance along a cut of the nodes of its faces from the ends of its straight parts, in their distance from the cut: parts that meet at an
+angle of 4 degrees and more have their nodes between them."""
 
 
 def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -> Surface:
@@ -58,7 +68,61 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
         axis, side = EDGES[edge]
         there = np.abs(nodes[facets][..., axis] - (lower, upper)[side > 0][axis]) <= ROUNDING * extent
         parts = np.where(there.all(axis=1) & (parts == "outline"), edge, parts)
-    return Surface(nodes, facets, parts, Following(boundary_rows(body, nodes, _normals_at(nodes, facets))), groups)
+    found = Surface(nodes, facets, parts, Following(boundary_rows(body, nodes, _normals_at(nodes, facets))), groups)
+    if scene.dimension == 3 or not scene.precuts:
+        return found
+    cuts = cuts_of(scene, lower, upper)
+    mouths = Following(_at_mouths(body, found, cuts))
+    return replace(found, interpolation=mouths, faces=_faces_of(body, cuts, nodes[facets]))
+
+
+def _at_mouths(body: Body, surface: Surface, cuts: Cuts) -> tuple[scipy.sparse.csr_array, ...]:
+    """Return the maps to the nodes of a plane boundary, in which each node at the mouth of a cut follows the mean of its two sides."""
+    rows, (first, second) = surface.interpolation.rows, surface.facets.T
+    mouths = np.flatnonzero(cuts.on(surface.nodes))
+    if not len(mouths):
+        return rows
+    neighbors = np.empty((2, len(surface.nodes)), dtype=int)
+    neighbors[0, second], neighbors[1, first] = first, second
+    normals, sides = _normals_at(surface.nodes, surface.facets)[mouths], []
+    for beside in neighbors[:, mouths]:
+        ways = surface.nodes[beside] - surface.nodes[mouths]
+        places = surface.nodes[mouths] + cuts.beside * ways / np.linalg.norm(ways, axis=1)[:, None]
+        sides.append(boundary_rows(body, places, normals)[0])
+    told = np.stack([~empty_rows(side) for side in sides]).astype(float)
+    shares = told / np.maximum(told.sum(axis=0), 1)
+    mean = sum(scipy.sparse.diags_array(share) @ side for share, side in zip(shares, sides, strict=True))
+    others = scipy.sparse.diags_array(np.isin(np.arange(len(surface.nodes)), mouths, invert=True).astype(float))
+    places = scipy.sparse.csr_array((np.ones(len(mouths)), (mouths, np.arange(len(mouths)))), shape=(len(surface.nodes), len(mouths)))
+    found = (others @ rows[0] + places @ mean).tocsr()
+    found.eliminate_zeros()
+    return (found,)
+
+
+def _faces_of(body: Body, cuts: Cuts, boundary: np.ndarray) -> Surface | None:
+    """Return the faces of the cuts of a plane body with the `boundary` (f, 2, 2), as chains of facets beside each straight part of a cut.
+
+    Nodes lie a little beside the cut, so that they follow the points on their side, and a little before the places where parts meet.
+    """
+    nodes, facets, normals, parts = [np.zeros((0, 2))], [np.zeros((0, 2), dtype=int)], [np.zeros((0, 1, 2))], list[str]()
+    for number, part in cuts.straight_parts(boundary):
+        start, end = part
+        along = (end - start) / np.linalg.norm(end - start)
+        normal = np.array([-along[1], along[0]])
+        count = max(1, round(float(np.linalg.norm((end - start) / body.cell))))
+        inset = PARTED * cuts.beside * along
+        places = np.linspace(start + inset, end - inset, count + 1)
+        for side, chain in ((1, places), (-1, places[::-1])):
+            first = sum(map(len, nodes)) + np.arange(count)
+            nodes.append(chain + side * cuts.beside * normal)
+            facets.append(np.stack([first, first + 1], axis=1))
+            normals.append(np.tile(normal, (count + 1, 1, 1)))
+            parts += [f"precuts.{number}"] * count
+    if not parts:
+        return None
+    places = np.concatenate(nodes)
+    rows = boundary_rows(body, places, np.concatenate(normals))
+    return Surface(places, np.concatenate(facets), np.array(parts), Following(rows))
 
 
 def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from ..materials import PLANES, Law, plane_stress
 from .pair_energy import PairEnergy
 from .pair_passes import EnergyDerivatives
 from .protocol import CompiledBondForce, Domain, ForceModel, by_blocks
-from .settings import BALANCED, OUTSIDE_POLICIES, PRECISIONS, QUADRATIC
+from .settings import OUTSIDE_POLICIES, PRECISIONS
 from .term import Term
 
 
@@ -100,12 +100,9 @@ class EnergyModel(ForceModel):
 
     @property
     def honors(self) -> Mapping[str, tuple]:
-        # The energy is exact on incomplete horizons, and its invariants do not depend on rotations.
-        honors = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,), "plane": self.several_materials}
+        # Gradients are balanced on incomplete horizons, and the energy's invariants do not depend on rotations.
+        honors = {"precision": PRECISIONS, "breakable": (True,), "plane": self.several_materials}
         return honors | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
-
-    def honored(self, plane: str) -> Mapping[str, tuple]:
-        return {**self.honors, "correction": ("none", BALANCED, *((QUADRATIC,) if plane == "space" else ()))}
 
     def terms(self, plane: str) -> tuple[type[Term], ...]:
         return (PairEnergy,)

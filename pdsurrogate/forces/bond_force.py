@@ -1,7 +1,7 @@
 """Force models that map quantities of a bond to its force (learned or exact), and the force term that evaluates such models."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Self, cast
@@ -20,10 +20,9 @@ from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS, Law, NeoHookean, plane_stress
 from ..materials.response import volume_residual_block
 from ..materials.states import principal_stretches
-from .cloud_balance import Around, balancing_factors
 from .errors import at_point
-from .kinematics import find_shapes
 from .material_points import MaterialPoints, material_sums
+from .pair_balance import balanced_changes
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel, Portion
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from .term import Binding, DomainWatch, Term, sum_on_pairs
@@ -80,8 +79,6 @@ class PairForces:
         Strengths of these pairs, see `pair_strength`.
     correction : str
         Correction of incomplete horizons, see `ForceSettings`.
-    inverse_shape : ndarray
-        See `find_geometry`.
 
     Attributes
     ----------
@@ -95,9 +92,7 @@ class PairForces:
         Whether the volume ratios J3 of the points are computed with the model, since the law is costly to evaluate.
     """
 
-    def __init__(
-        self, binding: Binding, model, points: MaterialPoints, strength: np.ndarray, correction: str, inverse_shape: np.ndarray
-    ) -> None:
+    def __init__(self, binding: Binding, model, points: MaterialPoints, strength: np.ndarray, correction: str) -> None:
         law, kinematics, precision, plane = points.law, binding.kinematics, binding.precision, binding.settings.plane
         body, threads, blocks = kinematics.body, kinematics.chunks.threads, len(points.first) // BLOCK
         self.model, self.points, self._kinematics, self._precision = model, points, kinematics, precision
@@ -111,7 +106,7 @@ class PairForces:
         if divided:
             numbers, counted = np.arange(len(strength)), body.share.own[body.bonds.first[points.pairs]]
             self.geometry[numbers // BLOCK, bond_force.COUNTED_ROW, numbers % BLOCK] = counted
-        self.find_geometry(np.arange(len(strength), dtype=np.uint32), strength, correction, inverse_shape)
+        self.find_geometry(np.arange(len(strength), dtype=np.uint32), strength, correction)
         self.learns_thickness = law.costly and model.domain is not None and model.gives_transverse and plane == "stress"
         if self.learns_thickness:
             points.state_pass = surrogate_states(points, compiled, model.domain, precision, kinematics.chunks)
@@ -136,17 +131,25 @@ class PairForces:
         self.model = model
         self._weights[:] = model.compiled(self._precision).weights
 
-    def find_geometry(self, pairs: np.ndarray, strength: np.ndarray, correction: str, inverse_shape: np.ndarray) -> None:
-        """Compute the rows of `geometry` for some `pairs` of the material.
-
-        `strength` are the strengths of all pairs of the material (`pair_strength`), and `inverse_shape` the inverse shape tensors of all
-        points and ghosts of the body.
-        """
+    def find_geometry(self, pairs: np.ndarray, strength: np.ndarray, correction: str) -> None:
+        """Compute the rows of `geometry` for some `pairs` of the material; `strength` holds `pair_strength` of all its pairs."""
         kinematics, points, body = self._kinematics, self.points, self._kinematics.body
         ends = points.first, points.second, body.all_points[points.numbers]
-        shapes = inverse_shape[points.numbers], kinematics.supported[points.numbers]
+        shapes = kinematics.inverse_shape[points.numbers], kinematics.supported[points.numbers]
         rule = reference_state.CORRECTIONS[correction], body.kappa, body.horizon
         reference_state.pair_rows(pairs, *ends, strength, *shapes, *rule, self.geometry)
+
+    def reference_vectors(self) -> np.ndarray:
+        """Return the reference vectors (theory (21)) of the pairs, shape (n_pairs, 2)."""
+        n1, n2, along, across = (self.geometry[:, row] for row in range(4))
+        return np.stack([n1 * along - n2 * across, n2 * along + n1 * across], axis=-1).reshape(-1, 2)
+
+    def add(self, pairs: np.ndarray, changes: np.ndarray) -> None:
+        """Add `changes` (k, 2) to the reference vectors of some `pairs` that carry force."""
+        block, lane = pairs // BLOCK, pairs % BLOCK
+        (n1, n2, along), (one, other) = self.geometry[block, :3, lane].T.astype(float), changes.T
+        factors = np.where(along == 0, 0.0, [n1 * one + n2 * other, n1 * other - n2 * one] / (n1**2 + n2**2))
+        self.geometry[block, 2:4, lane] += factors.T
 
 
 class BondForces(Term):
@@ -166,17 +169,22 @@ class BondForces(Term):
         self._strength, self._parts = pair_strength(body), []
         if binding.portion_of is not None:
             of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]
-            self._strength *= np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
-        # Inverse shape tensors of the pairs' strengths, and the weighted bonds in them: in a cloud with balanced strengths not those of F.
-        self._inverse_shape, self._weighted_bonds = self.kinematics.inverse_shape, None
-        if body.relaxed and binding.whole and self.correction == "tensor":
-            factors = balancing_factors(body, self._pulls)
-            self._strength *= factors
-            self._weighted_bonds, self._inverse_shape = self._shapes(factors)
+            shares = np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
+            self._strength *= shares
         for number, model in enumerate(models):
             points = self.points_of(number, None if binding.whole else np.flatnonzero((of_ends == number).any(axis=0)))
-            self._parts.append(PairForces(binding, model, points, self._strength[points.pairs], self.correction, self._inverse_shape))
+            self._parts.append(PairForces(binding, model, points, self._strength[points.pairs], self.correction))
             self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
+        # Changes that balance pairs, and the first moments that points have lost of them with broken bonds.
+        self._changes, self._lost = (np.empty(0, dtype=np.int64), np.empty((0, 2))), np.zeros((len(body.all_points), 2, 2))
+        if self.correction == "tensor" and body.outward is not None:
+            vectors = np.zeros((len(bonds.first), 2), dtype=binding.precision)
+            for part in self._parts:
+                of_body = vectors[part.points.pairs]
+                vectors[part.points.pairs] = of_body + part.reference_vectors()[: len(of_body)]
+            pairs, changes = balanced_changes(body, vectors)
+            self._changes = pairs, changes if binding.whole else changes * shares[pairs, None]
+            self._change(pairs)
         self.learned_thickness = any(part.learns_thickness for part in self._parts)
         self._model, self._domain = models[0], models[0].domain if binding.whole else None
         out, chunks = np.empty_like(body.points), self.kinematics.chunks
@@ -208,37 +216,38 @@ class BondForces(Term):
         what = f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times, has no finite force"
         return at_point(body, i, f"{what}: that is beyond the limit of {law.name}")
 
-    def _shapes(self, factors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return weighted bonds times the `factors` (n_pairs,) of their pairs, and the inverse shape tensors of points and ghosts."""
-        kinematics, body = self.kinematics, self.body
-        weighted_bonds = kinematics.weighted_bonds.copy()
-        weighted_bonds *= factors[body.bonds.pair_of, None]
-        inverse_shape = np.zeros_like(kinematics.inverse_shape)
-        find_shapes(body, np.arange(len(body), dtype=np.uint32), weighted_bonds, inverse_shape, kinematics.supported.copy())
-        return weighted_bonds, inverse_shape
-
-    def _pulls(self, factors: np.ndarray) -> Callable[[Around], tuple[np.ndarray, np.ndarray]]:
-        """Return the function `cloud_balance.Pulls` for reference vectors (theory (21)) of strengths that are multiplied by `factors`."""
-        shapes, strengths, bonds = symmetric(self._shapes(factors)[1]), self._strength * factors, self.body.bonds
-
-        def of_bonds(some: Around) -> tuple[np.ndarray, np.ndarray]:
-            both = shapes[some.owners] + shapes[bonds.neighbors[some.bonds]]
-            halves = strengths[bonds.pair_of[some.bonds]] / (2 * np.linalg.norm(some.vectors, axis=1))
-            found = halves[:, None] * np.einsum("bij,bj->bi", both, some.vectors)
-            return found, np.zeros_like(found)
-
-        return of_bonds
+    def _change(self, pairs: np.ndarray) -> None:
+        """Add the changes that balance the body to the reference vectors of some `pairs`, in ascending order, as computed without them."""
+        changes = np.zeros((len(pairs), 2))
+        changed, of_changed = self._changes
+        _, here, there = np.intersect1d(pairs, changed, assume_unique=True, return_indices=True)
+        changes[here] = of_changed[there]
+        if self._lost.any():
+            body, ends = self.body, (self.body.bonds.first[pairs], self.body.bonds.second[pairs])
+            vectors = body.all_points[ends[1]] - body.all_points[ends[0]]
+            factors = self._strength[pairs] / (2 * lengths_of(vectors))
+            for end in ends:
+                restored = self._lost[end] @ symmetric(self.kinematics.inverse_shape[end])
+                changes += (factors / body.all_volumes[end])[:, None] * np.einsum("bij,bj->bi", restored, vectors)
+        for part in self._parts:
+            places, theirs = part.points.places_of_pairs(pairs)
+            part.add(places, changes[np.searchsorted(pairs, theirs)])
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._strength[pairs] = 0.0
-        if self._weighted_bonds is not None:
-            ends = np.concatenate([self.body.bonds.first[pairs], self.body.bonds.second[pairs]])
-            self._weighted_bonds[np.concatenate([bonds[pairs] for bonds in self.kinematics.bonds_of_pairs])] = 0.0
-            arrays = self._weighted_bonds, self._inverse_shape, self.kinematics.supported.copy()
-            find_shapes(self.body, np.unique(ends[ends < len(self.body)]), *arrays)
+        body, bonds, (numbers, changes) = self.body, self.body.bonds, self._changes
+        broken = np.isin(numbers, pairs)
+        gone = numbers[broken]
+        vectors = body.all_points[bonds.second[gone]] - body.all_points[bonds.first[gone]]
+        for end in (bonds.first[gone], bonds.second[gone]):
+            np.add.at(self._lost, end, changes[broken][:, :, None] * vectors[:, None] / 2)
+        self._changes = numbers[~broken], changes[~broken]
+        body.ghosts.fill(self._lost)
+        self._lost[len(body) :] *= body.ghosts.reflection[:, :, None] * body.ghosts.reflection[:, None]
         for part in self._parts:
             places, _ = part.points.places_of_pairs(changed)
-            part.find_geometry(places.astype(np.uint32), self._strength[part.points.pairs], self.correction, self._inverse_shape)
+            part.find_geometry(places.astype(np.uint32), self._strength[part.points.pairs], self.correction)
+        self._change(changed)
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         if self.binding.whole:
@@ -273,7 +282,7 @@ class BondForces(Term):
         """Return the numbers of the pairs that carry a force, and their `BondStates`, in a body of one material."""
         body, part, bonds, points = self.body, self._parts[0], self.body.bonds, self.body.all_points
         part.points.find()
-        pairs = np.flatnonzero(part.geometry[:, 2].ravel()[: len(bonds.first)] > 0)
+        pairs = np.flatnonzero(part.geometry[:, 2].ravel()[: len(bonds.first)])
         first, second = bonds.first[pairs], bonds.second[pairs]
         vectors, between = points[second] - points[first], self.kinematics.positions[second] - self.kinematics.positions[first]
         length = lengths_of(vectors)

@@ -1,7 +1,5 @@
 """Shares of the points' volumes that bonds represent, and the sum of forces and moments of pairs at the points."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from ..body.body import lengths_of, pointers_to
@@ -10,7 +8,6 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels.ghosts import fold_matrices, fold_vectors
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import add_node_forces, sum_moments, sum_pair_forces, weigh_moments
-from .cloud_balance import Around, around, balancing_factors
 from .kinematics import Kinematics, entries_of, matrices, pairs_of_points
 from .steps import Step
 
@@ -55,11 +52,7 @@ class BondShares:
         self._of_ghosts = pointers_to(bonds.neighbors[toward] - n, total - n), neighbors, weighted_bonds, body.all_volumes
         self._node_parts = np.zeros((total, body.dimension))
         self.bond_shares = np.zeros(len(bonds.neighbors))
-        self._factors: np.ndarray | None = None
         self.renew(np.arange(len(length)))
-        if body.relaxed and kinematics.interfaces is None:
-            self._factors = balancing_factors(body, self._pulls)
-            self.renew(np.arange(len(length)))
 
     def renew(self, pairs: np.ndarray) -> np.ndarray:
         """Update `bond_shares` after a change of `pairs`; return all pairs whose weights (`weights_of`) may have changed.
@@ -101,49 +94,6 @@ class BondShares:
         directed = bonds.pointers, bonds.neighbors, numbers
         arrays = body.all_points, body.volumes, strength, self._kinematics.supported
         bond_shares[body.dimension](rows, *directed, *arrays, body.horizon, self.bond_shares)
-        if self._factors is not None:
-            self._multiply(rows, self._factors, self.bond_shares)
-
-    def _multiply(self, rows: np.ndarray, factors: np.ndarray, shares: np.ndarray) -> None:
-        """Multiply the shares (n_bonds,) of the directed bonds of the points `rows` by the `factors` of their pairs, with the same sums."""
-        bonds = self._body.bonds
-        entries, counts = entries_of(bonds.pointers, rows), (bonds.pointers[rows + 1] - bonds.pointers[rows]).astype(np.int64)
-        owners, products = np.repeat(np.arange(len(rows)), counts), shares[entries] * factors[bonds.pair_of[entries]]
-        sums = np.bincount(owners, products, len(rows))
-        shares[entries] = products * (self._body.volumes[rows] / np.where(sums > 0, sums, 1.0))[owners]
-
-    def _pulls(self, factors: np.ndarray) -> Callable[[Around], tuple[np.ndarray, np.ndarray]]:
-        """Return the function `cloud_balance.Pulls` for energies with shares that are multiplied by `factors`, theory (77)."""
-        kinematics, body, bonds, d = self._kinematics, self._body, self._body.bonds, self._body.dimension
-        ghosts, n = body.ghosts, len(body)
-        shares = self.bond_shares.copy()
-        self._multiply(np.arange(n), factors, shares)
-        if body.share.divided:
-            body.bond_halo.fill(shares)
-        one, other = kinematics.bonds_of_pairs
-        weights = shares[one] + np.where(other != one, shares[other], 0.0)
-        # A pair with a ghost represents as much material on the other side of the plane.
-        weights[kinematics.outer_pairs] += shares[one[kinematics.mirrored_pairs]]
-
-        def directions(some: Around) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            length = lengths_of(some.vectors)
-            return some.vectors / length[:, None], length, weights[bonds.pair_of[some.bonds]]
-
-        moments = np.zeros((n + len(ghosts), d, d))
-        for some in around(body):
-            along, _, of_bonds = directions(some)
-            sums = some.sums(of_bonds[:, None, None] * (np.eye(d) - along[:, :, None] * along[:, None]))
-            unit = 2 * body.volumes[some.points, None, None]
-            moments[some.points] = sums @ symmetric(kinematics.inverse_shape[some.points]) / unit
-        body.share.fill(moments)
-        moments[n:] = ghosts.reflection[:, :, None] * moments[ghosts.source] * ghosts.reflection[:, None]
-
-        def of_bonds(some: Around) -> tuple[np.ndarray, np.ndarray]:
-            along, length, of_some = directions(some)
-            through = np.einsum("bij,bj->bi", moments[some.owners] + moments[bonds.neighbors[some.bonds]], some.vectors)
-            return (of_some / length)[:, None] * along, self.strength[bonds.pair_of[some.bonds], None] * through
-
-        return of_bonds
 
     def carrying(self, breakable: bool) -> np.ndarray:
         """Return flags of the pairs that carry forces.
@@ -220,7 +170,8 @@ class BondShares:
         own, others = (
             add_node_forces[d].bind(moments, *bonds, unit, first, self._node_parts, forces, chunks=chunks) for bonds, first in of_both
         )
-        before = *before, *kinematics.moment_steps(moments), *kinematics.pull_steps(moments, forces, unit)
+        if kinematics.changed is not None:
+            before = *before, *kinematics.changed.pull_steps(moments, forces)
         if not len(ghosts):
             return [moments, *before, weigh, own]
         fold = fold_matrices.bind(moments, *kinematics.gradient_ghosts.of_gradients, chunks=chunks)
@@ -239,8 +190,9 @@ class BondShares:
         sum_moments[d](moments, *pairs, 1.0, found)
         sum_pair_forces[d](forces, *pairs, unit, on_ghosts[n:])
         add_node_forces[d](stresses, *self._of_ghosts, unit, n, self._node_parts, on_ghosts)
-        if (changed := self._kinematics.changed_bonds) is not None:
-            np.subtract.at(on_ghosts, self._body.bonds.neighbors[changed[0]], unit * self.pulls(stresses, *changed[1:]))
+        if (changed := self._kinematics.changed) is not None:
+            pulls = unit * self.pulls(stresses, changed.owners, changed.changes)
+            np.subtract.at(on_ghosts, self._body.bonds.neighbors[changed.numbers], pulls)
         return on_ghosts[n:], found
 
     def pulls(self, stresses: np.ndarray, owners: np.ndarray, changes: np.ndarray) -> np.ndarray:
@@ -249,6 +201,8 @@ class BondShares:
         `stresses` are those after `steps_to_points`: moments of the points, weighed by their shapes.
         """
         points, places = np.unique(owners, return_inverse=True)
-        shapes = symmetric(self._kinematics.inverse_shape[points])
+        # A point without a gradient has no moments: any shape will do.
+        lost = self._kinematics.supported[points, None, None] == 0
+        shapes = np.where(lost, np.eye(self._body.dimension), symmetric(self._kinematics.inverse_shape[points]))
         moments = matrices(stresses[points]) @ np.linalg.inv(shapes) * self._body.volumes[points, None, None]
         return np.einsum("bij,bj->bi", moments[places], changes)

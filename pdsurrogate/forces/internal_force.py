@@ -15,11 +15,10 @@ import scipy
 
 from ..body import Body
 from ..body.body import lengths_of
-from .balanced import balanced_changes
 from .interface_fits import YIELDING
 from .interfaces import Interfaces
 from .kinematics import Kinematics
-from .settings import BALANCED, QUADRATIC, ForceSettings
+from .settings import ForceSettings
 from .term import Binding
 
 if TYPE_CHECKING:
@@ -78,8 +77,6 @@ class InternalForce:
     stiffness_moduli : float or ndarray, shape (n,)
         Shear modulus that measures the stiffness around a point. With several materials it is the mean over the bonds of the point, where
         each bond has the mean modulus of its two ends, since bonds across an interface stiffen all points that they reach.
-    corrected : ndarray of bool, shape (n,), or None
-        Points with corrected gradients, see `Kinematics`.
     force_scale : float or ndarray, shape (n,)
         Shear modulus that scales the force on a point. With several materials it is the greatest among the point and its neighbors, since
         forces and their rounding errors are that large.
@@ -91,6 +88,8 @@ class InternalForce:
         Evaluations begun so far.
     pairs_outside : int
         Pairs outside the domains of the models, summed over all evaluations.
+    most_outside : int
+        Greatest number of such pairs in one evaluation.
     seconds : float
         Time spent in the last `timed` finished evaluations; callers may set both to zero.
     timed : int
@@ -103,8 +102,7 @@ class InternalForce:
         self.law = max((portion.law for portion in portions), key=lambda law: law.shear_modulus)
         self.laws = [(portion.law, portion.points) for portion in portions]
         self.precision = max(portion.model.usual_precision(settings) for portion in portions)
-        changes = balanced_changes(body) if settings.correction == BALANCED else None
-        self._kinematics = kinematics = Kinematics(body, self.precision, settings.plane, settings.correction == QUADRATIC, changes)
+        self._kinematics = kinematics = Kinematics(body, self.precision, settings.plane)
         kinds = portions[0].model.terms(settings.plane)
         self.has_energy = all(kind.has_energy for kind in kinds)
         self.portion_of = None if isinstance(portions[0].points, slice) else _numbers_of(body, portions)
@@ -114,7 +112,7 @@ class InternalForce:
             held = settings.plane != "stress"
             kinematics.interfaces = Interfaces(kinematics, self.portion_of, moduli, self.has_energy, held, settings.breakable)
             self.stiffness_moduli, self.force_scale = self._moduli(moduli)
-        self.interfaces, self.corrected = kinematics.interfaces, kinematics.corrected
+        self.interfaces = kinematics.interfaces
         binding = Binding(kinematics, portions, settings, self.precision, self.portion_of)
         self.terms = [kind(replace(binding, leads=number == 0)) for number, kind in enumerate(kinds)]
         self._further = np.empty_like(body.points) if len(kinds) > 1 else None
@@ -126,7 +124,7 @@ class InternalForce:
         self.nearly_incompressible, self.learned_thickness = first.nearly_incompressible, first.learned_thickness
         self.states = [array for term in self.terms for array in term.state]
         self.state_rows = {array.name: array.rows for array in self.states}
-        self.evaluations = self.pairs_outside = self.timed = 0
+        self.evaluations = self.pairs_outside = self.most_outside = self.timed = 0
         self.seconds = 0.0
 
     def _moduli(self, moduli: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -167,8 +165,9 @@ class InternalForce:
             self._add_up([term.find for term in self.terms], out)
         except RuntimeError as found:  # the error concerns the state, or comes from a user's own force
             error = self.portions[0].model.cause_of(found)
-        for watch in self._watches:
-            self.pairs_outside += watch.found
+        outside = sum(watch.found for watch in self._watches)
+        self.pairs_outside += outside
+        self.most_outside = max(self.most_outside, outside)
         for watch in self._watches:
             watch.settle()
         self.body.share.agree(error)

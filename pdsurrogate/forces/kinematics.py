@@ -1,7 +1,6 @@
 """Positions, shape tensors and deformation gradients of the points of a body and of their mirror images."""
 
 import math
-from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -11,13 +10,16 @@ from ..body import Body
 from ..body.body import lengths_of, pointers_to
 from ..body.ghosts import symmetric
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
-from ..engine.passes import BoundPass, Chain
+from ..engine.passes import Chain
 from ..engine.threads import chunks_of
 from ..kernels.ghosts import fill_matrices, place_points
 from ..kernels.node_state import deformation_gradients
 from ..kernels.reference_state import shape_rows
-from .quadratic import quadratic_correction
 from .steps import Step, Steps, sparse_product
+
+THINNEST = 1e-3
+"""Least eigenvalue of the sum of x (x) x over the bonds of a point, relative to its trace, with which the weights of these bonds may
+change: less means that they lie on a line or in a plane."""
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
 """Share of the gradient along a clamped plane that ghosts (mirror images) beyond the plane copy from the points they mirror.
@@ -39,10 +41,6 @@ class Kinematics:
     precision : {"float32", "float64"}
         Precision of the weighted bonds; positions, gradients and sums are double.
     plane : {"stress", "strain", "space"}
-    quadratic : bool
-        Whether gradients at incomplete horizons are corrected to be exact for quadratic motions.
-    changes : ndarray, shape (n_bonds, d), optional
-        Changes of the weights of directed bonds in the gradients of their first points.
 
     Attributes
     ----------
@@ -60,19 +58,15 @@ class Kinematics:
         Ghosts with the continuation that is used for deformation gradients and derivatives by these.
     interfaces : Interfaces or None
         Interfaces between materials, in a body of several.
-    changed_bonds : tuple of ndarray, or None
-        Numbers of the directed bonds with changed weights, their first points, and the changes (k, d); None if no weights are changed.
-    corrected : ndarray of bool, shape (n,), or None
-        Points with corrected gradients; None if no gradients are corrected.
+    changed : ChangedWeights or None
+        Changes of the weights of directed bonds in the gradients of their first points, see `change_weights`.
     changes : int
         Number of changes of positions and bonds, by which dependent states detect that they are out of date.
     formed : bool
         Whether `gradients` belong to `positions`.
     """
 
-    def __init__(
-        self, body: Body, precision: str, plane: str = "stress", quadratic: bool = False, changes: np.ndarray | None = None
-    ) -> None:
+    def __init__(self, body: Body, precision: str, plane: str = "stress") -> None:
         self.body, self.plane = body, plane
         bonds, points, d = body.bonds, body.all_points, body.dimension
         total = len(points)
@@ -86,16 +80,7 @@ class Kinematics:
         self.supported = np.zeros(total, dtype=np.uint8)
         find_shapes(body, np.arange(len(body), dtype=np.uint32), self.weighted_bonds, self.inverse_shape, self.supported)
 
-        self._correction, self.corrected, self.changed_bonds = None, None, None
-        if changes is not None:
-            numbers = np.flatnonzero(np.abs(changes).max(axis=1))
-            self.changed_bonds = numbers, body.bond_owners[numbers], changes[numbers]
-        if quadratic:
-            weights = self.gradient_weights(self.weighted_bonds, self.inverse_shape)
-            self._correction = quadratic_correction(body, weights, self.supported[: len(body)])
-            self.corrected = np.diff(self._correction.indptr)[::d] > 0
-            body.share.fill(self.corrected)
-
+        self.changed: ChangedWeights | None = None
         self.positions, self.gradients = points.copy(), aligned_rows((total, d * d))
         self.changes, self.formed = 0, False
         self.interfaces = None
@@ -107,10 +92,7 @@ class Kinematics:
         self.gradient_ghosts = ghosts if plane == "stress" else ghosts.held_by_clamps(SHARE_ALONG_CLAMPS[plane])
         images = ghosts.source, ghosts.parity, self._shifts
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks)
-        self._gradient_shifts = np.zeros((len(ghosts), d * d))
-        of_ghosts = *self.gradient_ghosts.of_gradients, 1.0, self._gradient_shifts
-        self._place_alone, self._form = Chain(self._place), self.gradient_steps(self.positions, self.gradients, 1.0)
-        self._form_on_ghosts = [fill_matrices.bind(self.gradients, *of_ghosts, chunks=self.chunks)] if len(ghosts) else []
+        self._gradient_shifts, self._place_alone = np.zeros((len(ghosts), d * d)), Chain(self._place)
 
     @cached_property
     def sources(self) -> np.ndarray:
@@ -132,6 +114,8 @@ class Kinematics:
         find_shapes(self.body, touched, self.weighted_bonds, self.inverse_shape, self.supported, np.flatnonzero(reached[n:]))
         if self.interfaces is not None:
             self.interfaces.break_bonds(pairs)
+        if self.changed is not None:
+            self.changed.renew(touched)
         self.formed, self.changes = False, self.changes + 1
         own, outer = bonds.pair_of[entries_of(bonds.pointers, touched)], self.outer_pairs
         beside = self.body.share.beside_halo(bonds.first, bonds.second)  # other ranks may have broken pairs that this rank does not have
@@ -178,43 +162,14 @@ class Kinematics:
         bonds = self.body.bonds
         arrays = bonds.pointers, bonds.neighbors, self.weighted_bonds, self.inverse_shape
         form = deformation_gradients[self.body.dimension].bind(positions, *arrays, unsupported, gradients, chunks=self.chunks)
-        changed = self._changed(lambda changes, columns: sparse_product(self.chunks, changes, positions, columns, add=True), gradients)
-        return [form, *changed] if self._correction is None else [form, *changed, gradients, *self._added(self._correction, gradients)]
+        return [form] if self.changed is None else [form, *self.changed.gradient_steps(positions, gradients)]
 
-    def moment_steps(self, moments: np.ndarray) -> list[Step]:
-        """Return the steps that turn derivatives of the energy by corrected gradients into those by the gradients before correction.
+    def change_weights(self, numbers: np.ndarray, changes: np.ndarray) -> None:
+        """Add `changes` (k, d) to the weights of directed bonds in the gradients of their first points, before any steps are made.
 
-        `moments`, shape (n + m, d d), holds both, by columns, and must have the rows of halo points. No steps without a correction.
+        The sum of x (x) c over the bonds of a point must vanish for its changes c, so that gradients of affine motions stay as they are.
         """
-        if self._correction is None:
-            return []
-        d, matrix = self.body.dimension, scipy.sparse.csr_array(self._correction.shape)
-        for row, column in np.ndindex(d, d):
-            block = self.body.share.with_rows_of_others(self._correction[row::d, column::d].tocsr())
-            matrix += scipy.sparse.kron(block, scipy.sparse.coo_array(([1.0], ([row], [column])), shape=(d, d)), format="csr")
-        return [*self._added(matrix.T, moments), moments]
-
-    def pull_steps(self, moments: np.ndarray, forces: np.ndarray, unit: float) -> list[Step]:
-        """Return the steps that add the forces that derivatives by gradients, `moments` by columns, exert through `changed_bonds`."""
-        return self._changed(lambda changes, columns: sparse_product(self.chunks, -unit * changes.T, columns, forces, add=True), moments)
-
-    def _changed(self, product: Callable, gradients: np.ndarray) -> list[Step]:
-        """Return the steps of a `product` of the matrix (n d, n + m) of changed weights and the columns of gradients; none without."""
-        if self.changed_bonds is None:
-            return []
-        d, columns = self.body.dimension, gradients[: len(self.body)].reshape(-1, self.body.dimension)
-        numbers, owners, changes = self.changed_bonds
-        rows = (d * owners[:, None] + np.arange(d)).ravel()
-        ends = np.repeat(np.concatenate([self.body.bonds.neighbors[numbers], owners]), d)
-        entries = np.concatenate([changes, -changes]).ravel(), (np.tile(rows, 2), ends)
-        return product(scipy.sparse.csr_array(entries, shape=(len(columns), len(self.body.all_points))), columns)
-
-    def _added(self, matrix, gradients: np.ndarray) -> list[BoundPass]:
-        """Return the passes that add to gradients at the points a matrix (n d, n d) times their columns."""
-        columns = gradients[: len(self.body)].reshape(-1, self.body.dimension)
-        changes = np.zeros_like(columns)
-        changed = scipy.sparse.diags_array((np.diff(scipy.sparse.csr_array(matrix).indptr) > 0).astype(float))
-        return [*sparse_product(self.chunks, matrix, columns, changes), *sparse_product(self.chunks, changed, changes, columns, add=True)]
+        self.changed = ChangedWeights(self, numbers, changes)
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
         """Displace a reflection plane by u(X) = displacement + turn X; its images follow when positions are next set.
@@ -238,7 +193,10 @@ class Kinematics:
         A term that runs these steps before its own, in one call of compiled code, then sets `formed`.
         """
         before, after = ([], []) if self.interfaces is None else (self.interfaces.corrections, self.interfaces.continuation)
-        return [self._place, *self._form, *before, self.gradients, *self._form_on_ghosts, *after]
+        of_ghosts = *self.gradient_ghosts.of_gradients, 1.0, self._gradient_shifts
+        on_ghosts = [fill_matrices.bind(self.gradients, *of_ghosts, chunks=self.chunks)] if len(self.body.ghosts) else []
+        form = self.gradient_steps(self.positions, self.gradients, 1.0)
+        return [self._place, *form, *before, self.gradients, *on_ghosts, *after]
 
     @cached_property
     def _place_and_form(self) -> Steps:
@@ -295,6 +253,12 @@ def find_shapes(
     body.ghosts.fill(supported)
 
 
+def sums_of_products(places: np.ndarray, one: np.ndarray, other: np.ndarray, count: int) -> np.ndarray:
+    """Return the sums of a (x) b over the vectors a (k, d) and b (k, c) in each of `count` places, shape (count, d, c)."""
+    shape = one.shape[1], other.shape[1]
+    return np.stack([np.bincount(places, one[:, a] * other[:, b], count) for a, b in np.ndindex(shape)], axis=1).reshape(count, *shape)
+
+
 def entries_of(pointers: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return the indices of all entries of the given rows, row by row; row i extends from ``pointers[i]`` to ``pointers[i + 1]``."""
     starts = pointers[rows].astype(np.int64)
@@ -315,3 +279,80 @@ def matrices(columns: np.ndarray) -> np.ndarray:
     """Return matrices, shape (k, d, d), from arrays that store them by columns, shape (k, d d); a view where possible."""
     d = math.isqrt(columns.shape[1])
     return columns.reshape(-1, d, d).transpose(0, 2, 1)
+
+
+class ChangedWeights:
+    """Changes of the weights of some directed bonds in the deformation gradients of their first points, theory (79).
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    numbers : ndarray of int, shape (k,)
+        Numbers of the bonds, rising.
+    changes : ndarray, shape (k, d)
+
+    Attributes
+    ----------
+    owners : ndarray of int, shape (k,)
+        First point of each bond.
+    numbers, changes
+    """
+
+    def __init__(self, kinematics: Kinematics, numbers: np.ndarray, changes: np.ndarray) -> None:
+        self._kinematics, self.numbers, self.changes = kinematics, numbers, changes
+        body, d = kinematics.body, kinematics.body.dimension
+        self.owners = body.bond_owners[numbers]
+        self._points, self._places = np.unique(self.owners, return_inverse=True)
+        ends = np.concatenate([body.bonds.neighbors[numbers].astype(np.int64), self._points])
+        rows = d * np.concatenate([self.owners, self._points])[:, None] + np.arange(d)
+        # The matrices have the entries of all bonds and of their first points, in places that broken bonds do not change.
+        entries = np.arange(rows.size), (rows.ravel(), np.repeat(ends, d))
+        matrix = scipy.sparse.csr_array(entries, shape=(d * len(body), len(body.all_points)))
+        matrix.sort_indices()
+        self._matrices = matrix, matrix.T.tocsr()
+        self._orders = [each.data for each in self._matrices]
+        for each in self._matrices:
+            each.data = np.zeros(len(each.data))
+        self._fill()
+
+    def _fill(self) -> None:
+        """Write the changes to the matrices: from positions to columns of gradients, and minus its transpose."""
+        sums = np.stack([np.bincount(self._places, column, len(self._points)) for column in self.changes.T], axis=1)
+        entries = np.concatenate([self.changes, -sums]).ravel()
+        for matrix, order, sign in zip(self._matrices, self._orders, (1, -1), strict=True):
+            matrix.data[:] = sign * entries[order]
+
+    def gradient_steps(self, positions: np.ndarray, gradients: np.ndarray) -> list[Step]:
+        """Return the steps that add the changes' part to gradients (n + m, d d) of positions, or of displacements."""
+        columns = gradients[: len(self._kinematics.body)].reshape(-1, self.changes.shape[1])
+        return sparse_product(self._kinematics.chunks, self._matrices[0], positions, columns, add=True, variable=True)
+
+    def pull_steps(self, moments: np.ndarray, forces: np.ndarray) -> list[Step]:
+        """Return the steps that add the forces that derivatives by gradients, `moments` by columns, exert through the changes."""
+        columns = moments[: len(self._kinematics.body)].reshape(-1, self.changes.shape[1])
+        return sparse_product(self._kinematics.chunks, self._matrices[1], columns, forces, add=True, variable=True)
+
+    def renew(self, touched: np.ndarray) -> None:
+        """Drop the changes of broken bonds of the points `touched`, and project the others there onto those that keep affine motions."""
+        body, d, n = self._kinematics.body, self.changes.shape[1], len(self._kinematics.body)
+        chosen = np.zeros(n, dtype=bool)
+        chosen[touched] = True
+        found = np.flatnonzero(chosen[self.owners])
+        owners, numbers = self.owners[found], self.numbers[found]
+        whole = self._kinematics.weighted_bonds[numbers].any(axis=1)
+        x = (body.all_points[body.bonds.neighbors[numbers]] - body.points[owners]) / body.spacing * whole[:, None]
+        changes = self.changes[found] * whole[:, None]
+
+        places = np.searchsorted(touched, owners)
+        moments, of_changes = (sums_of_products(places, x, vectors, len(touched)) for vectors in (x, changes))
+        left = self._kinematics.supported[touched] > 0
+        left &= np.linalg.eigvalsh(moments)[:, 0] > THINNEST * np.trace(moments, axis1=1, axis2=2)
+        moments[~left] = np.eye(d)
+        changes -= np.einsum("bi,bij->bj", x, np.linalg.solve(moments, of_changes)[places])
+        self.changes[found] = np.where(left[places, None], changes, 0.0)
+        if body.share.divided:
+            every = np.zeros((len(body.bonds.neighbors), d))
+            every[self.numbers] = self.changes
+            body.bond_halo.fill(every)
+            self.changes[:] = every[self.numbers]
+        self._fill()

@@ -13,6 +13,7 @@ from ..kernels.domain import BLEND
 from ..kernels.sums import sum_moments, sum_pair_forces
 from ..materials import PLANES, Law, plane_stress
 from ..materials.states import principal_stretches
+from .balanced import balanced_changes
 from .bond_shares import BondShares
 from .errors import at_point, why_invalid
 from .kinematics import matrices
@@ -49,10 +50,12 @@ class PairEnergy(Term):
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
         body, d, whole = self.body, self.body.dimension, binding.whole
-        self.correction = binding.settings.correction or self.correction
         if self.selective is None:
             self.selective = binding.settings.plane != "stress"
         self.shares = BondShares(self.kinematics, binding.precision)
+        changes = balanced_changes(self.kinematics, self.shares, binding.portion_of)
+        if changes is not None:
+            self.kinematics.change_weights(*changes)
         self._model, models = binding.portions[0].model, [portion.model for portion in binding.portions]
         self._domain = self._model.domain if whole else None
         owners = None if whole else binding.portion_of[body.bond_owners]
@@ -175,10 +178,13 @@ class PairEnergy(Term):
     def _from_one_side(self) -> np.ndarray | None:
         """Return corrections of the forces of all pairs where bonds are omitted from gradients or have changed weights; None if none do."""
         interfaces, bonds, body = self.kinematics.interfaces, self.body.bonds, self.body
-        found = self.kinematics.changed_bonds if interfaces is None else interfaces.one_sided_bonds
-        if found is None:
+        weights = self.kinematics.changed
+        found = [] if weights is None else [(weights.numbers, weights.owners, weights.changes)]
+        if interfaces is not None and interfaces.one_sided_bonds is not None:
+            found.append(interfaces.one_sided_bonds)
+        if not found:
             return None
-        numbers, owners, changes = found
+        numbers, owners, changes = (np.concatenate(each) for each in zip(*found, strict=True))
         pulls = self._unit * self.shares.pulls(self._stresses, owners, changes)
         pulls[bonds.first[bonds.pair_of[numbers]] != owners] *= -1
         changed = np.stack([np.bincount(bonds.pair_of[numbers], pull, len(bonds.first)) for pull in pulls.T], axis=1)

@@ -16,7 +16,7 @@ from ..materials import Law
 from ..materials.law import checked_law
 from .internal_force import InternalForce
 from .material_points import MaterialPoints
-from .settings import BALANCED, QUADRATIC, ForceSettings
+from .settings import ForceSettings
 from .term import Term
 
 
@@ -497,8 +497,6 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         raise ValueError(f"{asked[0]}: the deviation of committee members is available only for bodies of one material; leave out #all")
     if len(merged) == 1 and not len(rigid):
         return merged[0].model.bind(body, merged[0].law, settings)
-    if settings.correction in (QUADRATIC, BALANCED):
-        raise ValueError(f"correction={settings.correction} supports bodies of one material without rigid regions; use correction=none")
     honored = {key for portion in merged for key in portion.model.honored(settings.plane)}
     for portion in merged:
         # Models that hold everywhere do not use `outside`; those of other materials may have a domain.

@@ -18,15 +18,9 @@ ROTATIONS = {"polar": None, "convected": convected_rotations}
 """Definitions of the rotation of a horizon (the material around a point) by name, each with the compiled pass that overwrites the rotation
 from the polar decomposition; None for the polar decomposition itself."""
 
-QUADRATIC = "quadratic"
-"""Correction of deformation gradients at incomplete horizons (`pdsurrogate.forces.quadratic`)."""
-
-BALANCED = "balanced"
-"""Correction of deformation gradients beside free boundaries (`pdsurrogate.forces.balanced`)."""
-
 SETTINGS = {
     "precision": PRECISIONS,
-    "correction": (*CORRECTIONS, QUADRATIC, BALANCED),
+    "correction": tuple(CORRECTIONS),
     "rotation": tuple(ROTATIONS),
     "outside": tuple(OUTSIDE_POLICIES),
     "breakable": (True,),
@@ -41,9 +35,6 @@ OTHERS = {
     "space": "force=bond-energy, force=nosb and artifacts of isochoric energies support solids",
 }
 """Advice for error messages about a model that does not support a plane: which models do, by the plane."""
-CORRECTED = {"quadratic": "force=bond-energy supports quadratic in solids", "balanced": "force=bond-energy supports balanced"}
-"""Advice for error messages about a model that does not support a correction: which model does, by the correction."""
-
 ROTATION, OUTSIDE = "polar", "fallback"
 """Default rotation of a horizon and default policy outside the domain, for models that honor these settings."""
 
@@ -58,10 +49,9 @@ class ForceSettings:
     ----------
     precision : {"float32", "float64"}, optional
         Precision of the compiled pass over the bonds; positions, sums and the states of the points are always in double precision.
-    correction : {"tensor", "scalar", "none", "quadratic", "balanced"}, optional
-        Correction of incomplete horizons: theory (21), the paper's (24)-(25), or nothing. By default "tensor" if the model allows it.
-        "quadratic" makes the gradients of bond energies of solids exact for quadratic motions (theory (64)); "balanced" makes
-        a uniform stress exert the load of the boundary on the points beside it (theory (78)). Bonds then cannot break.
+    correction : {"tensor", "scalar", "none"}, optional
+        Correction of incomplete horizons in bond forces: theory (21), the paper's (24)-(25), or nothing. By default "tensor" if the model
+        allows it.
     rotation : {"polar", "convected"}, optional
         Rotation of a horizon: from the polar decomposition, which is the default, or by the paper's (22)-(23).
     outside : {"fallback", "warn", "raise", "extrapolate"}, optional
@@ -95,8 +85,6 @@ class ForceSettings:
             key, value = field.name, getattr(self, field.name)
             if value not in (field.default, *SETTINGS[key]):
                 raise ValueError(f"{key} must be one of {', '.join(map(str, SETTINGS[key]))}, not {value!r}")
-        if self.correction in (QUADRATIC, BALANCED) and self.breakable:
-            raise ValueError(f"correction={self.correction}: bonds cannot break with it; use correction=none, or leave out fracture")
 
     def check(self, name: str, honors: Mapping[str, tuple]) -> None:
         """Check that a model can honor all settings that are given.
@@ -131,7 +119,7 @@ class ForceSettings:
             where = WHERE[self.plane] if key != "plane" else ""
             taken = {key: honors[key]} if key in honors else honors
             words = ", ".join(_words(key, *values) for key, values in taken.items()) or "none of these settings"
-            others = OTHERS if key == "plane" else CORRECTED if key == "correction" else {}
+            others = OTHERS if key == "plane" else {}
             advice = f"; {others[value]}" if value in others else ""
             raise ValueError(f"{name} does not support {_words(key, value)}{where}; it supports {words}{advice}")
 

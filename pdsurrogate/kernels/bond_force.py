@@ -161,7 +161,7 @@ def pair_forces(chunk, positions, records, pairs, bond_force, exact, constants, 
             r2 = s * reference[0, k] + c * reference[1, k]
             d1 = bond[0, k]
             d2 = bond[1, k]
-            live = reference[2, k] > zero
+            live = reference[2, k] != zero
             a = r1 * d1 + r2 * d2 if live else one
             b = r1 * d2 - r2 * d1 if live else zero
             J = half * means[2, k] if live else one
@@ -186,7 +186,7 @@ def pair_forces(chunk, positions, records, pairs, bond_force, exact, constants, 
                 call_block(exact, states, constants, work[chunk.thread], scratch[chunk.thread], exact_traction)
                 for k in range(BLOCK):
                     a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
-                    if reference[2, k] > zero and reference[counted, k] > zero and is_outside(a, b, U_mm, J, C33, outer) > zero:
+                    if reference[2, k] != zero and reference[counted, k] > zero and is_outside(a, b, U_mm, J, C33, outer) > zero:
                         count += 1
                     if guard == FALL_BACK:
                         share = real(share_inside(a, b, U_mm, J, C33, outer, inner))

@@ -1,8 +1,9 @@
 """Compilation of a scene into a problem: everything that a run needs, resolved once into points, numbers and names."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from ..body.local_fit import text_of
 from ..discretization import check_size, cuts_of, discretize, grip_areas, held_at_points, memory_here, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
 from ..forces.interface_fits import SIGHT
-from ..forces.settings import BALANCED
 from ..materials import Law
 from ..ranks import ALONE, Communicator
 from ..scenes import Scene
@@ -21,7 +21,7 @@ from ..solvers.conditions import Loading
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
 from .conditions import check_speeds, check_steps, conditions_of, loads_of, warn_of_points
-from .fracture import CriticalStretches
+from .fracture import CriticalStretches, check_walls
 from .fronts import Fronts
 from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
 from .obstacles import bar_rigid_regions
@@ -228,15 +228,21 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
         whole.append(body)
         return body if ranks.size == 1 else divided(body, ranks, SIGHT if scene.materials else HALO)
 
+    @cache
     def surface() -> Surface:
         return surface_of(scene, whole[0], lower, upper).of_share(body.share)
+
+    def boundary() -> np.ndarray | None:
+        try:
+            return surface().on_points(body.planes)
+        except ValueError as error:  # such as of holes in three dimensions that meet
+            warnings.warn(f"{error}; strain and stress near the boundary are less accurate: gradients are not balanced", stacklevel=2)
+            return None
 
     curves = all(model.mirrors_curves for model in models)
     # Bond forces do not know where in a cell the interface lies: they gain nothing by divided cells.
     body, lower, upper = discretize(scene, share_of, curves, all(model.family == "bond energy" for model in models))
-    if scene.correction == BALANCED:
-        vars(body)["outward"] = surface().on_points(body.planes)
-        body.share.fill(body.outward)
+    vars(body)["boundary"] = boundary
     problem = _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, surface), ranks)
     if models:
         warn_of_points(scene, problem.held_at_points)
@@ -262,6 +268,9 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
         measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))
-        critical = CriticalStretches(scene, scene.fracture, body, models[0].family, of_points) if scene.fracture and portions else None
+        critical = None
+        if scene.fracture and portions:
+            check_walls(scene, whole)
+            critical = CriticalStretches(scene, scene.fracture, body, models[0].family, of_points)
     held = (regions, prescriptions, stages, loading)
     return Problem(scene, models, settings_of(scene), body, whole, *held, portions, rigid, measures, critical)

@@ -1,7 +1,7 @@
 """Regions of a scene, resolved into the numbers of the points of its body, or of the facets of its boundary, that lie in them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -153,11 +153,11 @@ class BodyRegions:
     lower, upper : ndarray, shape (d,)
         Corners of the bounding box of the body.
     surface : callable
-        Returns the boundary of the body; called once, where a region first needs it.
+        Returns the boundary of the body, made where it is first needed.
     """
 
     def __init__(self, scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
-        self._scene, self.body, self.lower, self.upper, self.surface = scene, body, lower, upper, cache(surface)
+        self._scene, self.body, self.lower, self.upper, self.surface = scene, body, lower, upper, surface
         self.tolerance = ROUNDING * float((upper - lower).max())
         self._points = _Points(self, body.points, body.groups)
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..scenes import Load, Prescribed, Scene
+from ..scenes import Load, Obstacle, Prescribed, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import with_unit
 from ..scenes.regions import label_of_region
@@ -23,8 +23,12 @@ Curves = tuple[dict[str, np.ndarray], str, str]
 """Curves by name, what they show, and the kind of its unit."""
 
 
+MOVING = Prescribed, Obstacle
+"""Entries of a scene that move what they touch, and with which results report a force."""
+
+
 class _Cause(NamedTuple):
-    """Prescribed motion or load: its entry in the scene, its name, what it is, with its unit, and its size at amplitude 1."""
+    """Prescribed motion, obstacle or load: its entry in the scene, its name, what it is, with its unit, and its size at amplitude 1."""
 
     entry: Any
     name: str
@@ -42,14 +46,15 @@ def loading_curve(scene: Scene, history: Sequence[dict]) -> tuple[list[float], d
     of the greatest, and the lesser of two opposite ones, are left out.
     """
     rows = [{"t": 0.0}, *(row for row in history if any(key.startswith("force_") for key in row))]
-    every = [_cause(scene, entry, f"{key}.{n}") for key in ("prescribed", "loads") for n, entry in enumerate(getattr(scene, key))]
+    entries = {"prescribed": scene.prescribed, "obstacles": scene.obstacles, "loads": scene.loads}
+    every = [_cause(scene, entry, f"{key}.{n}") for key, of_key in entries.items() for n, entry in enumerate(of_key)]
     causes = [cause for cause in every if cause.size]
     x, xlabel = [row["t"] for row in rows], "loading parameter t"
     if len({(cause.label, abs(cause.size), cause.entry.amplitude) for cause in causes}) == 1:
         factor, xlabel = amplitude_of(causes[-1].entry.amplitude), causes[-1].label
         x = [causes[-1].size * factor(t) for t in x]
-    if any(isinstance(cause.entry, Prescribed) for cause in causes) or not causes:
-        found, what, kind = _reactions(scene, rows, [cause for cause in causes or every if isinstance(cause.entry, Prescribed)])
+    if any(isinstance(cause.entry, MOVING) for cause in causes) or not causes:
+        found, what, kind = _reactions(scene, rows, [cause for cause in causes or every if isinstance(cause.entry, MOVING)])
     else:
         found, what, kind = _motions(scene, rows, causes)
     greatest, shown = max(np.abs(values).max() for values in found.values()), {}
@@ -62,22 +67,28 @@ def loading_curve(scene: Scene, history: Sequence[dict]) -> tuple[list[float], d
     return x, shown, xlabel, scene.units.label(what, kind)
 
 
-def _cause(scene: Scene, entry: Prescribed | Load, key: str) -> _Cause:
+def _cause(scene: Scene, entry: Prescribed | Obstacle | Load, key: str) -> _Cause:
     """Return what an entry of a scene, with the given key, does to the body; its size is 0 if it holds a region at rest."""
-    units, name = scene.units, entry.name or label_of_region(entry.region, key)
-    if isinstance(entry, Prescribed):
-        moved = max((value or 0.0 for value in entry.displacement), key=abs)
-        turned = entry, name, "angle (°)", entry.rotation
-        return _Cause(*turned) if entry.rotation else _Cause(entry, name, units.label("prescribed displacement", "length"), moved)
+    units, name = scene.units, entry.name or (key if isinstance(entry, Obstacle) else label_of_region(entry.region, key))
+    if _turns(entry):
+        return _Cause(entry, name, "angle (°)", entry.rotation)
+    if isinstance(entry, MOVING):
+        moved = max((value or 0.0 for value in (entry.x1, entry.x2, entry.x3)), key=abs)
+        return _Cause(entry, name, units.label("prescribed displacement", "length"), moved)
     value, gradient = getattr(entry, entry.kind), units.force and f"{units.stress}/{units.length}"
     unit = {"force": units.force, "body_force": gradient}.get(entry.kind, units.stress)
     size = float(value) if entry.kind == "pressure" else float(np.linalg.norm(value))
     return _Cause(entry, name, with_unit(entry.kind.replace("_", " "), unit), size)
 
 
+def _turns(entry: Prescribed | Obstacle | Load) -> bool:
+    """Return whether an entry of a scene prescribes a rotation other than 0."""
+    return isinstance(entry, Prescribed) and bool(entry.rotation)
+
+
 def _reactions(scene: Scene, rows: Sequence[dict], causes: Sequence[_Cause]) -> Curves:
     """Return the torques on turned regions, or the force components on moved ones."""
-    found, turned = {}, [cause for cause in causes if cause.entry.rotation]
+    found, turned = {}, [cause for cause in causes if _turns(cause.entry)]
     for entry, name, *_ in turned or causes:
         force = _components(rows, f"force_{name}", scene.dimension)
         if not turned:

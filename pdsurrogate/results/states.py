@@ -21,7 +21,8 @@ class Moment:
     Attributes
     ----------
     run_time : float
-        Pseudo-time that orders all states of the run in the PVD index: the number of outputs in equilibrium so far, plus `time`.
+        Pseudo-time that orders all states of the run: the number of outputs in equilibrium so far, plus `time`. The PVD index has it where
+        the loading parameter does not grow from state to state, or after dynamics.
     stretch : float or None
         Distance of the grips divided by its undeformed value, in a scene with grips.
     time : float
@@ -148,8 +149,11 @@ class StatesInFiles(States):
                 self._write_index()
 
     def _write_index(self) -> None:
-        entries = [(moment.run_time, path.name) for moment, path in zip(self.moments, self._kept, strict=True)]
-        vtk.write_index(self.folder / f"{self.name}.pvd", entries)
+        # The loading parameter if it alone orders the states: not where it falls or rests, or in dynamics, whose axis is the time.
+        times = np.array([moment.stretch if moment.t is None else moment.t for moment in self.moments])
+        if any(moment.time for moment in self.moments) or (np.diff(times) <= 0).any():
+            times = np.array([moment.run_time for moment in self.moments])
+        vtk.write_index(self.folder / f"{self.name}.pvd", list(zip(times, (path.name for path in self._kept), strict=True)))
 
     def _path(self, number: int) -> Path:
         """Return the path of the file of a state: a VTU file, or the PVTU file of a state that was written in pieces."""

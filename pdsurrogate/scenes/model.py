@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from ..arguments import suggestion
 from ..html_tables import html_facts
@@ -19,6 +19,16 @@ from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_
 from .shapes import Mesh
 from .solids import AnyBody, AnyPrecut, AnyShape
 from .strict_model import Finite, Positive, StrictModel, Vector, Whole, refused
+
+
+def _bond_force_correction(value: Any) -> Any:
+    """Return a correction; raise ValueError for those that were choices for bond energies."""
+    if value == "balanced":
+        raise ValueError("bond energies always have balanced gradients now, so that balanced is no choice; leave out correction")
+    if value == "quadratic":
+        raise ValueError("quadratic is gone: bond energies have balanced gradients in its place; leave out correction")
+    return value
+
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 """Name of a scene, after which result files are named: no path, and no character with a meaning to a terminal or a shell."""
@@ -336,21 +346,33 @@ class Units(StrictModel):
     length: UnitName | None = None
     stress: UnitName | None = None
     time: UnitName | None = None
+    _dimension: int = PrivateAttr(3)
+
+    def of_body(self, dimension: int) -> "Units":
+        """Return the same names for a body of a dimension: of a body in the plane forces, areas and energies are those per thickness."""
+        found = self.model_copy()
+        found._dimension = dimension
+        return found
+
+    def _times_length(self, power: int) -> str:
+        """Return the unit of length to a power, one less in the plane, after a blank; empty for the power 0."""
+        power -= self._dimension == 2
+        return f" {self.length}" + (f"^{power}" if power > 1 else "") if power else ""
 
     @property
     def force(self) -> str | None:
-        """Return the unit of forces, stress times length^2 (sheets are one unit of length thick); None if either unit has no name."""
-        return f"{self.stress} {self.length}^2" if self.stress and self.length else None
+        """Return the unit of forces, stress times length^2, in the plane stress times length; None if either unit has no name."""
+        return self.stress + self._times_length(2) if self.stress and self.length else None
 
     @property
     def area(self) -> str | None:
-        """Return the unit of areas, length^2 (sheets are one unit of length thick); None if the unit of length has no name."""
-        return self.length and f"{self.length}^2"
+        """Return the unit of areas, length^2, in the plane length; None if the unit of length has no name."""
+        return self.length and self._times_length(2).strip()
 
     @property
     def energy(self) -> str | None:
-        """Return the unit of energies and moments, stress times length^3; None if either unit has no name."""
-        return f"{self.stress} {self.length}^3" if self.stress and self.length else None
+        """Return the unit of energies and moments, stress times length^3, in the plane length^2; None if either unit has no name."""
+        return self.stress + self._times_length(3) if self.stress and self.length else None
 
     def label(self, what: str, kind: str) -> str:
         """Return the name `what` of a quantity with its unit in brackets, for headers and axes; `kind` is "length" or "force", say."""
@@ -426,11 +448,9 @@ class Scene(StrictModel):
         Horizon divided by the smaller side of a cell; by default 3.15 in the plane, as in the paper, and 1.75 for solids. Unit: none.
     weight : str
         Weight of a bond of length l at the horizon d: ``"inverse"`` is d/l, as in the paper; ``"constant"`` is 1; ``"linear"`` is 1 - l/d.
-    correction : {"tensor", "scalar", "none", "quadratic", "balanced"}, optional
-        Correction of incomplete horizons, near edges: for bond forces ``"tensor"`` is theory (21), ``"scalar"`` is the paper's (24)-(25).
-        By default ``"tensor"`` if the force model supports it. For bond energies of solids, ``"quadratic"`` makes gradients exact for
-        quadratic motions, theory (64). For bond energies, ``"balanced"`` makes strain and stress converge beside free and loaded
-        boundaries, theory (78).
+    correction : {"tensor", "scalar", "none"}, optional
+        Correction of incomplete horizons, near edges, in bond forces: ``"tensor"`` is theory (21), ``"scalar"`` is the paper's (24)-(25).
+        By default ``"tensor"`` if the force model supports it. Bond energies have balanced gradients there (theory, section 26).
     rotation : {"polar", "convected"}, optional
         Rotation of a horizon: that of the polar decomposition, which is the default, or the paper's (22)-(23).
     precision : {"float32", "float64"}, optional
@@ -492,7 +512,7 @@ class Scene(StrictModel):
     support: Literal["reflected", "points"] = "reflected"
     horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = Field(None, validate_default=True)
     weight: Annotated[str, AfterValidator(_known_weight)] = "inverse"
-    correction: Literal["tensor", "scalar", "none", "quadratic", "balanced"] | None = None
+    correction: Annotated[Literal["tensor", "scalar", "none"], BeforeValidator(_bond_force_correction)] | None = None
     rotation: Literal["polar", "convected"] | None = None
     precision: Literal["float32", "float64"] | None = None
     outside: Literal["fallback", "warn", "raise", "extrapolate"] | None = None
@@ -507,6 +527,11 @@ class Scene(StrictModel):
     def _usual(cls, value: Any, info: ValidationInfo) -> Any:
         """Return the value given for `plane` or `horizon_ratio`, or else its default for the dimension of the body."""
         return USUAL[str(info.field_name)][_dimension_of(info.data)] if value is None else value
+
+    @field_validator("units")
+    @classmethod
+    def _of_the_body(cls, value: Units, info: ValidationInfo) -> Units:
+        return value.of_body(_dimension_of(info.data))
 
     @field_validator("regions")
     @classmethod

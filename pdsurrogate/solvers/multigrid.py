@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -25,13 +24,10 @@ FEW = 1_500
 """Greatest number of unknowns of a multigrid level that is factorized instead of coarsened further. Chosen: such a factor takes
 18 MB at most, even if it fills in completely."""
 
-JACOBI, CHEBYSHEV = (4 / 3, 4 / 3), tuple(1 / (0.55 + sign * 0.45 / math.sqrt(2)) for sign in (1, -1))
-"""Factors of the two relaxation steps on a multigrid level, in units of the greatest eigenvalue of D^-1 A: equal ones, and those of
-Chebyshev's method for eigenvalues from a tenth of the greatest up, which leave half of such an error (equal ones leave three quarters).
-
-Both give a positive definite cycle, since the two steps reduce every error. Chosen by the number of force evaluations: Chebyshev's steps
-are for bodies with corrected gradients, where a bent bar (8 points across) and a twisted cube (24 points a side) need an eighth fewer;
-without corrections the cube needs a fifth more with them, although the cycle is then nearer to the inverse."""
+JACOBI = 4 / 3
+"""Factor of the two relaxation steps on a multigrid level, in units of the greatest eigenvalue of D^-1 A: a positive definite cycle, since
+the steps reduce every error. Chosen by the number of force evaluations: a twisted cube (24 points a side) needs a fifth more with the two
+factors of Chebyshev's method, although the cycle is then nearer to the inverse."""
 
 
 def factor_of(matrix: scipy.sparse.sparray):
@@ -57,8 +53,6 @@ class Multigrid:
         False for held points, whose rows of the matrix have no off-diagonal entries.
     width : int
         Number of right-hand sides that are solved for at once.
-    steps : tuple of float
-        Factors of the two relaxation steps, `JACOBI` or `CHEBYSHEV`.
 
     References
     ----------
@@ -72,7 +66,6 @@ class Multigrid:
         spacing: float,
         free: np.ndarray,
         width: int = 1,
-        steps: tuple[float, float] = JACOBI,
     ) -> None:
         # Powers of two scale the values into the range of single precision, in any units, without rounding.
         self._unit = power_of_two(matrix.diagonal().mean())
@@ -84,16 +77,16 @@ class Multigrid:
             diagonal = matrix.diagonal()
             # Gershgorin's bound of the spectrum of D^-1 A.
             greatest = float((abs(matrix).sum(axis=1) / diagonal).max())
-            jacobi, *relaxations = relaxations_of(diagonal, greatest, steps)
+            relaxation = JACOBI / greatest / diagonal
             rows = np.flatnonzero(free)
             boxes = boxes_of(points[rows], spacing, points[rows].min(axis=0), points[rows].max(axis=0))
             kept, box = np.unique(boxes, return_inverse=True)
             if 2 * len(kept) > len(rows):
                 break
             constant = scipy.sparse.csr_array((np.ones(len(rows)), (rows, box)), shape=(len(points), len(kept)))
-            prolongation = (constant - scipy.sparse.diags_array(jacobi) @ (matrix @ constant)).tocsr()
+            prolongation = (constant - scipy.sparse.diags_array(relaxation) @ (matrix @ constant)).tocsr()
             self._levels.append(_Level(prolongation.shape[1], held))
-            self._levels[-2].bind(matrix, relaxations, prolongation, self._levels[-1])
+            self._levels[-2].bind(matrix, relaxation, prolongation, self._levels[-1])
             matrix = (prolongation.T @ (matrix @ prolongation)).tocsr()
             counts = np.bincount(box)
             points = np.stack([np.bincount(box, column) / counts for column in points[rows].T], axis=1)
@@ -151,38 +144,28 @@ class _Level:
         self.right, self.found, self.rest, self.first = np.zeros((4, count, held), dtype=np.float32)
         self.down = self.up = self.take_rest = None
 
-    def bind(
-        self, matrix: scipy.sparse.csr_array, relaxations: list[np.ndarray], prolongation: scipy.sparse.csr_array, coarser: _Level
-    ) -> None:
+    def bind(self, matrix: scipy.sparse.csr_array, relaxation: np.ndarray, prolongation: scipy.sparse.csr_array, coarser: _Level) -> None:
         """Create the passes `down`, `up` and `take_rest` between this level and the next coarser one.
 
-        The two `relaxations` (n,) are the factors on the residual in the steps before the coarser level, and in reverse order after it, so
-        that the cycle is symmetric. The matrix `prolongation` maps a solution of the coarser level to this one.
+        There are two steps with the factors `relaxation` (n,) on the residual before the coarser level, and two after it. The matrix
+        `prolongation` maps a solution of the coarser level to this one.
         """
         rows, restriction = rows_of_matrix(matrix), rows_of_matrix(prolongation.T.tocsr())
-        one, two = (relaxation.astype(np.float32) for relaxation in relaxations)
+        factors = relaxation.astype(np.float32)
         right, found, rest = self.right, self.found, self.rest
         passes, chunks = passes_of(right.shape[1]), chunks_of(matrix.nnz)
         self.down = Chain(
-            passes.scale.bind(one, right, rest, chunks=chunks),
-            passes.relax.bind(*rows, two, right, rest, found, chunks=chunks),
+            passes.scale.bind(factors, right, rest, chunks=chunks),
+            passes.relax.bind(*rows, factors, right, rest, found, chunks=chunks),
             passes.residual.bind(*rows, right, found, rest, chunks=chunks),
             passes.add_product.bind(*restriction, rest, 0.0, coarser.found, coarser.right, chunks=chunks),
         )
         self.up = Chain(
             passes.add_product.bind(*rows_of_matrix(prolongation), coarser.found, 1.0, rest, found, chunks=chunks),
-            passes.relax.bind(*rows, two, right, found, rest, chunks=chunks),
-            passes.relax.bind(*rows, one, right, rest, found, chunks=chunks),
+            passes.relax.bind(*rows, factors, right, found, rest, chunks=chunks),
+            passes.relax.bind(*rows, factors, right, rest, found, chunks=chunks),
         )
         self.take_rest = Chain(passes.residual.bind(*rows, right, found, rest, chunks=chunks))
-
-
-def relaxations_of(diagonal: np.ndarray, greatest: float, steps: tuple[float, float]) -> list[np.ndarray]:
-    """Return the factors (n,) on a residual with which prolongations are smoothed, and those of the two relaxation steps.
-
-    `greatest` is a bound of the spectrum of D^-1 A, and D the `diagonal` (n,).
-    """
-    return [factor / greatest / diagonal for factor in (JACOBI[0], *steps)]
 
 
 def boxes_of(points: np.ndarray, spacing: float, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:

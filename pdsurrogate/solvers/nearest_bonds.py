@@ -13,14 +13,16 @@ import scipy
 from ..body import Body
 from ..body.body import lengths_of, sums_at_points
 from ..forces import InternalForce
+from ..kernels.nearest_bonds import add_unspanned
 from ..kernels.steps import greatest_strain
 from ..ranks import Share
-from .multigrid import CHEBYSHEV, JACOBI, Multigrid, Operator, conjugate_gradients, factor_of
+from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
 from .shared_multigrid import SharedMultigrid
 
 REACH = 1.3
 """Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a plane grid, and about as many off a grid.
 
+Longer bonds belong to it if no two shorter ones span them (`add_unspanned`), as between the layers of cells that are longer than wide.
 With the diagonal bonds too, a factorization has four times the entries and costs four times as much, for a tenth fewer steps.
 """
 
@@ -32,6 +34,9 @@ with 1.8 sheets in uniaxial tension, in pure shear and with a hole need a fifth 
 still; the factor has 1.7 and 2.5 times the entries. Solids need no fewer, and use `REACH`, as do sheets of more points, whose factor has to
 fit into memory.
 """
+
+TOUCHING = 1e-6
+"""Deviation from a right angle that may be rounding: on a grid, two sides of a cell span its diagonal at exactly 90 degrees."""
 
 BESIDE = 1.2
 """Greatest distance, in spacings, of a point from its image beyond a held boundary of any shape at which `springs_beside_boundaries` keeps
@@ -63,12 +68,6 @@ entries grow as n log n in the plane, and as n^(4/3) in three dimensions."""
 MOST_DENSE = 800
 """Greatest number of rows of a stiffness matrix that is stored and inverted as a dense array. Chosen: this takes some 20 ms and 10 MB; to
 load SciPy's sparse solvers, which larger matrices need, takes 200 ms and 30 MB."""
-
-STIFFENED = 9.0
-"""Increase of the stiffness of a spring at a point with corrected gradients, divided by the squared component of its mean bond along the
-spring: corrections amplify motions that alternate from layer to layer. The mean bond is 0.37 of the mean length at a flat face, whose
-normal springs thus become 2.2 times as stiff. Chosen: with 11, bars of 4 and 6 points across (K = 100 mu) take a fifth more evaluations;
-with 7.3, a twisted cube of 8 points a side (K = 1000 mu) a tenth more."""
 
 RAISED = 4 / 3
 """Stiffness of the springs of a Laplacian that approximates the tangent of a nearly incompressible body, in the units of `ELONGATION`.
@@ -126,8 +125,6 @@ class NearestBonds:
         Stiffness of a spring against displacements along its bond and across it, in the units stated at `ELONGATION`, before scaling.
     every : ndarray of bool, shape (n,), optional
         Points of which all bonds have springs, without scaling.
-    corrected : ndarray of bool, shape (n,), optional
-        Points with corrected gradients, whose springs across the boundary layer are stiffer (`STIFFENED`).
     diagonal : bool
         Whether bonds up to `WIDE_REACH` have springs in any body, which holds a lattice together without stiffness across bonds.
 
@@ -137,8 +134,6 @@ class NearestBonds:
         Ends of the bonds; `second` may be a ghost, the image of a point beyond a reflection plane.
     coupled : bool
         Whether the displacements of a component cause forces on others.
-    relaxation : tuple of float
-        Factors of the relaxation steps of a multigrid cycle, which depend on whether the body has points with corrected gradients.
     body
     """
 
@@ -149,7 +144,6 @@ class NearestBonds:
         along: float,
         across: float,
         every: np.ndarray | None = None,
-        corrected: np.ndarray | None = None,
         diagonal: bool = False,
     ) -> None:
         bonds, points, share = body.bonds, body.all_points, body.share
@@ -163,21 +157,18 @@ class NearestBonds:
         stiffness = shear_moduli * body.weigh(length) * volumes / body.kappa
         wide = diagonal or (body.relaxed and body.dimension == 2 and share.size <= MOST_WIDE)
         near = length <= (WIDE_REACH if wide else REACH) * body.spacing
-        if not share.any(near.any()):
-            near[:] = True
+        # The point at the second end of every bond, or the point of which that end is an image.
+        sources = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[bonds.second]
+        add_unspanned(points, bonds.pointers, bonds.neighbors, bonds.first, bonds.second, sources, TOUCHING, near)
         moment = stiffness * length**2
         of_all = moment * share.own[bonds.first]
         scaled = stiffness * share.total(of_all.sum()) / share.total(of_all[near].sum())
-        # The point at the second end of every bond, or the point of which that end is an image.
-        sources = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[bonds.second]
         if every is not None:
             unscaled = every[bonds.first] | every[sources]
             scaled, near = np.where(unscaled, stiffness, scaled), near | unscaled
-        if corrected is not None:
-            scaled *= 1 + STIFFENED * _squared_lopsidedness(body, corrected)
         stiffness = scaled[near]
         self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
-        self.coupled, self.relaxation = along != across, JACOBI if corrected is None else CHEBYSHEV
+        self.coupled = along != across
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
         self.body, self._sources = body, sources[near]
 
@@ -247,25 +238,6 @@ class NearestBonds:
         return rows, columns, np.concatenate([values, -values * parity, values[within], -values[within]])
 
 
-def _squared_lopsidedness(body: Body, corrected: np.ndarray) -> np.ndarray:
-    """Return the squares of the components along each bond of the mean bonds of its `corrected` ends, in units of their mean length.
-
-    Means that point away from the bond do not count.
-    """
-    bonds, owners, n = body.bonds, body.bond_owners, len(body)
-    vectors = body.all_points[bonds.neighbors] - body.points[owners]
-    length = lengths_of(vectors)
-    weights = body.weigh(length) * body.all_volumes[bonds.neighbors]
-    lengths, *sums = (np.bincount(owners, weights * values, n)[corrected] for values in (length, *vectors.T))
-    means = np.zeros_like(body.all_points)
-    means[:n][corrected] = np.stack(sums, axis=1) / lengths[:, None]
-    body.share.fill(means)
-    along = body.all_points[bonds.second] - body.all_points[bonds.first]
-    along /= np.linalg.norm(along, axis=1)[:, None]
-    ends = (np.einsum("bi,bi->b", means[end], sign * along) for end, sign in ((bonds.first, 1), (bonds.second, -1)))
-    return sum(np.maximum(end, 0.0) ** 2 for end in ends)
-
-
 def springs_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     """Return the network of springs of a body, along bonds and across them, that approximates its small-strain stiffness."""
     return NearestBonds(body, shear_moduli, ELONGATION, SHEAR_SHARE * ELONGATION)
@@ -283,22 +255,21 @@ def springs_beside_boundaries(body: Body, shear_moduli: float | np.ndarray) -> N
     return NearestBonds(body, shear_moduli, ELONGATION, SHEAR_SHARE * ELONGATION, every)
 
 
-def laplacian_of(body: Body, shear_moduli: float | np.ndarray, corrected: np.ndarray | None = None) -> NearestBonds:
+def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     """Return the network of springs with the same stiffness, the constant `RAISED`, along and across bonds: a Laplacian per component.
 
-    The tangent of an incompressible neo-Hookean body in any state is such a Laplacian plus a contribution of the pressures. `corrected`
-    flags the points with corrected gradients.
+    The tangent of an incompressible neo-Hookean body in any state is such a Laplacian plus a contribution of the pressures.
     """
-    return NearestBonds(body, shear_moduli, RAISED, RAISED, corrected=corrected)
+    return NearestBonds(body, shear_moduli, RAISED, RAISED)
 
 
-def struts_of(body: Body, shear_moduli: float | np.ndarray, corrected: np.ndarray | None = None) -> NearestBonds:
+def struts_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     """Return the network of springs along bonds alone, which resists no rotation: slender bodies bend as easily as those of rubber.
 
     Springs across bonds resist the rotation of the sections, so that a bar of the length L and the thickness h with them is stiffer against
-    bending by some (L/h)^2. `corrected` flags the points with corrected gradients.
+    bending by some (L/h)^2.
     """
-    return NearestBonds(body, shear_moduli, STRUTS[body.dimension], 0.0, corrected=corrected, diagonal=True)
+    return NearestBonds(body, shear_moduli, STRUTS[body.dimension], 0.0, diagonal=True)
 
 
 def _symmetric(size: int, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> np.ndarray | scipy.sparse.sparray:
@@ -366,7 +337,7 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
         column = free[:, components].reshape(count, -1)[:, 0]
         system = held_matrix(matrix, column)
         if count == len(body) > MOST_FACTORIZED[body.dimension]:
-            inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components), network.relaxation).cycle
+            inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components)).cycle
         elif isinstance(system, np.ndarray):
             inverted = np.linalg.inv(system)
             inverse = ((inverted + inverted.T) / 2).__matmul__
@@ -415,7 +386,7 @@ def _inverse_by_multigrid(network: NearestBonds, free: np.ndarray) -> Operator:
     for components, matrix in network.systems(around):
         column = around[:, components[0]]
         system = scipy.sparse.csr_array(held_matrix(matrix, column, share.sum(matrix.diagonal()) / share.size))
-        cycle = SharedMultigrid(system, body.points, body.spacing, column > 0, len(components), network.relaxation, share).cycle
+        cycle = SharedMultigrid(system, body.points, body.spacing, column > 0, len(components), share).cycle
         inverses.append((components, len(body), cycle))
     return lambda forces: balanced(by_systems(inverses, balanced(forces * free))) * free
 

@@ -10,7 +10,7 @@ from ..engine.passes import Chain
 from ..engine.threads import chunks_of
 from ..kernels.multigrid import passes_of
 from ..ranks import Share
-from .multigrid import COARSENING, Multigrid, boxes_of, relaxations_of, rows_of_matrix
+from .multigrid import COARSENING, JACOBI, Multigrid, boxes_of, rows_of_matrix
 
 
 class SharedMultigrid:
@@ -23,7 +23,7 @@ class SharedMultigrid:
     ----------
     matrix : sparse.csr_array, shape (n, n)
         As for `Multigrid`, for the local points; rows of points of the halo are not used.
-    points, spacing, free, width, steps
+    points, spacing, free, width
         As for `Multigrid`, for the local points.
     share : Share
     """
@@ -35,21 +35,20 @@ class SharedMultigrid:
         spacing: float,
         free: np.ndarray,
         width: int,
-        steps: tuple[float, float],
         share: Share,
     ) -> None:
         diagonal = matrix.diagonal()
         self._share, self._width, self._unit = share, width, power_of_two(share.sum(diagonal) / share.size)
         matrix, diagonal = matrix / self._unit, diagonal / self._unit
         greatest = share.greatest((abs(matrix).sum(axis=1) / diagonal)[share.own])
-        jacobi, *relaxations = relaxations_of(diagonal, greatest, steps)
+        relaxation = JACOBI / greatest / diagonal
         rows = np.flatnonzero(free)
         lower, upper = points[rows].min(axis=0, initial=np.inf), points[rows].max(axis=0, initial=-np.inf)
         box = boxes_of(points[rows], spacing, np.min(share.everywhere(lower), axis=0), np.max(share.everywhere(upper), axis=0))
         kept = np.unique(np.concatenate(share.everywhere(np.unique(box))))
         box = np.searchsorted(kept, box)
         constant = scipy.sparse.csr_array((np.ones(len(rows)), (rows, box)), shape=(len(points), len(kept)))
-        prolongation = share.fill_sparse((constant - scipy.sparse.diags_array(jacobi) @ (matrix @ constant)).tocsr())
+        prolongation = share.fill_sparse((constant - scipy.sparse.diags_array(relaxation) @ (matrix @ constant)).tocsr())
         own = scipy.sparse.diags_array(share.own.astype(float))
         restriction = (prolongation.T @ own).tocsr()
         coarse = sum(share.everywhere((restriction @ (matrix @ prolongation)).tocsr())).tocsr()
@@ -58,28 +57,26 @@ class SharedMultigrid:
         sums = (share.total(np.bincount(box[owned], column[owned], len(kept))) for column in points[rows].T)
         centers = np.stack([total / counts for total in sums], axis=1)
         self._coarse_matrix = coarse
-        self._coarse = Multigrid(coarse, centers, spacing * COARSENING, np.ones(len(kept), dtype=bool), width, steps)
-        self._bind(matrix, relaxations, prolongation, restriction)
+        self._coarse = Multigrid(coarse, centers, spacing * COARSENING, np.ones(len(kept), dtype=bool), width)
+        self._bind(matrix, relaxation, prolongation, restriction)
 
-    def _bind(self, matrix, relaxations, prolongation, restriction) -> None:
+    def _bind(self, matrix, relaxation, prolongation, restriction) -> None:
         """Bind the passes of the finest level to its arrays, in single precision; rows of three right-hand sides are read as four."""
         (count, few), held = prolongation.shape, {3: 4}.get(self._width, self._width)
         self._right, self._found, self._rest = np.zeros((3, count, held), dtype=np.float32)
         self._coarse_right, self._coarse_found, working = np.zeros((3, few, held), dtype=np.float32)
         rows, passes, chunks = rows_of_matrix(matrix), passes_of(held), chunks_of(matrix.nnz)
-        one, two = (relaxation.astype(np.float32) for relaxation in relaxations)
+        factors = relaxation.astype(np.float32)
         right, found, rest = self._right, self._found, self._rest
-        self._scale = Chain(passes.scale.bind(one, right, rest, chunks=chunks))
-        self._relax_first, self._relax_last = (
-            Chain(passes.relax.bind(*rows, relaxation, right, rest, found, chunks=chunks)) for relaxation in (two, one)
-        )
+        self._scale = Chain(passes.scale.bind(factors, right, rest, chunks=chunks))
+        self._relax = Chain(passes.relax.bind(*rows, factors, right, rest, found, chunks=chunks))
         self._restrict = Chain(
             passes.residual.bind(*rows, right, found, rest, chunks=chunks),
             passes.add_product.bind(*rows_of_matrix(restriction), rest, 0.0, working, self._coarse_right, chunks=chunks),
         )
         self._prolong = Chain(
             passes.add_product.bind(*rows_of_matrix(prolongation), self._coarse_found, 1.0, rest, found, chunks=chunks),
-            passes.relax.bind(*rows, two, right, found, rest, chunks=chunks),
+            passes.relax.bind(*rows, factors, right, found, rest, chunks=chunks),
         )
 
     def cycle(self, right: np.ndarray) -> np.ndarray:
@@ -90,7 +87,7 @@ class SharedMultigrid:
         share.clear(self._right)
         self._scale()
         share.fill(self._rest)
-        self._relax_first()
+        self._relax()
         share.fill(self._found)
         self._restrict()
         coarse = share.total(self._coarse_right[:, :width].astype(float))
@@ -99,5 +96,5 @@ class SharedMultigrid:
         self._coarse_found[:, :width] = found
         self._prolong()
         share.fill(self._rest)
-        self._relax_last()
+        self._relax()
         return self._found[:, :width].reshape(right.shape) * (unit / self._unit)

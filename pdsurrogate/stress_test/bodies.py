@@ -62,17 +62,6 @@ def gripped(dimension=2, parity=(-1, 1, 1)) -> Body:
     return plain(dimension, planes=tuple(ReflectionPlane(0, place, side, parity[:dimension]) for place, side in ends))
 
 
-def outward(points: np.ndarray) -> np.ndarray:
-    """Return the loads (n, d) of a unit tension on all sides of a box of points 0.1 apart, half a cell inside (`Body.outward`)."""
-    found, area = np.zeros_like(points), SPACING ** (points.shape[1] - 1)
-    for axis, along in enumerate(points.T):
-        for side, end, inward in ((-1, along.min(), SPACING), (1, along.max(), -SPACING)):
-            # Linear extrapolation to the boundary from the two outermost layers.
-            found[np.isclose(along, end), axis] += 1.5 * side * area
-            found[np.isclose(along, end + inward), axis] -= 0.5 * side * area
-    return found
-
-
 def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount=0.2) -> Body:
     """Return a square or cube meshed with triangles or tetrahedra, with a point at the centroid of each, as from a mesh file.
 

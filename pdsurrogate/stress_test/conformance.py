@@ -32,7 +32,7 @@ from ..learning import training_samples
 from ..materials import dimension_of
 from ..run.run import Silent
 from ..scenes import load_scene
-from .bodies import crack, disc_with_hole, gripped, jittered, notched, of_points, outward, plain, sheet
+from .bodies import crack, disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
 from .case import PASS, WEAK, Case, Outcome, Subject, case, cases_of, forces_at, off, required
 from .deformations import force_densities, mean_stress_at, turn, wavy, why_inaccurate
 from .runs import energy_account, force_balance, scale_of_units, small_loads
@@ -550,8 +550,7 @@ def _bind_with(subject: Subject, key: str, value: Any) -> InternalForce:
     """Return the force of the model under test on a body, with the setting `key` set to a value; None leaves the model's default."""
     settings = {} if value is None else {key: value}
     dimension = dimension_of(settings.get("plane", subject.plane))
-    body = plain(dimension, outward=outward(plain(dimension).points))
-    return subject.bind(body, **{"precision": None} | settings)
+    return subject.bind(plain(dimension), **{"precision": None} | settings)
 
 
 def _settings_outcome(subject: Subject, key: str, value: Any) -> Any:

@@ -157,7 +157,8 @@ class WithLimit:
 
     def energy(self, I1bar, I2bar):
         x = (np.asarray(I1bar, self.dtype) - 3) / self.dtype(30)
-        return -15 * np.log(1 - x), self.dtype(0.5) / (1 - x), 0 * x
+        with np.errstate(invalid="ignore", divide="ignore"):  # at trial states beyond the limit, which the solver then avoids
+            return -15 * np.log(1 - x), self.dtype(0.5) / (1 - x), 0 * x
 
 
 GENT = {"law": "gent", "chain_limit": 30.0}

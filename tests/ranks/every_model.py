@@ -19,15 +19,15 @@ def cut(starts, ends):
     return sides & (np.maximum(starts[:, 0], ends[:, 0]) < 0.4)
 
 
-def measured(row, steps, ranks, outward=None, **settings):
-    """Forces, energy and positions, on the first rank of the whole body."""
+def measured(row, steps, ranks, outward=None, torn=None, **settings):
+    """Forces, energy and positions, on the first rank of the whole body; the bonds of the pairs that `torn` flags are broken on the way."""
     subject, d = Subject(row.reference, plane=row.plane), 3 if row.plane == "space" else 2
     whole = notched(d, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),), separates=cut)
     body = divided(whole, ranks) if ranks.size > 1 else whole
     share = body.share
     if outward is not None:
         vars(body)["outward"] = outward(whole)[share.numbers]
-    force = subject.model.bind(body, subject.law, ForceSettings(plane=row.plane, **settings))
+    force = subject.model.bind(body, subject.law, ForceSettings(plane=row.plane, breakable=torn is not None, **settings))
     positions = DEFORMED(body.points)
     forces = np.empty_like(positions)
     force(positions, forces)
@@ -39,7 +39,9 @@ def measured(row, steps, ranks, outward=None, **settings):
     damped = {"damping": 0.5, "viscosity": 0.0, "safety": 0.3}
     integrator = ExplicitDynamics(force, still, positions, np.zeros_like(positions), free, body.volumes.copy(), **damped)
     integrator.begin()
-    for _ in range(steps):
+    for number in range(steps):
+        if torn is not None and number == steps // 2:
+            force.break_bonds(np.flatnonzero(torn(body)))
         integrator.move()
         integrator.evaluate()
     found["positions"] = body.share.gather(positions)
@@ -55,11 +57,6 @@ def arrays(steps, names=(), **settings):
     return found
 
 
-def corrected(steps, name):
-    """What is measured of a solid's model with corrected gradients."""
-    return arrays(steps, (name,), correction="quadratic")
-
-
 def pulled(body):
     """Loads of a uniform tension on the outermost layers, which the weights of gradients are changed for."""
     places = body.points - body.points.mean(axis=0)
@@ -68,6 +65,13 @@ def pulled(body):
     return np.where(outermost, np.sign(places) * body.spacing ** (body.dimension - 1), 0.0)
 
 
-def balanced(steps, names):
-    """What is measured of models of bond energies with balanced gradients."""
-    return arrays(steps, names, correction="balanced", outward=pulled)
+def crossing(body):
+    """Flags of the pairs across a line near the upper edge, from the right, of which not all are at changed gradients."""
+    ends = body.all_points[body.bonds.first], body.all_points[body.bonds.second]
+    height = body.points[:, 1].max() - 1.2 * body.spacing
+    return ((ends[0][:, 1] > height) != (ends[1][:, 1] > height)) & (np.minimum(ends[0][:, 0], ends[1][:, 0]) > 0.4)
+
+
+def balanced(steps, names, breaks=False):
+    """What is measured of models with balanced gradients or pairs, of which some bonds break if `breaks`."""
+    return arrays(steps, names, outward=pulled, torn=crossing if breaks else None)

@@ -42,7 +42,10 @@ def test_labels_are_symbols_with_units(field, label):
 
 
 def test_units_are_printed_as_in_print():
-    assert (CM.label("force", "force"), CM.label("energy", "energy")) == ("force (kPa·cm²)", "energy (kPa·cm³)")
+    """In the plane per unit of thickness: forces in MPa and mm, which are in N/mm, were labeled MPa·mm²."""
+    assert (CM.label("force", "force"), CM.label("energy", "energy")) == ("force (kPa·cm)", "energy (kPa·cm²)")
+    assert (CM.of_body(3).label("force", "force"), CM.of_body(3).energy) == ("force (kPa·cm²)", "kPa cm^3")
+    assert (CM.area, CM.of_body(3).area) == ("cm", "cm^2")
     assert type(CM)().label("u₂", "length") == "u₂"
 
 
@@ -158,10 +161,23 @@ def test_of_opposite_forces_one_is_shown_and_residuals_are_not():
     columns = {f"force_{name}_{k + 1}": [value] for name, force in forces.items() for k, value in enumerate(force)}
     _, curves, xlabel, ylabel = loading_curve(scene, rows_of(t=[1.0], **columns))
     assert list(curves) == ["right, x₁", "top, x₂"]
-    assert (xlabel, ylabel) == ("loading parameter t", "force (kPa·cm²)")
+    assert (xlabel, ylabel) == ("loading parameter t", "force (kPa·cm)")
     shear = pds.load_scene("simple-shear")
     x, _, xlabel, ylabel = loading_curve(shear, rows_of(t=[0.5, 1.0], force_top_1=[0.5, 1.0], force_top_2=[1e-9, 1e-9]))
-    assert (x, xlabel, ylabel) == ([0.0, 0.25, 0.5], "prescribed displacement (cm)", "force on top, x₁ (kPa·cm²)")
+    assert (x, xlabel, ylabel) == ([0.0, 0.25, 0.5], "prescribed displacement (cm)", "force on top, x₁ (kPa·cm)")
+
+
+def test_what_an_obstacle_presses_has_its_force_over_its_motion():
+    """It was drawn over t, with the force of the support."""
+    punch = {"half_plane": {"point": (0.0, 1.0), "normal": (0.0, 1.0)}, "x2": -0.05, "name": "punch"}
+    fixed = {"region": "bottom", "x1": 0.0, "x2": 0.0}
+    fields = {"spacing": 0.25, "body": {"size": (1.0, 1.0)}, "material": "neo-hookean", "units": {"length": "mm", "stress": "MPa"}}
+    scene = pds.Scene(name="pressed", prescribed=[fixed], obstacles=[punch], steps=[1.0], **fields)
+    columns = {"force_bottom_2": [0.1, 0.3], "force_punch_1": [1e-9, 1e-9], "force_punch_2": [-0.1, -0.3]}
+    x, curves, xlabel, ylabel = loading_curve(scene, rows_of(t=[0.5, 1.0], **columns))
+    assert (x, xlabel, ylabel) == ([0.0, -0.025, -0.05], "prescribed displacement (mm)", "force on punch, x₂ (MPa·mm)")
+    np.testing.assert_allclose(curves["punch, x₂"], [0.0, -0.1, -0.3])
+    assert set(pds.simulate(scene, "bond-energy").history[0]) >= {"force_punch_1", "force_punch_2"}
 
 
 def test_a_curve_of_residuals_looks_like_zero():
@@ -178,7 +194,7 @@ def test_one_stretch_has_a_marker_and_the_rest_before_it(stretched):
     assert line.get_ydata()[0] == 0
     assert list(reference.get_xdata()) == [1.5]
     axis = energies_figure(stretched).axes[0]
-    assert (axis.get_xlabel(), axis.get_ylabel()) == ("stretch", "strain energy (kPa·cm³)")
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("stretch", "strain energy (kPa·cm²)")
     np.testing.assert_allclose(axis.lines[0].get_xdata(), [1.0, 1.2, 1.5])
 
 

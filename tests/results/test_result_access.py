@@ -127,7 +127,7 @@ def test_tables_with_pandas_and_without(stretched, monkeypatch):
     pytest.importorskip("pandas")
     table = stretched.table()
     assert list(table["stretch"]) == [1.2, 1.5]
-    assert table.attrs["units"]["force_right_1"] == "kPa cm^2"
+    assert table.attrs["units"]["force_right_1"] == "kPa cm"
     assert table.attrs["units"]["displacement_right_1"] == "cm"
 
 
@@ -188,7 +188,7 @@ def test_a_result_is_read_back(stretched, loaded, tmp_path):
         assert isinstance(found.loading_figure(), Figure)
         assert found._repr_html_()
         header = next(csv.reader((folder / "history.csv").read_text().splitlines()))
-        assert "strain_energy [kPa cm^3]" in header
+        assert "strain_energy [kPa cm^2]" in header
         assert "displacement_right_1 [cm]" in header
 
 

@@ -115,7 +115,7 @@ def test_the_page_holds_everything_and_fetches_nothing(page):
     assert data["titles"] == ["stretch 1.2", "stretch 1.5"]
     assert not re.search(r"""(src|href)=["']?(?!data:)\w""", page)
     assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)
-    for words in ("neo-hookean@2", pds.__version__, "strain_energy [kPa cm^3]", "digest of neo-hookean@2", "stretches"):
+    for words in ("neo-hookean@2", pds.__version__, "strain_energy [kPa cm^2]", "digest of neo-hookean@2", "stretches"):
         assert words in page
 
 

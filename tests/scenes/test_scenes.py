@@ -112,7 +112,7 @@ def test_parsing_of_changes(change, key, value):
         (["material.shear_modulus=-1"], "material: neo-hookean: shear_modulus must be positive, not -1"),
         (["material.shear_modulus=soft"], "material: shear_modulus must be a number, not 'soft'"),
         (["material=rubber"], "material: unknown law 'rubber'; there are "),
-        (["correction=best"], "correction: Input should be 'tensor', 'scalar', 'none', 'quadratic' or 'balanced'"),
+        (["correction=best"], "correction: Input should be 'tensor', 'scalar' or 'none'"),
         (["support=magnets"], "support: Input should be 'reflected' or 'points'"),
         (["weight=cubic"], "weight: unknown weight function; there are inverse, constant, linear"),
         (["horizon_ratio=0.5"], "horizon_ratio: Input should be greater than 1"),

@@ -10,7 +10,7 @@ from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.solvers import stability
 from pdsurrogate.solvers.methods import Automatic
-from pdsurrogate.solvers.multigrid import CHEBYSHEV, JACOBI, Multigrid
+from pdsurrogate.solvers.multigrid import Multigrid
 from pdsurrogate.solvers.nearest_bonds import Preconditioner, inverse_of, laplacian_of
 from pdsurrogate.solvers.preconditioner import extension_of, incompressible_inverse
 
@@ -71,8 +71,7 @@ def test_the_preconditioner_solves_what_it_says():
     assert error @ tangent @ error < 1e-2 * (exact @ right)
 
 
-@pytest.mark.parametrize("steps", [JACOBI, CHEBYSHEV])
-def test_a_multigrid_cycle_is_near_the_inverse(steps):
+def test_a_multigrid_cycle_is_near_the_inverse():
     """Symmetric, and the eigenvalues of cycle times matrix between 0.3 and 1 whatever the number of points; held points stay."""
     least = []
     for count in (60, 120):
@@ -83,7 +82,7 @@ def test_a_multigrid_cycle_is_near_the_inverse(steps):
         keep = sparse.diags_array(free.astype(float))
         matrix = (keep @ matrix @ keep + 4 * sparse.diags_array(1.0 - free)).tocsr()
         points = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1).reshape(-1, 2) * 0.5
-        cycle = Multigrid(matrix, points, 0.5, free, steps=steps).cycle
+        cycle = Multigrid(matrix, points, 0.5, free).cycle
         random = np.random.default_rng(1)
         one, other = random.standard_normal((2, count**2))
         assert one @ cycle(other) == pytest.approx(other @ cycle(one), rel=1e-4)

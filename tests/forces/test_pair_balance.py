@@ -1,0 +1,129 @@
+"""Bond forces: homogeneous states under tractions and pressure are exact on every arrangement, also beside planes of symmetry."""
+
+import meshio
+import numpy as np
+import pytest
+import scipy
+
+import pdsurrogate as pds
+from pdsurrogate.forces import ForceSettings
+from pdsurrogate.problem import compile_scene
+
+RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
+LAW = pds.materials.NeoHookean(1.0, 100.0)
+F = np.array([[1.3, 0.1], [-0.1, 0.95]])
+SYMMETRIC = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}]
+HOLED = {"body": {"size": (1.4, 1.0)}, "holes": [{"shape": "circle", "radius": 0.2, "center": (0.8, 0.6)}]}
+
+
+def halved_squares(path):
+    """Squares of 0.05, each halved the same way."""
+    nodes = np.stack(np.meshgrid(*2 * [np.linspace(0, 1, 21)], indexing="ij"), axis=-1).reshape(-1, 2)
+    corner = (21 * np.arange(20)[:, None] + np.arange(20)).reshape(-1, 1)
+    triangles = np.concatenate([corner + three for three in ([0, 21, 22], [0, 22, 1])])
+    meshio.write(path, meshio.Mesh(np.column_stack([nodes, np.zeros(len(nodes))]), [("triangle", triangles)]))
+    return {"shape": "mesh", "file": str(path)}
+
+
+def scene_of(body, **keys):
+    return pds.Scene(**{"name": "loaded", "material": RUBBER, "spacing": 0.1, "steps": 1.0, "body": body, "prescribed": SYMMETRIC, **keys})
+
+
+def forces(force, positions):
+    out = np.empty_like(positions)
+    force(positions, out)
+    return out
+
+
+def stretches(plane, *loads):
+    """Of a homogeneous sheet under nominal stresses along both axes."""
+    square = pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
+    force = pds.BondEnergyForce().bind(square, LAW, ForceSettings(precision="float64", plane=plane))
+
+    def excess(found):
+        forces(force, square.points * found)
+        return np.diag(force.stress_and_energy()[0][0])[:2] - loads
+
+    return scipy.optimize.fsolve(excess, [1.1, 1.0], xtol=1e-13)
+
+
+ARRANGEMENTS = ("lattice", "relaxed", "triangles")
+
+
+@pytest.mark.parametrize("arrangement", ARRANGEMENTS)
+@pytest.mark.parametrize(("plane", "model", "top"), [("stress", "analytic", 0.5), ("stress", None, 0.0), ("strain", "analytic", 0.5)])
+def test_a_square_under_tractions_is_homogeneous(arrangement, plane, model, top, tmp_path):
+    """Without the balance points of the lattice are up to 14 % (plane stress) or 270 % (plane strain) of the right displacement off."""
+    triangles = arrangement == "triangles"
+    body = halved_squares(tmp_path / "halves.msh") if triangles else {"size": (1.0, 1.0), "arrangement": arrangement}
+    loads = [{"region": "right", "traction": (0.5, 0.0)}, {"region": "top", "traction": (0.0, top)}]
+    scene = scene_of(body, plane=plane, loads=loads, solver={"tolerance": 1e-7}, precision="float64", spacing=None if triangles else 0.1)
+    result = pds.simulate(scene, *([model] if model else []))
+    exact = result.body.points * (stretches(plane, 0.5, top) - 1)
+    found = result.states[-1][1]["displacement"][:, :2]
+    # In plane strain the equilibrium itself, found to the tolerance, is soft against changes of shape that keep the volume.
+    assert np.abs(found - exact).max() < (1e-5 if plane == "stress" else 2e-4) * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("arrangement", ["lattice", "relaxed"])
+def test_a_uniform_stress_exerts_the_load_of_the_boundary(arrangement):
+    """Beside planes of symmetry and a hole as well."""
+    body = compile_scene(scene_of(HOLED["body"] | {"arrangement": arrangement}, holes=HOLED["holes"]), [pds.AnalyticBondForce()]).body
+    for correction, most in (("tensor", 1e-6), ("scalar", None)):
+        force = pds.AnalyticBondForce().bind(body, LAW, ForceSettings(precision="float64", correction=correction))
+        found = forces(force, body.points * [1.3, 0.95])
+        P = force.stress_and_energy()[0][:, :2, :2].mean(axis=0)
+        off = np.abs(found + body.outward @ P.T).max() / np.abs(body.outward @ P.T).max()
+        assert off < most if most else off > 0.05
+
+
+@pytest.mark.parametrize("arrangement", ["lattice", "relaxed"])
+def test_a_disc_under_pressure_is_homogeneous(arrangement):
+    """Plane stress, with pressure on the undeformed thickness: the nominal stress is -p times the stretch."""
+    held = [
+        {"region": {"near": (0.0, 0.0)}, "name": "middle", "x1": 0.0, "x2": 0.0},
+        {"region": {"near": (0.5, 0.0)}, "name": "east", "x2": 0.0},
+    ]
+    loads = [{"region": "outline", "pressure": 0.3, "thickness": "undeformed"}]
+    keys = {"prescribed": held, "loads": loads, "solver": {"tolerance": 1e-7}}
+    result = pds.simulate(scene_of({"shape": "circle", "radius": 1.0, "arrangement": arrangement}, **keys), "analytic")
+    stretch = scipy.optimize.brentq(lambda s: stretches("stress", -0.3 * s, -0.3 * s)[0] - s, 0.8, 1.0)
+    places = result.body.points - result.body.points.mean(axis=0)
+    moved = places + result.states[-1][1]["displacement"][:, :2]
+    sides = np.linalg.norm(moved - moved.mean(axis=0), axis=1) / np.linalg.norm(places, axis=1)
+    assert np.abs(sides / stretch - 1).max() < 0.005 * (1 - stretch)
+
+
+def test_affine_states_keep_their_stress_when_bonds_break():
+    """The volume mean of the stress, which is the virial of the forces of the pairs, of a body whose cells fill its outline."""
+    held = [
+        {"region": {"near": (0.7, 0.5)}, "name": "middle", "x1": 0.0, "x2": 0.0},
+        {"region": {"near": (1.0, 0.5)}, "name": "east", "x2": 0.0},
+    ]
+    scene = scene_of({"size": (1.4, 1.0), "arrangement": "relaxed"}, prescribed=held)
+    body = compile_scene(scene, [pds.AnalyticBondForce()]).body
+    force = pds.AnalyticBondForce().bind(body, LAW, ForceSettings(precision="float64", breakable=True))
+    for _ in range(2):
+        forces(force, body.points * [1.3, 0.95])
+        P = force.stress_and_energy()[0][:, :2, :2].mean(axis=0)
+        np.testing.assert_allclose(force.mean_stress(), P, rtol=1e-8, atol=1e-8 * np.abs(P).max())
+        beside = (np.abs(body.all_points[body.bonds.first] - [0.2, 0.6]) < [0.3, 0.15]).all(axis=1)
+        chosen = np.flatnonzero(beside & (body.bonds.second < len(body)))[::3]
+        force.break_bonds(chosen.astype(np.uint32))
+
+
+def test_bodies_that_do_not_know_their_boundary_are_not_balanced():
+    body = pds.Body.rectangle(1.0, 1.0, 0.1, 0.315)
+    force = pds.AnalyticBondForce().bind(body, LAW, ForceSettings(precision="float64"))
+    moments = forces(force, body.points @ F.T).T @ body.points
+    P = force.stress_and_energy()[0][:, :2, :2].mean(axis=0)
+    np.testing.assert_allclose(-moments, P, atol=1e-9)
+
+
+def test_the_faces_of_a_cut_are_free():
+    """A uniform stress exerts forces on both, which would weld them if they were balanced."""
+    cut = {"start": (0.0, 0.5), "end": (0.7, 0.5)}
+    body = compile_scene(scene_of({"size": (1.4, 1.0), "arrangement": "relaxed"}, precuts=[cut]), [pds.AnalyticBondForce()]).body
+    found = forces(pds.AnalyticBondForce().bind(body, LAW, ForceSettings(precision="float64")), body.points * [1.0, 1.2])
+    above = (np.abs(body.points - [0.35, 0.575]) < [0.2, 0.075]).all(axis=1)
+    assert found[above, 1].sum() > 0.2 * 0.4
