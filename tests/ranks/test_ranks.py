@@ -329,7 +329,7 @@ CASES = {
     "case", [case if status != 1 else pytest.param(case, marks=pytest.mark.slow) for case, (_, status) in CASES.items()]
 )
 def test_three_ranks_say_what_one_says(ranks, case, tmp_path):
-    """Line by line on either stream but for times, counts of evaluations and of ranks, with one exit status, and the same files left behind."""
+    """Line by line but for times, counts of evaluations and of ranks, with one exit status, and with the same files left behind."""
     settings, expected = CASES[case]
     command, homes, said = [*HOLE, "--out", "out/hole", *settings], (tmp_path / "one", tmp_path / "three"), []
     for number, home in zip((1, 3), homes, strict=True):
