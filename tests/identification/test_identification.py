@@ -275,7 +275,7 @@ def test_bad_files_are_refused_by_line(tmp_path, text, message):
     "regressor", [pds.identification.LawRegressor("ogden", n_terms=True), pds.identification.EnergyRegressor(margin=True)]
 )
 def test_flags_are_no_numbers(regressor):
-    with pytest.raises(TypeError, match="(n_terms|margin) must be a number, not True"):
+    with pytest.raises(TypeError, match=r"(n_terms|margin) must be a number, not True"):
         regressor.fit([[1.5, 1.5**-0.5], [2.0, 2.0**-0.5]], [0.8, 1.5])
 
 
