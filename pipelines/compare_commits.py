@@ -87,7 +87,7 @@ for line in sys.stdin:
 CONFORMANCE = """
 import json
 from pdsurrogate.stress_test.report import stress_test
-models = stress_test(quick=True)["models"]
+models = stress_test()["models"]
 print(json.dumps({
     f"{model['force']}{', space' if model.get('plane') == 'space' else ''}: {case}": [result["verdict"], result["value"], result["limit"]]
     for model in models for case, result in model["results"].items()

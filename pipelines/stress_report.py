@@ -32,7 +32,7 @@ def hard_cases(plane: str) -> str:
     """Table of all cases and models of a plane, and explanations of the weaknesses in it."""
     began = time.perf_counter()
     with console.status("Starting") as status:
-        report = stress_test(progress=lambda done, of, text: status.update(f"{done} of {of} cases, now {text}"), planes=[plane])
+        report = stress_test(full=True, progress=lambda done, of, text: status.update(f"{done} of {of} cases, now {text}"), planes=[plane])
     minutes = (time.perf_counter() - began) / 60
     header, rows = table(report, plane)
     body = [[row[0], row[1], *(_short(cell) for cell in row[2:])] for row in rows]

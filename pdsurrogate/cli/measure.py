@@ -13,8 +13,12 @@ from ..reports import compare as comparison
 from ..results import figures, tables
 from ..results.files import write_json, write_text
 from ..stress_test import report as hard_cases
-from .command import Forces, OneLaw, Overwrite, ReportFolder, SetLaw, Threads, check_folder, law_of
+from .command import REF_HELP, Forces, OneLaw, Overwrite, ReportFolder, SetLaw, Threads, check_folder, law_of
+from .completion import forces
 from .terminal import Bar, note, out, print_json, print_table, warn, writing
+
+SOME = f"{REF_HELP}; may be repeated (default: the exact ones and two surrogates)."
+SomeForces = Annotated[list[str] | None, Option(metavar="REF", autocompletion=forces, help=SOME)]
 
 
 def compare(
@@ -52,20 +56,20 @@ def compare(
 
 
 def stress_test(
-    force: Forces = None,
+    force: SomeForces = None,
     plane: Annotated[Literal["stress", "space"] | None, Option(help="Sheets in plane stress, or solids (default: both).")] = None,
-    quick: Annotated[bool, Option("--quick", help="Run dynamic cases for a fiftieth of their time steps.")] = False,
+    full: Annotated[bool, Option("--full", help="Test all force models, in all time steps of the dynamic cases.")] = False,
     folder: ReportFolder = None,
     overwrite: Overwrite = False,
     threads: Threads = None,
 ) -> None:
     """Print tables of the results of the hard cases, and write them to a folder, if given."""
-    asked = {"forces": force or "all", "plane": plane or "both", "quick": quick}
+    asked = {"forces": force or ("all" if full else list(hard_cases.BRIEF)), "plane": plane or "both", "full": full}
     check_folder(folder, "stress-test.json", asked, overwrite)
     known = hard_cases.BODIES
     planes = tuple(known) if plane is None else (plane,)
     with Bar("Hard cases") as bar:
-        report = hard_cases.stress_test(force, quick, lambda done, of, case: bar.count("cases", done, of, f"now {case}"), planes, threads)
+        report = hard_cases.stress_test(force, full, lambda done, of, case: bar.count("cases", done, of, f"now {case}"), planes, threads)
     print_json(report)
     for tested in hard_cases.planes_of(report):
         header, rows = hard_cases.table(report, tested)
@@ -76,6 +80,9 @@ def stress_test(
     for model in report["models"]:
         counts = ", ".join(f"{number} {verdict}" for verdict, number in hard_cases.count(model).items() if number)
         out.print(f"{model['force']}{WHERE[model['plane']]}: {counts}")
+    if not full:
+        left = "" if force else f"{', '.join(hard_cases.BRIEF)} were tested, "
+        note(f"{left}dynamic cases for a fiftieth of their time steps; --full runs {'all steps' if force else 'all models and steps'}")
     if folder is not None:
         with writing(folder):
             write_json(folder / "stress-test.json", {"asked": asked, **report})

@@ -78,18 +78,13 @@ def how_to_resume(folder: Path | None) -> str:
 
 
 def _warn_of(result: Result, scene: Scene, model: ForceModel) -> None:
-    """Print warnings if stability was not checked, or if states lay outside the domain or the test data of the surrogate."""
+    """Print warnings if stability was not checked, or if states lay outside the test data of the surrogate."""
     if any(level.get("stability") == "not checked" for level in result.levels):
         pushed = "The grips compress the body" if scene.stretched else "Parts of the body are compressed"
         why = f"{model.name} defines no energy; use a force that does, such as bond-energy"
         if model.family == "bond energy":
             why = "a pressure has no potential on a part of a closed boundary, and none in plane stress unless its thickness is undeformed"
         warn(f"{pushed}, but whether it buckles was not checked: {why}.")
-    outside = result.summary["fraction_outside_domain"]
-    if outside and scene.outside != "raise":
-        exact = scene.outside in (None, "fallback")
-        instead = "the exact bond force was used instead" if exact else "the surrogate was extrapolated"
-        warn(f"{100 * outside:.2g} % of the bond evaluations were outside the surrogate's domain, where {instead}.")
     rows = result.summary.get("beyond_data", [])
     worst = max(rows, key=lambda row: row["share"], default=None)
     if worst is not None and worst["share"]:
@@ -160,6 +155,8 @@ def print_result(result: Result) -> None:
             put_in = result.scene.units.amount(account["energy_put_in"], "energy", ".4g")
             out.print(f"Energy balance: closed to {account['energy_gap']:+.2g} % of the {put_in} put in")
     threads = f"{summary['threads']} thread{'s' if summary['threads'] != 1 else ''}"
+    if summary.get("ranks", 1) > 1:
+        threads = f"{summary['ranks']} ranks of {threads}"
     cost = f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_directed_bond']:.2f} ns per directed bond"
     out.print(f"{cost} on {threads}\n{summary['seconds_total']:.1f} s in total, {summary['seconds_compile']:.1f} s of it compilation")
 

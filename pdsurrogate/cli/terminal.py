@@ -2,6 +2,7 @@
 
 import json
 import logging
+import math
 import os
 import signal
 import sys
@@ -9,6 +10,7 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import timedelta
 from types import SimpleNamespace
 
 import typer
@@ -30,6 +32,10 @@ GAP = 2
 
 SOONEST = 0.5
 """Seconds after which `Bar.rate` gives a rate: an earlier one would mostly measure the start."""
+
+SECONDS_BETWEEN_LINES = 30.0
+"""Seconds between two lines about the progress of a task where standard error is not a terminal. Chosen: a minute tells something, and the
+log of an hour has some hundred lines."""
 
 ERROR, WARNING = "[red]pdsurrogate:[/]", "[yellow]pdsurrogate:[/]"
 """Beginnings of lines on standard error."""
@@ -158,14 +164,16 @@ def _parts(widths: Sequence[int]) -> Iterator[list[int]]:
 class Bar(Progress):
     """Progress bar of one task: title, share done, time elapsed and left; on a second line its ``state`` (counts, rate, residual, energy).
 
-    The state has a line of its own because a narrow terminal would cut it off after the bar. Nothing is drawn if standard error is not a
-    terminal, or with ``--quiet``.
+    The state has a line of its own because a narrow terminal would cut it off after the bar. If standard error is not a terminal, a line
+    every `SECONDS_BETWEEN_LINES` says the same; with ``--quiet`` there is neither.
     """
 
     def __init__(self, title: str = "") -> None:
         columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-        super().__init__(*columns, console=err, transient=True, disable=settings.quiet or not err.is_terminal)
-        self._title, self._since = "", None
+        # The time left follows from the mean speed: cases of a stress test take minutes, more than a window of the last half a minute.
+        drawn = {"console": err, "transient": True, "disable": settings.quiet or not err.is_terminal}
+        super().__init__(*columns, **drawn, get_time=time.monotonic, speed_estimate_period=math.inf)
+        self._title, self._since, self._told = "", None, time.monotonic()
         if title:
             self.show(0.0, title=title)
 
@@ -184,6 +192,10 @@ class Bar(Progress):
             self._title, self._since = title, None
             self.add_task(escape(title), completed=share, total=1.0, state=state)
         self.update(self.task_ids[0], completed=share, state=state)
+        if not err.is_terminal and time.monotonic() - self._told > SECONDS_BETWEEN_LINES:
+            self._told, left = time.monotonic(), self.tasks[0].time_remaining
+            rest = "" if left is None else f", about {timedelta(seconds=int(left))} left"
+            note(f"{self._title}: {100 * share:.0f} % done{rest}{state and f'; {state}'}")
 
     def rate(self, items: str, count: float) -> str:
         """Return a text such as ", 12 steps/s" for the mean rate of `count`, since the first call under the bar's present title.

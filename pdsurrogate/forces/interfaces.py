@@ -10,7 +10,7 @@ import scipy
 
 from ..body.ghosts import symmetric
 from ..kernels.ghosts import fill_matrices, fold_matrices, fold_vectors, place_points
-from .interface_fits import YIELDING, fitted_jumps
+from .interface_fits import YIELDING, Fits, fitted_jumps
 from .kinematics import Kinematics, find_shapes
 from .steps import Step, sparse_product
 
@@ -80,11 +80,11 @@ class Interfaces:
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbors])
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
         near = np.unique(kinematics.sources[np.concatenate([owners[across], bonds.neighbors[across]])])
-        self._watched = breakable or share.any(len(bonds.cut) > 0)
-        fits = fitted_jumps(body, portion_of, moduli, near[share.own[near]], quadratic, volumes_held, self._watched)
-        self.depths[:n], self.normals[:], jumps, mirrored, torn = fits.depths, fits.normals, fits.jumps, fits.images, fits.apart
-        of_all = share.with_rows_of_others(jumps)
-        self._jump = _by_different_rows(jumps)
+        watched = breakable or share.any(len(bonds.cut) > 0)
+        fits = fitted_jumps(body, portion_of, moduli, near[share.own[near]], quadratic, volumes_held, watched)
+        self.depths[:n], self.normals[:] = fits.depths, fits.normals
+        of_all = share.with_rows_of_others(fits.jumps)
+        self._jump = _by_different_rows(fits.jumps)
         self._jump_of_all = _by_different_rows(of_all) if share.divided else self._jump
         share.fill(self.normals)
         body.ghosts.fill(self.depths)
@@ -103,19 +103,17 @@ class Interfaces:
         self.jumps, self.changes = np.zeros((total, d)), np.zeros((total, d * d))
         # The matrix that spreads slopes along the normals to columns of gradients; the products with columns are its transpose.
         dyads = self._by_normals(scipy.sparse.diags_array((self.depths[:n] > 0).astype(float)))
-        images, back = self._with_transpose(mirrored)
-        is_image = (images.diagonal() != 0).astype(float)
+        images, is_image = fits.images, (fits.images.diagonal() != 0).astype(float)
+        back = share.with_rows_of_others(images).T.tocsr()
         # Along the normal an image has the gradient of the softer material at the mirrored place, as a clamp's has.
         self._changes_by_jumps, by_columns = dyads @ scipy.sparse.diags_array(1 - is_image), dyads @ self._by_normals(images.T).T
         self._changes_back = self._by_normals(back) @ dyads.T
         self._jumps_by_columns = scipy.sparse.diags_array(-2.0 * volumes_held * is_image * fits.growth) @ dyads.T
         self._changes_by_columns = by_columns
-        self._intact, self._parted, self._is_image = np.ones((n, 1)), np.zeros((n, 1)), is_image > 0
-        self._lost_across, self._lost_within = np.zeros((2, n), dtype=bool)
-        if self._watched:
-            self._torn, self._torn_back = self._with_transpose(torn)
-            self._fitted, self._fitted_apart = abs(jumps) + abs(images), abs(self._torn)
-            self._lose(*bonds.cut.T)
+        self._tears = None
+        if watched:
+            self._tears = _Tears(kinematics, portion_of, fits, share.with_rows_of_others(fits.apart).T.tocsr())
+            self._tears.lose(*bonds.cut.T)
         self.corrections, self.continuation = self.steps(kinematics.positions, kinematics.gradients, self.jumps, self.changes)
 
     def steps(self, positions: np.ndarray, gradients: np.ndarray, jumps: np.ndarray, changes: np.ndarray) -> tuple[list[Step], list[Step]]:
@@ -130,48 +128,22 @@ class Interfaces:
             *self._product(self._one_sided, positions, columns, add=True, variable=True),
             *self._products(self._jump, positions, jumps),
             *self._product(self._jumps_by_columns, columns, jumps, add=True),
-            *self._chosen(positions, jumps),
+            *(self._tears.steps(positions, jumps) if self._tears else []),
             jumps,
             place_points.bind(jumps[:n], images.source, images.parity, at_rest[0], jumps, chunks=chunks),
             *self._product(self._correct, jumps, columns, add=True, variable=self._breakable),
         ], [
             *self._product(self._changes_by_jumps, jumps, of_changes),
             *self._product(self._changes_by_columns, columns, of_changes),
-            *self._kept_rows(changes),
+            *(self._tears.kept_rows(changes) if self._tears else []),
             changes,
             fill_matrices.bind(changes, *on_ghosts, 0.0, at_rest[1], chunks=chunks),
         ]
 
-    def _chosen(self, positions: np.ndarray, jumps: np.ndarray) -> list[Step]:
-        """Return the steps that replace jumps, where the sides are parted, by those of separate fits, and by zero where neither holds."""
-        if not self._watched:
-            return []
-        rows, apart = jumps[: len(self._body)], np.zeros_like(self._body.points)
-        scale, add = partial(_scale, rows, self._intact), partial(np.add, rows, apart, out=rows)
-        return [*self._product(self._torn, positions, apart), partial(_scale, apart, self._parted), scale, add]
-
-    def _kept_rows(self, values: np.ndarray) -> list[Step]:
-        """Return the step that sets the first n rows of an array to zero where points have no jump because of a cut or a crack."""
-        rows = values[: len(self._body)]
-        return [lambda: _scale(rows, self._intact + self._parted)] if self._watched else []
-
-    def _lose(self, first: np.ndarray, second: np.ndarray) -> None:
-        """Choose the fits of the jumps after bonds between these points, or ghosts, were lost."""
-        share, sources = self._body.share, self._kinematics.sources
-        across = self._portion_of[first] != self._portion_of[second]
-        for lost, chosen in ((self._lost_across, across), (self._lost_within, ~across)):
-            lost[sources[np.concatenate([first[chosen], second[chosen]])]] = True
-            share.fill(lost)
-        within, any_lost = self._fitted @ self._lost_within > 0, self._fitted @ (self._lost_across | self._lost_within) > 0
-        # An image is made from the points of each side alone.
-        self._intact[:, 0] = ~np.where(self._is_image, within, any_lost)
-        self._parted[:, 0] = ~self._is_image & any_lost & (self._fitted_apart @ self._lost_within == 0)
-        share.fill(self._intact, self._parted)
-
     def break_bonds(self, pairs: np.ndarray) -> None:
         """Take account of broken pairs, after `Kinematics.weighted_bonds` and `Kinematics.inverse_shape` were updated."""
         bonds, kinematics = self._body.bonds, self._kinematics
-        self._lose(bonds.first[pairs], bonds.second[pairs])
+        self._tears.lose(bonds.first[pairs], bonds.second[pairs])
         numbers, owners, _ = self._across
         of_all = kinematics.weighted_bonds, kinematics.inverse_shape
         weights = _weights(*of_all, numbers, owners)
@@ -206,13 +178,6 @@ class Interfaces:
             return self._product(first, values, out, every=every)
         between = np.zeros((first.shape[0], values.shape[1]))
         return [*self._product(first, values, between), *self._products(further, between, out, every)]
-
-    def _with_transpose(self, matrix: scipy.sparse.csr_array) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
-        """Return a matrix (n, n), filled in the rows of this rank's own points only, and a transpose.
-
-        The transpose is that of the matrix with its rows of halo points (points of other ranks) filled in by their owners.
-        """
-        return matrix, self._body.share.with_rows_of_others(matrix).T.tocsr()
 
     def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> scipy.sparse.csr_array:
         """Return the matrix (n d, n + m) that maps values at points and ghosts to columns of gradients at points.
@@ -307,15 +272,11 @@ class Interfaces:
         n, d, ghosts, product, chunks = len(self._body), self._body.dimension, self._body.ghosts, self._product, self._kinematics.chunks
         on_jumps, theirs, columns = np.zeros_like(self.jumps), moments[:n].reshape(-1, d), own_moments.reshape(-1, d)
         fold = [fold_vectors.bind(each, ghosts.source, ghosts.parity, chunks=chunks) for each in (on_jumps, pulls)]
-        apart, on_apart = [], []
-        if self._watched:
-            parted = np.zeros((n, d))
-            apart = [partial(np.multiply, on_jumps[:n], self._parted, out=parted), parted, partial(_scale, on_jumps[:n], self._intact)]
-            on_apart = [parted, *product(self._torn_back, parted, on_points, add=True)]
+        apart, on_apart = self._tears.steps_back(on_jumps, on_points) if self._tears else ([], [])
         return [
             fold_matrices.bind(moments, *self._kinematics.gradient_ghosts.of_gradients, chunks=chunks),
             moments,
-            *self._kept_rows(moments),
+            *(self._tears.kept_rows(moments) if self._tears else []),
             *product(scipy.sparse.diags_array(-self.depths), forces, on_jumps, every=True),
             *product(-self._changes_by_jumps.T, theirs, on_jumps, add=True),
             *product(self._changes_back, theirs, columns, add=True),
@@ -325,11 +286,61 @@ class Interfaces:
             *apart,
             *product(-self._jumps_by_columns.T, on_jumps, columns, add=True),
             on_jumps[:n],
-            *self._products([each.T for each in reversed(self._jump_of_all)], on_jumps, on_points, every=self._watched),
+            *self._products([each.T for each in reversed(self._jump_of_all)], on_jumps, on_points, every=self._tears is not None),
             *on_apart,
             own_moments,
             *([*product(self._one_sided_back, columns, pulls, every=True, variable=True), fold[1]] if self._one_sided.nnz else []),
         ]
+
+
+class _Tears:
+    """Choice of the fits of jumps beside cuts and cracks: that of both sides together, those of either side, or none.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    portion_of : ndarray of int, shape (n + m,)
+    fits : Fits
+    apart_back : sparse array, shape (n, n)
+        Transpose of ``fits.apart`` with the rows of halo points.
+    """
+
+    def __init__(self, kinematics: Kinematics, portion_of: np.ndarray, fits: Fits, apart_back: scipy.sparse.csr_array) -> None:
+        self._kinematics, self._portion_of, n = weakref.proxy(kinematics), portion_of, len(kinematics.body)
+        self._apart, self._apart_back, self._is_image = fits.apart, apart_back, fits.images.diagonal() != 0
+        self._fitted, self._fitted_apart = abs(fits.jumps) + abs(fits.images), abs(fits.apart)
+        # Points that have lost bonds within one material, and across; factors of the fits of both sides together, and of either side.
+        self._lost, self._intact, self._parted = np.zeros((2, n), dtype=bool), np.ones((n, 1)), np.zeros((n, 1))
+
+    def steps(self, positions: np.ndarray, jumps: np.ndarray) -> list[Step]:
+        """Return the steps that replace jumps, where the sides are parted, by those of separate fits, and by zero where neither holds."""
+        rows, apart = jumps[: len(self._intact)], np.zeros((len(self._intact), jumps.shape[1]))
+        scale, add = partial(_scale, rows, self._intact), partial(np.add, rows, apart, out=rows)
+        return [*sparse_product(self._kinematics.chunks, self._apart, positions, apart), partial(_scale, apart, self._parted), scale, add]
+
+    def steps_back(self, on_jumps: np.ndarray, on_points: np.ndarray) -> tuple[list[Step], list[Step]]:
+        """Return the steps that divide forces `on_jumps` among the fits, and those that add the part of separate fits to `on_points`."""
+        rows, parted = on_jumps[: len(self._intact)], np.zeros_like(on_points)
+        divide = [partial(np.multiply, rows, self._parted, out=parted), parted, partial(_scale, rows, self._intact)]
+        return divide, [parted, *sparse_product(self._kinematics.chunks, self._apart_back, parted, on_points, add=True)]
+
+    def kept_rows(self, values: np.ndarray) -> list[Step]:
+        """Return the step that sets the first n rows of an array to zero where points have no jump because of a cut or a crack."""
+        rows = values[: len(self._intact)]
+        return [lambda: _scale(rows, self._intact + self._parted)]
+
+    def lose(self, first: np.ndarray, second: np.ndarray) -> None:
+        """Choose the fits of the jumps after bonds between these points, or ghosts, were lost."""
+        share, sources = self._kinematics.body.share, self._kinematics.sources
+        across = self._portion_of[first] != self._portion_of[second]
+        for lost, chosen in zip(self._lost, (~across, across), strict=True):
+            lost[sources[np.concatenate([first[chosen], second[chosen]])]] = True
+            share.fill(lost)
+        within, any_lost = self._fitted @ self._lost[0] > 0, self._fitted @ self._lost.any(axis=0) > 0
+        # An image is made from the points of each side alone.
+        self._intact[:, 0] = ~np.where(self._is_image, within, any_lost)
+        self._parted[:, 0] = ~self._is_image & any_lost & (self._fitted_apart @ self._lost[0] == 0)
+        share.fill(self._intact, self._parted)
 
 
 def _by_different_rows(matrix: scipy.sparse.csr_array) -> list[scipy.sparse.csr_array]:

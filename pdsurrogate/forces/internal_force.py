@@ -88,6 +88,8 @@ class InternalForce:
         Evaluations begun so far.
     pairs_outside : int
         Pairs outside the domains of the models, summed over all evaluations.
+    most_outside : int
+        Greatest number of such pairs in one evaluation.
     seconds : float
         Time spent in the last `timed` finished evaluations; callers may set both to zero.
     timed : int
@@ -122,7 +124,7 @@ class InternalForce:
         self.nearly_incompressible, self.learned_thickness = first.nearly_incompressible, first.learned_thickness
         self.states = [array for term in self.terms for array in term.state]
         self.state_rows = {array.name: array.rows for array in self.states}
-        self.evaluations = self.pairs_outside = self.timed = 0
+        self.evaluations = self.pairs_outside = self.most_outside = self.timed = 0
         self.seconds = 0.0
 
     def _moduli(self, moduli: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -163,8 +165,9 @@ class InternalForce:
             self._add_up([term.find for term in self.terms], out)
         except RuntimeError as found:  # the error concerns the state, or comes from a user's own force
             error = self.portions[0].model.cause_of(found)
-        for watch in self._watches:
-            self.pairs_outside += watch.found
+        outside = sum(watch.found for watch in self._watches)
+        self.pairs_outside += outside
+        self.most_outside = max(self.most_outside, outside)
         for watch in self._watches:
             watch.settle()
         self.body.share.agree(error)

@@ -16,6 +16,13 @@ that of some 30 rounded vectors."""
 REMAINDER = 1e-8
 """Norm of the forces that are left out of balance, divided by the norm before, at which the iteration ends."""
 
+SAME_PLACE = 1e-6
+"""Distance, in spacings, that counts as none between a point and its image along an axis."""
+
+OPEN = 1e-6
+"""Work in an extension, relative to that of pairs that follow it, above which the balance leaves the extension open. It is of the order
+of 1 between planes on both sides, and that of the remainder where free boundaries or no pairs lie between."""
+
 
 def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the numbers (k,) of the pairs whose reference vectors change, and the changes (k, d).
@@ -23,7 +30,7 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
     With the changes the vectors (n_pairs, d) of a point sum to minus the load of a unit tension of the boundary on it, `Body.outward`. The
     sum of their squares, each divided by the length of the vector, is the least possible. Pairs without force have the vector zero and no
     change, and points beside curved held boundaries, beside cuts that `Body.outward` does not contain, and in corners of clamps and free
-    sides, no equation.
+    sides, no equation. Between two planes they leave the mean stress as it is.
     """
     bonds, share, n, d = body.bonds, body.share, len(body), body.dimension
     within, sources = bonds.second < n, np.concatenate([np.arange(n), body.ghosts.source.astype(np.int64)])
@@ -45,25 +52,32 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
     pairs = np.flatnonzero(uneven[bonds.first] & uneven[sources[bonds.second]] & (size > 0) & ~curved)
     first, second = bonds.first[pairs].astype(np.int64), bonds.second[pairs]
     signs = np.vstack([np.ones((n, d)), body.ghosts.reflection])[second]
+    vectors = body.all_points[bonds.second[pairs]] - body.all_points[first]
+    mirrored = np.abs(body.all_points[second] - body.all_points[sources[second]]) > SAME_PLACE * body.spacing
     rows = rows_of(body, "pairs")
     numbers, own = rows.numbers[pairs], rows.own[pairs]
     of_all = np.sort(np.concatenate(share.everywhere(numbers[own])))
     rows = Rows(share.ranks, np.searchsorted(of_all, numbers), own, len(of_all))
     ends = share.numbers[first], share.numbers[sources[second]]
-    whole = [rows.gather(values) for values in (*ends, second >= n, signs, size[pairs])]
+    whole = [rows.gather(values) for values in (*ends, second >= n, signs, size[pairs], vectors, mirrored)]
     loads, free = share.gather(left), share.gather(free)
-    found = np.empty((0, d))
+    changes = np.empty((0, d))
     if share.leads:
-        found = np.stack([_potential(*whole[:3], whole[3][:, c], whole[4], loads[:, c], free) for c in range(d)], axis=1)
-    potential = rows_of(body, "points").hand_out(found if share.leads else None)
-    return pairs, size[pairs, None] * (signs * potential[sources[second]] - potential[first])
+        *ends, imaged, signs, weights, vectors, mirrored = whole
+        changes = np.zeros((len(weights), d))
+        between = [e for e in range(d) if {plane.side for plane in body.planes if plane.axis == e} == {-1, 1}]
+        for c in range(d if len(weights) else 0):
+            # Images follow an extension along an axis if their components change sign where their places are mirrored along it.
+            along = [e for e in between if ((signs[imaged, c] < 0) == mirrored[imaged, e]).all()]
+            changes[:, c] = _least_changes(*ends, imaged, signs[:, c], weights, loads[:, c], free, vectors[:, along])
+    return pairs, rows.hand_out(changes if share.leads else None)
 
 
-def _potential(first, second, imaged, signs, weights, loads, free) -> np.ndarray:
-    """Return the potential (n,) of `free` points, zero at others, whose weighted differences along the pairs of a point sum to its load.
+def _least_changes(first, second, imaged, signs, weights, loads, free, along) -> np.ndarray:
+    """Return the least changes (k,) of pairs whose sums on the `free` points are their loads, and that do no work in extensions.
 
     A pair with an image of its second point (`imaged`) counts at its first point only. The potential of an image is that of its point times
-    the sign in `signs`.
+    the sign in `signs`, and of points that are not free zero. `along` (k, m) are the components of the pairs along the axes of extensions.
     """
     n, inner = len(loads), ~imaged
     diagonal = np.bincount(first, weights, n) + np.bincount(second[inner], weights[inner], n)
@@ -71,14 +85,35 @@ def _potential(first, second, imaged, signs, weights, loads, free) -> np.ndarray
     entries = np.concatenate([weights * signs, weights[inner]])
     places = np.flatnonzero(free & (diagonal > 0))
     matrix = (scipy.sparse.diags_array(diagonal) - scipy.sparse.csr_array((entries, (rows, columns)), shape=(n, n))).tocsr()
-    matrix, wanted, diagonal = matrix[places][:, places], -loads[places], diagonal[places]
+    matrix, diagonal = matrix[places][:, places], diagonal[places]
+
+    def solution(pulls: np.ndarray) -> np.ndarray:
+        potential = np.zeros(n)
+        potential[places] = _potential(matrix, diagonal, pulls[places])
+        return weights * (signs * potential[second] - potential[first])
+
+    changes = solution(-loads)
+    # Between planes the balance leaves the sum across any section open. Each pair with an image stands for half of one inside.
+    halves = np.where(imaged, 0.5, 1.0)
+    free_ways = np.empty_like(along)
+    for number, pulled in enumerate((weights[:, None] * along).T):
+        free_ways[:, number] = pulled + solution(np.bincount(first, pulled, n) - np.bincount(second[inner], pulled[inner], n))
+    work, ways = np.linalg.eigh(np.einsum("ka,k,kb->ab", along, halves, free_ways))
+    kept = work > OPEN * np.einsum("ka,k,ka->", along, halves * weights, along)
+    amounts = np.einsum("ka,k,k->a", along @ ways, halves, changes)[kept] / work[kept]
+    return changes - free_ways @ (ways[:, kept] @ amounts)
+
+
+def _potential(matrix, diagonal: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return a solution (n,) of equations with a matrix (n, n), its `diagonal` and the right-hand side `wanted`, by conjugate gradients."""
     # Where no plane and no other point holds the potential of a piece, the loads of the piece must sum to zero.
     count, piece = scipy.sparse.csgraph.connected_components(matrix, directed=False)
-    sums = [np.bincount(piece, values, count) for values in (wanted, matrix @ np.ones(len(places)), diagonal, np.ones(len(places)))]
-    wanted -= np.where(np.abs(sums[1]) < 1e-9 * sums[2], sums[0] / sums[3], 0.0)[piece]
-    found, step, last = np.zeros(len(places)), np.zeros(len(places)), np.inf
+    ones = np.ones(len(wanted))
+    sums = [np.bincount(piece, values, count) for values in (wanted, matrix @ ones, diagonal, ones)]
+    wanted = wanted - np.where(np.abs(sums[1]) < 1e-9 * sums[2], sums[0] / sums[3], 0.0)[piece]
+    found, step, last = np.zeros(len(wanted)), np.zeros(len(wanted)), np.inf
     least = REMAINDER**2 * np.einsum("n,n->", wanted, wanted)
-    for _ in range(len(places)):
+    for _ in range(len(wanted)):
         if np.einsum("n,n->", wanted, wanted) <= least:
             break
         eased = wanted / diagonal
@@ -89,6 +124,4 @@ def _potential(first, second, imaged, signs, weights, loads, free) -> np.ndarray
         found += length * step
         wanted -= length * exerted
         last = work
-    potential = np.zeros(n)
-    potential[places] = found
-    return potential
+    return found

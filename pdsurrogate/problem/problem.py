@@ -21,7 +21,7 @@ from ..solvers.conditions import Loading
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
 from .conditions import check_speeds, check_steps, conditions_of, loads_of, warn_of_points
-from .fracture import CriticalStretches
+from .fracture import CriticalStretches, check_walls
 from .fronts import Fronts
 from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
 from .obstacles import bar_rigid_regions
@@ -268,6 +268,9 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
         measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))
-        critical = CriticalStretches(scene, scene.fracture, body, models[0].family, of_points) if scene.fracture and portions else None
+        critical = None
+        if scene.fracture and portions:
+            check_walls(scene, whole)
+            critical = CriticalStretches(scene, scene.fracture, body, models[0].family, of_points)
     held = (regions, prescriptions, stages, loading)
     return Problem(scene, models, settings_of(scene), body, whole, *held, portions, rigid, measures, critical)

@@ -24,7 +24,7 @@ _TOLD, _ASKED = 1, 2
 
 
 class NotUnderMPI(RuntimeError):
-    """Error for several processes that an MPI launcher has started while mpi4py is not in use, so that they exchange no messages."""
+    """Error for several processes that a launcher has started without messages between them: mpi4py is not in use, or of another MPI."""
 
 
 class Communicator:
@@ -212,22 +212,23 @@ def communicator() -> Communicator:
     Raises
     ------
     NotUnderMPI
-        If a launcher has started several processes, and mpi4py is not in use: each would run the scene by itself.
+        If a launcher has started several processes, and mpi4py is not in use or belongs to another MPI than the launcher: each would run
+        the scene by itself.
     """
     global _world
+    mpi = None
     if "mpi4py.run" in sys.modules or "mpi4py.MPI" in sys.modules:
         from mpi4py import MPI as mpi  # noqa: N811 - of which a run of one process loads nothing
-    else:
-        started = max((int(os.environ[name]) for name in LAUNCHED if os.environ.get(name, "").isdecimal()), default=1)
-        if started > 1:
-            missing = "" if importlib.util.find_spec("mpi4py") else 'pip install "pdsurrogate[mpi]" && '
-            raise NotUnderMPI(
-                f"{started} processes were started, but each would run the whole scene by itself; for one run on all of them use: "
-                f"{missing}mpiexec -n {started} python -m mpi4py -m pdsurrogate ..."
-            )
+
+        if mpi.COMM_WORLD.size > 1:
+            _world = _world or Communicator(mpi)
+            return _world
+    started = max((int(os.environ[name]) for name in LAUNCHED if os.environ.get(name, "").isdecimal()), default=1)
+    if started == 1:
         return ALONE
-    if mpi.COMM_WORLD.size == 1:
-        return ALONE
-    if _world is None:
-        _world = Communicator(mpi)
-    return _world
+    alone = f"{started} processes were started, but each would run the whole scene by itself"
+    if mpi:
+        library = mpi.Get_library_version().split(",")[0].split("\n")[0]
+        raise NotUnderMPI(f"{alone}: the launcher is not that of mpi4py, which uses {library}; use the mpiexec of this MPI")
+    missing = "" if importlib.util.find_spec("mpi4py") else 'pip install "pdsurrogate[mpi]" && '
+    raise NotUnderMPI(f"{alone}; for one run on all of them use: {missing}mpiexec -n {started} python -m mpi4py -m pdsurrogate ...")

@@ -135,7 +135,7 @@ class Checkpoints:
             "moments": [astuple(moment) for moment in run.states.moments],
             "evaluations": run.force.evaluations,
             "precision": run.force.precision,
-            "outside": self._share.total(run.force.pairs_outside),
+            "outside": self._share.total((run.force.pairs_outside, run.force.most_outside)),
         }
         held = {**self._held(), **arrays}
         if run.earlier is not None:
@@ -168,7 +168,8 @@ class Checkpoints:
             run.damage.restore()
         run.break_again()
         self.resumable = True
-        run.force.evaluations, run.force.pairs_outside = progress["evaluations"], 0 if run.ranks.rank else progress["outside"]
+        run.force.evaluations = progress["evaluations"]
+        run.force.pairs_outside, run.force.most_outside = (0, 0) if run.ranks.rank else progress["outside"]
         return Checkpoint(progress, arrays)
 
     def _held(self) -> dict[str, np.ndarray]:

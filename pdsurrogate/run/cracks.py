@@ -9,7 +9,7 @@ from ..forces import InvalidState
 from ..materials.states import determinant
 from ..ranks.share import connected
 from ..solvers.dynamics import ExplicitDynamics
-from .account import Account
+from .account import STEPS_PER_ROW, Account
 from .run import Run
 
 logger = logging.getLogger(__name__)
@@ -51,7 +51,7 @@ class Cracks:
             self._break(pairs)
         while True:
             try:
-                integrator.evaluate()
+                integrator.evaluate(integrator.steps - self._account.last_break < STEPS_PER_ROW)
                 error = None
             except InvalidState as invalid:
                 error = invalid
@@ -147,12 +147,17 @@ class Cracks:
         run = self._run
         return {"time": run.state.elapsed + self._account.time, run.loading.parameter: run.state.parameter}
 
+    def separated(self) -> bool:
+        """Return whether the body has separated between its supports: no chain of bonds leads from one to another."""
+        run = self._run
+        _, piece = run.loading.pieces(~self._damage.broken)
+        pieces = [np.unique(np.concatenate(run.body.share.everywhere(np.unique(piece[points])))) for points in run.loading.ends()]
+        return not all(np.isin(pieces[0], others).any() for others in pieces[1:])
+
     def output(self) -> bool:
         """Record the places of the crack tips at an output; return whether the body has separated between its supports."""
         run, crack = self._run, self._run.state.crack
-        _, piece = run.loading.pieces(~self._damage.broken)
-        pieces = [np.unique(np.concatenate(run.body.share.everywhere(np.unique(piece[points])))) for points in run.loading.ends()]
-        crack["through"] = not all(np.isin(pieces[0], others).any() for others in pieces[1:])
+        crack["through"] = self.separated()
         entry = {**self._now(), "broken_bonds": crack["broken_bonds"]}
         places, events = self._damage.take_recent()
         tips = crack_tips(places, run.body.horizon)

@@ -182,7 +182,7 @@ class Run:
         for key, array in self.force.state_arrays().items():
             array[:] = old.state_arrays()[key]
         self.break_again()
-        for counter in ("evaluations", "pairs_outside", "seconds", "timed"):
+        for counter in ("evaluations", "pairs_outside", "most_outside", "seconds", "timed"):
             setattr(self.force, counter, getattr(old, counter))
 
     def beside(self, scene: Scene, models: Sequence[ForceModel], parameter: float) -> "Run":

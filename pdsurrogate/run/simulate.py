@@ -19,7 +19,16 @@ from .. import artifacts
 from ..arguments import check_kind, check_path, check_seconds, check_whole_number
 from ..engine.compile import compilation_clock
 from ..engine.threads import thread_count
-from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
+from ..forces import (
+    ForceModel,
+    InvalidState,
+    OutsideDomain,
+    OutsideDomainWarning,
+    OwnBondForce,
+    OwnForceFailed,
+    OwnForceInvalid,
+    is_own_force,
+)
 from ..problem import compile_scene
 from ..problem.materials import checked_models, scene_errors
 from ..ranks import Communicator, communicator
@@ -291,6 +300,7 @@ def _on_these_ranks(
             result = _result_of(run, clock.seconds, began, message, status)
             if own:
                 write_tables(own, result.summary, result.history, result.convergence, scene.units)
+            _warn_of_domain(run, result.summary["fraction_outside_domain"])
             return result
 
         try:
@@ -394,6 +404,18 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
         summary["crack"] = state.crack | {"path": crack_path(state.crack["tips"]), "peak": None if stress is None else _peak(state.history)}
     scene, body = run.problem.scene, run.body if run.whole is None else run.whole
     return Result(scene, body, summary, state.history, run.states, state.convergence, **_derived(scene, run.problem.models))
+
+
+def _warn_of_domain(run: Run, share: float) -> None:
+    """Warn if a `share` of the bond evaluations was outside the surrogate's domain, with the greatest number of bonds at once."""
+    most = run.body.share.total(run.force.most_outside)
+    policy = run.problem.settings.outside
+    if most and policy != "raise" and run.ranks.rank == 0:
+        instead = "the surrogate was extrapolated"
+        if policy in (None, "fallback"):
+            instead = f"the exact {'energy' if run.force.has_energy else 'bond force'} was used instead"
+        what = f"{100 * share:.2g} % of the bond evaluations were outside the surrogate's domain, where {instead}"
+        warnings.warn(f"{what} (at most {most} bonds at once)", OutsideDomainWarning, stacklevel=5)
 
 
 def _derived(scene: Scene, models: Sequence[ForceModel]) -> dict[str, partial]:

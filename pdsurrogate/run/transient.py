@@ -118,7 +118,8 @@ class Transient:
                 if on_row:
                     run.loading.check_inside(run.state.parameter, run.force, run.positions)
             except InvalidState as error:
-                self.save_last_state()
+                if self.save_last_state():
+                    break
                 raise type(error)(f"time {account.time:.4g}: {error}") from None
             if on_row:
                 self._row()
@@ -126,7 +127,7 @@ class Transient:
                 run.report("dynamics", min(1.0, account.time / self.motion.duration), run.state.parameter, broken)
             else:
                 self._books.between_rows()
-            due = self._due()
+            due = self._due() or (on_row and self._torn())
             if due:
                 through = self.output()
                 self._books.check()
@@ -151,8 +152,20 @@ class Transient:
         rounding = 0.0 if self._timed else 1e-12 * self.motion.duration
         return self.account.time >= self._time_due(self.account.outputs) - rounding
 
-    def save_last_state(self) -> None:
-        """Undo a failed time step, and record the state before the step unless it has been recorded."""
+    def _torn(self) -> bool:
+        """Return whether the body has separated, in the first row of the history without a bond that broke since the last row.
+
+        Chains of bonds are searched for there alone, since the search costs as much as some evaluations of the forces.
+        """
+        quiet = STEPS_PER_ROW <= self.integrator.steps - self.account.last_break < 2 * STEPS_PER_ROW
+        return self._cracks is not None and quiet and self._cracks.separated()
+
+    def save_last_state(self) -> bool:
+        """Undo a failed time step, and record the state before the step unless it has been recorded.
+
+        Return whether the recorded state ends the run: the body has separated, and its energy account closes. What its parts do then is
+        no result of the tear.
+        """
         run, integrator = self.run, self.integrator
         run.positions -= integrator.last_step * integrator.velocities
         self.account.time -= integrator.last_step
@@ -163,7 +176,10 @@ class Transient:
                 self._apply()
                 run.loading.check_inside(run.state.parameter, run.force, run.positions)
                 integrator.evaluate_at_rest()
-                self.output()
+                through = self.output()
+                self._books.check()
+                return through
+        return False
 
     def step(self) -> None:
         """Advance the body by one time step: move points and held parts, evaluate the forces, and break overstretched bonds."""

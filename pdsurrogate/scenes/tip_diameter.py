@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .shapes import Mesh
-
 if TYPE_CHECKING:
     from .model import Scene
 
@@ -19,13 +17,6 @@ TIP_DIAMETER = 1.15
 
 LATTICE = "lattice"
 """Arrangement of the points of a body that does not name one."""
-
-
-LEAST_LAYERS, ONE_LAYER = 4, 2.0
-"""Fewest points across a solid with a fracture energy, if bonds reach one layer of the lattice, at horizons below two spacings.
-
-In three layers, a pair of points of the middle one can leave both flanks of a crack and hold it: strips tore at up to 1.7 times the energy
-of strips of four and five layers, which had no such pair."""
 
 
 @cache
@@ -110,30 +101,12 @@ def _between(by_ratio: dict[float, list], horizon_ratio: float) -> TipDiameters:
 def tip_diameters_in(scene: Scene, family: str | None = None) -> TipDiameters:
     """Return `tip_diameters` for a scene; the points of a mesh count as those of a lattice.
 
-    Raise ValueError for a weight of bonds that was not measured, and for a solid with fewer than `LEAST_LAYERS` points across, or a mesh,
-    at a horizon below two spacings. With the weight ``"constant"`` tears needed 12 to 21 % more energy than prescribed.
+    Raise ValueError for a weight of bonds that was not measured: with ``"constant"`` tears needed 12 to 21 % more energy than prescribed.
     """
     if scene.weight != "inverse":
         limited = f"for which the diameter of a crack tip was measured (weight=inverse), not for weight={scene.weight}"
         raise ValueError(f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch instead")
-    if scene.plane == "space" and scene.horizon_ratio < ONE_LAYER:
-        _check_layers(scene)
     return tip_diameters(scene.plane, scene.horizon_ratio, family, getattr(scene.body, "arrangement", LATTICE))
-
-
-def _check_layers(scene: Scene) -> None:
-    """Raise ValueError if a solid in which bonds reach one layer has too few points across, or is a mesh, whose layers are not known."""
-    if isinstance(scene.body, Mesh):
-        here = "a mesh, whose layers are not known"
-    else:
-        layers = np.round(np.ptp(scene.body.bounds(), axis=0) / scene.spacing).astype(int)
-        if layers.min() >= LEAST_LAYERS:
-            return
-        here = f"{layers.min()} along x{layers.argmin() + 1}: the middle one of three layers can hold a crack"
-    raise ValueError(
-        f"fracture.energy needs at least {LEAST_LAYERS} points across a solid with horizon_ratio {scene.horizon_ratio:g}, not {here}; "
-        "set horizon_ratio to 2.2 or 3 or a smaller spacing, or set fracture.critical_stretch instead"
-    )
 
 
 def _told(family: str | None, plane: str, arrangement: str) -> str:

@@ -89,8 +89,10 @@ class ExplicitDynamics:
         Greatest length of the next step, set by the caller.
     """
 
-    # The tangent changes over the time in which a wave crosses many horizons; an estimate at this interval of steps costs 1 to 2 %.
-    STEPS_BETWEEN_ESTIMATES = 500
+    # Without breaking bonds the tangent changes over the time in which a wave crosses many horizons.
+    STEPS_BETWEEN_ESTIMATES = 50
+    # Beside bonds that break rubber retracts and loses neighbors: its frequency doubled within six steps; a wave crosses no bond in two.
+    STEPS_WHILE_BONDS_BREAK = 2
 
     def __init__(
         self,
@@ -110,6 +112,7 @@ class ExplicitDynamics:
         self._free, self._mass, self._damping, self._viscosity, self._safety = free, mass, damping, viscosity, safety
         self._loaded = LoadedForce(force, loads) if loads else force
         self._loads, self._applied = loads, np.empty_like(positions) if loads else None
+        self._contact = loads.greatest_frequency(mass) if loads else 0.0
         self._share = force.body.share
         self._ahead, self.elastic = np.empty_like(positions), np.zeros_like(positions)
         self.frequency = FrequencyEstimate(mass, free, self._share)
@@ -126,33 +129,41 @@ class ExplicitDynamics:
         Diverging
             If no stable time step exists.
         """
-        self._estimate()
+        self._hold(self.positions, 0.0)
+        self._limit(self.frequency(self._loaded, self.positions))
         self.last_step = self.time_step
         self._evaluate()
 
-    def _estimate(self) -> None:
-        self._hold(self.positions, 0.0)
-        # Contact may begin between two estimates.
-        contact = self._loads.greatest_frequency(self._mass) if self._loads else 0.0
-        frequency = FREQUENCY_MARGIN * np.sqrt(self.frequency(self._loaded, self.positions) + contact)
+    def _limit(self, squared: float) -> None:
+        """Limit the time step to the stable one for the square of the body's highest frequency; contact may begin before the next call."""
+        frequency = FREQUENCY_MARGIN * np.sqrt(squared + self._contact)
         if not 0 < frequency < np.inf:
             raise Diverging(f"there is no time step: the highest frequency of the body is {frequency:.3g}")
         # Damping ratio of the highest mode: in an explicit scheme viscosity reduces its stability.
         ratio = 0.5 * self._viscosity * frequency
         self.time_step = min(self.time_step, self._safety * 2 / frequency * (np.sqrt(1 + ratio * ratio) - ratio))
 
-    def _evaluate(self) -> None:
-        if self._viscosity == 0:
-            self.evaluate_at_rest()
-            return
-        np.multiply(self.velocities, self._viscosity, out=self._ahead)
-        self._ahead += self.positions
-        self._hold(self._ahead, self._viscosity)
-        self.force(self._ahead, self.forces)
+    def _evaluate(self, follow: bool = False) -> None:
+        """Evaluate the forces; with `follow` also limit the time step, by the tangent at the same places as the forces."""
+        places = self.positions
+        if self._viscosity > 0:
+            places = self._ahead
+            np.multiply(self.velocities, self._viscosity, out=places)
+            places += self.positions
+            self._hold(places, self._viscosity)
+        if follow:
+            self._limit(self.frequency.follow(self.force, places, self.forces))
+        else:
+            self.force(places, self.forces)
+        if self._viscosity > 0:
+            self._follow_elastic()
+        self._add_loads()
+
+    def _follow_elastic(self) -> None:
+        """Advance `elastic` by the forces that were just evaluated ahead of the positions."""
         change = np.subtract(self.forces, self.elastic, out=self._ahead)
         change *= self.followed
         self.elastic += change
-        self._add_loads()
 
     @property
     def followed(self) -> float:
@@ -223,11 +234,13 @@ class ExplicitDynamics:
     def _half_step_of(self, forces: np.ndarray) -> np.ndarray:
         return 0.5 * self.last_step * forces / self._mass[:, None] * self._free
 
-    def evaluate(self) -> None:
-        """Evaluate the forces at the present positions, and every `STEPS_BETWEEN_ESTIMATES` steps the stable time step."""
-        if self.steps % self.STEPS_BETWEEN_ESTIMATES == 0:
-            self._estimate()
-        self._evaluate()
+    def evaluate(self, bonds_break: bool = False) -> None:
+        """Evaluate the forces at the present positions, and the stable time step if it is due by the number of steps.
+
+        `bonds_break` tells whether bonds have broken in this step or in one of the steps just before.
+        """
+        apart = self.STEPS_WHILE_BONDS_BREAK if bonds_break else self.STEPS_BETWEEN_ESTIMATES
+        self._evaluate(self.steps % apart == 0)
 
     def kinetic_energy(self) -> float:
         """Return the kinetic energy with the present velocities, which are half a step behind the positions."""

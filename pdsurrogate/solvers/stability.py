@@ -12,6 +12,9 @@ from .equilibrium import EquilibriumSolver, NotConverged, Unstable
 from .nearest_bonds import Preconditioner, random_vector, strain_of_step
 from .tangent import tangent_product
 
+FORWARD = 1e-6
+"""Greatest displacement of a point in the forward differences of `FrequencyEstimate`, in spacings."""
+
 
 class FrequencyEstimate:
     """Estimate of the highest frequency of a body by power iteration on M^-1 K, with masses M and tangent stiffness K.
@@ -43,19 +46,36 @@ class FrequencyEstimate:
         """Return the greatest eigenvalue of M^-1 K at the given positions, the square of the highest frequency."""
         if not self._share.any(self.vector.any()):
             return 0.0
-        probe = 1e-6 * force.body.spacing
-        at_rest, moved = np.empty_like(positions), np.empty_like(positions)
+        at_rest, value = np.empty_like(positions), 0.0
         force(positions, at_rest)
-        value = 0.0
         # From a random vector; later from that of the last estimate, which has changed little.
         for _ in range(25 if self.fresh else 6):
-            self.vector /= self._share.greatest(np.abs(self.vector))
-            force(positions + probe * self.vector, moved)
-            image = (at_rest - moved) / probe / self._mass * self._free
-            # The norm bounds the Rayleigh quotient from above for a tangent that is not quite symmetric.
-            value = np.sqrt(self._share.sum(image**2, in_order=True) / self._share.sum(self.vector**2, in_order=True))
-            self.vector = image
+            value = self._iterate(force.body.spacing, at_rest, self._moved(force, positions))
         self.fresh = False
+        return value
+
+    def follow(self, force: InternalForce, positions: np.ndarray, out: np.ndarray) -> float:
+        """Write the forces at the given positions to `out`, and return the eigenvalue after one more iteration, which costs an evaluation.
+
+        The force is left at these positions. Repeated while the tangent changes, single iterations follow its stiffest mode.
+        """
+        moved = self._moved(force, positions)
+        force(positions, out)
+        return self._iterate(force.body.spacing, out, moved)
+
+    def _moved(self, force: InternalForce, positions: np.ndarray) -> np.ndarray:
+        """Return the forces after a small displacement by the vector, which is scaled to a greatest component of 1."""
+        self.vector /= self._share.greatest(np.abs(self.vector))
+        moved = np.empty_like(positions)
+        force(positions + FORWARD * force.body.spacing * self.vector, moved)
+        return moved
+
+    def _iterate(self, spacing: float, at_rest: np.ndarray, moved: np.ndarray) -> float:
+        """Replace the vector by its image, given the forces without and with the displacement of `_moved`, and return the eigenvalue."""
+        image = (at_rest - moved) / (FORWARD * spacing) / self._mass * self._free
+        # The norm bounds the Rayleigh quotient from above for a tangent that is not quite symmetric.
+        value = np.sqrt(self._share.sum(image**2, in_order=True) / self._share.sum(self.vector**2, in_order=True))
+        self.vector = image
         return float(value)
 
 

@@ -174,14 +174,14 @@ class Subject:
     ----------
     reference : str
         Name of the force model, as on the command line.
-    quick : bool
-        Whether to take fewer explicit time steps, for tests and a first look.
+    full : bool
+        Whether to take all explicit time steps of the long cases, not a part of them.
     plane : {"stress", "strain", "space"}
         Plane stress, plane strain, or three dimensions.
     """
 
     reference: str
-    quick: bool = False
+    full: bool = False
     plane: str = "stress"
 
     @property

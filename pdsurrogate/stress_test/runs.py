@@ -25,7 +25,7 @@ from .deformations import force_densities
 
 STEPS = 100_000
 """Number of explicit time steps of a held body in `damped_steps` and `undamped_steps`. Chosen: a relative gain of energy of 2e-6 a step
-adds up to the limit of 1.2 of `undamped_steps`, which fewer steps would not show. A quick test makes a fiftieth of them."""
+adds up to the limit of 1.2 of `undamped_steps`, which fewer steps would not show. The default is a fiftieth of them."""
 
 
 class Motion:
@@ -299,7 +299,7 @@ def damped_steps(subject: Subject) -> Outcome:
     """
     motion = _held(subject)
     first = motion.kinetic_energy
-    motion.advance(STEPS // 50 if subject.quick else STEPS)
+    motion.advance(STEPS if subject.full else STEPS // 50)
     return Outcome.below(motion.kinetic_energy / first, 1e-16, "loses stability")
 
 
@@ -311,7 +311,7 @@ def undamped_steps(subject: Subject) -> Outcome:
     energy evenly between motion and strain, so the value is 1 within the scatter of some hundred modes; the limit is 1.2.
     """
     motion, pieces = _held(subject), 100
-    steps = (STEPS // 50 if subject.quick else STEPS) // pieces
+    steps = (STEPS if subject.full else STEPS // 50) // pieces
     energies = []
     motion.advance(2000)
     motion.damping = 0.0
@@ -342,7 +342,7 @@ def sudden_load(subject: Subject) -> Outcome:
     along = np.rint(body.points[:, 0] / SPACING - 0.5)
     free = np.ones_like(body.points)
     free[along == 0] = 0
-    motion, pieces = Motion(force, free=free), 2000 // (10 if subject.quick else 1)
+    motion, pieces = Motion(force, free=free), 2000 // (1 if subject.full else 10)
     motion.velocities[:] = 0
     loaded = along == along.max()
     motion.load[loaded, 0] = 0.1 * subject.law.shear_modulus * body.volumes[loaded] / SPACING

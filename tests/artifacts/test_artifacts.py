@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import importlib.util
 import io
 import json
 import os
@@ -11,6 +12,7 @@ import subprocess
 import sys
 import zipfile
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -493,3 +495,31 @@ def test_names_and_versions_of_artifacts_that_would_be_misread(fitted, tmp_path)
         pds.store(model, samples, LAW, tmp_path, "analytic", "1", "x")
     with pytest.raises(ArtifactError, match="version 1 is not allowed: it must be text"):
         pds.store(model, samples, LAW, tmp_path, "rubber", 1, "x")
+
+
+@pytest.fixture
+def fit_shipped(monkeypatch):
+    """The pipeline that makes the shipped artifacts, which sets variables of the environment."""
+    for name in ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES"):
+        monkeypatch.setenv(name, "")
+    path = Path(__file__).resolve().parents[2] / "pipelines" / "fit_shipped.py"
+    spec = importlib.util.spec_from_file_location("fit_shipped", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_shipped_artifacts_are_compared_by_their_forces_and_not_by_their_bytes(fit_shipped, tmp_path):
+    """Rounding of another processor makes other weights: a fit to other samples is as good; one of a lower degree is not."""
+    law = pds.materials.NeoHookean()
+    for folder, degree, seed in (("shipped", 5, 0), ("again", 5, 1), ("worse", 3, 0)):
+        samples = pds.training_samples(law, 1500, (0.7, 2.0), random_state=seed)
+        model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(degree), features="symmetric").fit(samples.X, samples.y)
+        pds.store(model, samples, law, tmp_path / folder, "fit", "1", "a fit")
+    shipped = tmp_path / "shipped"
+    for folder, right in (("shipped", True), ("again", True), ("worse", False)):
+        found = fit_shipped.faults(tmp_path / folder, shipped)
+        assert (not found) == right, found
+        assert ("fit/1/surrogate.npz" in fit_shipped.differences(tmp_path / folder, shipped)) == (folder != "shipped")
+    assert "more than 2 times the stated error" in found[0]
+    assert fit_shipped.faults(tmp_path / "none", shipped) == ["fit/1 is in one folder alone"]

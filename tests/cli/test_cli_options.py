@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import COMMANDS, app, terminal
 from pdsurrogate.cli.command import warnings_as_lines
+from pdsurrogate.cli.simulation import _Shown
 from pdsurrogate.engine.threads import most_threads, thread_count, threads_for
 from pdsurrogate.forces import OutsideDomainWarning
 from pdsurrogate.materials import LAWS
@@ -214,6 +215,26 @@ def test_progress_is_drawn_on_terminals_alone(monkeypatch, drawn):
     assert drawn or file.getvalue() == ""
 
 
+def test_a_log_gets_a_line_of_progress_with_the_time_left_every_half_a_minute(monkeypatch):
+    """A tear of four minutes in a batch job said nothing until its end."""
+    file, now = io.StringIO(), [100.0]
+    monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=False, width=100))
+    monkeypatch.setattr(terminal.settings, "quiet", False)
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: now[0])
+    scene = pds.load_scene("tear")
+    with terminal.Bar() as bar:
+        shown = _Shown(scene, bar)
+        for seconds in range(63):
+            now[0] = 100.0 + seconds
+            shown.dynamics(seconds / 240, 1.1 + seconds / 1000, 7 * seconds)
+    lines = file.getvalue().splitlines()
+    assert [line.split(";")[0] for line in lines] == [
+        "tear: dynamics: 13 % done, about 0:03:29 left",
+        "tear: dynamics: 26 % done, about 0:02:58 left",
+    ]
+    assert "stretch 1.1310, 217 bonds broken" in lines[0]
+
+
 def test_a_narrow_terminal_cuts_nothing_of_progress(monkeypatch):
     """In one line the time left was cut away, and the end of the state with it."""
     file = io.StringIO()
@@ -293,7 +314,7 @@ def test_commands_keep_to_the_threads_that_are_asked_for():
             pass
     assert most_threads() == all_of_them
     for command in ("compare", "stress-test", "run"):
-        done = invoke(command, *(["uniaxial"] if command == "run" else ["--quick"]), "--threads", 10_000)
+        done = invoke(command, *(["uniaxial"] if command == "run" else []), "--threads", 10_000)
         assert done.exit_code == 2
         assert "threads must be between" in done.stderr
 

@@ -67,18 +67,21 @@ def test_forces_are_minus_the_gradient_of_the_energy_and_balance_those_of_the_ob
     assert slope == pytest.approx(-(forces * way).sum(), rel=1e-8)
 
 
+@pytest.mark.parametrize("model", ["bond-energy", "analytic"])
 @pytest.mark.parametrize("body", [pressed().body, CLOUD], ids=["lattice", "relaxed"])
-def test_a_plate_without_friction_leaves_the_body_in_the_homogeneous_state(body):
-    result = pds.simulate(pressed(body=body), "bond-energy")
+def test_a_plate_without_friction_leaves_the_body_in_the_homogeneous_state(body, model):
+    """The face of the body stands off the plate by the penetration alone; its force was off by 0.8 % (lattice) and 1.8 % (relaxed)."""
+    result = pds.simulate(pressed(body=body, solver={"tolerance": 1e-6}), model)
     level = result.levels[-1]
     depth = level["contact"]["plate"]["penetration"]
-    # A load on the boundary displaces it by some hundredths of a cell times the strain (`body.local_fit.REACH`).
     exact = uniaxial(pds.materials.NeoHookean(1.0, 10.0), 0.8 + depth)
-    assert -level["forces"]["plate"][1] == pytest.approx(-exact.nominal_stress, rel=0.01)
+    assert -level["forces"]["plate"][1] == pytest.approx(-exact.nominal_stress, rel=1e-4)
     # The contact is a layer of a twentieth of a spacing of the material, which cannot bulge in the plane.
     modulus = 4 * 31 / 34
-    assert 1 < depth / (-exact.nominal_stress * 0.125 / (20 * modulus)) < 1.4  # the greatest, of places that differ a little
-    assert level["contact"]["plate"]["area"] == pytest.approx(exact.lateral_stretch, rel=0.01)
+    assert depth == pytest.approx(-exact.nominal_stress * 0.125 / (20 * modulus), rel=1e-3)
+    # Of the free side the part counts that is nearer than 0.01 spacings.
+    side = depth + 0.01 * 0.125
+    assert level["contact"]["plate"]["area"] == pytest.approx(exact.lateral_stretch + side, abs=1e-4)
     assert level["displacements"]["plate"] == pytest.approx([0, -0.2])
     row = result.history[-1]
     assert row["contact_area_plate"] == level["contact"]["plate"]["area"]

@@ -80,6 +80,17 @@ def test_processes_that_do_not_know_of_each_other_are_refused(ranks, monkeypatch
     assert "mpiexec -n 2 python -m mpi4py -m pdsurrogate" in reply["err"]
 
 
+@several
+def test_worlds_of_one_rank_each_are_told_in_one_line():
+    """The launcher of another MPI starts processes that mpi4py takes for one rank each: every one ran the whole scene."""
+    asks = [sys.executable, "-m", "mpi4py", "-m", "pdsurrogate", "run", "hole"]
+    others = environment() | {"OMPI_COMM_WORLD_SIZE": "2"}
+    done = subprocess.run(asks, capture_output=True, text=True, timeout=TIMEOUT, env=others, check=False)
+    assert done.returncode == 2
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("pdsurrogate: ")]  # mpi4py and MPI add lines of their own
+    assert "2 processes were started, but each would run the whole scene by itself: the launcher is not that of mpi4py" in line
+
+
 def test_where_mpi4py_is_missing_the_refusal_says_what_to_install(monkeypatch):
     monkeypatch.setenv("PMI_SIZE", "2")
     monkeypatch.setitem(sys.modules, "mpi4py", None)  # as where it is not installed
@@ -318,7 +329,7 @@ CASES = {
     "case", [case if status != 1 else pytest.param(case, marks=pytest.mark.slow) for case, (_, status) in CASES.items()]
 )
 def test_three_ranks_say_what_one_says(ranks, case, tmp_path):
-    """Line by line on either stream but for times and counts of evaluations, with one exit status, and with the same files left behind."""
+    """Line by line but for times, counts of evaluations and of ranks, with one exit status, and with the same files left behind."""
     settings, expected = CASES[case]
     command, homes, said = [*HOLE, "--out", "out/hole", *settings], (tmp_path / "one", tmp_path / "three"), []
     for number, home in zip((1, 3), homes, strict=True):
@@ -330,7 +341,7 @@ def test_three_ranks_say_what_one_says(ranks, case, tmp_path):
         else:
             replies = ranks(number, "command", *command, folder=home)
             statuses, streams = {reply["status"] for reply in replies}, ("".join(reply[key] for reply in replies) for key in ("out", "err"))
-        said.append([SAID.sub("*", stream).splitlines() for stream in streams])
+        said.append([SAID.sub("*", stream.replace("3 ranks of ", "")).splitlines() for stream in streams])
         assert statuses == {expected}, said
         # What one rank has no reason to say, and three only on fewer cores; and what whoever comes first says of the cache.
         of_machine = "do not start more ranks than cores", "Compiling kernels", "ranks works on"

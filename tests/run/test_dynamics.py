@@ -16,13 +16,14 @@ from pdsurrogate.cli import app
 from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
 from pdsurrogate.results.checkpoint import NAME, CheckpointError
 from pdsurrogate.run import account, checkpoints, transient
-from pdsurrogate.run.cracks import crack_path
+from pdsurrogate.run.cracks import Cracks, crack_path
 from pdsurrogate.run.damage import Damage
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes.tip_diameter import tip_diameters
 from pdsurrogate.solvers.conditions import Loading
 from pdsurrogate.solvers.dynamics import ExplicitDynamics
 from pdsurrogate.solvers.equilibrium import Diverging
+from pdsurrogate.solvers.stability import FrequencyEstimate
 
 LAW = pds.materials.NeoHookean()
 
@@ -476,3 +477,89 @@ def test_a_level_at_which_a_bond_would_break_is_missed_aloud():
     with pytest.warns(UserWarning, match=r"between stretch 1\.1 and stretch 1\.6: the dynamics start at stretch 1\.1, .*add outputs"):
         result = pds.simulate(small(**{"stretches": [1.1, 1.6], "dynamics.outputs": 1, "dynamics.stretch": 1.7}), "analytic")
     assert [level["stretch"] for level in result.levels] == [1.1]
+
+
+def slit(across, rows=20):
+    """A sheet that is stretched by `across`, with a slit of 0.3 that opens at once (`pipelines/running_cracks.py`)."""
+    height, rubber = 2.4, {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
+    beside = {"material": rubber, "fracture": {"critical_stretch": 3.0}}
+    duration = 1.5 / (0.45 * across - 0.08)
+    ramp = [[0.0, 0.0], [1.0, 1.0], [1 + 0.2 / duration, 1.0003]]
+    return pds.Scene.model_validate(
+        {
+            "name": "slit",
+            "spacing": 1 / rows,
+            "body": {"shape": "rectangle", "size": [2.0, height]},
+            "regions": {"above": {"box": [[0, height / 2], [0.3, height]]}, "below": {"box": [[0, 0], [0.3, height / 2]]}},
+            "material": rubber,
+            "materials": [{"region": "above"} | beside, {"region": "below"} | beside],
+            "fracture": {
+                "critical_stretch": 3.0,
+                "interfaces": [{"between": ["above", "below"], "critical_stretch": across * 1.00005}],
+            },
+            "prescribed": [
+                {"region": "left", "x1": 0.0},
+                {"region": "right", "x1": 0.0},
+                {"region": "bottom", "x2": 0.0},
+                {"region": "top", "x2": (across - 1) * height, "amplitude": ramp},
+            ],
+            "steps": [
+                1.0,
+                {"to": 2.0, "outputs": 24, "dynamics": {"duration": duration, "density": 1.0, "viscosity": 0.3 * 3.15 / rows}},
+            ],
+        }
+    )
+
+
+@pytest.mark.parametrize("across", [2.0, 2.3])
+def test_the_time_step_follows_rubber_that_retracts_beside_a_fast_crack(across):
+    """The critical step fell to a third within six steps and was estimated every 500: three of five such sheets were turned inside out."""
+    result = simulate(slit(across), "bond-energy")
+    assert abs(result.summary["dynamics"][-1]["greatest_energy_gap"]) < 0.05
+    assert result.summary["crack"]["failed_points"] == 0
+
+
+def test_one_more_iteration_costs_one_evaluation_and_leaves_the_force_where_it_was_asked():
+    body = sheet(0.1, 2.0, 0.8)
+    force = AnalyticBondForce(LAW).bind(body, LAW, ForceSettings(precision="float64"))
+    free, out, positions = np.ones_like(body.points), np.empty_like(body.points), body.points * [1.3, 0.9]
+    followed = FrequencyEstimate(body.volumes, free)
+    first, before = followed(force, positions), force.evaluations
+    assert first <= followed.follow(force, positions, out) <= 1.03**2 * first
+    assert force.evaluations == before + 2
+    np.testing.assert_array_equal(force.positions[: len(body)], positions)
+    expected = np.empty_like(out)
+    force(positions, expected)
+    np.testing.assert_allclose(out, expected, atol=1e-12)
+
+
+def test_a_body_that_is_torn_through_ends_there():
+    """The run went on to its end with two loose parts, and failed where one of them was turned inside out."""
+    result = simulate(small(**{"dynamics.outputs": 1, "dynamics.stretch": 2.6}), "neo-hookean")
+    rows = [row for row in result.history if "time" in row]
+    last_break = max(row["time"] for row in rows if row["broken_bonds"] < rows[-1]["broken_bonds"])
+    assert result.summary["crack"]["through"]
+    assert result.summary["status"] == "done"
+    assert result.states.moments[-1].stretch == rows[-1]["stretch"] < 2.5
+    assert len([row for row in rows if row["time"] > last_break]) <= 3
+
+
+@pytest.mark.parametrize("separated", [True, False])
+def test_a_failure_after_the_last_bond_ends_the_run_with_its_result(separated, monkeypatch):
+    """Loose parts may leave the states for which the material is defined: the result is then complete, and else the run has failed."""
+
+    def fails_at_last(cracks):
+        if cracks._run.state.crack["broken_bonds"] > (0 if not separated else 20) and cracks.separated() == separated:
+            raise InvalidState("turned inside out")
+        return evaluate(cracks)
+
+    evaluate = Cracks.evaluate_and_break
+    monkeypatch.setattr(Cracks, "evaluate_and_break", fails_at_last)
+    if separated:
+        result = simulate(small(), "neo-hookean")
+        assert result.summary["status"] == "done"
+        assert result.summary["crack"]["through"]
+        assert result.states.moments[-1].stretch == result.history[-1]["stretch"]
+    else:
+        with pytest.raises(pds.SimulationFailed, match="turned inside out"):
+            simulate(small(), "neo-hookean")

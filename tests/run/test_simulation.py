@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
+from pdsurrogate.forces import OutsideDomainWarning
 from pdsurrogate.learning import force_model_of
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.scenes import SceneError
@@ -347,7 +348,11 @@ def test_surrogate_beyond_its_domain_falls_back(tmp_path):
     samples = pds.training_samples(law, 3000, (0.75, 1.5), random_state=0)
     model = pds.surrogate_pipeline(pds.LevenbergMarquardtRegressor((12,), "algebraic", max_iter=300, random_state=0))
     short = pds.load_surrogate(pds.store(model.fit(samples.X, samples.y), samples, law, tmp_path, "short", "1", "to 1.5"))
-    result, exact = run(short, "stretches=2"), run("analytic", "stretches=2")
+    with pytest.warns(OutsideDomainWarning, match=r"the exact bond force was used instead \(at most \d+ bonds at once\)") as told:
+        result = run(short, "stretches=2")
+    assert len(told) == 1
+    assert told[0].filename.endswith("test_simulation.py")
+    exact = run("analytic", "stretches=2")
     assert 0.1 < result.summary["fallback_fraction"] < 1
     for key in ("nominal_stress", "lateral_displacement"):
         assert result.levels[0][key] == pytest.approx(exact.levels[0][key], rel=1e-3)

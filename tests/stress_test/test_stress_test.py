@@ -45,7 +45,7 @@ QUICK_SHEETS = ("neo-hookean", "nosb")
 
 def test_a_surrogate_passes_what_physics_allows_and_nosb_does_not():
     """The quick suite, two models: the shipped surrogate lacks conservation only; NOSB's zero-energy modes show wherever they can."""
-    report = stress_test(list(QUICK_SHEETS), threads=1, quick=True, planes=["stress"])
+    report = stress_test(list(QUICK_SHEETS), threads=1, planes=["stress"])
     surrogate, nosb = report["models"]
     assert weak(surrogate) <= BOND_FORCES | CONTRASTS
     assert "symmetry" in weak(surrogate)
@@ -72,7 +72,7 @@ QUICK_IN_SPACE = ("single_point", "checkerboard", "least_eigenvalue", "rigid_mot
 def test_in_space_a_learned_energy_passes_and_nosb_shows_its_modes(monkeypatch):
     keys = (*QUICK_IN_SPACE, "beyond_the_domain", "sudden_load", "time_step")
     monkeypatch.setattr(report_module, "CASES", tuple(case for case in CASES if case.key in keys))
-    report = stress_test(["neo-hookean-isochoric", "nosb"], threads=1, quick=True)
+    report = stress_test(["neo-hookean-isochoric", "nosb"], threads=1)
     learned, sheets, nosb = report["models"]
     assert [(model["force"], model["plane"]) for model in (learned, sheets, nosb)] == [
         ("neo-hookean-isochoric", "space"),
@@ -96,7 +96,7 @@ def test_every_model_on_every_case(plane):
     """
     left_out = {"stress": QUICK_SHEETS, "space": ("arruda-boyce-isochoric", "full-network-isochoric")}[plane]
     models = [name for name in all_models(plane) if name not in left_out]
-    for model in stress_test(models, threads=1, quick=True, planes=[plane])["models"]:
+    for model in stress_test(models, threads=1, planes=[plane])["models"]:
         if model["force"] not in ("nosb", "ba-nosb", "neo-hookean-paper"):
             assert weak(model) <= (BOND_FORCES | CONTRASTS if plane == "stress" else CONTRASTS), model["force"]
 
@@ -138,6 +138,18 @@ def test_command(tmp_path, monkeypatch):
         refused = CliRunner().invoke(app, ["stress-test", *arguments])
         assert refused.exit_code == 2
         assert message in refused.stderr
+
+
+def test_without_options_a_few_models_are_tested_and_what_is_left_out_is_told(monkeypatch):
+    """All models in all time steps took twelve minutes."""
+    fast = [case for case in CASES if case.key == "rigid_rotation"]
+    monkeypatch.setattr(report_module, "CASES", tuple(fast))
+    brief, full = (CliRunner().invoke(app, ["stress-test", "--json", *options]) for options in ([], ["--full"]))
+    tested = [{(model["force"], model["plane"]) for model in json.loads(done.stdout)["models"]} for done in (brief, full)]
+    assert {("analytic", "stress"), ("bond-energy", "space"), ("neo-hookean", "stress"), ("neo-hookean-isochoric", "space")} <= tested[0]
+    assert tested[1] == {(name, plane) for plane in ("stress", "space") for name in all_models(plane)} > tested[0]
+    assert "dynamic cases for a fiftieth of their time steps; --full runs all models and steps" in brief.stderr
+    assert "--full" not in full.stderr
 
 
 def test_the_tangent_of_springs_is_what_it_is():
