@@ -42,17 +42,17 @@ def balanced_changes(kinematics: Kinematics, shares: BondShares, portion_of: np.
         return None
     bonds, share, ghosts, n, owners = body.bonds, body.share, body.ghosts, len(body), body.bond_owners
     regular = body.mesh_cells is None and not body.relaxed
-    beside = _beside(kinematics, np.abs(body.outward).max(axis=1) > 0)
-    left_out = _beside(kinematics, ends_of_unknown(body, portion_of))
+    at_sides = beside(body, np.abs(body.outward).max(axis=1) > 0)
+    left_out = beside(body, ends_of_unknown(body, portion_of))
     left_out |= _sees(body, [plane.axis is None for plane in body.planes])
     # Beyond a clamp gradients continue otherwise than displacements do, and the corners of clamps and free sides are not homogeneous.
-    left_out |= _sees(body, [plane.axis is not None and max(plane.parity) < 0 for plane in body.planes]) & beside
+    left_out |= sees_clamps(body) & at_sides
     share.fill(left_out)
-    chosen = beside if regular else np.ones(n, dtype=bool)
+    chosen = at_sides if regular else np.ones(n, dtype=bool)
     chosen &= (kinematics.supported[:n] > 0) & ~left_out
     if not share.any(chosen.any()):
         return None
-    reached = _beside(kinematics, chosen)
+    reached = beside(body, chosen)
     factors, loads = _factors_and_loads(kinematics, shares, reached)
     loads[left_out] = np.nan
 
@@ -78,11 +78,11 @@ def balanced_changes(kinematics: Kinematics, shares: BondShares, portion_of: np.
     return numbers, changes
 
 
-def _beside(kinematics: Kinematics, flags: np.ndarray) -> np.ndarray:
+def beside(body: Body, flags: np.ndarray) -> np.ndarray:
     """Return flags of the points (n,) that are flagged, or have a bond to a flagged point or to an image of one."""
-    body, found = kinematics.body, flags.copy()
+    found, bonds, sources = flags.copy(), body.bonds, np.concatenate([np.arange(len(body)), body.ghosts.source])
     body.share.fill(found)
-    every, bonds, sources = found[kinematics.sources], body.bonds, kinematics.sources
+    every = found[sources]
     found[bonds.first[every[bonds.second]]] = True
     found[sources[bonds.second[every[bonds.first]]]] = True
     body.share.fill(found)
@@ -94,6 +94,11 @@ def _sees(body: Body, planes: list[bool]) -> np.ndarray:
     images, found = np.array([*planes, False])[body.ghosts.plane], np.zeros(len(body), dtype=bool)
     found[body.bond_owners[np.concatenate([found, images])[body.bonds.neighbors]]] = True
     return found
+
+
+def sees_clamps(body: Body) -> np.ndarray:
+    """Return flags of the points (n,) that have images beyond clamped planes as neighbors."""
+    return _sees(body, [plane.axis is not None and max(plane.parity) < 0 for plane in body.planes])
 
 
 def ends_of_unknown(body: Body, portion_of: np.ndarray | None) -> np.ndarray:
@@ -115,7 +120,7 @@ def ends_of_unknown(body: Body, portion_of: np.ndarray | None) -> np.ndarray:
 def _factors_and_loads(kinematics: Kinematics, shares: BondShares, reached: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return B (n, d, d) of (80), and the loads a - g (n, d) that changes must exert, on points that are `reached`."""
     body, bonds, n, d = kinematics.body, kinematics.body.bonds, len(kinematics.body), kinematics.body.dimension
-    sources, around, owners = kinematics.sources, _beside(kinematics, reached), body.bond_owners
+    sources, around, owners = kinematics.sources, beside(body, reached), body.bond_owners
     signs = np.vstack([np.ones((n, d)), body.ghosts.reflection])
     pairs = np.flatnonzero(around[bonds.first] | around[sources[bonds.second]])
     first, second, volumes = bonds.first[pairs], bonds.second[pairs], shares.weights_of(pairs)

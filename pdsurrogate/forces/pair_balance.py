@@ -7,7 +7,7 @@ import scipy
 
 from ..body import Body, rows_of
 from ..ranks import Rows
-from .balanced import ends_of_unknown
+from .balanced import beside, ends_of_unknown, sees_clamps
 
 ABOVE_ROUNDING = 64
 """Multiple of the rounding error of the longest reference vector beyond which the vectors of a point count as out of balance. Their sum is
@@ -29,8 +29,8 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
 
     With the changes the vectors (n_pairs, d) of a point sum to minus the load of a unit tension of the boundary on it, `Body.outward`. The
     sum of their squares, each divided by the length of the vector, is the least possible. Pairs without force have the vector zero and no
-    change, and points beside curved held boundaries, and beside cuts that `Body.outward` does not contain, no
-    equation. Between two planes they leave the mean stress as it is.
+    change, and points beside curved held boundaries, beside cuts that `Body.outward` does not contain, and in corners of clamps and free
+    sides, no equation. Between two planes they leave the mean stress as it is.
     """
     bonds, share, n, d = body.bonds, body.share, len(body), body.dimension
     within, sources = bonds.second < n, np.concatenate([np.arange(n), body.ghosts.source.astype(np.int64)])
@@ -39,7 +39,9 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
         left[:, c] -= np.bincount(bonds.first, vectors[:, c], n) - np.bincount(bonds.second[within], vectors[within, c], n)
     rounding = ABOVE_ROUNDING * float(np.finfo(vectors.dtype).eps) * share.greatest(float(size.max(initial=0.0)))
     uneven = np.abs(left).max(axis=1) > rounding
-    unknown = ends_of_unknown(body, None)
+    # In corners of clamps and free sides no state is homogeneous. A pair depends on the gradients of both ends, so that the force on a
+    # point depends on images beyond a clamp if one of its neighbors sees them.
+    unknown = beside(body, np.abs(body.outward).max(axis=1) > 0) & beside(body, sees_clamps(body)) | ends_of_unknown(body, None)
     uneven |= unknown
     curved = np.array([*(plane.axis is None for plane in body.planes), False])
     curved = np.concatenate([np.zeros(n, dtype=bool), curved[body.ghosts.plane]])[bonds.second]

@@ -6,6 +6,7 @@ import json
 import meshio
 import numpy as np
 import pytest
+import scipy
 from bodies import nothing_held, sheet
 from runs import started
 from stopping import Killed, KilledAtLevel, KilledWhileBondsBreak
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
+from pdsurrogate.problem import compile_scene
 from pdsurrogate.results.checkpoint import NAME, CheckpointError
 from pdsurrogate.run import account, checkpoints, transient
 from pdsurrogate.run.cracks import Cracks, crack_path
@@ -563,3 +565,49 @@ def test_a_failure_after_the_last_bond_ends_the_run_with_its_result(separated, m
     else:
         with pytest.raises(pds.SimulationFailed, match="turned inside out"):
             simulate(small(), "neo-hookean")
+
+
+@pytest.mark.parametrize("arrangement", ["lattice", "relaxed"])
+@pytest.mark.parametrize("model", ["bond-energy", "analytic"])
+def test_a_square_pulled_slowly_on_two_sides_comes_to_rest_at_the_exact_displacement(arrangement, model):
+    """Balanced gradients and pairs act in dynamics as in equilibrium: the motion ends in the homogeneous state of the tractions."""
+    law, tension = pds.materials.NeoHookean(1.0, 10.0), 0.5
+    held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}]
+    course = [[0.0, 0.0], [0.5, 1.0], [1.0, 1.0]]
+    loads = [{"region": "right", "traction": [tension, 0.0]}, {"region": "top", "traction": [0.0, tension]}]
+    dynamics = pds.StepDynamics(duration=20.0, density=1.0, damping=2.5)
+    scene = pds.Scene(
+        name="pulled",
+        material=law.describe(),
+        spacing=0.125,
+        body={"size": (1.0, 1.0), "arrangement": arrangement},
+        prescribed=held,
+        loads=[load | {"amplitude": course} for load in loads],
+        steps=[pds.Step(to=1.0, outputs=1, dynamics=dynamics)],
+        precision="float64",
+    )
+    result = simulate(scene, model)
+
+    def excess(stretch):
+        return pds.materials.PLANES["stress"].first_piola_stress(law, stretch * np.eye(2)[None])[0][0, 0] - tension
+
+    exact = scipy.optimize.brentq(excess, 1.0, 1.6) - 1
+    # What is left of the slowest motion, of damping rate 1.25 at least in a time of 10, is below 1e-5.
+    np.testing.assert_allclose(result.states[-1][1]["displacement"][:, :2], exact * result.body.points, atol=1e-5 * exact)
+
+
+@pytest.mark.parametrize("model", [pds.BondEnergyForce(), AnalyticBondForce(LAW)])
+def test_the_estimate_of_the_highest_frequency_sees_balanced_weights(model):
+    """It is that of a dense matrix of the force as bound; with balanced gradients the square on relaxed points is 13 % greater."""
+    held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}]
+    keys = {"body": {"size": (0.8, 0.8), "arrangement": "relaxed"}, "prescribed": held, "steps": 1.0, "material": LAW.describe()}
+    body = compile_scene(pds.Scene(name="free", spacing=0.1, **keys), [model]).body
+    force = model.bind(body, LAW, ForceSettings(precision="float64"))
+    estimate = FrequencyEstimate(body.volumes, np.ones_like(body.points))(force, body.points)
+    columns, step = [], 1e-6 * body.spacing
+    for unit in np.eye(body.points.size).reshape(-1, *body.points.shape):
+        less, more = np.empty_like(body.points), np.empty_like(body.points)
+        force(body.points - step * unit, less)
+        force(body.points + step * unit, more)
+        columns.append(((less - more) / (2 * step) / body.volumes[:, None]).ravel())
+    assert estimate == pytest.approx(np.linalg.eigvals(np.array(columns).T).real.max(), rel=0.03)
