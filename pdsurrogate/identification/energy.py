@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from numbers import Real
+from numbers import Integral, Real
 from typing import ClassVar
 
 import numpy as np
@@ -61,6 +61,8 @@ class EnergyRegressor(StressRegressor):
     dictionary : sequence of (str, float), optional
         Candidate terms other than those named above, pairs of a kind and a number as in `pdsurrogate.materials.dictionary.Term`, such as
         ``("second_logarithm", 1)``.
+    random_state : int, optional
+        Seed with which one energy is drawn by its weight in the average and takes its place, for a member of a `committee`.
 
     Attributes
     ----------
@@ -103,6 +105,7 @@ class EnergyRegressor(StressRegressor):
         "margin": [Interval(Real, 0, 1, closed="both")],
         **BULK_CONSTRAINTS,
         "dictionary": "no_validation",  # checked with its terms
+        "random_state": [None, Interval(Integral, 0, None, closed="left")],
     }
 
     law: ClassVar[str] = "energy"
@@ -112,6 +115,7 @@ class EnergyRegressor(StressRegressor):
     bulk_ratio: float = BULK_RATIO
     bulk_modulus: float | None = None
     dictionary: Sequence[tuple[str, float]] | None = None
+    random_state: int | None = None
 
     def fit(self, X, y, sample_weight=None):
         """Fit the weights of the energy terms to nominal stresses.
@@ -160,14 +164,18 @@ class EnergyRegressor(StressRegressor):
                     raise
                 warnings.warn("the stresses do not rise with the stretch as in rubber; the fitted energy is almost zero", stacklevel=2)
                 linear = np.array([term == ("stretches", 2.0) for term in terms])
-                found = Average(1e-6 * max(np.abs(y).max(), 1e-300) * linear, np.full((len(terms), len(terms)), np.inf), np.empty(0))
-            before, reached = volume, states(law_of(terms, found.mean, self._bulk(stiffness_of(terms, found.mean))), X)[1]
+                least = 1e-6 * max(np.abs(y).max(), 1e-300) * linear
+                found = Average(least, np.full((len(terms), len(terms)), np.inf), np.empty(0), least[None], np.ones(1))
+            weights = found.mean
+            if self.random_state is not None:
+                weights = found.energies[np.random.default_rng(self.random_state).choice(len(found.weights), p=found.weights)]
+            before, reached = volume, states(law_of(terms, weights, self._bulk(stiffness_of(terms, weights))), X)[1]
             volume = np.where(np.isfinite(reached), reached, volume)
             if np.abs(volume - before).max() < 1e-9:
                 break
-        shares = np.linalg.norm(columns, axis=0) * found.mean
+        shares = np.linalg.norm(columns, axis=0) * weights
         kept = shares > NEGLIGIBLE * shares.max()
-        self.terms_, self.weights_ = [term for term, one in zip(terms, kept, strict=True) if one], found.mean[kept]
+        self.terms_, self.weights_ = [term for term, one in zip(terms, kept, strict=True) if one], weights[kept]
         law = law_of(self.terms_, self.weights_, self._bulk(stiffness_of(self.terms_, self.weights_)))
         self._store(law, [f"weight of {term}" for term in self.terms_], self.weights_, found.covariance[np.ix_(kept, kept)])
         self.stretch_range_ = float(X.min()), float(X.max())
