@@ -519,7 +519,7 @@ class Scene(StrictModel):
     solver: SolverSpec = SolverSpec()
     fracture: Fracture | None = None
     dynamics: Dynamics | None = None
-    units: Units = Units()
+    units: Annotated[Units, Field(validate_default=True)] = Units()
     reference: Literal["uniaxial", "finite-elements"] | None = None
 
     @field_validator("plane", "horizon_ratio", mode="before")

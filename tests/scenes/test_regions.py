@@ -1,5 +1,7 @@
 """Regions: what of a body they are, how they are combined, and what is said about those that make no sense."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from meshes import write_plate
@@ -142,7 +144,8 @@ def test_the_boundary_is_made_once_and_where_it_is_asked_for():
     scene = scene_of()
     body, lower, upper = discretize(scene)
     made = []
-    regions = BodyRegions(scene, body, lower, upper, lambda: made.append(1) or surface_of(scene, body, lower, upper))
+    surface = cache(lambda: made.append(1) or surface_of(scene, body, lower, upper))  # as the problem of a scene keeps it
+    regions = BodyRegions(scene, body, lower, upper, surface)
     regions.points("left")
     regions.points(Region(box=((0, 0), (1, 1))))
     assert not made
