@@ -237,8 +237,9 @@ def committee(
     mean square of the differences from the fit to all data estimates the standard deviation of the result (the delete-half jackknife);
     `committee_spread` corrects it for few members. The bootstrap, which draws with replacement, is not consistent for parameters at a
     bound, such as weights at zero. Each member of an `EnergyRegressor` is one energy, drawn by its weight in the average of its half:
-    halves of the tests do not show what all tests leave open among energies. The members do not show errors that all of them share, such as those
-    of a law that rubber does not follow.
+    halves of the tests do not show what all tests leave open among energies.
+
+    The members do not show errors that all of them share, such as those of a law that rubber does not follow.
 
     Parameters
     ----------
