@@ -96,7 +96,7 @@ class Body:
     rounds : sequence of Round, optional
         Circles or spheres on which the material changes; elsewhere interfaces between materials follow from the points.
     boundary : callable, optional
-        ``boundary()`` returns `outward`, None if it is unknown; called where a force first needs it.
+        ``boundary(body)`` returns `outward` of the body, None if it is unknown; called where a force first needs it.
     share : Share
         Share of a larger body to which these points belong, if several ranks (parallel processes) divide a run; by default the points are
         the whole body.
@@ -132,7 +132,7 @@ class Body:
     inside: Callable | None = None
     tessellate: Callable[[np.ndarray, np.ndarray], CellMesh] | None = None
     rounds: Sequence[Round] = ()
-    boundary: Callable[[], np.ndarray | None] | None = None
+    boundary: Callable[[Body], np.ndarray | None] | None = None
     share: Share = None  # type: ignore[assignment]  # of all points, once there are points
     ghosts: Ghosts = field(init=False)
 
@@ -272,7 +272,7 @@ class Body:
         >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).outward is None
         True
         """
-        found = self.boundary and self.boundary()
+        found = self.boundary and self.boundary(self)
         if found is not None:
             self.share.fill(found)
         return found

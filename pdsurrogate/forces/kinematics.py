@@ -299,7 +299,10 @@ class ChangedWeights:
     """
 
     def __init__(self, kinematics: Kinematics, numbers: np.ndarray, changes: np.ndarray) -> None:
-        self._kinematics, self.numbers, self.changes = kinematics, numbers, changes
+        # Not the kinematics themselves, which have these changes: a cycle would keep both in memory.
+        self._body, self._chunks = kinematics.body, kinematics.chunks
+        self._weighted_bonds, self._supported = kinematics.weighted_bonds, kinematics.supported
+        self.numbers, self.changes = numbers, changes
         body, d = kinematics.body, kinematics.body.dimension
         self.owners = body.bond_owners[numbers]
         self._points, self._places = np.unique(self.owners, return_inverse=True)
@@ -324,28 +327,28 @@ class ChangedWeights:
 
     def gradient_steps(self, positions: np.ndarray, gradients: np.ndarray) -> list[Step]:
         """Return the steps that add the changes' part to gradients (n + m, d d) of positions, or of displacements."""
-        columns = gradients[: len(self._kinematics.body)].reshape(-1, self.changes.shape[1])
-        return sparse_product(self._kinematics.chunks, self._matrices[0], positions, columns, add=True, variable=True)
+        columns = gradients[: len(self._body)].reshape(-1, self.changes.shape[1])
+        return sparse_product(self._chunks, self._matrices[0], positions, columns, add=True, variable=True)
 
     def pull_steps(self, moments: np.ndarray, forces: np.ndarray) -> list[Step]:
         """Return the steps that add the forces that derivatives by gradients, `moments` by columns, exert through the changes."""
-        columns = moments[: len(self._kinematics.body)].reshape(-1, self.changes.shape[1])
-        return sparse_product(self._kinematics.chunks, self._matrices[1], columns, forces, add=True, variable=True)
+        columns = moments[: len(self._body)].reshape(-1, self.changes.shape[1])
+        return sparse_product(self._chunks, self._matrices[1], columns, forces, add=True, variable=True)
 
     def renew(self, touched: np.ndarray) -> None:
         """Drop the changes of broken bonds of the points `touched`, and project the others there onto those that keep affine motions."""
-        body, d, n = self._kinematics.body, self.changes.shape[1], len(self._kinematics.body)
+        body, d, n = self._body, self.changes.shape[1], len(self._body)
         chosen = np.zeros(n, dtype=bool)
         chosen[touched] = True
         found = np.flatnonzero(chosen[self.owners])
         owners, numbers = self.owners[found], self.numbers[found]
-        whole = self._kinematics.weighted_bonds[numbers].any(axis=1)
+        whole = self._weighted_bonds[numbers].any(axis=1)
         x = (body.all_points[body.bonds.neighbors[numbers]] - body.points[owners]) / body.spacing * whole[:, None]
         changes = self.changes[found] * whole[:, None]
 
         places = np.searchsorted(touched, owners)
         moments, of_changes = (sums_of_products(places, x, vectors, len(touched)) for vectors in (x, changes))
-        left = self._kinematics.supported[touched] > 0
+        left = self._supported[touched] > 0
         left &= np.linalg.eigvalsh(moments)[:, 0] > THINNEST * np.trace(moments, axis1=1, axis2=2)
         moments[~left] = np.eye(d)
         changes -= np.einsum("bi,bij->bj", x, np.linalg.solve(moments, of_changes)[places])

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 
@@ -228,22 +228,27 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
         whole.append(body)
         return body if ranks.size == 1 else divided(body, ranks, SIGHT if scene.materials else HALO)
 
-    @cache
-    def surface() -> Surface:
-        return surface_of(scene, whole[0], lower, upper).of_share(body.share)
+    # The body has this function, which therefore has no reference to the body: a cycle would keep both in memory.
+    made: list[Surface] = []
 
-    def boundary() -> np.ndarray | None:
+    def boundary(body: Body) -> np.ndarray | None:
         try:
-            return surface().on_points(body.planes)
+            return surface_of_part(body).on_points(body.planes)
         except ValueError as error:  # such as of holes in three dimensions that meet
             warnings.warn(f"{error}; strain and stress near the boundary are less accurate: gradients are not balanced", stacklevel=2)
             return None
 
+    def surface_of_part(body: Body) -> Surface:
+        if not made:
+            made.append(surface_of(scene, undivided or body, lower, upper).of_share(body.share))
+        return made[0]
+
     curves = all(model.mirrors_curves for model in models)
     # Bond forces do not know where in a cell the interface lies: they gain nothing by divided cells.
     body, lower, upper = discretize(scene, share_of, curves, all(model.family == "bond energy" for model in models))
+    undivided = None if ranks.size == 1 else whole[0]
     vars(body)["boundary"] = boundary
-    problem = _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, surface), ranks)
+    problem = _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, lambda: surface_of_part(body)), ranks)
     if models:
         warn_of_points(scene, problem.held_at_points)
     return problem
