@@ -350,7 +350,7 @@ def test_the_account_closes_with_rows_of_every_twentieth_step(held):
 
 def test_the_summary_of_a_crack_has_every_key():
     """In a program without grips no bond breaks, and there is no nominal stress whose peak could be given: it is null."""
-    step = {"to": 0.1, "dynamics": {"duration": 0.5, "density": 1.0, "outputs": 2}}
+    step = {"to": 0.1, "outputs": 2, "dynamics": {"duration": 0.5, "density": 1.0}}
     held = [{"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.1, "x2": 0.0}]
     scene = pds.Scene(
         name="tear",
