@@ -80,10 +80,10 @@ def stress_test(
     for model in report["models"]:
         counts = ", ".join(f"{number} {verdict}" for verdict, number in hard_cases.count(model).items() if number)
         out.print(f"{model['force']}{WHERE[model['plane']]}: {counts}")
-    if not full:
-        left = "" if force else f"{', '.join(hard_cases.BRIEF)} were tested, "
-        note(f"{left}dynamic cases for a fiftieth of their time steps; --full runs {'all steps' if force else 'all models and steps'}")
     if folder is not None:
         with writing(folder):
             write_json(folder / "stress-test.json", {"asked": asked, **report})
         note(f"Results in {folder}")
+    if not full:
+        left = "" if force else f"{', '.join(hard_cases.BRIEF)} were tested, "
+        note(f"{left}dynamic cases for a fiftieth of their time steps; --full runs {'all steps' if force else 'all models and steps'}")
