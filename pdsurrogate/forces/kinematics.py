@@ -302,7 +302,8 @@ class ChangedWeights:
         # Not the kinematics themselves, which have these changes: a cycle would keep both in memory.
         self._body, self._chunks = kinematics.body, kinematics.chunks
         self._weighted_bonds, self._supported = kinematics.weighted_bonds, kinematics.supported
-        self.numbers, self.changes = numbers, changes
+        # Those of a whole body: what is left of them follows from the bonds that are broken, in whatever order they broke.
+        self._whole, self.numbers, self.changes = changes, numbers, changes.copy()
         body, d = kinematics.body, kinematics.body.dimension
         self.owners = body.bond_owners[numbers]
         self._points, self._places = np.unique(self.owners, return_inverse=True)
@@ -344,7 +345,7 @@ class ChangedWeights:
         owners, numbers = self.owners[found], self.numbers[found]
         whole = self._weighted_bonds[numbers].any(axis=1)
         x = (body.all_points[body.bonds.neighbors[numbers]] - body.points[owners]) / body.spacing * whole[:, None]
-        changes = self.changes[found] * whole[:, None]
+        changes = self._whole[found] * whole[:, None]
 
         places = np.searchsorted(touched, owners)
         moments, of_changes = (sums_of_products(places, x, vectors, len(touched)) for vectors in (x, changes))
