@@ -206,17 +206,17 @@ def test_a_body_that_buckles_is_not_followed_to_its_buckled_state():
 
 
 def test_after_a_long_first_attempt_shorter_increments_tell_that_a_body_buckles():
-    """A search of nine good outputs crumples the cube from stretch 0.7 to 0.5; from 0.7 to 0.6 the run finds that the cube buckles."""
+    """A search of nine good outputs crumples the cube from stretch 0.7 to 0.5; between 0.6 and 0.5 the run finds that the cube buckles."""
     changes = {"plane": "space", "body": {"shape": "box", "size": [0.6, 0.6, 0.6]}, "spacing": 0.1, "horizon_ratio": 1.75}
     scene = pds.load_scene("uniaxial", changes, stretches=[0.7, 0.5], material={"law": "ogden"})
-    with pytest.raises(SimulationFailed, match=r"the equilibrium at stretch 0\.6\d* is not stable, so the body buckles"):
+    with pytest.raises(SimulationFailed, match=r"the equilibrium at stretch 0\.5\d* is not stable, so the body buckles"):
         simulate(scene, "ogden-isochoric")
 
 
 def test_an_output_just_below_the_greatest_load_is_found():
     """It takes many times the evaluations of the outputs before, and no search for it is cut short."""
-    result = simulate(pds.load_scene("ring-pressure", spacing=0.25, steps=(0.3, 0.5, 0.6, 0.7)), "analytic")
-    assert result.levels[-1]["t"] == 0.7
+    result = simulate(pds.load_scene("ring-pressure", spacing=0.25, steps=(0.3, 0.5, 0.6, 0.72)), "analytic")
+    assert result.levels[-1]["t"] == 0.72  # none is found at 0.725
     assert result.levels[-1]["evaluations"] > 2 * result.levels[-2]["evaluations"]
 
 
