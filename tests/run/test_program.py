@@ -340,7 +340,9 @@ def test_the_account_closes_with_rows_of_every_twentieth_step(held):
         "swung": {"prescribed": (clamp, {"region": "right", "x1": 0.2, "amplitude": "1 - cos(6*t)"})},
         "loaded": {"prescribed": (clamp,), "loads": ({"region": "right", "traction": (0.2, 0.0)},)},
     }[held]
-    result = simulate(scene_of((1.0, dynamic(0.0, 2.0, density=1.0)), body=UNIT, **conditions), "bond-energy")
+    # The error is of second order in the time step; with the step of the default safety that of the swung body is 2.06 %.
+    step = dynamic(0.0, 2.0, density=1.0, safety=0.5)
+    result = simulate(scene_of((1.0, step), body=UNIT, **conditions), "bond-energy")
     rows = [row for row in result.history if "time" in row]
     assert len(rows) < 6
     first, last = rows[0], rows[-1]
