@@ -196,8 +196,9 @@ def test_an_output_that_does_not_exist_costs_at_most_ten_good_ones():
 
 def test_a_body_that_buckles_is_not_followed_to_its_buckled_state():
     """Ways to the next output that buckle end as soon as they leave the equilibrium, which takes 200 evaluations to the buckled one."""
+    scene = pds.load_scene("uniaxial", {"body.size": [4.0, 1.0], "reference": None}, spacing=0.1, stretches=(0.9, 0.8, 0.6))
     with pytest.raises(SimulationFailed, match=r"came near to an equilibrium .* and left it") as caught:
-        simulate(pds.load_scene("uniaxial", {"body.size": [4.0, 1.0], "reference": None}, spacing=0.1, stretches=(0.9, 0.8, 0.6)), "analytic")
+        simulate(scene, "analytic")
     result = caught.value.result
     good = sum(level["evaluations"] for level in result.levels[:2])
     reached = re.search(r"the last equilibrium was found at stretch ([0-9.]+),", str(caught.value))
