@@ -1,4 +1,4 @@
-"""Solution of positive semidefinite equations of fourth order on the points of a body: those for balanced gradients (theory (80a))."""
+"""Solution of positive semidefinite equations on the points of a body: of fourth order for balanced gradients (theory (80a)) or less."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ RESIDUAL = 1e-8
 """Residual of the equations, relative to their right-hand side, at which their solution ends; with 1e-6 edges move by 0.001 % too much."""
 
 MOST_STEPS = 300
-"""Greatest number of conjugate-gradient steps; some ten or twenty are usual."""
+"""Number of conjugate-gradient steps that small systems may take, for which the number of unknowns is not enough with rounding; larger ones
+may take as many as they have unknowns. Some ten or twenty are usual on two levels."""
 
 FREE = 1e-9
 """Stiffness, relative to that of motions that alternate from point to point, that counts as none. Chosen far above rounding, and far below
@@ -40,9 +41,18 @@ def solution_of(matrix: scipy.sparse.csr_array, right: np.ndarray, points: np.nd
     matrix, diagonal, points = matrix[touched][:, touched].tocsr(), diagonal[touched], points[touched]
     pieces = np.unique(pieces[touched], return_inverse=True)[1]
     residual = right[touched] - _work(matrix, right[touched], points, pieces)
-    precondition, solution, step = _two_levels(matrix, diagonal, points), np.zeros_like(residual), np.zeros_like(residual)
-    before, least = np.ones(residual.shape[1]), RESIDUAL * np.abs(residual).max(initial=0.0)
-    for _ in range(MOST_STEPS):
+    found[touched] = conjugate_gradients(matrix, residual, _two_levels(matrix, diagonal, points))
+    return found
+
+
+def conjugate_gradients(matrix, right: np.ndarray, precondition: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Return the solution (n, c) of equations with a positive semidefinite matrix (n, n) for right-hand sides (n, c) that have one.
+
+    It ends at `RESIDUAL`. The sums do not depend on the number of threads.
+    """
+    residual, solution, step = right.copy(), np.zeros_like(right), np.zeros_like(right)
+    before, least = np.ones(right.shape[1]), RESIDUAL * np.abs(right).max(initial=0.0)
+    for _ in range(max(MOST_STEPS, len(right))):
         if np.abs(residual).max(initial=0.0) <= least:
             break
         towards = precondition(residual)
@@ -55,8 +65,7 @@ def solution_of(matrix: scipy.sparse.csr_array, right: np.ndarray, points: np.nd
         solution += length * step
         residual -= length * pulls
         before = np.where(size > 0, size, 1.0)
-    found[touched] = solution
-    return found
+    return solution
 
 
 def _work(matrix, right: np.ndarray, points: np.ndarray, pieces: np.ndarray) -> np.ndarray:

@@ -8,13 +8,11 @@ import scipy
 from ..body import Body, rows_of
 from ..ranks import Rows
 from .balanced import beside, ends_of_unknown, sees_clamps
+from .fourth_order import conjugate_gradients
 
 ABOVE_ROUNDING = 64
 """Multiple of the rounding error of the longest reference vector beyond which the vectors of a point count as out of balance. Their sum is
 that of some 30 rounded vectors."""
-
-REMAINDER = 1e-8
-"""Norm of the forces that are left out of balance, divided by the norm before, at which the iteration ends."""
 
 SAME_PLACE = 1e-6
 """Distance, in spacings, that counts as none between a point and its image along an axis."""
@@ -105,23 +103,10 @@ def _least_changes(first, second, imaged, signs, weights, loads, free, along) ->
 
 
 def _potential(matrix, diagonal: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Return a solution (n,) of equations with a matrix (n, n), its `diagonal` and the right-hand side `wanted`, by conjugate gradients."""
+    """Return a solution (n,) of equations with a matrix (n, n), its `diagonal` and the right-hand side `wanted`."""
     # Where no plane and no other point holds the potential of a piece, the loads of the piece must sum to zero.
     count, piece = scipy.sparse.csgraph.connected_components(matrix, directed=False)
     ones = np.ones(len(wanted))
     sums = [np.bincount(piece, values, count) for values in (wanted, matrix @ ones, diagonal, ones)]
     wanted = wanted - np.where(np.abs(sums[1]) < 1e-9 * sums[2], sums[0] / sums[3], 0.0)[piece]
-    found, step, last = np.zeros(len(wanted)), np.zeros(len(wanted)), np.inf
-    least = REMAINDER**2 * np.einsum("n,n->", wanted, wanted)
-    for _ in range(len(wanted)):
-        if np.einsum("n,n->", wanted, wanted) <= least:
-            break
-        eased = wanted / diagonal
-        work = np.einsum("n,n->", wanted, eased)
-        step = eased + (work / last) * step
-        exerted = matrix @ step
-        length = work / np.einsum("n,n->", step, exerted)
-        found += length * step
-        wanted -= length * exerted
-        last = work
-    return found
+    return conjugate_gradients(matrix, wanted[:, None], lambda residual: residual / diagonal[:, None])[:, 0]
