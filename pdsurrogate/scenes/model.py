@@ -346,6 +346,7 @@ class Units(StrictModel):
     length: UnitName | None = None
     stress: UnitName | None = None
     time: UnitName | None = None
+
     def _times_length(self, power: int) -> str:
         """Return the unit of length to a power, one less in the plane, after a blank; empty for the power 0."""
         power -= isinstance(self, _UnitsPerThickness)
