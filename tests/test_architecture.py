@@ -148,6 +148,17 @@ def test_classes_have_at_most_twenty_public_methods():
                 assert len(public) <= 20, f"{module}: {node.name}"
 
 
+def test_forces_and_loads_are_not_searched_for_what_they_may_have():
+    """What one lacks is an empty part with the same methods; no class forwards all that it does not have."""
+    for module, path in MODULES.items():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                assert "__getattr__" not in [part.name for part in node.body if isinstance(part, ast.FunctionDef)], f"{module}: {node.name}"
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("getattr", "hasattr", "setattr"):
+                asked = ast.unparse(node.args[0])
+                assert not re.search(r"\b(force|forces|loaded|loads|loading|controlled|internal|term|terms)$", asked), f"{module}: {asked}"
+
+
 SLOW = {"cli.simulation", "learning", "results", "run.preview"}
 """What functions import of our own: rooms and files that load numba, scikit-learn, torch or matplotlib."""
 

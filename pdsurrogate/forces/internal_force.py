@@ -98,6 +98,9 @@ class InternalForce:
         Number of evaluations that `seconds` covers.
     """
 
+    # Solvers ask every force for these parts, which `pdsurrogate.solvers.loads.LoadedForce` may have.
+    supports = rigid = obstacles = ()
+
     def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
         settings.check_body(body)
         self.body, self.portions, self.breakable, self.plane = body, portions, settings.breakable, settings.plane

@@ -25,7 +25,7 @@ def lowest_mode_of(scene: Scene, models: Sequence[ForceModel], result: Result, l
             raise ValueError(f"lowest_mode: {models[0].name} is a bond force without energy: use a force with one, such as bond-energy")
         if not run.loaded.has_energy:
             raise ValueError(f"lowest_mode: the loads have no energy: {run.loaded.no_energy_because}")
-        if run.loading.supports or getattr(run.loaded, "rigid", ()):
+        if run.loading.supports or run.loaded.rigid:
             raise ValueError("lowest_mode: the scene has rigid regions or supports between points, with which modes are not computed")
         check_intact(run, result, number, "modes")
         at = run.state.parameter = result.levels[number][loading]

@@ -128,7 +128,7 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None, 
         row["contact"] = contact_by_name(run)
     if run.force.has_energy:
         row["energy"] = run.strain_energy()
-    if regions := getattr(run.loaded, "rigid", ()):
+    if regions := run.loaded.rigid:
         internal = run.loading.internal_forces(run.force)
         row["rigid"] = {region.name: region.describe(run.positions, internal) for region in regions}
     if time is None and costly:

@@ -182,8 +182,8 @@ class Run:
         for key, array in self.force.state_arrays.items():
             array[:] = old.state_arrays[key]
         self.break_again()
-        for counter in ("evaluations", "pairs_outside", "most_outside", "seconds", "timed"):
-            setattr(self.force, counter, getattr(old, counter))
+        self.force.evaluations, self.force.pairs_outside, self.force.most_outside = old.evaluations, old.pairs_outside, old.most_outside
+        self.force.seconds, self.force.timed = old.seconds, old.timed
 
     def beside(self, scene: Scene, models: Sequence[ForceModel], parameter: float) -> "Run":
         """Return a run on the same body, in double precision, at a value of the loading parameter, for a scene as in `Problem.changed`."""

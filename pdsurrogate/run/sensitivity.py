@@ -455,7 +455,7 @@ class Differentiated:
         asked for, or if the tangent is not symmetric, as that of bond forces.
         """
         run, found = self.run, []
-        if not run.loaded.has_energy or run.loading.supports or getattr(run.loaded, "rigid", ()):
+        if not run.loaded.has_energy or run.loading.supports or run.loaded.rigid:
             return None
         for name in names:
             gradient = np.zeros_like(run.positions)

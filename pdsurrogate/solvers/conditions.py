@@ -357,7 +357,7 @@ class Loading:
         total = self.internal_forces(force)
         if self.loads:
             self.loads.forces(force.positions[: len(self.body)], force.thickness(), total)
-        for region in getattr(force, "rigid", ()):
+        for region in force.rigid:
             region.carry(force.positions, total)
         return total
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from contextlib import suppress
 
 import numpy as np
-import scipy
 
 from ..forces import InvalidState
-from ..forces.internal_force import tangent_of
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
-from .loads import LoadedForce
+from .loads import LoadedForce, OnInternalForce
 from .nearest_bonds import Preconditioner, strain_of_step
 from .tangent import TangentEquations
 
@@ -22,10 +20,10 @@ LARGEST_STRAIN = 0.25
 """Greatest change of a bond's stretch in one step, as in the quasi-Newton method."""
 
 
-class ControlledForce:
+class ControlledForce(OnInternalForce):
     """Force of a body whose loads have the factor t at which a weighted sum of the forces on free components vanishes, theory (82).
 
-    The loads must be proportional to t, and nothing else may depend on t. All other attributes are those of the loaded force.
+    The loads must be proportional to t, and nothing else may depend on t. In its tangent, too, the factor of the loads changes.
 
     Parameters
     ----------
@@ -50,13 +48,9 @@ class ControlledForce:
         self, loaded: LoadedForce, free: np.ndarray, control: np.ndarray, inner: Preconditioner, weights: np.ndarray | None = None
     ) -> None:
         self._loaded, self._free, self._control, self._inner, self._dot = loaded, free, control * free, inner, loaded.body.share.dot
+        self.internal, self.supports, self.rigid, self.applied = loaded.internal, loaded.supports, loaded.rigid, loaded.applied
         self._weights = weights
         self._unit, self.factor = np.zeros_like(control), 0.0
-
-    def __getattr__(self, name: str):
-        if name == "_loaded":  # the attribute is missing while an object is being copied
-            raise AttributeError(name)
-        return getattr(self._loaded, name)
 
     def beside(self, loaded: LoadedForce) -> ControlledForce:
         """Return another loaded force of the same body with the factor of its loads as an unknown, with the weights of this one."""
@@ -100,10 +94,6 @@ class ControlledForce:
         for support in self._loaded.supports:
             support.fold(found)
         return found
-
-    def tangent(self, positions: np.ndarray) -> scipy.sparse.linalg.LinearOperator:
-        """Return minus the derivative of the forces at positions (n, d), see `tangent_of`; the factor of the loads changes with them."""
-        return tangent_of(self, positions)
 
     def update(self) -> bool:
         """Adapt the preconditioner and the weights to the state last evaluated, see `Preconditioner`."""

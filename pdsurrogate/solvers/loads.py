@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 
 import numpy as np
-import scipy
 
 from ..body import Body
 from ..body.surface import Following, Surface
@@ -346,10 +346,30 @@ class Loads:
         return {name: self.body.share.total(total) for name, total in totals.items()}
 
 
-class LoadedForce:
+class OnInternalForce:
+    """Base class of the forces of a body on which more acts than its `internal` force, which answers what solvers ask about it alone."""
+
+    internal: InternalForce
+
+    body, plane, precision = (property(attrgetter(f"internal.{name}")) for name in ("body", "plane", "precision"))
+    law, laws = property(attrgetter("internal.law")), property(attrgetter("internal.laws"))
+    stiffness_moduli, force_scale = (property(attrgetter(f"internal.{name}")) for name in ("stiffness_moduli", "force_scale"))
+    nearly_incompressible = property(attrgetter("internal.nearly_incompressible"))
+    zero_energy_modes = property(attrgetter("internal.zero_energy_modes"))
+    positions, supported = property(attrgetter("internal.positions")), property(attrgetter("internal.supported"))
+    evaluations, state_arrays = property(attrgetter("internal.evaluations")), property(attrgetter("internal.state_arrays"))
+    place, move_plane = property(attrgetter("internal.place")), property(attrgetter("internal.move_plane"))
+    pair_forces, levers_on_planes = (property(attrgetter(f"internal.{name}")) for name in ("pair_forces", "levers_on_planes"))
+    forces_beside_pairs = property(attrgetter("internal.forces_beside_pairs"))
+    deformation_gradients = property(attrgetter("internal.deformation_gradients"))
+    linearized_dilatation = property(attrgetter("internal.linearized_dilatation"))
+    tangent = tangent_of
+
+
+class LoadedForce(OnInternalForce):
     """Internal force plus loads, supports at places between points, and rigid regions, used by solvers for a body that has any of these.
 
-    All other attributes are those of the internal force. A call moves the positions, in place, to the nearest positions in which regions
+    A call moves the positions, in place, to the nearest positions in which regions
     are rigid. Forces on the points of a region are replaced by forces of equal resultant whose accelerations, force divided by volume, are
     those of a rigid body: steps of explicit solvers, and of those that apply `inverse_with_regions`, then are rigid motions of the region.
 
@@ -366,18 +386,15 @@ class LoadedForce:
         Whether the sum of forces and loads is minus the derivative of an energy.
     no_energy_because : str or None
         Why the loads have no potential; None if they have one.
+    obstacles : list of Obstacle
+        Those of the loads.
     internal, loads, supports, rigid
     """
 
     def __init__(self, internal: InternalForce, loads: Loads, supports: Sequence[Support] = (), rigid: Sequence[RigidRegion] = ()) -> None:
-        self.internal, self.loads, self.supports, self.rigid = internal, loads, supports, rigid
+        self.internal, self.loads, self.obstacles, self.supports, self.rigid = internal, loads, loads.obstacles, supports, rigid
         self.no_energy_because = loads.no_potential_because
         self.has_energy = internal.has_energy and self.no_energy_because is None
-
-    def __getattr__(self, name: str):
-        if name == "internal":  # the attribute is missing while an object is being copied
-            raise AttributeError(name)
-        return getattr(self.internal, name)
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         """Write internal force plus loads on every point at positions (n, d), in two dimensions per unit thickness, to `out` (n, d).
@@ -418,10 +435,6 @@ class LoadedForce:
             return None
         F = self.internal.deformation_gradients()
         return self.internal.volume_ratios() / (F[:, 0, 0] * F[:, 1, 1] - F[:, 0, 1] * F[:, 1, 0])
-
-    def tangent(self, positions: np.ndarray) -> scipy.sparse.linalg.LinearOperator:
-        """Return minus the derivative of internal force plus loads at positions (n, d), see `tangent_of`."""
-        return tangent_of(self, positions)
 
     def energy(self) -> float:
         """Return stored energy plus potential of the loads in the state last evaluated, in two dimensions per unit thickness."""

@@ -84,12 +84,11 @@ def preconditioner_of(force: InternalForce, free: np.ndarray, bending: bool = Fa
     not grow with their slenderness, but a solution takes longer.
     """
     body, moduli = force.body, force.stiffness_moduli
-    obstacles = force.loads.obstacles if hasattr(force, "loads") else []
     if bending and has_struts(body):
         network = struts_of(body, moduli)
     else:
         network = laplacian_of(body, moduli) if force.nearly_incompressible else springs_of(body, moduli)
-    regions = getattr(force, "rigid", ())
+    regions, supports, obstacles = force.rigid, force.supports, force.obstacles
     if regions or obstacles or force.nearly_incompressible:
         inner = inverse_with_regions(network, free, regions) if regions else Preconditioner(inverse_of(network, free))
         found = _touching(force, obstacles, inner)
@@ -97,7 +96,6 @@ def preconditioner_of(force: InternalForce, free: np.ndarray, bending: bool = Fa
         found = Preconditioner(spring_solver_of(network, free, SOLVED))
     if force.nearly_incompressible:
         found = incompressible_inverse(force, found)
-    supports = getattr(force, "supports", ())
     return supported(found, supports, body.share) if supports and not obstacles else found
 
 
@@ -224,7 +222,7 @@ def with_short_displacements(inner: Preconditioner, force: InternalForce, amount
     `amount` (n, d) is their size in the units of `SHORT`. They would change volumes in nearly incompressible bodies, deform rigid regions,
     and move the places of supports between points.
     """
-    if force.nearly_incompressible or getattr(force, "rigid", ()) or getattr(force, "supports", ()):
+    if force.nearly_incompressible or force.rigid or force.supports:
         return inner
     short = amount / stiffness_of_nearest_bonds(force)
     return Preconditioner(lambda forces: inner.solve(forces) + short * forces, inner.update)
