@@ -8,7 +8,7 @@ import numpy as np
 
 from ..forces import InvalidState
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
-from .loads import LoadedForce, OnInternalForce
+from .loads import LoadedForce
 from .nearest_bonds import Preconditioner, strain_of_step
 from .tangent import TangentEquations
 
@@ -20,7 +20,7 @@ LARGEST_STRAIN = 0.25
 """Greatest change of a bond's stretch in one step, as in the quasi-Newton method."""
 
 
-class ControlledForce(OnInternalForce):
+class ControlledForce(LoadedForce):
     """Force of a body whose loads have the factor t at which a weighted sum of the forces on free components vanishes, theory (82).
 
     The loads must be proportional to t, and nothing else may depend on t. In its tangent, too, the factor of the loads changes.
@@ -41,14 +41,12 @@ class ControlledForce(OnInternalForce):
         Value of t in the state last evaluated.
     """
 
-    has_energy = False
-    no_energy_because = "the loads depend on the displacements in displacement control"
-
     def __init__(
         self, loaded: LoadedForce, free: np.ndarray, control: np.ndarray, inner: Preconditioner, weights: np.ndarray | None = None
     ) -> None:
-        self._loaded, self._free, self._control, self._inner, self._dot = loaded, free, control * free, inner, loaded.body.share.dot
-        self.internal, self.supports, self.rigid, self.applied = loaded.internal, loaded.supports, loaded.rigid, loaded.applied
+        super().__init__(loaded.internal, loaded.loads, loaded.supports, loaded.rigid)
+        self.has_energy, self.no_energy_because = False, "the loads depend on the displacements in displacement control"
+        self._free, self._control, self._inner, self._dot = free, control * free, inner, loaded.body.share.dot
         self._weights = weights
         self._unit, self.factor = np.zeros_like(control), 0.0
 
@@ -64,8 +62,8 @@ class ControlledForce(OnInternalForce):
         InvalidState
             As for `LoadedForce`, and if the loads do no work on the controlled displacement.
         """
-        self._loaded.loads.set(0.0)
-        self._loaded(positions, out)
+        self.loads.set(0.0)
+        super().__call__(positions, out)
         if self._weights is None:
             self.update()
         force = self._dot(self._weights, out)
@@ -89,9 +87,9 @@ class ControlledForce(OnInternalForce):
 
     def _loads_at(self, factor: float) -> np.ndarray:
         """Set the loads to a factor, and return their forces on the points (n, d)."""
-        self._loaded.loads.set(factor)
-        found = self._loaded.applied()
-        for support in self._loaded.supports:
+        self.loads.set(factor)
+        found = self.applied()
+        for support in self.supports:
             support.fold(found)
         return found
 

@@ -346,27 +346,7 @@ class Loads:
         return {name: self.body.share.total(total) for name, total in totals.items()}
 
 
-class OnInternalForce:
-    """Base class of the forces of a body on which more acts than its `internal` force, which answers what solvers ask about it alone."""
-
-    internal: InternalForce
-
-    body, plane, precision = (property(attrgetter(f"internal.{name}")) for name in ("body", "plane", "precision"))
-    law, laws = property(attrgetter("internal.law")), property(attrgetter("internal.laws"))
-    stiffness_moduli, force_scale = (property(attrgetter(f"internal.{name}")) for name in ("stiffness_moduli", "force_scale"))
-    nearly_incompressible = property(attrgetter("internal.nearly_incompressible"))
-    zero_energy_modes = property(attrgetter("internal.zero_energy_modes"))
-    positions, supported = property(attrgetter("internal.positions")), property(attrgetter("internal.supported"))
-    evaluations, state_arrays = property(attrgetter("internal.evaluations")), property(attrgetter("internal.state_arrays"))
-    place, move_plane = property(attrgetter("internal.place")), property(attrgetter("internal.move_plane"))
-    pair_forces, levers_on_planes = (property(attrgetter(f"internal.{name}")) for name in ("pair_forces", "levers_on_planes"))
-    forces_beside_pairs = property(attrgetter("internal.forces_beside_pairs"))
-    deformation_gradients = property(attrgetter("internal.deformation_gradients"))
-    linearized_dilatation = property(attrgetter("internal.linearized_dilatation"))
-    tangent = tangent_of
-
-
-class LoadedForce(OnInternalForce):
+class LoadedForce:
     """Internal force plus loads, supports at places between points, and rigid regions, used by solvers for a body that has any of these.
 
     A call moves the positions, in place, to the nearest positions in which regions
@@ -390,6 +370,21 @@ class LoadedForce(OnInternalForce):
         Those of the loads.
     internal, loads, supports, rigid
     """
+
+    # What solvers ask about the internal force alone, it answers itself.
+    body, plane, precision = (property(attrgetter(f"internal.{name}")) for name in ("body", "plane", "precision"))
+    law, laws = property(attrgetter("internal.law")), property(attrgetter("internal.laws"))
+    stiffness_moduli, force_scale = (property(attrgetter(f"internal.{name}")) for name in ("stiffness_moduli", "force_scale"))
+    nearly_incompressible = property(attrgetter("internal.nearly_incompressible"))
+    zero_energy_modes = property(attrgetter("internal.zero_energy_modes"))
+    positions, supported = property(attrgetter("internal.positions")), property(attrgetter("internal.supported"))
+    evaluations, state_arrays = property(attrgetter("internal.evaluations")), property(attrgetter("internal.state_arrays"))
+    place, move_plane = property(attrgetter("internal.place")), property(attrgetter("internal.move_plane"))
+    pair_forces, levers_on_planes = (property(attrgetter(f"internal.{name}")) for name in ("pair_forces", "levers_on_planes"))
+    forces_beside_pairs = property(attrgetter("internal.forces_beside_pairs"))
+    deformation_gradients = property(attrgetter("internal.deformation_gradients"))
+    linearized_dilatation = property(attrgetter("internal.linearized_dilatation"))
+    tangent = tangent_of
 
     def __init__(self, internal: InternalForce, loads: Loads, supports: Sequence[Support] = (), rigid: Sequence[RigidRegion] = ()) -> None:
         self.internal, self.loads, self.obstacles, self.supports, self.rigid = internal, loads, loads.obstacles, supports, rigid
