@@ -337,7 +337,8 @@ def _find_planes(
         kinds, V = portion_of[around], np.where(there, body.all_volumes[around], 0.0)
         others, total = there & (kinds != portion_of[near[rows], None]), V.sum(axis=1, keepdims=True)
         least, greatest = np.where(others, kinds, len(portion_of)).min(axis=1), np.where(others, kinds, -1).max(axis=1)
-        x = body.all_points[around] - np.einsum("bk,bka->ba", V / total, body.all_points[around])[:, None]
+        x = body.all_points[around] - places[:, None]
+        x -= np.einsum("bk,bka->ba", V / total, x)[:, None]
         second = np.einsum("bk,bka,bkc->bac", V, x, x)
         good = (least == greatest) & (others != there).any(axis=1)
         good &= np.linalg.eigvalsh(second)[:, 0] >= 1e-3 * np.trace(second, axis1=1, axis2=2)
@@ -348,13 +349,14 @@ def _find_planes(
         normals = np.linalg.solve(second, np.einsum("bk,bka->ba", V * (others - share), x)[:, :, None])[:, :, 0]
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         # The plane has as much of the volume beyond it as the other material has.
-        along = np.where(there, (body.all_points[around] @ normals[:, :, None])[:, :, 0], np.inf)
+        points = body.points[near[rows]]
+        along = np.where(there, ((body.all_points[around] - points[:, None]) @ normals[:, :, None])[:, :, 0], np.inf)
         order = np.argsort(along, axis=1, kind="stable")
         sums, own = np.cumsum(np.take_along_axis(V, order, axis=1), axis=1), np.where(others, 0.0, V).sum(axis=1, keepdims=True)
         behind = (sums < own * (1 + 1e-9)).sum(axis=1, keepdims=True)
         ends = np.take_along_axis(order, np.clip(np.hstack([behind - 1, behind]), 0, order.shape[1] - 1), axis=1)
-        ends, points = np.take_along_axis(along, ends, axis=1), body.points[near[rows]]
-        depths = ends.mean(axis=1) - (points * normals).sum(axis=1)
+        ends = np.take_along_axis(along, ends, axis=1)
+        depths = ends.mean(axis=1)
         good = ((behind > 0) & (behind < there.sum(axis=1, keepdims=True)))[:, 0] & (np.abs(depths) <= FARTHEST * body.horizon)
         places = (points + depths[:, None] * normals)[good]
         rows, beyond, normals, depths = rows[good], beyond[good], normals[good], depths[good]
