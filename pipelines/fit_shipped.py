@@ -259,7 +259,7 @@ def deviations(made: Path, shipped: Path) -> dict[str, tuple[float, float]]:
     law, stated, target = law_of(card), card.errors["box"], TARGETS.get(card.kind, "bond-force")
     drawn = {"random_state": stated["random_state"], "target": target, "near_rest": 0.0}
     samples = pds.training_samples(law, stated["n_samples"], tuple(stated["stretch_range"]), **drawn)
-    first, second = (samples.target._predicted(model, law, samples.X) for model in (one, other))
+    first, second = (samples.target.predicted(model, law, samples.X) for model in (one, other))
     found = samples.target.errors(first, replace(samples, y=second))
     return {key: (found[key], stated["on_surface"][key]) for key in found.keys() - {"max"}}
 

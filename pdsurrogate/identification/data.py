@@ -76,18 +76,18 @@ class TestData:
         """Return the test data of the given modes of loading; raise ValueError for a mode without rows."""
         if unknown := sorted({*modes} - {*self.modes}):
             raise ValueError(f"{self.name}: no rows of {', '.join(unknown)}; there are {', '.join(sorted(self.modes))}")
-        return self._taken(np.isin(self.mode, modes))
+        return self.where(np.isin(self.mode, modes))
 
     def up_to(self, stretch: float) -> Self:
         """Return the rows in which neither of the two stretches exceeds `stretch`; raise ValueError if there are no such rows."""
         chosen = np.all(self.stretches <= stretch, axis=1)
         if not chosen.any():
             raise ValueError(f"{self.name}: all rows have stretches above {stretch:g}")
-        return self._taken(chosen)
+        return self.where(chosen)
 
     def loading(self) -> Self:
         """Return the rows of first loading: without those in which the strain of a mode is less than before, see `unloading`."""
-        return self._taken(~self.unloading)
+        return self.where(~self.unloading)
 
     @property
     def unloading(self) -> np.ndarray:
@@ -102,7 +102,8 @@ class TestData:
             found[rows] = (strain[rows] < greatest) & (greatest[-1] > greatest[0])
         return found
 
-    def _taken(self, rows: np.ndarray) -> Self:
+    def where(self, rows: np.ndarray) -> Self:
+        """Return the given rows: a mask of shape (n,), or their indices in the order wanted."""
         return type(self)(self.name, self.mode[rows], self.stretches[rows], self.nominal_stress[rows], self.weight[rows], self.row[rows])
 
     def row_in_words(self, number: int) -> str:

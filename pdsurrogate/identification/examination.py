@@ -331,7 +331,7 @@ def _changes(data: TestData) -> list[_Change]:
     turned &= np.isin(data.mode, [mode for mode in data.modes if turned[data.mode == mode].sum() > MOST_ROWS])
     if turned.any():
         modes = sorted({*data.mode[turned].tolist()})
-        add(modes[0] if len(modes) == 1 else "all modes", HYSTERESIS.format(turned.sum(), len(data)), data._taken(~turned))
+        add(modes[0] if len(modes) == 1 else "all modes", HYSTERESIS.format(turned.sum(), len(data)), data.where(~turned))
     return sorted(found, key=lambda one: one.size)
 
 

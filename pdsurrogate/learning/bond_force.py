@@ -41,7 +41,7 @@ class _BondForce(Target):
         X, y, design, stretches = sampling.wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state)
         return Samples(X, y, design, self, stretches)
 
-    def _predicted(self, model, law: Law, X: np.ndarray) -> np.ndarray:
+    def predicted(self, model, law: Law, X: np.ndarray) -> np.ndarray:
         return force_of(model)(*X.T)
 
     def errors(self, predicted: np.ndarray, samples: Samples) -> dict[str, float]:

@@ -72,7 +72,7 @@ class _SheetEnergy(EnergyTarget):
         # Principal nominal stresses 2 psi_I lambda + psi_J J/lambda.
         return 2 * first[:, None] * stretches + second[:, None] * stretches[:, ::-1]
 
-    def _predicted(self, model: EnergySurrogate, law: Law, X: np.ndarray) -> np.ndarray:
+    def predicted(self, model: EnergySurrogate, law: Law, X: np.ndarray) -> np.ndarray:
         return np.stack(model.energy_derivatives(law, *X.T)[:3], axis=1)
 
     def _more_errors(self, model: EnergySurrogate, law: Law, samples: Samples) -> dict[str, float]:

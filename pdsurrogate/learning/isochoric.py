@@ -100,11 +100,11 @@ class _IsochoricEnergy(EnergyTarget):
     def _stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
         return isochoric_stresses(stretches.T**2, first, second)
 
-    def _predicted(self, model: IsochoricNetwork, law: Law, X: np.ndarray) -> np.ndarray:
+    def predicted(self, model: IsochoricNetwork, law: Law, X: np.ndarray) -> np.ndarray:
         return np.stack(model.isochoric_derivatives(*X.T), axis=1)
 
     def _more_errors(self, model: IsochoricNetwork, law: Law, samples: Samples) -> dict[str, float]:
-        rest = self._predicted(model, law, np.array([[3.0, 3.0]]))[0]
+        rest = self.predicted(model, law, np.array([[3.0, 3.0]]))[0]
         squares = samples.stretches[:STATES_OF_STABILITY].T ** 2
         return {
             "at_rest": float(abs(rest[0])),

@@ -348,8 +348,8 @@ class Target:
         surrogate that equals the model; ``states`` are the inputs of its training.
     scaling : callable
         ``scaling(model)``: scalings of a fitted model for its card.
-    _predicted : callable
-        ``_predicted(model, law, X)``: outputs of a model.
+    predicted : callable
+        ``predicted(model, law, X)``: outputs of a model.
     _more_errors : callable
         ``_more_errors(model, law, samples)``: entries of a report that only this target has, such as the least stiffness at the samples.
     _reported : dict
@@ -371,7 +371,7 @@ class Target:
     domain_of_states: Callable[[Law, np.ndarray], Domain]
     surrogate: Callable[..., tuple[LearnedBondForce | LearnedEnergy, dict]]
     scaling: Callable[[Any], dict]
-    _predicted: Callable[[Any, Law, np.ndarray], np.ndarray]
+    predicted: Callable[[Any, Law, np.ndarray], np.ndarray]
     _more_errors: Callable[[Any, Law, Samples], dict]
     _reported: ClassVar[dict[str, float]] = {"near_rest": 0.0}
 
@@ -384,15 +384,15 @@ class Target:
         samples = self.draw(law, n_samples, stretch_range, random_state=random_state, **self._reported)
         # Half of the states lie near the undeformed state, so that there are some in every bin.
         spread = self.draw(law, max(n_samples, 1000), stretch_range, random_state=random_state + 1, **{**self._reported, "near_rest": 0.5})
-        predicted, strain, bins = self._predicted(model, law, spread.X), np.abs(spread.stretches - 1).max(axis=1), []
+        outputs, strain, bins = self.predicted(model, law, spread.X), np.abs(spread.stretches - 1).max(axis=1), []
         for low, high in strain_bins(*stretch_range):
             if len(rows := np.flatnonzero((low <= strain) & (strain <= high))):
-                bins.append({"strain": [low, high], **self.errors(predicted[rows], spread.take(rows))})
+                bins.append({"strain": [low, high], **self.errors(outputs[rows], spread.take(rows))})
         return {
             "stretch_range": list(stretch_range),
             "n_samples": n_samples,
             "random_state": random_state,
-            "on_surface": self.errors(self._predicted(model, law, samples.X), samples),
+            "on_surface": self.errors(self.predicted(model, law, samples.X), samples),
             "by_strain": bins,
             **self._more_errors(model, law, samples),
         }

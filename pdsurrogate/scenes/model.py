@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from ..arguments import suggestion
 from ..html_tables import html_facts
@@ -346,17 +346,10 @@ class Units(StrictModel):
     length: UnitName | None = None
     stress: UnitName | None = None
     time: UnitName | None = None
-    _dimension: int = PrivateAttr(3)
-
-    def of_body(self, dimension: int) -> "Units":
-        """Return the same names for a body of a dimension: of a body in the plane forces, areas and energies are those per thickness."""
-        found = self.model_copy()
-        found._dimension = dimension
-        return found
 
     def _times_length(self, power: int) -> str:
         """Return the unit of length to a power, one less in the plane, after a blank; empty for the power 0."""
-        power -= self._dimension == 2
+        power -= isinstance(self, _UnitsPerThickness)
         return f" {self.length}" + (f"^{power}" if power > 1 else "") if power else ""
 
     @property
@@ -385,6 +378,10 @@ class Units(StrictModel):
         """
         unit = getattr(self, kind)
         return f"{number:{form}} {unit}{power}" if unit else f"{number:{form}}"
+
+
+class _UnitsPerThickness(Units):
+    """Names of the units of a body in the plane, whose forces, areas and energies are those per thickness."""
 
 
 class Scene(StrictModel):
@@ -531,7 +528,7 @@ class Scene(StrictModel):
     @field_validator("units")
     @classmethod
     def _of_the_body(cls, value: Units, info: ValidationInfo) -> Units:
-        return value.of_body(_dimension_of(info.data))
+        return _UnitsPerThickness(**value.model_dump()) if _dimension_of(info.data) == 2 else value
 
     @field_validator("regions")
     @classmethod

@@ -71,7 +71,7 @@ def modes_of(name):
     """Return test data of the three modes of loading; of a biaxial grid, its states of these modes with a stress."""
     data = pds.load_test_data(name)
     data = replace(data, mode=mode_of(data.stretches))
-    return data.of(*MODES)._taken(data.of(*MODES).nominal_stress != 0)
+    return data.where(np.isin(data.mode, list(MODES)) & (data.nominal_stress != 0))
 
 
 WEIGHTS = {

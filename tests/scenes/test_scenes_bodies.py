@@ -352,7 +352,7 @@ def with_middles(nodes, kind, cells, edges, bulge=0.0):
                 middles[key] = len(nodes)
                 nodes.append((np.add(nodes[cell[one]], nodes[cell[other]]) / 2 + [bulge, 0, 0]).tolist())
             row.append(middles[key])
-        while len(row) < meshio._common.num_nodes_per_cell[kind]:
+        while len(row) < int(kind.lstrip("abcdefghijklmnopqrstuvwxyz")):
             nodes.append(np.mean([nodes[corner] for corner in cell], axis=0).tolist())
             row.append(len(nodes) - 1)
         found.append(row)

@@ -60,16 +60,23 @@ def simulate(scene, force=None):
         return pds.simulate(scene, force)
 
 
-@pytest.mark.parametrize(("spacing", "tip"), [(0.2, -0.188), (0.12, -0.278), (0.1, -0.286)])
-def test_a_strip_bends_under_its_own_weight(spacing, tip):
-    """At a spacing of 0.1 it did not: its weight is below a millionth of the shear modulus over the spacing."""
+@pytest.mark.parametrize(("spacing", "error"), [(0.2, None), (0.12, 0.2**2), (0.1, (1 / 6) ** 2)])
+def test_a_strip_bends_under_its_own_weight(spacing, error):
+    """At a spacing of 0.1 it did not: its weight is below a millionth of the shear modulus over the spacing.
+
+    The reference is Bernoulli's beam with Timoshenko's shear from the held points on, which lie half a spacing within the end. Strains that
+    are linear across the thickness are resolved to the second order of spacing over thickness; with three points across they are not.
+    """
     result = simulate(strip(spacing), "bond-energy")
     level = result.levels[0]
     weight = 12 * 0.6 * 9.81e-6 * 0.981  # what is not held: all but half a cell to a cell at the clamp
     assert level["forces"]["left"][1] == pytest.approx(-level["forces"]["body"][1], rel=PART)
     assert -level["forces"]["body"][1] == pytest.approx(weight, rel=0.02)
     assert level["force_balance"] < PART
-    assert level["probes"]["tip"]["displacement"][1] == pytest.approx(tip, abs=0.002)
+    length, young, weight_per_length = 12 - spacing / 2, 9 * 100 / (3 * 100 + 1), 0.6 * 9.81e-6
+    beam = -weight_per_length * length**4 / (8 * young * 0.6**3 / 12) - weight_per_length * length**2 / (2 * 0.6 * 5 / 6)
+    tip = level["probes"]["tip"]["displacement"][1]
+    assert tip == pytest.approx(beam, rel=error) if error else beam < tip < beam / 2
     assert result.summary["n_force_evaluations"] < 400  # a method that gains is not given up: relaxation took 16,000 to 33,000
 
 
