@@ -82,6 +82,10 @@ ROUNDED = 1e-11
 Points on one line across an interface then have exactly the same place and share one fit. Chosen: far above the rounding of coordinates,
 and without effect on results."""
 
+NONE = 1e-6
+"""Distance, in spacings, of a point from a plane between points that counts as none. Chosen above the rounding of coordinates a million
+spacings from the origin, a billionth of a spacing."""
+
 SLAB = 2048
 """Number of places to which neighbors are found and functions fitted together. Chosen: the values of the functions then take 20 MB in the
 plane and 80 MB in solids; larger numbers only take more memory."""
@@ -293,7 +297,7 @@ def _two_sides(
                 heights = outwards * (np.linalg.norm(body.points[around] - center[:, None], axis=2) - radius) / reach
             # Beyond a thin layer or a gap there may be more of the same material, which does not belong to this interface.
             # A point at the place itself is on the interface, whatever rounding says.
-            there &= np.where(beyond, -1.0, 1.0) * heights <= SECTOR * np.linalg.norm(x, axis=2) + ROUNDED
+            there &= np.where(beyond, -1.0, 1.0) * heights <= SECTOR * np.linalg.norm(x, axis=2) + NONE
             there &= beyond | (kinds == first)
             yield some, around, x, beyond, heights, np.where(there, body.volumes[around], 0.0), reach
 
@@ -360,8 +364,8 @@ def _find_planes(
         good = ((behind > 0) & (behind < there.sum(axis=1, keepdims=True)))[:, 0] & (np.abs(depths) <= FARTHEST * body.horizon)
         places = (points + depths[:, None] * normals)[good]
         rows, beyond, normals, depths = rows[good], beyond[good], normals[good], depths[good]
-        astray = (V * (others != (along > ends[:, :1] + 1e-9 * body.spacing)) / total)[good].sum(axis=1)
-    front = depths > 0
+        astray = (V * (others != (along > ends[:, :1] + NONE * body.spacing)) / total)[good].sum(axis=1)
+    front = depths > NONE * body.spacing
     found.put(rows[front], depths[front], normals[front], beyond[front], astray[front])
 
 
