@@ -179,13 +179,12 @@ def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str
     facets, owners = sides.corners[outer], sides.owners[outer]
     parts = np.where(beyond < 0, "outline", np.char.add("holes.", hole[beyond].astype(str)))
     loop = connected(len(mesh.nodes), np.repeat(facets[:, 0], facets.shape[1] - 1), facets[:, 1:].ravel())[1][facets[:, 0]]
-    nodes = mesh.nodes - mesh.nodes.mean(axis=0)  # far from the origin rounding decides on the sign of products of coordinates
-    first = nodes[facets[:, 0]]
+    first = mesh.nodes[facets[:, 0]]
     if scene.dimension == 2:
-        second = nodes[facets[:, 1]]
+        second = mesh.nodes[facets[:, 1]]
         within = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     else:
-        within = np.linalg.det(quarters(nodes[facets])).reshape(len(facets), -1).sum(axis=1)
+        within = np.linalg.det(quarters(mesh.nodes[facets])).reshape(len(facets), -1).sum(axis=1)
     within = np.bincount(loop, within)
     inner = [number for number in np.flatnonzero(within < 0) if ((loop == number) & (beyond < 0)).any()]
     inner.sort(key=lambda number: tuple(first[loop == number].min(axis=0)))

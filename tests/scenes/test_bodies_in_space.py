@@ -478,14 +478,6 @@ TETRAHEDRA = ([0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 
 """Of a hexahedron, about the diagonal from its first corner to its seventh."""
 
 
-def test_a_cavity_of_a_mesh_far_from_the_origin_is_a_hole(tmp_path):
-    """Which of two closed parts of the boundary is the outer one was a matter of products of coordinates, and of rounding."""
-    nodes, cells = solid_mesh()
-    meshio.write(tmp_path / "solid.vtu", meshio.Mesh(nodes + [1e6, -1e6 / 3, 7e5], [("hexahedron", cells)]))
-    scene = scene_of({"shape": "mesh", "dimension": 3, "file": str(tmp_path / "solid.vtu")}, 1 / 6)
-    assert set(surface_of(scene, *discretize(scene)).parts) == {"left", "right", "bottom", "top", "back", "front", "holes.0"}
-
-
 @pytest.mark.parametrize("kind", ["hexahedron", "tetra"])
 def test_meshes(tmp_path, kind):
     """Volumes are those that the boundary encloses; the cavity is a hole, and groups are cells or what has their faces."""

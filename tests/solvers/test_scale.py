@@ -316,6 +316,18 @@ def test_solids_far_from_the_origin_have_the_same_boundary(body, place):
     np.testing.assert_allclose(outward((1e6 + 0.1, -1e6 / 3, 7e5)), outward((0.0, 0.0, 0.0)), atol=1e-5)
 
 
+def test_cells_of_relaxed_points_far_from_the_origin_are_the_same():
+    """Qhull has squares of coordinates: a million lengths away areas were wrong by more than that of a cell."""
+
+    def areas(corner):
+        body = {"shape": "rectangle", "size": [2.0, 1.0], "lower": corner, "arrangement": "relaxed"}
+        cells = compile_scene(pds.Scene(**(bar(0.0, 0.1, spacing=0.125).model_dump() | {"body": body}))).body.cells
+        first, second = (np.roll(cells.nodes[cells.blocks[0]] - cells.nodes[cells.blocks[0]][:, :1], turn, axis=1) for turn in (0, -1))
+        return (first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]).sum(axis=1) / 2
+
+    np.testing.assert_allclose(areas((1e6 + 0.1, -1e6 / 3)), areas((0.0, 0.0)), rtol=1e-6)
+
+
 def test_pressures_of_tiny_strains_need_more_digits():
     """An error of the volume counts K/mu times in the stress: with 10^4 a strain of 1e-10 was 0.3 % off."""
     stiff = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 1e4}
