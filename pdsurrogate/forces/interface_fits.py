@@ -351,7 +351,10 @@ def _find_planes(
         )
         share = (V * others).sum(axis=1, keepdims=True) / total
         normals = np.linalg.solve(second, np.einsum("bk,bka->ba", V * (others - share), x)[:, :, None])[:, :, 0]
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        # The other material may lie evenly around the point, a single point at its own place say, so that it has no direction but rounding.
+        directed = lengths > 1e-9 / body.horizon
+        normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=directed)
         # The plane has as much of the volume beyond it as the other material has.
         points = body.points[near[rows]]
         along = np.where(there, ((body.all_points[around] - points[:, None]) @ normals[:, :, None])[:, :, 0], np.inf)
@@ -361,7 +364,7 @@ def _find_planes(
         ends = np.take_along_axis(order, np.clip(np.hstack([behind - 1, behind]), 0, order.shape[1] - 1), axis=1)
         ends = np.take_along_axis(along, ends, axis=1)
         depths = ends.mean(axis=1)
-        good = ((behind > 0) & (behind < there.sum(axis=1, keepdims=True)))[:, 0] & (np.abs(depths) <= FARTHEST * body.horizon)
+        good = (directed & (behind > 0) & (behind < there.sum(axis=1, keepdims=True)))[:, 0] & (np.abs(depths) <= FARTHEST * body.horizon)
         places = (points + depths[:, None] * normals)[good]
         rows, beyond, normals, depths = rows[good], beyond[good], normals[good], depths[good]
         astray = (V * (others != (along > ends[:, :1] + NONE * body.spacing)) / total)[good].sum(axis=1)

@@ -26,6 +26,10 @@ PLAIN |= {"missing": "this key is missing", "tuple_type": "must be a list"}
 """Messages by type of error in the place of Pydantic's, which uses the words of Python; a description is written in TOML."""
 
 
+FEW = 10
+"""Number of problems that one message lists."""
+
+
 class Problems(ValueError):
     """All problems that Pydantic found in one part of a description, in one line of text.
 
@@ -38,7 +42,10 @@ class Problems(ValueError):
     def __init__(self, error: ValidationError, part: type[BaseModel]) -> None:
         problems = error.errors()
         self.lines = [line for problem in problems for line in _lines(problem, problems, part)]
-        super().__init__("; ".join(f"{key}: {message}" if key else message for key, message in self.lines))
+        shown = [f"{key}: {message}" if key else message for key, message in self.lines]
+        # One slip repeated in a thousand inclusions is one slip.
+        more = [f"and {len(shown) - FEW} problems more"] if len(shown) > FEW else []
+        super().__init__("; ".join(shown[:FEW] + more))
 
 
 def _lines(problem: Any, problems: list, part: type[BaseModel]) -> list[tuple[str, str]]:

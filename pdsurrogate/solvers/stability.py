@@ -285,7 +285,7 @@ def _each(function: Callable[[np.ndarray], np.ndarray], columns: np.ndarray) -> 
 
 
 def _beside(columns: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return orthonormal vectors (n, m), m <= k, that with the orthonormal `others` (n, l) span the space of these and the columns (n, k)."""
+    """Return orthonormal vectors (n, m), m <= k, that span with orthonormal `others` (n, l) what the columns (n, k) span with them."""
     sizes = np.linalg.norm(columns, axis=0)
     columns = columns[:, sizes > 0] / sizes[sizes > 0]
     for _ in range(2):  # once more, since what rounding left of the others is not small beside a small remainder

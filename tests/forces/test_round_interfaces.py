@@ -174,6 +174,7 @@ def test_the_work_of_many_inclusions_grows_with_the_points_alone():
         calls[0] += event == "call"
 
     problem = compile_scene(scene, [FORCES["bond-energy"]()] * 101)
+    problem.bind()  # imports what is imported where it is first needed
     sys.setprofile(count)
     try:
         force, _ = problem.bind()

@@ -102,8 +102,8 @@ def test_motion_that_fine_steps_alone_keep_is_warned_of():
 def test_a_crack_that_makes_energy_is_a_failure():
     """Without viscosity the last bonds of a ligament gave the strip half as much again as was put in: "converged", without a word.
 
-    With 0.9 of the longest step; with 0.7 its account closes. The motion is chaotic: by rounding its energy is found first, its frequency, or
-    a side that it throws over a grip.
+    With 0.9 of the longest step; with 0.7 its account closes. The motion is chaotic: by rounding its energy is found first, its frequency,
+    or a side that it throws over a grip.
     """
     with pytest.raises(pds.SimulationFailed, match=r"energy balance has an error of|the motion is unstable|bulges over") as caught:
         pds.simulate(strip(viscosity=0.0, safety=0.9), "bond-energy")

@@ -357,3 +357,10 @@ def test_a_material_may_be_left_to_the_force():
     for force in (None, "analytic", "bond-energy", pds.AnalyticBondForce()):
         with pytest.raises(SceneError, match=r"scene plain: material: missing; add one, or choose an artifact"):
             pds.simulate(scene, force)
+
+
+def test_a_slip_that_is_repeated_does_not_fill_the_screen():
+    slip = [{"region": {"disk": i}, "material": "neo-hookean"} for i in range(1000)]
+    with pytest.raises(SceneError, match=r"materials\.0\.region\.disk: .*and 990 problems more") as caught:
+        load_scene("uniaxial", {"materials": slip})
+    assert len(str(caught.value)) < 2500

@@ -302,11 +302,14 @@ def test_a_sheet_has_the_same_displacements_far_from_the_origin(force, keys):
 
 @pytest.mark.parametrize(
     ("body", "place"),
-    [({"shape": "cylinder", "radius": 0.5, "length": 1.0, "axis": "x1"}, "base"), ({"shape": "sphere", "radius": 1.0, "part": "half"}, "center")],
+    [
+        ({"shape": "cylinder", "radius": 0.5, "length": 1.0, "axis": "x1"}, "base"),
+        ({"shape": "sphere", "radius": 1.0, "part": "half"}, "center"),
+    ],
     ids=["cylinder", "sphere"],
 )
 def test_solids_far_from_the_origin_have_the_same_boundary(body, place):
-    """A section far away was refused, since Delaunay's criterion has squares of coordinates. Of four nodes on a circle it may join either two."""
+    """A section far away was refused, since Delaunay's criterion has squares of coordinates. Of four nodes on a circle it joins either two."""
 
     def outward(corner):
         held = [{"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0}]
