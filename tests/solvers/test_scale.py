@@ -309,7 +309,7 @@ def test_a_sheet_has_the_same_displacements_far_from_the_origin(force, keys):
     ids=["cylinder", "sphere"],
 )
 def test_solids_far_from_the_origin_have_the_same_boundary(body, place):
-    """A section far away was refused, since Delaunay's criterion has squares of coordinates. Of four nodes on a circle it joins either two."""
+    """A section far away was refused, since Delaunay's criterion has squares of coordinates; of four nodes on a circle it joins two."""
 
     def outward(corner):
         held = [{"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0}]
