@@ -177,7 +177,7 @@ class SceneRegressor(LawEstimator):
         determine a parameter at all.
     domain_hull_ : list of list of float
         Half-planes (n1, n2, d) of the convex hull of the states in the simulated tests, as in ``hull`` of
-        `pdsurrogate.forces.protocol.Domain`, moved outwards by the margin of `EnergyRegressor`.
+        `pdsurrogate.forces.domain.Domain`, moved outwards by the margin of `EnergyRegressor`.
     stretch_range_ : tuple of float
         Least and greatest stretch in the plane, or in space, in the simulated tests.
     start_ : dict

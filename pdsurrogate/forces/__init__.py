@@ -2,14 +2,16 @@
 
 from ..errors import InvalidState, OutsideDomain, OutsideDomainWarning
 from .ba_nosb import BANOSBForce
+from .binding import Portion
 from .bond_energy import BondEnergyForce, EnergySurrogate
 from .bond_force import AnalyticBondForce, ForceSurrogate
+from .domain import Domain
 from .internal_force import InternalForce, released_by
 from .learned_energy import EnergyNetwork, IsochoricNetwork, LearnedEnergy
 from .learned_force import LearnedBondForce, NetworkForce, PolynomialForce, SplineForce
 from .nosb import NOSBForce
 from .own import OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
-from .protocol import Domain, ForceModel, Member, Portion, bind_portions
+from .protocol import ForceModel, Member, bind_portions
 from .settings import ForceSettings
 
 FORCES = {model.name: model for model in (AnalyticBondForce, BANOSBForce, BondEnergyForce, NOSBForce)}

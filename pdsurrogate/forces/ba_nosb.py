@@ -13,12 +13,13 @@ from ..errors import InvalidState
 from ..kernels import ba_nosb
 from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS
+from .binding import Binding
 from .errors import at_point, why_invalid
 from .protocol import ForceModel
-from .term import Binding, StateArray, Term
+from .term import MaterialTerm, StateArray, Term
 
 
-class BondAssociatedStress(Term):
+class BondAssociatedStress(MaterialTerm):
     """Internal force of BA-NOSB: forces from the stresses of the bonds, each of which has a deformation gradient of its own.
 
     Attributes

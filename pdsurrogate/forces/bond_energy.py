@@ -12,9 +12,11 @@ from ..kernels.energy_density import analytic_energy_density
 from ..kernels.isochoric_energy import N_SIZES, OUTSIDE
 from ..kernels.selective_energy import RESULT_ROWS, evaluate_isochoric_energy
 from ..materials import PLANES, Law, plane_stress
+from .compiled_force import CompiledBondForce, by_blocks
+from .domain import Domain
 from .pair_energy import PairEnergy
 from .pair_passes import EnergyDerivatives
-from .protocol import CompiledBondForce, Domain, ForceModel, by_blocks
+from .protocol import ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS
 from .term import Term
 

@@ -20,12 +20,15 @@ from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS, Law, NeoHookean, plane_stress
 from ..materials.response import volume_residual_block
 from ..materials.states import principal_stretches
+from .binding import Binding, Portion
+from .compiled_force import CompiledBondForce
+from .domain import EVERYWHERE, Domain
 from .errors import at_point
 from .material_points import MaterialPoints, material_sums
 from .pair_balance import balanced_changes
-from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel, Portion
+from .protocol import ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
-from .term import Binding, DomainWatch, Term, sum_on_pairs
+from .term import DomainWatch, MaterialTerm, Term, sum_on_pairs
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
 """Relative step of the volume ratio J3 at which the iteration for the thickness ends, by precision of the bond forces: a few times the
@@ -152,7 +155,7 @@ class PairForces:
         self.geometry[block, 2:4, lane] += factors.T
 
 
-class BondForces(Term):
+class BondForces(MaterialTerm):
     """Internal force that sums the forces of bonds, each a function of the states of the bond's two ends, theory (55).
 
     A pair within one material carries its bond force. A pair across an interface carries the mean of two bond forces, one from the model

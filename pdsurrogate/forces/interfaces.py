@@ -64,10 +64,6 @@ class Interfaces:
     corrections, continuation : list of Step
         Steps that find the jumps and correct the gradients of the points for the other material's different motion; and steps that find
         `changes`, once the gradients of halo points are known.
-    on_jumps : ndarray, shape (n, d)
-        Forces on the points due to the dependence of the energy on the jumps, as last found by the steps of `steps_back`.
-    pulls : ndarray, shape (n + m, d)
-        Changes of the forces on the points where gradients omit bonds, as last found by these steps.
     """
 
     def __init__(
@@ -89,7 +85,6 @@ class Interfaces:
         share.fill(self.normals)
         body.ghosts.fill(self.depths)
         d = body.dimension
-        self.on_jumps, self.pulls = np.zeros((n, d)), np.zeros((total, d))
         self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._one_sided, self._product = scipy.sparse.csr_array((n * d, total)), partial(sparse_product, kinematics.chunks)
         self._one_sided_back = self._one_sided.T.tocsr()
@@ -257,7 +252,7 @@ class Interfaces:
     def steps_back(
         self, forces: np.ndarray, moments: np.ndarray, own_moments: np.ndarray, on_points: np.ndarray, pulls: np.ndarray
     ) -> list[Step]:
-        """Return the steps that find forces such as `on_jumps` and `pulls`: the transpose of `corrections` and `continuation`.
+        """Return the steps that find the forces of an energy that depends on the jumps: the transpose of `corrections` and `continuation`.
 
         Parameters
         ----------
@@ -266,8 +261,10 @@ class Interfaces:
             in that motion; `moments` is overwritten.
         own_moments : ndarray, shape (n, d d)
             Derivative of the energy by the points' own gradients; terms of mirror images are added in place.
-        on_points, pulls : ndarray, shapes (n, d) and (n + m, d)
-            Receive the forces, see the attributes `on_jumps` and `pulls`.
+        on_points : ndarray, shape (n, d)
+            Receives the forces on the points that determine the jumps.
+        pulls : ndarray, shape (n + m, d)
+            Receives the changes of the forces on the points where gradients omit bonds.
         """
         n, d, ghosts, product, chunks = len(self._body), self._body.dimension, self._body.ghosts, self._product, self._kinematics.chunks
         on_jumps, theirs, columns = np.zeros_like(self.jumps), moments[:n].reshape(-1, d), own_moments.reshape(-1, d)

@@ -1,30 +1,26 @@
 """Internal force on the points of a body, the object that solvers evaluate: the sum of the terms of a force model."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import reduce
 from operator import add
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import scipy
 
 from ..body import Body
 from ..body.body import lengths_of
+from ..materials import Law
+from .binding import Binding, Portion
 from .interface_fits import YIELDING
 from .interfaces import Interfaces
 from .kinematics import Kinematics
 from .settings import ForceSettings
-from .term import Binding
-
-if TYPE_CHECKING:
-    from ..materials import Law
-    from .protocol import ForceModel, Portion
-    from .volume_energy import LinearizedDilatation
+from .term import MaterialTerm, StateArray, Term
+from .volume_energy import LinearizedDilatation
 
 PROBE = 1e-5
 """Greatest displacement of a point, in spacings, in the central differences of `tangent_of`. Chosen: curvature and rounding
@@ -49,6 +45,8 @@ class InternalForce:
     portions : sequence of Portion
     portion_of : ndarray of int, shape (n + m,), or None
         Number of the material (index into `portions`) of every point and ghost, ``len(portions)`` for rigid ones; None with one material.
+    positions : ndarray, shape (n + m, d)
+        Positions of points and ghosts as last set by `place` or a call.
     interfaces : Interfaces or None
         Interfaces between materials; None if the body has one material.
     law : Law
@@ -73,7 +71,8 @@ class InternalForce:
     learned_thickness : bool
         Whether the volume ratios J3 of the points are computed with a learned force, and not by the law.
     learned : Term
-        Term that reports the distance of the state from the training data: `domain_deviation`, `beyond_data`, `member_deviation`.
+        Term that reports the distance of the state from the training data: `domain_deviation`, `beyond_data`, `member_deviation`. At most
+        one term may have a model with training data.
     stiffness_moduli : float or ndarray, shape (n,)
         Shear modulus that measures the stiffness around a point. With several materials it is the mean over the bonds of the point, where
         each bond has the mean modulus of its two ends, since bonds across an interface stiffen all points that they reach.
@@ -82,8 +81,11 @@ class InternalForce:
         forces and their rounding errors are that large.
     states : list of StateArray
         All arrays that the next evaluation starts from, apart from positions and broken bonds.
-    state_rows : dict of str
-        Kind of the rows of each array of `state_arrays`, see `StateArray`.
+    state_arrays : dict of ndarray
+        Their values by name. A solution that is saved with copies of these, and restored by copying them back, continues with identical
+        bits.
+    history : dict of ndarray
+        Those of them that `accept` alone changes: the history of the terms, see `Term.keeps`.
     evaluations : int
         Evaluations begun so far.
     pairs_outside : int
@@ -103,7 +105,8 @@ class InternalForce:
         self.laws = [(portion.law, portion.points) for portion in portions]
         self.precision = max(portion.model.usual_precision(settings) for portion in portions)
         self._kinematics = kinematics = Kinematics(body, self.precision, settings.plane)
-        kinds = portions[0].model.terms(settings.plane)
+        self.positions = kinematics.positions
+        kinds: Sequence[type[Term]] = portions[0].model.terms(settings.plane)
         self.has_energy = all(kind.has_energy for kind in kinds)
         self.portion_of = None if isinstance(portions[0].points, slice) else _numbers_of(body, portions)
         self.stiffness_moduli = self.force_scale = self.law.shear_modulus
@@ -114,16 +117,22 @@ class InternalForce:
             self.stiffness_moduli, self.force_scale = self._moduli(moduli)
         self.interfaces = kinematics.interfaces
         binding = Binding(kinematics, portions, settings, self.precision, self.portion_of)
-        self.terms = [kind(replace(binding, leads=number == 0)) for number, kind in enumerate(kinds)]
+        self.terms = [kind(replace(binding, number=number)) for number, kind in enumerate(kinds)]
+        self._volumes = _term_with_volumes(self.terms, settings.plane)
         self._further = np.empty_like(body.points) if len(kinds) > 1 else None
         self._forms = any(term.needs_gradients for term in self.terms)
         self._watches = [watch for term in self.terms for watch in term.watches]
-        self.learned = first = self.terms[0]
-        self.correction = first.correction
+        self.learned = _term_with_domain(self.terms)
+        self.correction = next((term.correction for term in self.terms if term.correction != "none"), "none")
         self.zero_energy_modes = all(term.zero_energy_modes for term in self.terms)
-        self.nearly_incompressible, self.learned_thickness = first.nearly_incompressible, first.learned_thickness
-        self.states = [array for term in self.terms for array in term.state]
-        self.state_rows = {array.name: array.rows for array in self.states}
+        self.nearly_incompressible = any(term.volume is not None for term in self.terms)
+        self.learned_thickness = any(term.learned_thickness for term in self.terms)
+        self.states: list[StateArray] = [array for term in self.terms for array in term.state]
+        self.state_arrays = {array.name: array.values for array in self.states}
+        if len(self.state_arrays) < len(self.states):
+            raise ValueError(f"two terms of a force keep arrays of one name, of {[array.name for array in self.states]}")
+        self._remembering = [term for term in self.terms if term.keeps]
+        self.history = {name: values for term in self._remembering for name, values in term.kept.items()}
         self.evaluations = self.pairs_outside = self.most_outside = self.timed = 0
         self.seconds = 0.0
 
@@ -183,6 +192,24 @@ class InternalForce:
             write(self._further)
             out += self._further
 
+    def elapse(self, time: float) -> None:
+        """Set the time since the state that was last accepted, at which the next evaluations try states of a body with history."""
+        self._kinematics.elapsed = time
+
+    def accept(self, positions: np.ndarray) -> None:
+        """Accept a state of the body: add it to the `history`, which evaluations never change, and begin a new time at it (`elapse`).
+
+        Parameters
+        ----------
+        positions : ndarray, shape (n, d)
+            Positions of the points in equilibrium, or after a time step.
+        """
+        if self._remembering:
+            self._kinematics.place(positions)
+            for term in self._remembering:
+                term.accept(self._kinematics.elapsed)
+        self._kinematics.elapsed = 0.0
+
     def pass_bonds(self, out: np.ndarray) -> None:
         """Write the forces to `out` from the states of the points as last computed, without checks; for timings, and for broken bonds.
 
@@ -203,11 +230,6 @@ class InternalForce:
         """
         self._kinematics.move_plane(plane, displacement, turn)
 
-    @property
-    def positions(self) -> np.ndarray:
-        """Positions of points and ghosts as last set by `place` or a call, shape (n + m, d)."""
-        return self._kinematics.positions
-
     def deformation_gradients(self) -> np.ndarray:
         """Return the deformation gradients F of the points at the positions last set, shape (n, d, d)."""
         return self._kinematics.deformation_gradients()
@@ -225,7 +247,7 @@ class InternalForce:
         InvalidState
             If a point has no volume ratio.
         """
-        return self.terms[0].volume_ratios()
+        return self._volumes.volume_ratios()
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
         """Return stress and energy density of the points from their own deformation gradients, at the positions last set.
@@ -240,7 +262,8 @@ class InternalForce:
         energy : ndarray, shape (n,)
             Stored energy per undeformed volume.
         """
-        return self.terms[0].stress_and_energy()
+        stresses, energies = zip(*(term.stress_and_energy() for term in self.terms), strict=True)
+        return reduce(add, stresses), reduce(add, energies)
 
     def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         """Return the force on the first point of given pairs, by default of all, in the state last evaluated, shape (k, d)."""
@@ -252,22 +275,17 @@ class InternalForce:
 
         Such forces arise at interfaces between materials, where an energy depends on the jumps of the deformation gradient.
         """
-        return self.terms[0].forces_beside_pairs()
+        found = [forces for term in self.terms if (forces := term.forces_beside_pairs()) is not None]
+        return reduce(add, found) if found else None
 
     def levers_on_planes(self) -> np.ndarray | None:
         """Return the first moments of the forces that reflection planes exert on the body, sums of f (x) y, shape (planes, d, d).
 
         f is a force of a plane and y the place where it acts; the sums follow from virtual work in the state last evaluated. None for a
-        force without energy.
+        force with a term that does not know them, such as one without energy.
         """
-        return self.terms[0].levers_on_planes()
-
-    def state_arrays(self) -> dict[str, np.ndarray]:
-        """Return the arrays that the next evaluation starts from (`states`), by name.
-
-        A solution that is saved with copies of these values, and restored by copying them back, continues with identical bits.
-        """
-        return {array.name: array.values for array in self.states}
+        found = [levers for term in self.terms if (levers := term.levers_on_planes()) is not None]
+        return reduce(add, found) if len(found) == len(self.terms) else None
 
     def applied(self) -> np.ndarray:
         """Return zeros, shape (n, d): no loads are part of an internal force; a `LoadedForce` returns the forces of its loads instead."""
@@ -290,7 +308,7 @@ class InternalForce:
 
     def linearized_dilatation(self) -> LinearizedDilatation:
         """Return the derivative of the points' volume ratios by the positions, for a force that is `nearly_incompressible`."""
-        return self.terms[0].linearized_dilatation()
+        return LinearizedDilatation([term.volume for term in self.terms if term.volume is not None])
 
     def break_bonds(self, pairs: np.ndarray) -> None:
         """Break pairs (bonds): remove them for good from the horizons of their ends, from corrections, and from forces.
@@ -308,7 +326,7 @@ class InternalForce:
 
     def collapsed_pairs(self) -> np.ndarray:
         """Return the numbers of pairs nearly or fully turned inside out in the last evaluation; empty for models that do not check."""
-        return self.terms[0].collapsed_pairs()
+        return reduce(np.union1d, (term.collapsed_pairs() for term in self.terms))
 
     @property
     def fraction_outside(self) -> float:
@@ -350,7 +368,7 @@ def tangent_of(force: InternalForce, positions: np.ndarray) -> scipy.sparse.lina
 
 
 @contextmanager
-def numbers_in_place(force: InternalForce, materials: Sequence[tuple[Law, ForceModel]]) -> Iterator[None]:
+def numbers_in_place(force: InternalForce, materials: Sequence[tuple[Law, Any]]) -> Iterator[None]:
     """Replace the laws and models of a force by others that differ in numbers alone, until the end of a ``with`` block.
 
     The forces are then those of a force that is bound to these laws and models. `stiffness_moduli`, `force_scale`, and the interfaces
@@ -372,7 +390,7 @@ def numbers_in_place(force: InternalForce, materials: Sequence[tuple[Law, ForceM
     if kinds[0] != kinds[1]:
         raise ValueError("a force takes other numbers of its laws and models, but no other laws or models: bind a force to these")
 
-    def give(materials: Sequence[tuple[Law, ForceModel]]) -> None:
+    def give(materials: Sequence[tuple[Law, Any]]) -> None:
         """Give the numbers to all terms of the force, which have copies of them."""
         new = zip(force.portions, materials, strict=True)
         force.portions = [replace(portion, law=law, model=model) for portion, (law, model) in new]
@@ -406,6 +424,33 @@ def released_by(force: InternalForce, motion: np.ndarray) -> float | None:
     """
     parts = [term.released_by(motion) for term in force.terms]
     return None if None in parts else sum(parts)
+
+
+def _term_with_volumes(terms: Sequence[Term], plane: str) -> MaterialTerm:
+    """Return the term by which the volume ratios of the points are defined: one with a volumetric energy, or else with laws of materials.
+
+    Raises
+    ------
+    ValueError
+        If no term has materials; or if, under plane stress, the laws of two terms do not determine the same thickness: each would be
+        evaluated as a sheet of its own, and the two do not add up to one.
+    """
+    found = [term for term in terms if isinstance(term, MaterialTerm)]
+    if not found:
+        raise ValueError("a force needs a term with materials, whose laws determine the volumes of its points")
+    for one, other in ((one.law, other.law) for term in found[1:] for one, other in zip(found[0].materials, term.materials, strict=True)):
+        if plane == "stress" and (type(one) is not type(other) or not np.array_equal(one.parameters, other.parameters)):
+            thickness = "under plane stress the thickness follows from the sum of all stresses"
+            raise ValueError(f"two terms of a force have the laws {one.name} and {other.name}: {thickness}; write one term for both")
+    return next((term for term in found if term.volume is not None), found[0])
+
+
+def _term_with_domain(terms: Sequence[Term]) -> Term:
+    """Return the term whose model has training data, or else the first; raise ValueError if two have."""
+    found = [term for term in terms if any(watch.bounded for watch in term.watches)]
+    if len(found) > 1:
+        raise ValueError("two terms of a force have models with training data; only one may")
+    return (found or terms)[0]
 
 
 def _numbers_of(body: Body, portions: Sequence[Portion]) -> np.ndarray:

@@ -64,6 +64,8 @@ class Kinematics:
         Number of changes of positions and bonds, by which dependent states detect that they are out of date.
     formed : bool
         Whether `gradients` belong to `positions`.
+    elapsed : float
+        Time since the state of the body that was last accepted, for terms with history.
     """
 
     def __init__(self, body: Body, precision: str, plane: str = "stress") -> None:
@@ -82,7 +84,7 @@ class Kinematics:
 
         self.changed: ChangedWeights | None = None
         self.positions, self.gradients = points.copy(), aligned_rows((total, d * d))
-        self.changes, self.formed = 0, False
+        self.changes, self.formed, self.elapsed, self._has_steps = 0, False, 0.0, False
         self.interfaces = None
         self._plane_displacements = np.zeros((len(body.planes), d))
         self._plane_turns = None
@@ -169,6 +171,8 @@ class Kinematics:
 
         The sum of x (x) c over the bonds of a point must vanish for its changes c, so that gradients of affine motions stay as they are.
         """
+        if self._has_steps:
+            raise ValueError("the first term of a force must be one with an energy if others have one: it balances the gradients of all")
         self.changed = ChangedWeights(self, numbers, changes)
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
@@ -192,6 +196,7 @@ class Kinematics:
 
         A term that runs these steps before its own, in one call of compiled code, then sets `formed`.
         """
+        self._has_steps = True
         before, after = ([], []) if self.interfaces is None else (self.interfaces.corrections, self.interfaces.continuation)
         of_ghosts = *self.gradient_ghosts.of_gradients, 1.0, self._gradient_shifts
         on_ghosts = [fill_matrices.bind(self.gradients, *of_ghosts, chunks=self.chunks)] if len(self.body.ghosts) else []

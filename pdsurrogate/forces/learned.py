@@ -10,7 +10,8 @@ import numpy as np
 from ..materials import Law
 from ..materials.covariance import LawCovariance
 from .agreement import check_agreement
-from .protocol import Domain, ForceModel, Member
+from .domain import Domain
+from .protocol import ForceModel, Member
 
 CHUNK = 65_536
 """Number of bonds or points evaluated together. Chosen: a feature or an output of so many takes 0.5 MB; greater

@@ -14,9 +14,10 @@ from ..kernels.network import ACTIVATIONS, GROUP, SMOOTH, pack_units
 from ..materials import PLANES, Law
 from .agreement import invariant_states, isochoric_slopes, isochoric_states, isochoric_stresses
 from .bond_energy import EnergyModel, EnergySurrogate, IsochoricEnergy
+from .compiled_force import CompiledBondForce
+from .domain import Domain
 from .learned import CHUNK, Learned, check_shape, greatest_deviations
 from .pair_passes import EnergyDerivatives
-from .protocol import CompiledBondForce, Domain
 
 ENERGY_FEATURES = ("log J", "log(tr C/(2 J))")
 """Features of an energy network: the logarithms of the area ratio and of cosh(log(lambda_1/lambda_2)); both vanish without deformation."""

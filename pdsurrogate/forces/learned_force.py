@@ -15,8 +15,9 @@ from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
 from ..materials import Law
 from .agreement import bond_states
 from .bond_force import AnalyticBondForce, BondStates, ForceSurrogate, bond_arrays
+from .compiled_force import CompiledBondForce
+from .domain import Domain
 from .learned import Learned, check_payload, check_shape, greatest_deviations
-from .protocol import CompiledBondForce, Domain
 
 LAYER = ("weights", "biases")
 """Names of the two arrays of a network's layer, in this order; keys of a payload append the number of the layer, as in ``weights_0``."""

@@ -8,14 +8,15 @@ from ..body.body import lengths_of
 from ..engine.block_arrays import aligned_rows
 from ..kernels import nosb
 from ..materials import PLANES
+from .binding import Binding
 from .errors import at_point, why_invalid
 from .kinematics import matrices
 from .material_points import gathered, rows_of
 from .protocol import ForceModel
-from .term import Binding, Term
+from .term import MaterialTerm, Term
 
 
-class PointStress(Term):
+class PointStress(MaterialTerm):
     """Internal force of the non-ordinary state-based model, from the stresses of the points by the laws of their materials."""
 
     zero_energy_modes = True

@@ -16,8 +16,8 @@ from ..kernels.bond_force import lateral_stretch
 from ..materials import InvariantLaw, Law
 from ..materials.consistency import compare_derivatives
 from .bond_force import ForceSurrogate, bond_arrays, exact_bond_force
+from .compiled_force import CompiledBondForce
 from .internal_force import InternalForce
-from .protocol import CompiledBondForce
 from .settings import ForceSettings
 
 _CALLED = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4)

@@ -1,7 +1,6 @@
 """Energy of the pairs of a body, and the forces that are its gradient, theory (27)-(31), (48)-(52), (56), (57)."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,20 +13,18 @@ from ..kernels.sums import sum_moments, sum_pair_forces
 from ..materials import PLANES, Law, plane_stress
 from ..materials.states import principal_stretches
 from .balanced import balanced_changes
+from .binding import Binding, Portion
 from .bond_shares import BondShares
 from .errors import at_point, why_invalid
 from .kinematics import matrices
 from .material_points import material_sums
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
-from .term import Binding, DomainWatch, Term, sum_on_pairs, whole_volume
-from .volume_energy import LinearizedDilatation, VolumeEnergy
-
-if TYPE_CHECKING:
-    from .protocol import Portion
+from .term import DomainWatch, MaterialTerm, sum_on_pairs, whole_volume
+from .volume_energy import VolumeEnergy
 
 
-class PairEnergy(Term):
+class PairEnergy(MaterialTerm):
     """Internal force from the energy of all pairs (undirected bonds), each a function of the pair's deformation gradient F_ij.
 
     Under plane stress the pairs have the whole energy. In plane strain and three dimensions the energy is selective: isochoric at the pairs
@@ -53,13 +50,14 @@ class PairEnergy(Term):
         if self.selective is None:
             self.selective = binding.settings.plane != "stress"
         self.shares = BondShares(self.kinematics, binding.precision)
-        changes = balanced_changes(self.kinematics, self.shares, binding.portion_of)
-        if changes is not None:
-            self.kinematics.change_weights(*changes)
+        if self.kinematics.changed is None:  # they do not depend on the energy, and two terms have them in common
+            changes = balanced_changes(self.kinematics, self.shares, binding.portion_of)
+            if changes is not None:
+                self.kinematics.change_weights(*changes)
         self._model, models = binding.portions[0].model, [portion.model for portion in binding.portions]
         self._domain = self._model.domain if whole else None
         owners = None if whole else binding.portion_of[body.bond_owners]
-        each, self._own_bonds, self.volume = [], [], None
+        each, self._own_bonds = [], []
         for number, model in enumerate(models):
             own = None if whole else owners == number
             # A material has energy in its own bonds.
@@ -88,23 +86,23 @@ class PairEnergy(Term):
             forces = material_sums(self.kinematics, self.materials, "forces", self._parts, self._on_points, seen_forces)
             gather = moments + forces
             self.in_units = [*enumerate(moments[:-1]), *enumerate(forces[:-1])]
-            interfaces = self.kinematics.interfaces
-            results = interfaces.on_jumps, interfaces.pulls
-            further = interfaces.steps_back(seen_forces, seen_moments, self._stresses[: len(body)], *results)
+            self._on_jumps, self._pulls = np.zeros((len(body), d)), np.zeros_like(self._on_points)
+            seen = seen_forces, seen_moments, self._stresses[: len(body)]
+            further = self.kinematics.interfaces.steps_back(*seen, self._on_jumps, self._pulls)
         to_points = [*gather, *self.shares.steps_to_points(self._stresses, self._on_points, 1.0, *further)]
         seen = [step for points in self.materials for step in points.seen]
         before, after = (seen, []) if self.volume is None else (self.volume.dilatation_steps, self.volume.steps)
-        leading, after = self.kinematics.steps() if binding.leads else [], [*after, *(part.find for part in self._parts), *to_points]
+        leading, after = [] if binding.number else self.kinematics.steps(), [*after, *(part.find for part in self._parts), *to_points]
         self._find_forces, self._find_all = (Steps(body.share, *first, *before, *after) for first in ([], leading))
         self._after, self._sums = (sum(isinstance(step, BoundPass) for step in steps) for steps in (after, to_points))
-        self.places, self.nearly_incompressible = bool(leading), self.selective
+        self.places = bool(leading)
 
     @property
     def _unit(self) -> float:
         """Unit of the forces that the passes compute: the shear modulus of the material; 1 for several, whose sums have their own units."""
         return self._parts[0].unit if self.binding.whole else 1.0
 
-    def take_numbers(self, portions: Sequence["Portion"]) -> None:
+    def take_numbers(self, portions: Sequence[Portion]) -> None:
         super().take_numbers(portions)
         self._model = portions[0].model
         for part, portion in zip(self._parts, portions, strict=True):
@@ -138,7 +136,7 @@ class PairEnergy(Term):
             self._energy = sum(part.unit * part.energy() for part in self._parts)
         np.multiply(self._on_points[: len(out)], self._unit, out=out)
         if not self.binding.whole:
-            out += self.kinematics.interfaces.on_jumps + self.kinematics.interfaces.pulls[: len(out)]
+            out += self._on_jumps + self._pulls[: len(out)]
         return list(outside), sum(inside_out), sum(found[-self._sums :])
 
     def _of_pairs(self, quantity: str) -> np.ndarray:
@@ -193,8 +191,7 @@ class PairEnergy(Term):
         return changed
 
     def forces_beside_pairs(self) -> np.ndarray | None:
-        interfaces = self.kinematics.interfaces
-        return None if interfaces is None else interfaces.on_jumps
+        return None if self.binding.whole else self._on_jumps
 
     def levers_on_planes(self) -> np.ndarray:
         kinematics, body = self.kinematics, self.body
@@ -288,9 +285,6 @@ class PairEnergy(Term):
         stress[learned, :2, :2] = part.unit * plane_stress.in_plane_stress(F, 2 * found.by_trace, J * found.by_area)[learned]
         energy[learned] = part.unit * found.psi[learned]
         return stress, energy
-
-    def linearized_dilatation(self) -> LinearizedDilatation:
-        return LinearizedDilatation(self.volume)
 
     def domain_deviation(self) -> np.ndarray | None:
         return None if self._domain is None else self._domain.deviation(self._stretches())

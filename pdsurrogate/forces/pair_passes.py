@@ -9,10 +9,10 @@ from ..engine.passes import BoundPass
 from ..kernels import bond_energy, selective_energy
 from ..kernels.bond_force import FALL_BACK, UNGUARDED
 from ..kernels.energy_density import analytic_energy_density
+from .binding import Binding
 from .bond_shares import BondShares
+from .domain import EVERYWHERE
 from .material_points import MaterialPoints
-from .protocol import EVERYWHERE
-from .term import Binding
 
 
 class EnergyDerivatives(NamedTuple):

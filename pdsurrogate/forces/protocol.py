@@ -1,192 +1,19 @@
-"""Base class of force models, their training domain, and the functions that bind models to the points of a body."""
+"""Base class of force models, and the functions that bind models to the points of a body."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Self
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..body import Body
-from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
-from ..engine.compile import call_block, kernel
 from ..html_tables import html_facts
-from ..kernels.bond_force import LEAST_NORMAL_STRETCH
 from ..materials import Law
 from ..materials.law import checked_law
+from .binding import Portion
 from .internal_force import InternalForce
-from .material_points import MaterialPoints
 from .settings import ForceSettings
 from .term import Term
-
-
-@dataclass(frozen=True)
-class Domain:
-    """Bounds of the states on which a surrogate was trained.
-
-    Attributes
-    ----------
-    least_stretch, greatest_stretch : float
-        Bounds of both principal stretches in the plane; those of a bond follow from its stretch, its rotation and J (theory (10)).
-    least_bulk, greatest_bulk : float
-        Bounds of the squared volume ratio, J3^2 = J^2 C33.
-    hull : tuple of tuple of float, optional
-        Hull of the test data of an energy: half-planes (n1, n2, d) in the logarithms of the two greater of three principal stretches of
-        product 1, the greatest first, n1 log l1 + n2 log l2 <= d.
-    """
-
-    least_stretch: float
-    greatest_stretch: float
-    least_bulk: float
-    greatest_bulk: float
-    hull: tuple[tuple[float, float, float], ...] | None = field(default=None, repr=False)
-
-    @property
-    def interior(self) -> Self:
-        """Inner part of the domain, where the surrogate alone is used; from there to the domain's edge the exact force is blended in.
-
-        Every bound lies a tenth nearer to 1, the undeformed state, on a logarithmic scale. A domain that does not contain the undeformed
-        state is returned unchanged.
-        """
-        bounds = (self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk)
-        if not (bounds[0] < 1 < bounds[1] and bounds[2] < 1 < bounds[3]):
-            return self
-        return type(self)(*(bound**0.9 for bound in bounds))
-
-    def deviation(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
-        """Return the greatest logarithmic excess of each state over a bound, shape (n,); inside, minus the distance to the nearest bound.
-
-        The edge of the hull of test data, if there is one, is one of the bounds.
-
-        Parameters
-        ----------
-        stretches : ndarray, shape (n, k)
-            Principal stretches.
-        bulk : ndarray, shape (n,), optional
-            Squared volume ratio J3^2, for a model that depends on it.
-        """
-        passed = self.beyond_bounds(stretches, bulk)
-        return passed if self.hull is None else np.maximum(passed, self.beyond_data(stretches))
-
-    def beyond_data(self, stretches: np.ndarray) -> np.ndarray:
-        """Return the `deviation` of states from the hull of test data alone, shape (n,).
-
-        Two stretches in the plane are completed by a third at constant volume.
-        """
-        logs = np.log(stretches)
-        logs = np.column_stack([logs, -logs.sum(axis=1)]) if logs.shape[1] == 2 else logs - logs.mean(axis=1, keepdims=True)
-        planes = np.array(self.hull)
-        return (-np.sort(-logs, axis=1)[:, :2] @ planes[:, :2].T - planes[:, 2]).max(axis=1)
-
-    def beyond_bounds(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
-        """Return the `deviation` of states from the bounds of stretches and J3^2 alone, shape (n,); a run uses the model within these."""
-        with np.errstate(divide="ignore"):
-            stretch = np.log(stretches)
-            least, greatest, low, high = np.log([self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk])
-            passed = np.maximum(stretch.max(axis=1) - greatest, least - stretch.min(axis=1))
-            return passed if bulk is None else np.maximum(passed, np.maximum(np.log(bulk) - high, low - np.log(bulk)))
-
-    def limits(self, dtype) -> np.ndarray:
-        """Return the bounds as an array of constants for the compiled test `pdsurrogate.kernels.domain.is_outside`."""
-        low, high = np.float64(self.least_stretch) ** 2, np.float64(self.greatest_stretch) ** 2
-        with np.errstate(divide="ignore"):
-            return np.array([low, high, 1 / low, 1 / high, self.least_bulk, self.greatest_bulk, LEAST_NORMAL_STRETCH], dtype=dtype)
-
-
-EVERYWHERE = Domain(0.0, np.inf, 0.0, np.inf)
-"""Domain without bounds: all states in which a bond has a stretch tensor."""
-
-
-@kernel
-def _call(address, arguments):
-    """Call the function compiled for blocks of bonds at an address."""
-    call_block(address, *arguments)
-
-
-def by_blocks(evaluate: Callable[[np.ndarray, np.ndarray], object], states: np.ndarray, n_rows: int, dtype) -> np.ndarray:
-    """Return the results, shape (n_rows, n), of a function that accepts only blocks of BLOCK states, at n states, shape (rows, n).
-
-    ``evaluate(block, result)`` writes the results of a block (rows, BLOCK) into `result` (n_rows, BLOCK); both are of type `dtype`.
-    """
-    n = states.shape[1]
-    found = np.empty((n_rows, n))
-    for at in range(0, n, BLOCK):
-        size = min(BLOCK, n - at)
-        # Copies of the first state fill the last block, so that all its columns are valid states.
-        rows, result = np.repeat(states[:, at : at + 1], BLOCK, axis=1).astype(dtype), np.zeros((n_rows, BLOCK), dtype)
-        rows[:, :size] = states[:, at : at + size]
-        evaluate(rows, result)
-        found[:, at : at + size] = result[:, :size]
-    return found
-
-
-@dataclass(frozen=True)
-class CompiledBondForce:
-    """Bond force or energy as a function compiled for blocks of bonds, with its constants.
-
-    Attributes
-    ----------
-    address : int
-        Address of the function (`pdsurrogate.engine.compile.bond_force_signature`).
-    sizes : ndarray of int64
-        Integer constants.
-    weights : ndarray, in the precision of the bond pass
-        Floating-point constants.
-    work_rows : int
-        Rows of working memory that the function needs, in the precision of the bond pass.
-    needs_length : bool
-        Whether the function reads the last row of its states, l/horizon, which is not filled otherwise.
-    asks_law : bool
-        Whether the function calls the law's response that the pass supplies, which accounts for a free or held thickness. Any other
-        function returns the force for zero stress across the thickness, to which plane strain adds a pressure
-        (`pdsurrogate.forces.bond_force.in_plane_strain`).
-    """
-
-    address: int
-    sizes: np.ndarray
-    weights: np.ndarray
-    work_rows: int
-    needs_length: bool = False
-    asks_law: bool = False
-
-    def constants(self, points: MaterialPoints) -> tuple:
-        """Return the arguments of the function: its own constants, then address of the response and parameters of the law of `points`."""
-        return self.sizes, self.weights, points.response.address, points.parameters
-
-    def memory(self, threads: int, dtype) -> np.ndarray:
-        """Return an array of working memory for the function, one block for every thread."""
-        return aligned_rows((threads, max(self.work_rows, 1), BLOCK), dtype)
-
-    def evaluate(self, states: np.ndarray, n_rows: int, response: int = 0, parameters: np.ndarray | None = None) -> np.ndarray:
-        """Return the result of the function, shape (n_rows, n), at states (rows, n), in double; for checks, as it is slow.
-
-        `response` and `parameters` are the compiled response and the parameters of the law, for functions that use it (`asks_law`).
-        """
-        dtype = self.weights.dtype
-        law = response, np.zeros(1) if parameters is None else parameters
-        memory = self.memory(1, dtype)[0], np.zeros((SCRATCH_ROWS, BLOCK))
-
-        def evaluate(rows: np.ndarray, result: np.ndarray) -> None:
-            _call(self.address, (rows, self.sizes, self.weights, *law, *memory, result))
-
-        return by_blocks(evaluate, states, n_rows, dtype)
-
-
-@dataclass(frozen=True)
-class Portion:
-    """Points of one material of a body, with its law and its force model.
-
-    Attributes
-    ----------
-    law : Law
-    model : ForceModel
-    points : ndarray of int or slice
-        Numbers of the points in ascending order; ``slice(None)`` if all points are of the material.
-    """
-
-    law: Law
-    model: "ForceModel"
-    points: np.ndarray | slice
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
-"""Base class of the terms of the internal force, and the classes for the state that terms keep between evaluations."""
+"""Base classes of the terms of the internal force, and the classes for the state that terms keep between evaluations."""
 
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -12,15 +12,11 @@ from ..body import Body
 from ..engine.passes import BoundPass
 from ..errors import InvalidState, OutsideDomain, OutsideDomainWarning
 from ..materials import PLANES
+from .binding import Binding, Portion
 from .errors import locate
-from .kinematics import Kinematics
 from .material_points import MaterialPoints, have_states
-from .settings import OUTSIDE, ForceSettings
 from .steps import Step, Steps
-
-if TYPE_CHECKING:
-    from .protocol import ForceModel, Portion
-    from .volume_energy import LinearizedDilatation
+from .volume_energy import VolumeEnergy
 
 
 @dataclass(frozen=True)
@@ -58,7 +54,7 @@ class StateArray:
 
 @dataclass(frozen=True)
 class Kept:
-    """Declaration of a `StateArray` by a term: kind of rows, shape and type of a row, initial value, and whether results show it."""
+    """Declaration of a `StateArray` with history by a term: kind, shape, type and initial value of a row, and whether results show it."""
 
     name: str
     rows: str
@@ -74,59 +70,24 @@ class Kept:
         return StateArray(self.name, self.rows, np.full((sizes[self.rows], *self.shape), self.at_rest, self.dtype), self.shown)
 
 
-@dataclass(frozen=True)
-class Binding:
-    """Data that the terms of an internal force have in common: body and kinematics, materials, and settings.
-
-    Attributes
-    ----------
-    kinematics : Kinematics
-    portions : sequence of Portion
-    settings : ForceSettings
-    precision : str
-        Precision of the bond pass.
-    portion_of : ndarray of int, shape (n + m,), or None
-        Number of the material (index into `portions`) of every point and ghost, ``len(portions)`` for rigid ones; None with one material.
-    leads : bool
-        Whether the term that is bound is the first of the force, which may place the points.
-    """
-
-    kinematics: Kinematics
-    portions: Sequence["Portion"]
-    settings: ForceSettings
-    precision: str
-    portion_of: np.ndarray | None
-    leads: bool = True
-
-    @property
-    def outside(self) -> str:
-        """Policy of the settings for pairs outside the training domain of a model."""
-        return self.settings.outside or OUTSIDE
-
-    @property
-    def whole(self) -> bool:
-        """Whether all points of the body are of one material."""
-        return self.portion_of is None
-
-
 class Term(ABC):
     """Base class of the terms of an internal force, bound to a body and its materials: each computes forces on the points.
 
-    A term derives from this class, declares its properties in class attributes, and binds its steps in `bind_steps`. A term whose forces
-    need more than these steps overrides `find` and `pass_bonds`.
+    A term derives from this class, or from `MaterialTerm` if laws of materials determine the states of its points, and declares its
+    properties in class attributes.
 
     Attributes
     ----------
     needs_gradients : bool
-        Whether the term needs the deformation gradients of the points; `points_of` provides their states by the laws.
+        Whether the term needs the deformation gradients of the points.
     keeps : tuple of Kept
-        Declarations of the arrays that the term keeps; `kept` holds the arrays by name.
+        Declarations of the arrays with the history of the term, which `accept` alone changes; `kept` holds the arrays by name.
     has_energy : bool
         Whether the forces are minus the derivative of an energy.
-    nearly_incompressible : bool
-        Whether the term has a `linearized_dilatation`, the derivative of the points' volumes by the positions.
     zero_energy_modes : bool
         Whether the force does not resist some displacements that alternate from point to point.
+    volume : VolumeEnergy or None
+        Volumetric energy of the points; None if they have none of their own.
     learned_thickness : bool
         Whether the volume ratios J3 of the points are computed with a learned force, and not by the law.
     places : bool
@@ -139,15 +100,14 @@ class Term(ABC):
         Points of each material, with the points of other materials that are bonded to them.
     watches : list of DomainWatch
         Counters of the pairs outside the domain of each model.
-    in_units : list of tuple
-        Passes with an argument ``unit``, each after the number of the material whose shear modulus it is.
     """
 
     needs_gradients: ClassVar[bool] = True
     keeps: ClassVar[tuple[Kept, ...]] = ()
     has_energy: ClassVar[bool] = False
     zero_energy_modes: ClassVar[bool] = False
-    nearly_incompressible = learned_thickness = places = False
+    volume: VolumeEnergy | None = None
+    learned_thickness = places = False
     correction = "none"
 
     def __init__(self, binding: Binding) -> None:
@@ -156,76 +116,44 @@ class Term(ABC):
         self.kept = {array.name: array.values for array in self.state}
         self.materials: list[MaterialPoints] = []
         self.watches: list[DomainWatch] = []
-        self.in_units: list[tuple[int, BoundPass]] = []
 
-    def take_numbers(self, portions: Sequence["Portion"]) -> None:
+    def take_numbers(self, portions: Sequence[Portion]) -> None:
         """Replace laws and models in place by others of the same kinds, on the same points, that differ in numbers alone.
 
-        A term that copies numbers of laws or models elsewhere than to `materials` and `in_units` overrides it.
+        A term that copies numbers of laws or models overrides it.
         """
         self.binding = replace(self.binding, portions=portions)
-        for points, portion in zip(self.materials, portions, strict=True):
-            points.take_numbers(portion.law)
-        for number, bound in self.in_units:
-            bound.give_number("unit", portions[number].law.shear_modulus)
 
-    def points_of(self, number: int, pairs: np.ndarray | None = None) -> MaterialPoints:
-        """Return the points of material `number` and the points bonded to them by given pairs; their J3 become part of `state`."""
-        binding = self.binding
-        own, end = (None, "") if binding.whole else (binding.portion_of == number, f"_{number}")
-        points = MaterialPoints(self.kinematics, binding.portions[number].law, binding.precision, binding.settings.rotation, own, pairs)
-        self.materials.append(points)
-        self.state.append(StateArray(f"volume_ratios{end}", "images", points.kept_ratios))
-        return points
-
-    _find_forces: Callable[[], list[int]]
-
-    def bind_steps(self, *steps: Step) -> None:
-        """Set the steps that compute the forces from the states of the points.
-
-        The first must be passes that return the number of pairs outside a model's domain, one for each of `watches` in their order. The
-        last must be the pass that writes the forces on the points to its argument `out`, and returns how many of them are not finite.
-        """
-        share, states = self.body.share, [step for points in self.materials for step in points.steps]
-        leading = self.kinematics.steps() if self.binding.leads else []
-        self.places, self._leading = bool(leading), sum(isinstance(step, BoundPass) for step in leading)
-        self._sum, self._find_forces, self._find_all = steps[-1], Steps(share, *steps), Steps(share, *leading, *states, *steps)
-
+    @abstractmethod
     def find(self, out: np.ndarray) -> None:
         """Evaluate the term at the positions in `kinematics`: write the forces on the points, shape (n, d), to `out`.
 
-        A term that `places` begins by setting points and ghosts to the positions that `kinematics` has taken and by forming gradients. Each
-        of `watches` receives the number of pairs found outside its model's domain.
+        Any evaluation is a trial: the forces follow from the positions, from the history of the state last accepted, and from
+        `Kinematics.elapsed`, the time since then. Each of `watches` receives the number of pairs found outside its model's domain.
 
         Raises
         ------
         InvalidState
             If the deformation has no force; the message names a point.
         """
-        self._sum.give("out", out)
-        found = self._find_all()
-        self.kinematics.formed |= self.places
-        counts = have_states(self.materials, found[self._leading :])
-        for watch in self.watches:
-            watch.found = counts.pop(0)
-        if counts[-1]:
-            raise InvalidState(self.diagnose(out))
 
+    @abstractmethod
     def pass_bonds(self, out: np.ndarray) -> object:
         """Write the forces to `out` from the states of the points as last computed, without checks.
 
         Timings use it, and the computation of the energy that breaking bonds release.
         """
-        self._sum.give("out", out)
-        self._find_forces()
 
     @abstractmethod
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         """Return the force on the first point of given pairs in the state last evaluated, shape (k, d)."""
 
-    def diagnose(self, out: np.ndarray) -> str:
-        """Return an error message that names a point whose force in `out` is not finite."""
-        return locate(self.body, out, "the force on it is not finite")
+    @abstractmethod
+    def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the term adds to stress and energy density of the points, see `InternalForce.stress_and_energy`."""
+
+    def accept(self, elapsed: float) -> None:  # noqa: B027 - most terms have no history
+        """Add to the history the state at the positions in `kinematics`, reached in a time `elapsed` since the state accepted before."""
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         """Remove broken `pairs` from the term; `changed` are all pairs that this affects, as `Kinematics.break_bonds` returns them.
@@ -261,16 +189,100 @@ class Term(ABC):
         """Return the energy released by a motion of the undeformed points, see `released_by` of `internal_force`; None without energy."""
         return None
 
-    def linearized_dilatation(self) -> "LinearizedDilatation":
-        """Return the derivative of the points' volume ratios by the positions, see `InternalForce.linearized_dilatation`."""
-        raise TypeError(f"{type(self).__name__} has no dilatation of its own")
-
     def collapsed_pairs(self) -> np.ndarray:
         """Return the indices of the pairs that were nearly or fully turned inside out in the last evaluation.
 
         The array is empty unless a subclass looks for such pairs.
         """
         return np.empty(0, dtype=np.int64)
+
+    def domain_deviation(self) -> np.ndarray | None:
+        """Return how far the points are beyond the domain of the model (`Domain.deviation`), shape (n,); None if it has no domain."""
+        return None
+
+    def beyond_data(self) -> np.ndarray | None:
+        """Return how far states are beyond the test data (`Domain.beyond_data`): those of bonds for a bond force, of points for an energy.
+
+        Each bond or point is counted on one rank only. None if the model has no hull of test data.
+        """
+        return None
+
+    def member_deviation(self) -> np.ndarray | None:
+        """Return the greatest deviation of a committee's members from the model at every point, shape (n,); None without members.
+
+        The deviation is a stress; for a bond force it is the greatest among the bonds of a point
+        (`pdsurrogate.forces.learned.greatest_deviations`).
+        """
+        return None
+
+
+class MaterialTerm(Term):
+    """Base class of terms whose forces follow from the states of the points by the laws of their materials.
+
+    A term derives from this class and binds its steps in `bind_steps`. A term whose forces need more than these steps overrides `find` and
+    `pass_bonds`.
+
+    Attributes
+    ----------
+    in_units : list of tuple
+        Passes with an argument ``unit``, each after the number of the material whose shear modulus it is.
+    """
+
+    def __init__(self, binding: Binding) -> None:
+        super().__init__(binding)
+        self.in_units: list[tuple[int, BoundPass]] = []
+
+    def take_numbers(self, portions: Sequence[Portion]) -> None:
+        super().take_numbers(portions)
+        for points, portion in zip(self.materials, portions, strict=True):
+            points.take_numbers(portion.law)
+        for number, bound in self.in_units:
+            bound.give_number("unit", portions[number].law.shear_modulus)
+
+    def points_of(self, number: int, pairs: np.ndarray | None = None) -> MaterialPoints:
+        """Return the points of material `number` and the points bonded to them by given pairs; their J3 become part of `state`."""
+        binding = self.binding
+        own, end = (None, "") if binding.whole else (binding.portion_of == number, f"_{number}")
+        points = MaterialPoints(self.kinematics, binding.portions[number].law, binding.precision, binding.settings.rotation, own, pairs)
+        self.materials.append(points)
+        of_term = f"_of_term_{binding.number}" if binding.number else ""
+        self.state.append(StateArray(f"volume_ratios{end}{of_term}", "images", points.kept_ratios))
+        return points
+
+    _find_forces: Callable[[], list[int]]
+
+    def bind_steps(self, *steps: Step) -> None:
+        """Set the steps that compute the forces from the states of the points.
+
+        The first must be passes that return the number of pairs outside a model's domain, one for each of `watches` in their order. The
+        last must be the pass that writes the forces on the points to its argument `out`, and returns how many of them are not finite.
+        """
+        share, states = self.body.share, [step for points in self.materials for step in points.steps]
+        leading = [] if self.binding.number else self.kinematics.steps()
+        self.places, self._leading = bool(leading), sum(isinstance(step, BoundPass) for step in leading)
+        self._sum, self._find_forces, self._find_all = steps[-1], Steps(share, *steps), Steps(share, *leading, *states, *steps)
+
+    def find(self, out: np.ndarray) -> None:
+        """Write the forces on the points to `out`, as for `Term`.
+
+        A term that `places` begins by setting points and ghosts to the positions that `kinematics` has taken and by forming gradients.
+        """
+        self._sum.give("out", out)
+        found = self._find_all()
+        self.kinematics.formed |= self.places
+        counts = have_states(self.materials, found[self._leading :])
+        for watch in self.watches:
+            watch.found = counts.pop(0)
+        if counts[-1]:
+            raise InvalidState(self.diagnose(out))
+
+    def pass_bonds(self, out: np.ndarray) -> object:
+        self._sum.give("out", out)
+        self._find_forces()
+
+    def diagnose(self, out: np.ndarray) -> str:
+        """Return an error message that names a point whose force in `out` is not finite."""
+        return locate(self.body, out, "the force on it is not finite")
 
     def volume_ratios(self) -> np.ndarray:
         """Return the volume ratios J3 of the points, shape (n,); 1 for rigid points."""
@@ -303,25 +315,6 @@ class Term(ABC):
             stress[at], energy[at] = PLANES[plane].stress_and_energy(portion.law, *states)
         return stress, energy
 
-    def domain_deviation(self) -> np.ndarray | None:
-        """Return how far the points are beyond the domain of the model (`Domain.deviation`), shape (n,); None if it has no domain."""
-        return None
-
-    def beyond_data(self) -> np.ndarray | None:
-        """Return how far states are beyond the test data (`Domain.beyond_data`): those of bonds for a bond force, of points for an energy.
-
-        Each bond or point is counted on one rank only. None if the model has no hull of test data.
-        """
-        return None
-
-    def member_deviation(self) -> np.ndarray | None:
-        """Return the greatest deviation of a committee's members from the model at every point, shape (n,); None without members.
-
-        The deviation is a stress; for a bond force it is the greatest among the bonds of a point
-        (`pdsurrogate.forces.learned.greatest_deviations`).
-        """
-        return None
-
 
 class DomainWatch:
     """Counter of the pairs outside the training domain of a model; according to the policy it raises an error or warns.
@@ -337,15 +330,18 @@ class DomainWatch:
 
     Attributes
     ----------
+    bounded : bool
+        Whether the model has a domain.
     n_pairs : int
         Number of pairs in one evaluation of the model.
     found : int
         Number of pairs outside the domain in the last evaluation.
     """
 
-    def __init__(self, binding: Binding, model: "ForceModel", points: MaterialPoints, quantity: str, stand_in: str) -> None:
+    def __init__(self, binding: Binding, model: Any, points: MaterialPoints, quantity: str, stand_in: str) -> None:
         body, self._policy, self._model, self._names = binding.kinematics.body, binding.outside, model, (quantity, stand_in)
-        self._share, self.n_pairs = body.share, int(np.count_nonzero(body.share.own[body.bonds.first[points.pairs]]))
+        self.bounded, self._share = model.domain is not None, body.share
+        self.n_pairs = int(np.count_nonzero(body.share.own[body.bonds.first[points.pairs]]))
         self.found, self._warned = 0, False
 
     def settle(self) -> None:

@@ -12,13 +12,13 @@ from ..engine.block_arrays import BLOCK, aligned_rows, power_of_two
 from ..kernels import dilatation, selective_energy
 from ..kernels.ghosts import fill_matrices, place_points
 from ..materials.response import volume_energy_block
+from .binding import Binding
 from .bond_shares import BondShares
 from .kinematics import pairs_of_points
 from .material_points import gathered, rows_of
 from .pair_passes import SelectivePairs
 from .smoothing import Smoothing
 from .steps import Steps
-from .term import Binding
 
 
 class VolumeEnergy:
@@ -100,6 +100,19 @@ class VolumeEnergy:
             start += len(part.points.first)
         return places
 
+    def stiffness(self) -> np.ndarray:
+        """Return the stiffness V_i mu U'' of the points against a change of their dilatation in the state last evaluated, shape (n,).
+
+        V_i is the volume, mu the shear modulus, and U'' the second derivative of the volumetric energy. Rigid points do not change their
+        volume: any stiffness will do.
+        """
+        volumes = self.binding.kinematics.body.volumes
+        found = volumes * max(part.unit for part in self.parts)
+        for part in self.parts:
+            law, (_, own) = part.points.law, part.points.own
+            found[own] = part.unit * volumes[own] * law.volumetric(self.dilatations[own], law.parameters)[2]
+        return found
+
     def find_dilatations(self) -> int:
         """Compute `dilatations` from the current deformation gradients; return the number of pairs turned inside out."""
         return sum(self._find())
@@ -121,21 +134,21 @@ class LinearizedDilatation:
 
     Parameters
     ----------
-    volume : VolumeEnergy
-        Volumetric energy of a body.
+    volumes : sequence of VolumeEnergy
+        Volumetric energies of a body, whose dilatations are the same.
 
     Attributes
     ----------
     stiffness : ndarray, shape (n,)
-        Stiffness C of the points against a change of their dilatation: V_i mu U'', with the volume V_i, the shear modulus mu, and the
-        second derivative U'' of the volumetric energy.
+        Stiffness C of the points against a change of their dilatation, the sum of `VolumeEnergy.stiffness`.
     """
 
-    def __init__(self, volume: VolumeEnergy) -> None:
+    def __init__(self, volumes: Sequence[VolumeEnergy]) -> None:
+        volume = volumes[0]
         kinematics, shares, interfaces = volume.binding.kinematics, volume.shares, volume.binding.kinematics.interfaces
         body, chunks, whole = kinematics.body, kinematics.chunks, volume.binding.whole
         bonds, ghosts, d, n, total = body.bonds, body.ghosts, body.dimension, len(body), len(body.all_points)
-        self._volume, self._body, self._chunks = volume, body, chunks
+        self._volumes, self._volume, self._body, self._chunks = volumes, volume, body, chunks
         length, sizes = dilatation.record_length(d), [len(part.points.first) for part in volume.parts]
         of_pairs, means, pressures = (np.zeros(size, dtype=np.float32) for size in (sum(sizes), n, total))
         self._changes, self._values = np.zeros(n, dtype=np.float32), means
@@ -198,7 +211,6 @@ class LinearizedDilatation:
             *gather,
             *shares.steps_to_points(moments, self._forces, 1.0, *further),
         )
-        # Rigid points do not change their volume: any stiffness will do.
         self._rigid = np.zeros(n, dtype=bool) if whole else volume.binding.portion_of[:n] == len(volume.parts)
         self.stiffness = body.volumes * max(part.unit for part in volume.parts)
 
@@ -207,10 +219,7 @@ class LinearizedDilatation:
         for linearize in self._linearize:
             linearize()
         self._volume.smoothing.take()
-        for part in self._volume.parts:
-            law, (_, own) = part.points.law, part.points.own
-            second = law.volumetric(self._volume.dilatations[own], law.parameters)[2]
-            self.stiffness[own] = part.unit * self._body.volumes[own] * second
+        self.stiffness = np.sum([volume.stiffness() for volume in self._volumes], axis=0)
 
     def changes(self, displacements: np.ndarray) -> np.ndarray:
         """Return the changes D u of the dilatations, shape (n,), for displacements u (n, d)."""

@@ -267,7 +267,7 @@ class EnergyRegressor(StressRegressor):
         Returns
         -------
         list of list of float
-            Half-planes (n1, n2, d), as in ``hull`` of `pdsurrogate.forces.protocol.Domain`.
+            Half-planes (n1, n2, d), as in ``hull`` of `pdsurrogate.forces.domain.Domain`.
 
         Examples
         --------

@@ -35,6 +35,10 @@ ACCEPTED = "accepted_"
 """Prefix of the names of arrays in a checkpoint that belong to the last equilibrium on the way to an output."""
 
 
+LAST_OUTPUT = "last_output"
+"""Beginning of the names of arrays in a checkpoint to which a stage in equilibrium returns if a bond would break."""
+
+
 @dataclass
 class State:
     """Numbers and text that describe the progress of a run, in addition to its arrays.
@@ -157,7 +161,7 @@ class Checkpoints:
         arrays = {key: self._rows_of(key).hand_out(whole and whole.arrays[key]) for key in keys}
         if progress["precision"] != run.force.precision:
             run.take_double()
-            held |= run.force.state_arrays()
+            held |= run.force.state_arrays
         for key, array in held.items():
             array[:] = arrays[key]
         run.state = State(**progress["state"])
@@ -181,9 +185,11 @@ class Checkpoints:
     def _rows_of(self, key: str) -> Rows:
         """Return the correspondence of local and whole-body rows for an array of a checkpoint, by its name.
 
-        Rows of damage are pairs, rows of a state array are of the kind that `InternalForce.state_rows` names, other rows are points.
+        Rows of damage are pairs, rows of a state array are of the kind that `StateArray.rows` names, other rows are points.
         """
-        kind = "pairs" if key in ("broken", "recent") else self.run.force.state_rows.get(key.removeprefix(ACCEPTED), "points")
+        of_force = {array.name: array.rows for array in self.run.force.states}
+        name = key.removeprefix(ACCEPTED).removeprefix(f"{LAST_OUTPUT}_")
+        kind = "pairs" if key in ("broken", "recent") else of_force.get(name, "points")
         return self._rows(kind)
 
 

@@ -26,7 +26,7 @@ from ..solvers.equilibrium import (
 from ..solvers.increments import Increments
 from ..solvers.methods import SOLVERS
 from ..solvers.nearest_bonds import RESOLVED, is_rigid, strain_of, strain_rounding
-from .checkpoints import ACCEPTED
+from .checkpoints import ACCEPTED, LAST_OUTPUT
 from .controlled import DisplacementPath
 from .interruption import Interrupted
 from .paths import ParameterPath
@@ -129,7 +129,7 @@ class Equilibria:
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
         self._evaluations: list[int] = []  # evaluations of every successful increment of the stage
-        self._last_output = run.positions.copy(), run.state.parameter
+        self._last_output = self._at_output()
         self._increments: Increments | None = None
         self._accepted: _Accepted | None = None  # start of the present increment
         self._iterate: np.ndarray | None = None  # state of the solver of a resumed run
@@ -145,11 +145,13 @@ class Equilibria:
             run.target = self._path.parameter_at(goal)
             run.report("level", state.stage, run.target)
             if self._increments is None:
-                self._last_output, state.wasted, state.begun = (run.positions.copy(), state.parameter), 0, run.force.evaluations
+                self._last_output, state.wasted, state.begun = self._at_output(), 0, run.force.evaluations
                 self._increments = self._path.increments_to(goal)
             equilibrium, self._increments = self._go_to_output(self._increments), None
             if equilibrium is None:
-                run.positions[:], state.parameter = self._last_output
+                arrays, state.parameter = self._last_output
+                for key, array in self._output_arrays().items():
+                    array[:] = arrays[key]
                 run.loading.apply(state.parameter, run.loaded, run.positions)
                 return False
             state.outputs += 1
@@ -164,7 +166,7 @@ class Equilibria:
         self.solver.gave_up = bool(checkpoint.progress["gave_up"])
         if kept is not None:
             self._iterate, self._evaluations = run.positions.copy(), list(kept["evaluations"])
-            self._last_output = arrays["last_output"].copy(), kept["last_output"]
+            self._last_output = {key: arrays[key].copy() for key in self._output_arrays()}, kept["last_output"]
             self._increments = Increments(end=self._outputs[run.state.outputs + 1], **kept["increments"])
             for key, array in run.arrays().items():
                 array[:] = arrays[ACCEPTED + key]
@@ -175,8 +177,17 @@ class Equilibria:
         kept, arrays = None, {}
         if increments is not None:
             kept = {"increments": increments.describe(), "evaluations": self._evaluations, "last_output": self._last_output[1]}
-            arrays = {ACCEPTED + key: array for key, array in self._accepted.arrays.items()} | {"last_output": self._last_output[0]}
+            arrays = {ACCEPTED + key: array for key, array in self._accepted.arrays.items()} | self._last_output[0]
         self.run.checkpoints.write({"gave_up": self.solver.gave_up, "way": kept}, arrays)
+
+    def _output_arrays(self) -> dict[str, np.ndarray]:
+        """Return the positions and the history of the force, by the names that they have in a checkpoint as those of the last output."""
+        history = {f"{LAST_OUTPUT}_{name}": array for name, array in self.run.force.history.items()}
+        return {LAST_OUTPUT: self.run.positions} | history
+
+    def _at_output(self) -> tuple[dict[str, np.ndarray], float]:
+        """Return copies of positions and history, and the loading parameter, by which the body can return to the present state."""
+        return {key: array.copy() for key, array in self._output_arrays().items()}, self.run.state.parameter
 
     def _go_to_output(self, increments: Increments) -> Equilibrium | None:
         """Return the equilibrium at the next output, reached in increments; None if a bond would break on the way."""
@@ -203,6 +214,7 @@ class Equilibria:
                 spent = state.wasted >= min(MOST_SPENT * usual, run.problem.scene.solver.most_evaluations)
                 self._take_back(increments, error, ran_away or told, spent and (increments.share < 1 or before > 0))
                 continue
+            run.force.accept(run.positions)
             ran_away, taken, easy = None, run.force.evaluations - began, True
             if self._course.adaptive:
                 run.earlier = self._accepted.parameter, self._accepted.arrays["positions"]

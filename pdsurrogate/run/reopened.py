@@ -12,13 +12,15 @@ from .run import Run, Silent
 
 
 def check_models(scene: Scene, models: Sequence[ForceModel], method: str = "sensitivity", what: str = "derivatives") -> None:
-    """Raise ValueError if a force model does not permit `what` a method of the result returns: they need double precision and a tangent."""
+    """Raise ValueError if a force model does not permit `what` a method of the result returns: it needs double precision and a tangent."""
     for model in models:
         if not model.differentiable:
             why = "with which Newton's method does not find equilibria"
             raise ValueError(
                 f"{method}: there are no {what} with {model.name}, {why}: the forces of {model.name} have no energy: use bond-energy"
             )
+        if any(term.keeps for term in model.terms(scene.plane)):
+            raise ValueError(f"{method}: there are no {what} with {model.name}, whose forces depend on earlier states of the body")
         if "float64" not in model.honored(scene.plane)["precision"]:
             raise ValueError(f"{method}: {model.name} cannot be evaluated in double precision, which {what} need")
 

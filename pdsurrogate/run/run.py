@@ -166,7 +166,7 @@ class Run:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return, by name, the arrays that together define an equilibrium: the positions, and the state arrays of the force."""
-        return {"positions": self.positions, **self.force.state_arrays()}
+        return {"positions": self.positions, **self.force.state_arrays}
 
     def takes_double(self) -> bool:
         """Return whether the run may change to double precision: the scene sets no precision, and all force models support it."""
@@ -179,8 +179,8 @@ class Run:
         """Replace the force by one in double precision, with the same state, broken bonds and counters."""
         old = self.force
         self.force, self.loaded = self.problem.bind("float64")
-        for key, array in self.force.state_arrays().items():
-            array[:] = old.state_arrays()[key]
+        for key, array in self.force.state_arrays.items():
+            array[:] = old.state_arrays[key]
         self.break_again()
         for counter in ("evaluations", "pairs_outside", "most_outside", "seconds", "timed"):
             setattr(self.force, counter, getattr(old, counter))

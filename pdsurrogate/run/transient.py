@@ -121,6 +121,7 @@ class Transient:
                 if self.save_last_state():
                     break
                 raise type(error)(f"time {account.time:.4g}: {error}") from None
+            run.force.accept(run.positions)
             if on_row:
                 self._row()
                 broken = run.state.crack["broken_bonds"] if run.state.crack else 0
@@ -167,6 +168,7 @@ class Transient:
         no result of the tear.
         """
         run, integrator = self.run, self.integrator
+        run.force.elapse(0.0)
         run.positions -= integrator.last_step * integrator.velocities
         self.account.time -= integrator.last_step
         run.state.parameter = self.motion.at(self.account.time)

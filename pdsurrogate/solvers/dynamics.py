@@ -205,6 +205,7 @@ class ExplicitDynamics:
         step = self.next_step()
         self._step(self.positions, self.velocities, step)
         self.last_step = step
+        self.force.elapse(step)
         self.steps += 1
         self._kicks = None
 

@@ -337,7 +337,7 @@ def check_branch(
         )
     preconditioner = solver.bending_preconditioner(force)
     preconditioner.update()
-    arrays = force.state_arrays()
+    arrays = force.state_arrays
     held = {key: array.copy() for key, array in arrays.items()}
     curvature = least_curvature(force, positions, loading.free, preconditioner)
     force(positions, np.empty_like(positions))

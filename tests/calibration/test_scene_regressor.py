@@ -15,7 +15,7 @@ from pdsurrogate.calibration.free import MOST_TRIED, EnergyUnknowns
 from pdsurrogate.calibration.measured import MeasuredScene, Rows
 from pdsurrogate.calibration.reporting import report
 from pdsurrogate.cli import app
-from pdsurrogate.forces.protocol import Domain
+from pdsurrogate.forces.domain import Domain
 from pdsurrogate.identification import MODES, nominal_stress
 from pdsurrogate.materials.dictionary import OF_INVARIANTS, Term
 from pdsurrogate.materials.polyconvex import law_of

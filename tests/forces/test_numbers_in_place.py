@@ -55,7 +55,7 @@ class Case:
         self.models = checked_models(self.scene, model)
         self.problem = compile_scene(self.scene, self.models)
         self.force = self.problem.bind("float64")[0]
-        self.started = {key: array.copy() for key, array in self.force.state_arrays().items()}
+        self.started = {key: array.copy() for key, array in self.force.state_arrays.items()}
         known = numbers_in(self.scene, self.models)
         # Forces vary little with the bulk modulus, and a learned model is not to leave its tested range by much.
         values = {key: known[key] * (1.5 if key.endswith("bulk_modulus") else 1.01) for key in numbers}
@@ -64,7 +64,7 @@ class Case:
 
     def forces(self, force):
         """Forces of points and pairs, and the energy, from the state in which a force is bound."""
-        for key, array in force.state_arrays().items():
+        for key, array in force.state_arrays.items():
             array[:] = self.started[key]
         found = np.empty_like(force.body.points)
         force(moved(force.body.points), found)

@@ -10,7 +10,7 @@ from bodies import sheet
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.forces import FORCES, ForceSettings, ForceSurrogate
-from pdsurrogate.forces.protocol import CompiledBondForce
+from pdsurrogate.forces.compiled_force import CompiledBondForce
 from pdsurrogate.materials import homogeneous, plane_stress
 from pdsurrogate.ranks import Share
 from pdsurrogate.results import measures

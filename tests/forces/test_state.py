@@ -1,67 +1,111 @@
-"""A term that keeps a number for every bond: its state goes through checkpoints and into results, with no change outside the term."""
+"""A term with history: only accepted states enter it, checkpoints have it, and results show it."""
 
 import numpy as np
-from stopping import killed_with_levels
+import pytest
+from springs import SofteningForce, SofteningSprings
+from stopping import Killed, KilledWhileBondsBreak, killed_with_levels
 
 import pdsurrogate as pds
-from pdsurrogate.forces.nosb import PointStress
-from pdsurrogate.forces.term import Kept, Term
+from pdsurrogate.body import Body
+from pdsurrogate.errors import InvalidState
+from pdsurrogate.forces import ForceSettings
+from pdsurrogate.materials import NeoHookean
 from pdsurrogate.run.simulate import simulate
+from pdsurrogate.solvers.stability import FrequencyEstimate
 
-STIFFNESS = 0.05
-"""Stiffness of the springs over the shear modulus: a part of the force, so that its history decides the equilibrium."""
-
-
-class SofteningSprings(Term):
-    """Springs along the bonds, whose stiffness falls with the greatest stretch that a bond has had."""
-
-    keeps = (Kept("greatest_stretch", "bonds", at_rest=1.0, shown=True),)
-    needs_gradients = False
-
-    def __init__(self, binding):
-        super().__init__(binding)
-        body, self._owners, self._neighbors = self.body, self.kinematics.body.bond_owners, self.body.bonds.neighbors.astype(np.int64)
-        vectors = body.all_points[self._neighbors] - body.all_points[self._owners]
-        self._length = np.linalg.norm(vectors, axis=1)
-        self._weights = STIFFNESS * body.weigh(self._length) * body.all_volumes[self._owners] * body.all_volumes[self._neighbors]
-
-    def find(self, out):
-        self.pass_bonds(out)
-
-    def pass_bonds(self, out):
-        positions, greatest = self.kinematics.positions, self.kept["greatest_stretch"]
-        between = positions[self._neighbors] - positions[self._owners]
-        deformed = np.linalg.norm(between, axis=1)
-        np.maximum(greatest, deformed / self._length, out=greatest)
-        self._forces = (self._weights * (deformed - self._length) / greatest / deformed)[:, None] * between
-        out[:] = np.stack([np.bincount(self._owners, self._forces[:, axis], len(out)) for axis in range(out.shape[1])], axis=1)
-
-    def pair_forces(self, pairs):
-        bonds = self.body.bonds
-        forward = np.flatnonzero(self._owners == bonds.first[bonds.pair_of])
-        found = np.empty((len(bonds.first), self.body.dimension))
-        found[bonds.pair_of[forward]] = self._forces[forward]
-        return found[pairs]
+SCENE = {"spacing": 0.25, "stretches": [1.2, 1.1], "solver.method": "relaxation"}
+TEAR = {
+    "spacing": 0.1,
+    "body.size": [2.0, 0.6],
+    "precuts": [{"start": [0.0, 0.3], "end": [0.6, 0.3]}],
+    "stretches": [1.1, 1.4],
+    "fracture.critical_stretch": 1.4,
+    "dynamics.stretch": 1.45,
+    "dynamics.stretch_rate": 100.0,
+    "dynamics.outputs": 2,
+    "material.shear_modulus": 720.0,
+    "solver.method": "relaxation",
+}
 
 
-class SofteningForce(pds.forces.NOSBForce):
-    """Correspondence with softening springs."""
-
-    name = family = "softening"
-
-    def terms(self, plane):
-        return (PointStress, SofteningSprings)
+def greatest(springs, states):
+    """Greatest stretch of every bond at rest and in some accepted states."""
+    lengths = [np.linalg.norm(positions[springs.neighbors] - positions[springs.owners], axis=1) for _, positions, _ in states]
+    return np.maximum.reduce([springs.length, *lengths]) / springs.length
 
 
-def test_state_of_bonds_is_resumed_and_shown(tmp_path):
-    scene = pds.load_scene("uniaxial", {"spacing": 0.25, "stretches": [1.2, 1.1], "solver.method": "relaxation"})
+def test_history_is_that_of_accepted_states_is_resumed_and_shown(tmp_path):
+    scene = pds.load_scene("uniaxial", SCENE)
     whole = simulate(scene, SofteningForce())
+    springs = SofteningSprings.latest
+    assert [elapsed for elapsed, _, _ in springs.accepted] == [0.0, 0.0]
+    np.testing.assert_array_equal(springs.accepted[-1][1][: len(springs.body)] - springs.body.points, whole.displacement())
+    np.testing.assert_array_equal(springs.kept["greatest_stretch"], greatest(springs, springs.accepted))
+    assert (springs.most > springs.kept["greatest_stretch"] + 1e-3).any()  # the search went farther than the equilibrium
     stretched, released = (fields["greatest_stretch"] for _, fields in whole.states)
-    # The greatest stretch stays when the sheet is let back; an output of 1.2 has bonds along the pull that are stretched by as much.
     assert (released >= stretched).all()
     assert stretched.max() > 1.1
     with killed_with_levels(1):
         simulate(scene, SofteningForce(), folder=tmp_path)
+    resumed = simulate(scene, SofteningForce(), folder=tmp_path, resume=True)
+    np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
+    np.testing.assert_array_equal(resumed.field("greatest_stretch"), np.float32(whole.field("greatest_stretch")))
+
+
+def test_a_refused_increment_leaves_the_history(monkeypatch):
+    refused, find = [], SofteningSprings.find
+
+    def failing(springs, out):
+        find(springs, out)
+        if len(springs.accepted) == 1 and springs.tried > 1.25:
+            refused.append(springs.tried)
+            raise InvalidState("refused")
+
+    monkeypatch.setattr(SofteningSprings, "find", failing)
+    simulate(pds.load_scene("uniaxial", {**SCENE, "stretches": [1.1, 1.3]}), SofteningForce())
+    springs = SofteningSprings.latest
+    assert refused
+    assert len(springs.accepted) == 3  # the second output took two increments
+    np.testing.assert_array_equal(springs.kept["greatest_stretch"], greatest(springs, springs.accepted))
+
+
+def test_differences_and_estimates_are_trials():
+    body, law = Body.rectangle(1.0, 0.5, 0.1, 0.315), NeoHookean()
+    force, out = SofteningForce().bind(body, law, ForceSettings()), np.empty((50, 2))
+    positions = body.points * [1.2, 0.9]
+    force(positions, out)
+    force.accept(positions)
+    held = {name: values.copy() for name, values in force.history.items()}
+    force(body.points * [1.5, 0.8], out)
+    force.tangent(positions) @ np.cos(7 * positions).ravel()
+    FrequencyEstimate(body.volumes, np.ones_like(positions))(force, positions)
+    force.mean_stress(), force.stress_and_energy(), force.pair_forces()
+    np.testing.assert_array_equal(force.history["greatest_stretch"], held["greatest_stretch"])
+    assert len(force.history) == 1
+
+
+def test_derivatives_and_modes_are_refused_since_they_would_forget():
+    result = pds.simulate(pds.load_scene("uniaxial", {**SCENE, "stretches": [1.1]}), SofteningForce())
+    for ask in (lambda: result.sensitivity(["nominal_stress"], ["material.shear_modulus"]), result.lowest_mode):
+        with pytest.raises(ValueError, match="with softening, whose forces depend on earlier states of the body"):
+            ask()
+
+
+def test_steps_of_dynamics_are_accepted_one_by_one_from_the_last_output_on(tmp_path):
+    """A bond would break on the way to 1.8, where increments had been accepted: the dynamics begin with the history at 1.1."""
+    scene = pds.load_scene("tear", TEAR)
+    with pytest.warns(UserWarning, match="a bond would break"):
+        whole = simulate(scene, SofteningForce())
+    springs = SofteningSprings.latest
+    number = next(number for number, (elapsed, _, _) in enumerate(springs.accepted) if elapsed)
+    steps, before = springs.accepted[number:], springs.accepted[number][2]
+    assert number > 1
+    np.testing.assert_array_equal(before, greatest(springs, springs.accepted[:1]))
+    assert len(steps) == whole.summary["n_steps"]
+    assert sum(elapsed for elapsed, _, _ in steps) == pytest.approx(whole.history[-1]["time"], rel=1e-12)
+    np.testing.assert_array_equal(springs.kept["greatest_stretch"], np.maximum(before, greatest(springs, steps)))
+    with pytest.raises(Killed), pytest.warns(UserWarning, match="a bond would break"):
+        simulate(scene, SofteningForce(), progress=KilledWhileBondsBreak(4), folder=tmp_path)
     resumed = simulate(scene, SofteningForce(), folder=tmp_path, resume=True)
     np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
     np.testing.assert_array_equal(resumed.field("greatest_stretch"), np.float32(whole.field("greatest_stretch")))

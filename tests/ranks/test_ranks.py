@@ -123,6 +123,14 @@ def test_balanced_gradients_have_the_same_bits(ranks, number):
 
 
 @several
+def test_a_term_with_history_keeps_its_own_points(ranks):
+    """Of a search for equilibrium, whose residuals ranks sum in another order."""
+    alone, shared = (ranks(number, "softened", module="springs")[0]["value"] for number in (1, 2))
+    for name, values in alone.items():
+        np.testing.assert_allclose(shared[name], values, rtol=0, atol=1e-5)
+
+
+@several
 def test_balanced_pairs_have_the_same_bits(ranks):
     models = "analytic", "neo-hookean"
     alone = ranks.loaded(1, "balanced", 30, models, True, module="every_model")[0]["value"]
