@@ -57,8 +57,8 @@ PATIENCE, LEAST_PATIENCE, FIRST, MOST_SPENT, MOST = 6, 1.2, 4, 7, 8.5
 residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more. The
 first attempt may take any number, but counts at most as much as the third number: a body that buckles may be crumpled into another
 equilibrium by a long search, and only shorter increments tell that it buckles. When the attempts have used the fourth number, the increment
-is halved no further. The fifth number bounds the searches after a failed attempt, so that with the search for the last equilibrium an output
-that fails costs about ten good ones if its first attempt costs at most four."""
+is halved no further. The fifth number bounds the searches after a failed attempt, so that with the search for the last equilibrium an
+output that fails costs about ten good ones if its first attempt costs at most four."""
 
 CARRIED = 2
 """Force evaluations for a planned increment of which an attempt has failed, in the same unit, beyond which they count for the next planned
