@@ -5,4 +5,4 @@ from .cell_mesh import CellMesh
 from .division import HALO, divided, rows_of
 from .ghosts import Ghosts, HeldBoundary, Mirror, ReflectionPlane
 from .local_fit import fields_at, interpolation
-from .surface import Following, Surface
+from .surface import Faces, Following, Surface

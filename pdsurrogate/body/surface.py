@@ -65,13 +65,40 @@ class Following:
 
 
 @dataclass(frozen=True)
+class Faces:
+    """The two faces of each cut of a body, which are free: no region contains them, and no load or obstacle acts on them.
+
+    Attributes
+    ----------
+    places : ndarray, shape (k, d)
+        Places beside the cuts, in the reference state.
+    areas : ndarray, shape (k, d)
+        Outward normals times the areas, in the plane lengths, for which the places stand.
+    interpolation : Following
+        Map from the points to the places, see `Surface`.
+    """
+
+    places: np.ndarray
+    areas: np.ndarray
+    interpolation: Following
+
+    def of_share(self, share: Share) -> Faces:
+        """Return the faces with their interpolation restricted to the points of this rank's `share` of the body that it owns."""
+        return replace(self, interpolation=Following(tuple(share.own_columns(rows) for rows in self.interpolation.rows)))
+
+    def on_points(self) -> np.ndarray:
+        """Return the forces on the points, shape (n, d), of a unit tension on the undeformed faces."""
+        return self.interpolation.T @ self.areas
+
+
+@dataclass(frozen=True)
 class Surface:
     """Boundary of a body: facets between nodes on the boundary, segments in the plane and triangles in three dimensions.
 
     The outermost points of a body lie half a cell inside its boundary. The position of a node is linear in those of the points near it,
     y_s = sum_j N_sj y_j, with sum_j N_sj = 1 and sum_j N_sj X_j = X_s. So every affine motion is followed exactly, and a load on a node
-    acts at the boundary itself: its force and moment on the points equal those of the load. A node in the plane at the mouth of a cut
-    follows the mean of its two sides.
+    acts at the boundary itself: its force and moment on the points equal those of the load. A node at the mouth of a cut follows the mean
+    of the parts beside it.
 
     Attributes
     ----------
@@ -90,8 +117,8 @@ class Surface:
         Numbers of the facets in each physical group of a mesh file.
     follow : ndarray of bool, shape (k,), optional
         Nodes that have a non-empty row in the map N of the whole body, if `interpolation` covers only the points of one rank.
-    faces : Surface, optional
-        The two faces of each cut, which are free: no region contains them, and no load or obstacle acts on them.
+    faces : Faces, optional
+        The faces of cuts.
     """
 
     nodes: np.ndarray
@@ -100,7 +127,7 @@ class Surface:
     interpolation: Following
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     follow: np.ndarray | None = None
-    faces: Surface | None = None
+    faces: Faces | None = None
 
     def of_share(self, share: Share) -> Surface:
         """Return the surface with its interpolation restricted to the points of this rank's `share` of the body that it owns."""
@@ -135,7 +162,7 @@ class Surface:
                 normals[(np.abs(corners[..., plane.axis] - plane.position) < IN_PLANE * np.ptp(self.nodes, axis=0).max()).all(axis=1)] = 0.0
         for ends in self.facets.T:
             np.add.at(forces, ends, normals)
-        on_faces = 0.0 if self.faces is None else self.faces.on_points(())  # free where they lie in a plane, too
+        on_faces = 0.0 if self.faces is None else self.faces.on_points()  # free where they lie in a plane, too
         return self.interpolation.T @ forces + on_faces
 
     def followed(self) -> np.ndarray:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..kernels.polygons import encloses
 from ..scenes.shapes import ENDS
 from ..scenes.solids import AnyPrecut
+
+if TYPE_CHECKING:
+    import shapely
 
 BESIDE = 8.0
 """Distance, in those within which places coincide, by which points on a cut are moved to its side. A piece may end one such distance beyond
@@ -76,11 +80,11 @@ class Cuts:
         """Return which places (k, d) lie on a cut, to rounding; free ends are not part of it."""
         return np.any([self._lie_on(number, places) for number in range(len(self.pieces))], axis=0)
 
-    def straight_parts(self, boundary: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    def straight_parts(self, boundary: np.ndarray) -> Iterator[np.ndarray]:
         """Yield the straight parts of plane cuts, between ends, places where pieces meet, and the boundary of the body.
 
-        Each is given by the number of its piece and its two ends (2, 2). Parts outside the body, of which `boundary` are the two ends of
-        each facet (f, 2, 2), are left out.
+        Each is given by its two ends (2, 2). Parts outside the body, of which `boundary` are the two ends of each facet (f, 2, 2), are
+        left out.
         """
         for number, piece in enumerate(self.pieces):
             ends = piece.edge(1.0)[0]
@@ -103,7 +107,45 @@ class Cuts:
             for low, high in pairwise(shares[np.append(True, np.diff(shares) > self._rounding / length)]):
                 part = start + np.array([[low], [high]]) * along
                 if encloses(part.mean(axis=0)[None], boundary[:, 0], boundary[:, 1])[0]:
-                    yield number, part
+                    yield part
+
+    def flat_parts(self, side: int, cell: Sequence[float], nodes: np.ndarray, facets: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
+        """Yield places (k, 3) beside every cut in space, and the areas times outward normals (k, 3) of its facets there.
+
+        They are of the face on the side of the normal if `side` is 1, else of the other one, within the boundary of the body, given by
+        triangles, `facets` of `nodes`. Facets are about as large as a cell; those that another piece divides are divided there.
+        """
+        import shapely  # here, because few bodies need it
+
+        outlines = [_outline(piece, min(cell)) for piece in self.pieces]
+        for number, piece in enumerate(self.pieces):
+            place, normal, _ = piece.plane()
+            place = place + side * self.beside * normal
+            one = np.eye(3)[np.abs(normal).argmin()]
+            one = (one - one @ normal * normal) / np.linalg.norm(one - one @ normal * normal)
+            axes = np.stack([one, np.cross(normal, one)])
+            section = shapely.build_area(shapely.multilinestrings((_sections(nodes, facets, place, normal) - place) @ axes.T))
+            face = section.intersection(_hull((outlines[number] - place) @ axes.T))
+            traces = []
+            for outline in outlines:
+                ring = np.arange(len(outline))
+                ends = _sections(outline, np.stack([ring, np.roll(ring, -1)], axis=1), place, normal)
+                traces += [(ends.reshape(2, 3) - place) @ axes.T] if len(ends) == 2 else []
+            shapely.prepare(face)
+            for part in shapely.get_parts(face):
+                low, high = np.reshape(part.bounds, (2, 2))
+                counts = np.maximum(1, np.rint(np.linalg.norm((high - low)[:, None] * axes / cell, axis=1))).astype(int)
+                grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 2)
+                size = (high - low) / counts
+                tiles = shapely.box(*(low + grid * size).T, *(low + (grid + 1) * size).T)
+                whole = shapely.contains_properly(face, tiles)
+                tiles = np.concatenate([tiles[whole], shapely.get_parts(shapely.intersection(tiles[~whole], part))])
+                for trace in traces:
+                    tiles = _split(tiles, trace, np.linalg.norm(high - low))
+                areas = shapely.area(tiles)
+                tiles, areas = tiles[areas > self._rounding * size.min()], areas[areas > self._rounding * size.min()]
+                centers = shapely.get_coordinates(shapely.centroid(tiles))
+                yield place + centers @ axes, -side * areas[:, None] * normal
 
     def _belong(self, number: int, places: np.ndarray) -> np.ndarray:
         """Return which places (k, d) on the plane of a piece belong to it: those within it, and those of its edge that are touched."""
@@ -130,3 +172,46 @@ class Cuts:
             ways[on & ~ways.any(axis=1)] = normal  # of two pieces with opposite sides, the first one decides
         lengths = np.linalg.norm(ways, axis=1, keepdims=True)
         return places + BESIDE * self._rounding * ways / np.where(lengths > 0, lengths, 1.0)
+
+
+def _outline(piece: AnyPrecut, cell: float) -> np.ndarray:
+    """Return the corners (k, 3) of a flat cut in order around it; those of a disc are ends of tangents, a quarter of a cell long."""
+    places, outward, lengths = piece.edge(cell / 4)
+    ways = np.cross(piece.plane()[1], outward) * lengths[:, None] / 2
+    return np.stack([places - ways, places + ways], axis=1).reshape(-1, 3)
+
+
+def _hull(places: np.ndarray) -> shapely.Geometry:
+    """Return the convex hull of places (k, 2); as a polygon, ends of an outline that differ by rounding would make it invalid."""
+    import shapely  # here, because few bodies need it
+
+    return shapely.convex_hull(shapely.multipoints(places))
+
+
+def _sections(nodes: np.ndarray, facets: np.ndarray, place: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Return the places where a plane crosses sides of facets (f, m): in space the two ends of each segment (s, 2, 3), for sides (s, 3)."""
+    heights = (nodes - place) @ normal
+    above = heights[facets] > 0
+    crossed = facets[above.any(axis=1) & ~above.all(axis=1)]
+    # Ends in the same order on both facets that share a side, so that neighboring segments meet to the last digit.
+    pairs = [(0, 1), (1, 2), (2, 0)][: 1 if facets.shape[1] == 2 else 3]
+    sides = np.sort(np.stack([crossed[:, pair] for pair in pairs], axis=1), axis=2)
+    first, second = sides[(heights[sides] > 0).sum(axis=2) == 1].T
+    share = (heights[first] / (heights[first] - heights[second]))[:, None]
+    found = nodes[first] + share * (nodes[second] - nodes[first])
+    return found.reshape(-1, 2, 3) if facets.shape[1] == 3 else found
+
+
+def _split(tiles: np.ndarray, trace: np.ndarray, reach: float) -> np.ndarray:
+    """Return polygons in which those that a segment, `trace` (2, 2), meets are divided along its line; their extent is at most `reach`."""
+    import shapely  # here, because few bodies need it
+
+    start, end = trace
+    along = (end - start) / np.linalg.norm(end - start)
+    met = shapely.intersects(tiles, shapely.linestrings(trace))
+    found = [tiles[~met]]
+    low, high = start - 2 * reach * along, end + 2 * reach * along
+    for across in (np.array([-along[1], along[0]]), np.array([along[1], -along[0]])):
+        half = shapely.polygons([low, high, high + 2 * reach * across, low + 2 * reach * across])
+        found.append(shapely.get_parts(shapely.intersection(tiles[met], half)))
+    return np.concatenate(found)

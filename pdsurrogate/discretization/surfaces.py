@@ -4,12 +4,10 @@ In the plane the outline and the holes become closed chains of facets, see `chai
 `solid_surfaces`.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import scipy
 
-from ..body import Body, Following, Surface
+from ..body import Body, Faces, Following, Surface
 from ..body.cell_mesh import side_numbers
 from ..body.local_fit import boundary_rows, empty_rows
 from ..ranks.share import connected
@@ -68,61 +66,59 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
         axis, side = EDGES[edge]
         there = np.abs(nodes[facets][..., axis] - (lower, upper)[side > 0][axis]) <= ROUNDING * extent
         parts = np.where(there.all(axis=1) & (parts == "outline"), edge, parts)
-    found = Surface(nodes, facets, parts, Following(boundary_rows(body, nodes, _normals_at(nodes, facets))), groups)
-    if scene.dimension == 3 or not scene.precuts:
-        return found
+    normals = _normals_at(nodes, facets)
+    if not scene.precuts:
+        return Surface(nodes, facets, parts, Following(boundary_rows(body, nodes, normals)), groups)
     cuts = cuts_of(scene, lower, upper)
-    mouths = Following(_at_mouths(body, found, cuts))
-    return replace(found, interpolation=mouths, faces=_faces_of(body, cuts, nodes[facets]))
+    follow = _with_mouths(body, cuts, nodes, facets, normals)
+    return Surface(nodes, facets, parts, follow, groups, faces=_faces_of(body, cuts, nodes, facets))
 
 
-def _at_mouths(body: Body, surface: Surface, cuts: Cuts) -> tuple[scipy.sparse.csr_array, ...]:
-    """Return the maps to the nodes of a plane boundary, in which each node at the mouth of a cut follows the mean of its two sides."""
-    rows, (first, second) = surface.interpolation.rows, surface.facets.T
-    mouths = np.flatnonzero(cuts.on(surface.nodes))
-    if not len(mouths):
-        return rows
-    neighbors = np.empty((2, len(surface.nodes)), dtype=int)
-    neighbors[0, second], neighbors[1, first] = first, second
-    normals, sides = _normals_at(surface.nodes, surface.facets)[mouths], []
-    for beside in neighbors[:, mouths]:
-        ways = surface.nodes[beside] - surface.nodes[mouths]
-        places = surface.nodes[mouths] + cuts.beside * ways / np.linalg.norm(ways, axis=1)[:, None]
-        sides.append(boundary_rows(body, places, normals)[0])
-    told = np.stack([~empty_rows(side) for side in sides]).astype(float)
-    shares = told / np.maximum(told.sum(axis=0), 1)
-    mean = sum(scipy.sparse.diags_array(share) @ side for share, side in zip(shares, sides, strict=True))
-    others = scipy.sparse.diags_array(np.isin(np.arange(len(surface.nodes)), mouths, invert=True).astype(float))
-    places = scipy.sparse.csr_array((np.ones(len(mouths)), (mouths, np.arange(len(mouths)))), shape=(len(surface.nodes), len(mouths)))
-    found = (others @ rows[0] + places @ mean).tocsr()
-    found.eliminate_zeros()
-    return (found,)
+def _with_mouths(body: Body, cuts: Cuts, nodes: np.ndarray, facets: np.ndarray, normals: np.ndarray) -> Following:
+    """Return the map to the nodes of a boundary; a node at the mouth of a cut follows the mean of the parts that its facets belong to."""
+    facet, corner = np.nonzero(cuts.on(nodes)[facets])
+    node, count = facets[facet, corner], len(nodes)
+    ways = nodes[facets[facet]].mean(axis=1) - nodes[node]
+    places = nodes[node] + cuts.beside * ways / np.linalg.norm(ways, axis=1)[:, None]
+    rows = boundary_rows(body, np.concatenate([nodes, places]), np.concatenate([normals, normals[node]]))
+    told = ~empty_rows(rows[0])
+    at_mouths, told = ~np.isin(np.arange(count), node) & told[:count], told[count:]
+    whole = np.flatnonzero(at_mouths)
+    shares = np.concatenate([np.ones(len(whole)), told / np.maximum(np.bincount(node, told, count), 1)[node]])
+    where = np.concatenate([whole, node]), np.concatenate([whole, count + np.arange(len(node))])
+    means = scipy.sparse.csr_array((shares, where), shape=(count, count + len(node)))
+    means.eliminate_zeros()
+    return Following(tuple((means @ each).tocsr() for each in rows))
 
 
-def _faces_of(body: Body, cuts: Cuts, boundary: np.ndarray) -> Surface | None:
-    """Return the faces of the cuts of a plane body with the `boundary` (f, 2, 2), as chains of facets beside each straight part of a cut.
+def _faces_of(body: Body, cuts: Cuts, nodes: np.ndarray, facets: np.ndarray) -> Faces | None:
+    """Return the two faces of each cut of a body with a boundary of `facets` between `nodes`.
 
-    Nodes lie a little beside the cut, so that they follow the points on their side, and a little before the places where parts meet.
+    Places lie a little beside the cut, so that they follow the points on their side. In the plane they are the nodes of a chain on each
+    straight part, which ends a little before the places where parts meet; in space the centroids of facets about as large as a cell.
     """
-    nodes, facets, normals, parts = [np.zeros((0, 2))], [np.zeros((0, 2), dtype=int)], [np.zeros((0, 1, 2))], list[str]()
-    for number, part in cuts.straight_parts(boundary):
-        start, end = part
-        along = (end - start) / np.linalg.norm(end - start)
-        normal = np.array([-along[1], along[0]])
-        count = max(1, round(float(np.linalg.norm((end - start) / body.cell))))
-        inset = PARTED * cuts.beside * along
-        places = np.linspace(start + inset, end - inset, count + 1)
-        for side, chain in ((1, places), (-1, places[::-1])):
-            first = sum(map(len, nodes)) + np.arange(count)
-            nodes.append(chain + side * cuts.beside * normal)
-            facets.append(np.stack([first, first + 1], axis=1))
-            normals.append(np.tile(normal, (count + 1, 1, 1)))
-            parts += [f"precuts.{number}"] * count
-    if not parts:
+    places, areas, d = [np.zeros((0, body.dimension))], [np.zeros((0, body.dimension))], body.dimension
+    for side in (1, -1):
+        if d == 3:
+            for centers, vectors in cuts.flat_parts(side, body.cell, nodes, facets):
+                places.append(centers)
+                areas.append(vectors)
+            continue
+        for start, end in cuts.straight_parts(nodes[facets]):
+            length = np.linalg.norm(end - start)
+            along = (end - start) / length
+            normal = np.array([-along[1], along[0]])
+            count = max(1, round(float(np.linalg.norm((end - start) / body.cell))))
+            inset = PARTED * cuts.beside * along
+            places.append(np.linspace(start + inset, end - inset, count + 1) + side * cuts.beside * normal)
+            shares = np.ones((count + 1, 1))
+            shares[[0, -1]] = 0.5
+            areas.append(-side * (length - 2 * PARTED * cuts.beside) / count * shares * normal)
+    places, areas = np.concatenate(places), np.concatenate(areas)
+    if not len(places):
         return None
-    places = np.concatenate(nodes)
-    rows = boundary_rows(body, places, np.concatenate(normals))
-    return Surface(places, np.concatenate(facets), np.array(parts), Following(rows))
+    normals = areas / np.linalg.norm(areas, axis=1, keepdims=True)
+    return Faces(places, areas, Following(boundary_rows(body, places, normals[:, None])))
 
 
 def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
