@@ -29,9 +29,10 @@ def voronoi_cells(points: np.ndarray, outline: shapely.Geometry) -> CellMesh:
     import shapely  # here, because few bodies need it
 
     middle, size = (points.min(axis=0) + points.max(axis=0)) / 2, np.ptp(points, axis=0).max() + 1e-300
-    around = scipy.spatial.Voronoi(np.concatenate([points, middle + FAR * size * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])]))
+    # About the middle, since Qhull has squares of coordinates.
+    around = scipy.spatial.Voronoi(np.concatenate([points - middle, FAR * size * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])]))
     regions = [around.regions[number] for number in around.point_region[: len(points)]]
-    cells = shapely.polygons([shapely.linearrings(around.vertices[region]) for region in regions])
+    cells = shapely.polygons([shapely.linearrings(middle + around.vertices[region]) for region in regions])
     shapely.prepare(outline)
     cut = np.flatnonzero(~shapely.contains_properly(outline, cells))
     pieces, owner = shapely.get_parts(shapely.intersection(cells[cut], outline), return_index=True)

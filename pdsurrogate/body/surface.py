@@ -159,7 +159,7 @@ class Surface:
             if isinstance(plane, HeldBoundary):
                 normals[self.parts == plane.name] = 0.0
             else:
-                normals[(np.abs(corners[..., plane.axis] - plane.position) < IN_PLANE * np.ptp(self.nodes)).all(axis=1)] = 0.0
+                normals[(np.abs(corners[..., plane.axis] - plane.position) < IN_PLANE * np.ptp(self.nodes, axis=0).max()).all(axis=1)] = 0.0
         for ends in self.facets.T:
             np.add.at(forces, ends, normals)
         on_faces = 0.0 if self.faces is None else self.faces.on_points()  # free where they lie in a plane, too

@@ -298,7 +298,8 @@ def _triangulated(
         Positions of the corners, counter-clockwise.
     """
     used, sides = np.unique(sides, return_inverse=True)
-    nodes, sides = nodes[used] / cell, sides.reshape(-1, 2)
+    middle = nodes[used].mean(axis=0)  # areas and Delaunay's criterion have products of coordinates, which far from the origin are rounded
+    nodes, sides = (nodes[used] - middle) / cell, sides.reshape(-1, 2)
     outline = Surface(nodes, sides, np.array([]), None)
     lower, upper = nodes.min(axis=0), nodes.max(axis=0)
     count = np.ceil((upper - lower) / 2 / [1, math.sqrt(0.75)]).astype(int) + 1
@@ -328,4 +329,4 @@ def _triangulated(
     area = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum() / 2
     if len(missing) or abs(np.abs(areas).sum() - area) > 1e-9 * area:
         raise ValueError("body: its cross-section has corners that are too sharp for a triangulation, so loads and probes are not possible")
-    return nodes * cell, sides, chain, triangles * cell
+    return middle + nodes * cell, sides, chain, middle + triangles * cell

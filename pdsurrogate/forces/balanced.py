@@ -73,8 +73,10 @@ def balanced_changes(kinematics: Kinematics, shares: BondShares, portion_of: np.
         arrays = tuple(share.joined(each, owner)[order] for each in arrays)
         whole = np.sort(np.concatenate(share.everywhere(places[share.own[owner]])))
         places = np.searchsorted(whole, places)
-    of_points = [share.gather(values) for values in (factors, loads, body.points / body.spacing)]
-    changes = share.ranks.to_all(_least_changes(*arrays, *of_points) if share.leads else None)[places]
+    *of_points, points = [share.gather(values) for values in (factors, loads, body.points)]
+    # Far from the origin, points divided by the spacing would differ by other vectors than those between them.
+    changes = _least_changes(*arrays, *of_points, (points - points[0]) / body.spacing) if share.leads else None
+    changes = share.ranks.to_all(changes)[places]
     return numbers, changes
 
 

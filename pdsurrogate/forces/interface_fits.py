@@ -82,6 +82,10 @@ ROUNDED = 1e-11
 Points on one line across an interface then have exactly the same place and share one fit. Chosen: far above the rounding of coordinates,
 and without effect on results."""
 
+NONE = 1e-6
+"""Distance, in spacings, of a point from a plane between points that counts as none. Chosen above the rounding of coordinates a million
+spacings from the origin, a billionth of a spacing."""
+
 SLAB = 2048
 """Number of places to which neighbors are found and functions fitted together. Chosen: the values of the functions then take 20 MB in the
 plane and 80 MB in solids; larger numbers only take more memory."""
@@ -293,7 +297,7 @@ def _two_sides(
                 heights = outwards * (np.linalg.norm(body.points[around] - center[:, None], axis=2) - radius) / reach
             # Beyond a thin layer or a gap there may be more of the same material, which does not belong to this interface.
             # A point at the place itself is on the interface, whatever rounding says.
-            there &= np.where(beyond, -1.0, 1.0) * heights <= SECTOR * np.linalg.norm(x, axis=2) + ROUNDED
+            there &= np.where(beyond, -1.0, 1.0) * heights <= SECTOR * np.linalg.norm(x, axis=2) + NONE
             there &= beyond | (kinds == first)
             yield some, around, x, beyond, heights, np.where(there, body.volumes[around], 0.0), reach
 
@@ -337,7 +341,8 @@ def _find_planes(
         kinds, V = portion_of[around], np.where(there, body.all_volumes[around], 0.0)
         others, total = there & (kinds != portion_of[near[rows], None]), V.sum(axis=1, keepdims=True)
         least, greatest = np.where(others, kinds, len(portion_of)).min(axis=1), np.where(others, kinds, -1).max(axis=1)
-        x = body.all_points[around] - np.einsum("bk,bka->ba", V / total, body.all_points[around])[:, None]
+        x = body.all_points[around] - places[:, None]
+        x -= np.einsum("bk,bka->ba", V / total, x)[:, None]
         second = np.einsum("bk,bka,bkc->bac", V, x, x)
         good = (least == greatest) & (others != there).any(axis=1)
         good &= np.linalg.eigvalsh(second)[:, 0] >= 1e-3 * np.trace(second, axis1=1, axis2=2)
@@ -351,18 +356,19 @@ def _find_planes(
         directed = lengths > 1e-9 / body.horizon
         normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=directed)
         # The plane has as much of the volume beyond it as the other material has.
-        along = np.where(there, (body.all_points[around] @ normals[:, :, None])[:, :, 0], np.inf)
+        points = body.points[near[rows]]
+        along = np.where(there, ((body.all_points[around] - points[:, None]) @ normals[:, :, None])[:, :, 0], np.inf)
         order = np.argsort(along, axis=1, kind="stable")
         sums, own = np.cumsum(np.take_along_axis(V, order, axis=1), axis=1), np.where(others, 0.0, V).sum(axis=1, keepdims=True)
         behind = (sums < own * (1 + 1e-9)).sum(axis=1, keepdims=True)
         ends = np.take_along_axis(order, np.clip(np.hstack([behind - 1, behind]), 0, order.shape[1] - 1), axis=1)
-        ends, points = np.take_along_axis(along, ends, axis=1), body.points[near[rows]]
-        depths = ends.mean(axis=1) - (points * normals).sum(axis=1)
+        ends = np.take_along_axis(along, ends, axis=1)
+        depths = ends.mean(axis=1)
         good = (directed & (behind > 0) & (behind < there.sum(axis=1, keepdims=True)))[:, 0] & (np.abs(depths) <= FARTHEST * body.horizon)
         places = (points + depths[:, None] * normals)[good]
         rows, beyond, normals, depths = rows[good], beyond[good], normals[good], depths[good]
-        astray = (V * (others != (along > ends[:, :1] + 1e-9 * body.spacing)) / total)[good].sum(axis=1)
-    front = depths > 0
+        astray = (V * (others != (along > ends[:, :1] + NONE * body.spacing)) / total)[good].sum(axis=1)
+    front = depths > NONE * body.spacing
     found.put(rows[front], depths[front], normals[front], beyond[front], astray[front])
 
 

@@ -11,8 +11,8 @@ from .balanced import beside, ends_of_unknown, sees_clamps
 from .fourth_order import conjugate_gradients
 
 ABOVE_ROUNDING = 64
-"""Multiple of the rounding error of the longest reference vector beyond which the vectors of a point count as out of balance. Their sum is
-that of some 30 rounded vectors."""
+"""Multiple of the rounding error of the longest reference vector, and of that by rounded coordinates, beyond which the vectors of a point
+count as out of balance. Their sum is that of some 30 rounded vectors."""
 
 SAME_PLACE = 1e-6
 """Distance, in spacings, that counts as none between a point and its image along an axis."""
@@ -35,7 +35,8 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
     left, size = -body.outward, np.linalg.norm(vectors, axis=1)
     for c in range(d):
         left[:, c] -= np.bincount(bonds.first, vectors[:, c], n) - np.bincount(bonds.second[within], vectors[within, c], n)
-    rounding = ABOVE_ROUNDING * float(np.finfo(vectors.dtype).eps) * share.greatest(float(size.max(initial=0.0)))
+    rounding = float(np.finfo(vectors.dtype).eps) + share.greatest(float(np.spacing(np.abs(body.points).max(initial=0.0)))) / body.spacing
+    rounding *= ABOVE_ROUNDING * share.greatest(float(size.max(initial=0.0)))
     uneven = np.abs(left).max(axis=1) > rounding
     # In corners of clamps and free sides no state is homogeneous. A pair depends on the gradients of both ends, so that the force on a
     # point depends on images beyond a clamp if one of its neighbors sees them.

@@ -52,14 +52,13 @@ times its first one, and the latest residuals, so many as the third number, are 
 rounding changes residuals by less; a sheet that buckles gives these signs after 60 evaluations, and converges to its buckled state after
 200. Slender bodies under loads give them on the way to equilibria, and methods that step in time too, because their residuals oscillate."""
 
-PATIENCE, LEAST_PATIENCE, FIRST, MOST_SPENT, MOST, LAST = 6, 1.2, 4, 7, 8.5, 9
+PATIENCE, LEAST_PATIENCE, FIRST, MOST_SPENT, MOST = 6, 1.2, 4, 7, 8.5
 """Force evaluations for an increment of which an attempt has failed, divided by the mean for an output of the run so far. A search whose
 residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more. The
 first attempt may take any number, but counts at most as much as the third number: a body that buckles may be crumpled into another
 equilibrium by a long search, and only shorter increments tell that it buckles. When the attempts have used the fourth number, the increment
-is halved no further. The fifth number bounds the searches after a failed attempt, and the sixth the one that brings the last equilibrium to
-the tolerance of an output, so that an output that fails costs at most ten good ones if its first attempt costs at most four: the check of
-stability after a search is not interrupted, and takes up to one of the ten."""
+is halved no further. The fifth number bounds the searches after a failed attempt, so that with the search for the last equilibrium an
+output that fails costs about ten good ones if its first attempt costs at most four."""
 
 CARRIED = 2
 """Force evaluations for a planned increment of which an attempt has failed, in the same unit, beyond which they count for the next planned
@@ -197,7 +196,8 @@ class Equilibria:
             self._accepted, began = _Accepted(run, self.solver), run.force.evaluations
             patience, most = np.inf, np.inf
             if state.wasted:
-                patience, most = max(PATIENCE * usual - state.wasted, LEAST_PATIENCE * usual), self._left(MOST)
+                patience = max(PATIENCE * usual - state.wasted, LEAST_PATIENCE * usual)
+                most = MOST * usual - (run.force.evaluations - state.begun)
             try:
                 equilibrium = self._follow(increments, patience, most)
             except TooSmall:
@@ -234,10 +234,6 @@ class Equilibria:
     def _usual(self) -> float:
         """Return the mean number of force evaluations for an output of the run so far, or `USUAL` before the first one."""
         return float(np.mean(self.run.state.costs or USUAL))
-
-    def _left(self, most: float) -> float:
-        """Return how many force evaluations the present output may still take, if it may take `most` times the mean for an output."""
-        return most * self._usual() - (self.run.force.evaluations - self.run.state.begun)
 
     def _follow(self, increments: Increments, patience: float, most: float) -> Equilibrium:
         """Find and return the equilibrium at the end of the present increment, within `patience` force evaluations (`_solve`).
@@ -319,8 +315,9 @@ class Equilibria:
         target, run.target = run.target, run.state.parameter
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
         with suppress(*FAILURES):
-            before, patience = run.positions.copy(), LEAST_PATIENCE * self._usual()
-            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, patience, self._left(LAST))
+            # A search from an accepted state may last as long as its residual halves again and again: it has a few times to do so.
+            before = run.positions.copy()
+            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, patience=0.0, most=np.inf)
             run.loads.check_path(run.target, run.target, before, run.positions)
             self._path.check_branch(run.target, before)
             self._record(equilibrium)

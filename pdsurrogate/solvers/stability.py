@@ -1,6 +1,6 @@
 """Highest frequency of a discretized body, which limits explicit time steps, its lowest mode, and checks of stability and continuity."""
 
-import warnings
+from collections.abc import Callable
 
 import numpy as np
 import scipy
@@ -184,13 +184,16 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
 BLOCK = 3
 """Number of modes that are computed together: equal or nearly equal lowest ones, as of symmetric bodies, then converge as well."""
 
-ITERATIONS, MOST_ROUNDS = 10, 30
-"""Steps of the iteration for the lowest modes between tests of convergence, and most such rounds."""
+MOST_STEPS = 300
+"""Most steps of the iteration for the lowest modes."""
+
+NEW = 1e-8
+"""Part of a unit vector outside the space of others, below which it adds nothing to this space but rounding."""
 
 SEPARATED = 1e-2
 """Permitted residual of the lowest mode, divided by its distance to the next or its own size: its error is the square of this part."""
 
-ACCURATE = 1e-5
+ACCURATE = 1e-7
 """Permitted error of the eigenvalue, divided by the greatest one of the block. Slender bodies fulfil it, but not `SEPARATED`: forces of
 some 1e-9 of those of short waves are a residual greater than their lowest eigenvalue, and hardly change it."""
 
@@ -204,7 +207,8 @@ def lowest_mode(
 ) -> tuple[float, float, np.ndarray]:
     """Return the least eigenvalue of the tangent K over the volumes V, K q = e V q, its estimated error, and its mode q, (n, d).
 
-    The locally optimal block method of conjugate gradients (Knyazev 2001) needs products of K and a preconditioner alone.
+    The locally optimal block method of conjugate gradients (Knyazev 2001), which needs products of K and a preconditioner alone, on
+    orthonormal bases (Hetmaniuk and Lehoucq 2006).
 
     Parameters
     ----------
@@ -241,32 +245,54 @@ def lowest_mode(
         forces[moving] = scaled.ravel() * root
         return stiffness.solve(forces.reshape(free.shape)).ravel()[moving] * root
 
-    size = len(root)
-    operators = [scipy.sparse.linalg.LinearOperator((size, size), each, dtype=float) for each in (product, preconditioned)]
     # The preconditioner leaves out rigid motions that no support resists.
-    vectors = operators[1] @ np.random.default_rng(0).standard_normal((size, min(BLOCK, size)))
-    for _ in range(MOST_ROUNDS):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of steps that do not suffice
-            values, vectors = scipy.sparse.linalg.lobpcg(operators[0], vectors, M=operators[1], tol=0.0, maxiter=ITERATIONS, largest=False)
-        order = np.argsort(values)
-        values, vectors = values[order], vectors[:, order]
-        residual = product(vectors[:, 0]) - values[0] * vectors[:, 0]
-        left, apart = float(np.linalg.norm(residual)), float(values[1] - values[0]) if len(values) > 1 else 0.0
+    vectors = _each(preconditioned, np.random.default_rng(0).standard_normal((len(root), min(BLOCK, len(root)))))
+    vectors, _ = np.linalg.qr(vectors)
+    images, before, images_before, error, found = _each(product, vectors), vectors[:, :0], vectors[:, :0], np.inf, False
+    for _ in range(MOST_STEPS):
+        values, turned = np.linalg.eigh(vectors.T @ images)
+        vectors, images = vectors @ turned, images @ turned
+        if found:  # the error is that of the step before, of which an estimate that is a little too small remains a bound
+            mode = np.zeros(free.size)
+            mode[moving] = vectors[:, 0] / root
+            mode = mode.reshape(free.shape)
+            return float(values[0]), error, mode / np.linalg.norm(mode, axis=1).max()
+        residuals = images - values * vectors
+        towards = _each(preconditioned, residuals)
+        left, apart = float(np.linalg.norm(residuals[:, 0])), float(values[1] - values[0]) if len(values) > 1 else 0.0
         # Of the two bounds (Parlett 1980), the second holds for a mode apart from the others.
         error, last = min(left, left**2 / apart) if apart > 0 else left, float(values[-1])
         if last > max(values[0], 0.0):
             # The tangent is at least so many times the approximation in modes that the block does not contain.
             share = last * float(vectors[:, -1] @ preconditioned(vectors[:, -1]))
-            error = min(error, float(residual @ preconditioned(residual) / (min(share, 1.0) * (1 - values[0] / last))))
-        if left <= SEPARATED * max(apart, abs(values[0])) or error <= ACCURATE * max(abs(values[0]), abs(last)):
-            mode = np.zeros(free.size)
-            mode[moving] = vectors[:, 0] / root
-            mode = mode.reshape(free.shape)
-            return float(values[0]), error, mode / np.linalg.norm(mode, axis=1).max()
-    raise NotConverged(
-        f"the lowest mode is not found after {MOST_ROUNDS * ITERATIONS} steps: the body may be too slender, or its modes too close"
-    )
+            error = min(error, float(residuals[:, 0] @ towards[:, 0] / (min(share, 1.0) * (1 - values[0] / last))))
+        found = left <= SEPARATED * max(apart, abs(values[0])) or error <= ACCURATE * max(abs(values[0]), abs(last))
+        known = np.hstack([vectors, before])
+        towards = _beside(towards, known)
+        known, of_known = np.hstack([known, towards]), np.hstack([images, images_before, _each(product, towards)])
+        _, combined = np.linalg.eigh(known.T @ of_known)
+        count = len(values)
+        chosen, changed = combined[:, :count], combined[:, :count].copy()
+        changed[:count] = 0.0
+        changed = _beside(changed, chosen)
+        vectors, images, before, images_before = known @ chosen, of_known @ chosen, known @ changed, of_known @ changed
+    raise NotConverged(f"the lowest mode is not found after {MOST_STEPS} steps: the body may be too slender, or its modes too close")
+
+
+def _each(function: Callable[[np.ndarray], np.ndarray], columns: np.ndarray) -> np.ndarray:
+    """Return the values of a function of vectors (n,) for the columns (n, k)."""
+    return np.stack([function(column) for column in columns.T], axis=1) if columns.size else columns
+
+
+def _beside(columns: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return orthonormal vectors (n, m), m <= k, that span with orthonormal `others` (n, l) what the columns (n, k) span with them."""
+    sizes = np.linalg.norm(columns, axis=0)
+    columns = columns[:, sizes > 0] / sizes[sizes > 0]
+    for _ in range(2):  # once more, since what rounding left of the others is not small beside a small remainder
+        columns = columns - others @ (others.T @ columns)
+        columns, upper = np.linalg.qr(columns)
+        columns = columns[:, np.abs(np.diag(upper)) > NEW]
+    return columns
 
 
 def check_branch(

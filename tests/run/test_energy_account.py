@@ -102,10 +102,11 @@ def test_motion_that_fine_steps_alone_keep_is_warned_of():
 def test_a_crack_that_makes_energy_is_a_failure():
     """Without viscosity the last bonds of a ligament gave the strip half as much again as was put in: "converged", without a word.
 
-    The motion is chaotic: by rounding its energy is found first, its frequency, or a side that it throws over a grip.
+    With 0.9 of the longest step; with 0.7 its account closes. The motion is chaotic: by rounding its energy is found first, its frequency,
+    or a side that it throws over a grip.
     """
     with pytest.raises(pds.SimulationFailed, match=r"energy balance has an error of|the motion is unstable|bulges over") as caught:
-        pds.simulate(strip(viscosity=0.0), "bond-energy")
+        pds.simulate(strip(viscosity=0.0, safety=0.9), "bond-energy")
     summary = caught.value.result.summary
     assert "more dynamics.viscosity" in summary["failure"]
     assert not summary["converged"]
@@ -113,8 +114,8 @@ def test_a_crack_that_makes_energy_is_a_failure():
 
 
 def test_what_cracks_need_is_the_default():
-    """0.7 spacings over the speed of shear waves: the account of a strip that tears closes, within 1e-4 as it was found."""
-    result = pds.simulate(strip(), "bond-energy")
+    """0.7 spacings over the speed of shear waves: the account of the strip above closes, within 1e-4 as it was found."""
+    result = pds.simulate(strip(safety=0.9), "bond-energy")
     assert result.summary["crack"]["through"]
     assert account(result)["viscosity"] == pytest.approx(0.07, rel=1e-12)
     assert abs(account(result)["greatest_energy_gap"]) < 0.2
