@@ -34,12 +34,16 @@ def why_invalid(F: np.ndarray, whose: str, plane: str, laws: Callable[[int], Seq
     if J.min() <= 0:
         return int(J.argmin()), f"det F = {J.min():.3g}{whose}: the material is turned inside out there"
     trace = (F * F).sum(axis=(1, 2))
-    order = np.argsort(-trace)
-    worst = int(order[0])
-    for number in order[:100].tolist():
-        for law in laws(number):
-            if reason := PLANES[plane].why_no_state(law, F[number]):
-                return number, reason
+    order = np.argsort(-trace)[:100]
+    worst, tried = int(order[0]), [(place, law) for place, number in enumerate(order.tolist()) for law in laws(number)]
+    # Line searches meet such states by the thousand: a law is asked about all gradients at once.
+    lacking = []
+    for law in {id(law): law for _, law in tried}.values():
+        places = np.array([place for place, other in tried if other is law])
+        lacking += [(place, law) for place in places[~PLANES[plane].has_state(law, F[order[places]])][:1].tolist()]
+    if lacking:
+        place, law = min(lacking, key=lambda one: one[0])
+        return int(order[place]), str(PLANES[plane].why_no_state(law, F[order[place]]))
     return worst, f"no state{whose} was found there or nearby, at tr C = {trace[worst]:.4g} and det F = {J[worst]:.4g}"
 
 

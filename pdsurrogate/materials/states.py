@@ -126,14 +126,16 @@ class Solid:
         p, q, r = (value[..., None, None] for value in (rows[0], rows[1] + bulk_stress, rows[2]))
         return p * F + q * cofactor(F) + r * (F @ (F.swapaxes(-1, -2) @ F))
 
+    def has_state(self, law: Law, F) -> np.ndarray:
+        """Return whether a law has a state at deformation gradients, shape (..., 3, 3), or (..., 2, 2) in a sheet; shape (...)."""
+        with np.errstate(all="ignore"):  # of states beyond the limit
+            return np.isfinite(expressions.ISOCHORIC_SOLID(law, *invariants(_in_space(F)))[3])
+
     def why_no_state(self, law: Law, F) -> str | None:
         """Explain why a law has no state at one deformation gradient (3 by 3, or 2 by 2 in a sheet); return None where it has one."""
-        full, d = np.eye(3), len(F)
-        full[:d, :d] = F
-        with np.errstate(all="ignore"):  # non-finite values are tested below
-            found = expressions.ISOCHORIC_SOLID(law, *invariants(full))[3]
+        full = _in_space(F)
         squares = np.linalg.svd(full, compute_uv=False) ** 2 / np.abs(np.linalg.det(full)) ** (2 / 3)
-        return None if np.isfinite(found) else f"{law.name}: no state exists: {law.limit(squares)}"
+        return None if self.has_state(law, full) else f"{law.name}: no state exists: {law.limit(squares)}"
 
 
 class PlaneStrain(Solid):
@@ -179,18 +181,24 @@ class PlaneStress(PlaneStrain):
         trace, J = np.broadcast_arrays(np.asarray(trace, float), np.asarray(area_ratio, float))
         if np.any(~(J > 0)):
             raise ValueError(f"det F must be positive; the least given is {np.nanmin(J):g}")
-        J3 = newton(lambda J3: self.response(law, trace, J, J3)[2:4], np.ones_like(J), 1e-15)
-        with np.errstate(all="ignore"):
-            residual = self.response(law, trace, J, J3)[2]
-        # NaN, and a residual that does not vanish, both mean that the state is beyond the law's limit.
-        scale = law.bulk_modulus / law.shear_modulus
-        failed = ~(np.abs(residual) <= 1e-9 * scale)
-        if np.any(failed):
-            first = np.flatnonzero(failed.ravel())[0]
+        J3, solved = self._solved(law, trace, J)
+        if not np.all(solved):
+            first = np.flatnonzero(~solved.ravel())[0]
             state = float(trace.ravel()[first]), float(J.ravel()[first])
             limit = law.limit(stretch_squares(*state))
             raise ValueError(f"{law.name}: no plane-stress state at tr C = {state[0]:g}, det F = {state[1]:g}: {limit}")
         return J3
+
+    def _solved(self, law: Law, trace, area_ratio) -> tuple[np.ndarray, np.ndarray]:
+        """Return the J3 that Newton's method finds, and whether P33 = 0 there."""
+        J3 = newton(lambda J3: self.response(law, trace, area_ratio, J3)[2:4], np.ones_like(area_ratio), 1e-15)
+        with np.errstate(all="ignore"):
+            residual = self.response(law, trace, area_ratio, J3)[2]
+        # NaN, and a residual that does not vanish, both mean that the state is beyond the law's limit.
+        return J3, np.abs(residual) <= 1e-9 * law.bulk_modulus / law.shear_modulus
+
+    def has_state(self, law: Law, F) -> np.ndarray:
+        return self._solved(law, *invariants(F))[1]
 
     def why_no_state(self, law: Law, F) -> str | None:
         try:
@@ -262,6 +270,13 @@ class PlaneStress(PlaneStrain):
         U_mm = lateral_stretch(a, b, J)
         p, q, *_ = self.response(law, a * a + 2 * b * b + U_mm * U_mm, J, J * np.sqrt(C33))
         return p * a + q * U_mm / J, (p - q / J) * b, p * U_mm + q * a / J
+
+
+def _in_space(F) -> np.ndarray:
+    """Return deformation gradients of sheets, shape (..., 2, 2), as those of bodies whose thickness is held; those of solids unchanged."""
+    full = np.broadcast_to(np.eye(3), (*np.shape(F)[:-2], 3, 3)).copy()
+    full[..., : np.shape(F)[-2], : np.shape(F)[-1]] = F
+    return full
 
 
 def newton(function: Callable[[np.ndarray], tuple], start: np.ndarray, tolerance: float) -> np.ndarray:
