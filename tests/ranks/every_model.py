@@ -68,7 +68,7 @@ def pulled(body):
 def crossing(body):
     """Flags of the pairs across a line near the upper edge, from the right, of which not all are at changed gradients."""
     ends = body.all_points[body.bonds.first], body.all_points[body.bonds.second]
-    height = body.points[:, 1].max() - 1.2 * body.spacing
+    height = body.share.greatest(body.points[:, 1].max()) - 1.2 * body.spacing
     return ((ends[0][:, 1] > height) != (ends[1][:, 1] > height)) & (np.minimum(ends[0][:, 0], ends[1][:, 0]) > 0.4)
 
 
