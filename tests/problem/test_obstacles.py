@@ -134,7 +134,7 @@ def test_a_ball_indents_a_thick_layer_as_hertz_says():
     scene = pressed(
         {"ball": {"center": (0, 0, thickness + radius), "radius": radius}, "x3": -depth, "name": "ball"},
         body=pds.shapes.Box(size=(8.0, 8.0, thickness)),
-        spacing=1 / 3,
+        spacing=2 / 7,
         material={**RUBBER, "bulk_modulus": 100.0},
         prescribed=tuple(pds.Prescribed(region=region, **components) for region, components in held.items()),
     )
