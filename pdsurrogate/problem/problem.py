@@ -23,7 +23,14 @@ from ..solvers.rigid import RigidRegion
 from .conditions import check_speeds, check_steps, conditions_of, loads_of, warn_of_points
 from .fracture import CriticalStretches, check_walls
 from .fronts import Fronts
-from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
+from .materials import (
+    portions_of,
+    scene_errors,
+    settings_of,
+    warn_of_bulk_moduli,
+    warn_of_loads_beside_interfaces,
+    warn_of_parts,
+)
 from .obstacles import bar_rigid_regions
 from .program import Measures, Prescription, Stage, known_ends, measures_of, prescriptions_of, stages_of
 from .regions import BodyRegions
@@ -122,6 +129,7 @@ class Problem:
             loaded = LoadedForce(force, self.loading.loads, self.loading.supports, rigid)
             if force.portion_of is not None:
                 warn_of_parts(self.scene, force, self.models[0].name, list(self.rigid))
+                warn_of_loads_beside_interfaces(self.scene, force, self.regions)
             self._check_support(force)
         return force, loaded
 
