@@ -189,7 +189,7 @@ def test_notebooks_are_those_of_the_tutorials(page):
 def test_notebooks_run(name, tmp_path, monkeypatch):
     """All cells run in an empty folder, in an environment that is active; a command that fails ends the notebook too.
 
-    Of two notebooks, with files, commands and pictures, and of Python alone: the blocks of all are those of the pages, which are typed above.
+    Of two notebooks, with files, commands and pictures, and of Python alone: the blocks of all are those of pages, which are typed above.
     """
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
