@@ -94,7 +94,7 @@ def test_every_model_on_every_case(plane):
     With a fiftieth of the steps of dynamics; without the two models of sheets that the quick test above holds to the same, and in space
     without the two energies whose exact laws take as long as all others together; `pipelines/stress_report.py` takes them all.
 
-    The error of the torque of Ogden's law changes by 2.2 % from 10 to 180 degrees, 9.0 to 6.8 %, with the exact energy too; 2 % are allowed.
+    The error of the torque by Ogden's law changes by 2.2 % from 10 to 180 degrees, 9.0 to 6.8 %, by the exact energy too (allowed 2).
     """
     left_out = {"stress": QUICK_SHEETS, "space": ("arruda-boyce-isochoric", "full-network-isochoric")}[plane]
     models = [name for name in all_models(plane) if name not in left_out]
