@@ -2,7 +2,8 @@
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import scipy
@@ -451,6 +452,10 @@ class Cut(StrictModel):
         """
 
     @abstractmethod
+    def moved(self, way: Callable[[np.ndarray], np.ndarray]) -> Self:
+        """Return the cut with its ends, corners or center where ``way(places)`` moves such places (k, d)."""
+
+    @abstractmethod
     def covers(self, places: np.ndarray) -> np.ndarray:
         """Return whether places on the plane of the cut belong to the cut; places on its edge do not.
 
@@ -608,6 +613,10 @@ class Precut(Cut):
         start, along = np.array(self.start), np.subtract(self.end, self.start)
         length = float(np.linalg.norm(along))
         return start, np.array([-along[1], along[0]]) / length, length
+
+    def moved(self, way: Callable[[np.ndarray], np.ndarray]) -> Self:
+        start, end = way(np.array([self.start, self.end])).tolist()
+        return self.model_copy(update={"start": tuple(start), "end": tuple(end)})
 
     def covers(self, places: np.ndarray) -> np.ndarray:
         start, along = np.array(self.start), np.subtract(self.end, self.start)
