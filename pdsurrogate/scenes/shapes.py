@@ -453,7 +453,23 @@ class Cut(StrictModel):
 
     @abstractmethod
     def moved(self, way: Callable[[np.ndarray], np.ndarray]) -> Self:
-        """Return the cut with its ends, corners or center where ``way(places)`` moves such places (k, d)."""
+        """Return the cut with its ends, corners or center moved.
+
+        Parameters
+        ----------
+        way : callable
+            ``way(places)`` returns where places (k, d) are moved.
+
+        Returns
+        -------
+        Cut
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.shapes.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).moved(lambda places: places + [0.0, 0.5]).end
+        (3.0, 2.0)
+        """
 
     @abstractmethod
     def covers(self, places: np.ndarray) -> np.ndarray:
