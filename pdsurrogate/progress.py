@@ -53,9 +53,12 @@ def part(stage: str, number: int, count: int, **numbers: float | str) -> Iterato
     """Context of one of `count` parts of a stage, by its number from 0: events within it are progress of this part."""
     outer = _listener.get()
     event(stage, number, count, **numbers)
+    if outer is None:
+        yield
+        return
 
     def of_part(_: str, done: float, total: float, **more: float | str) -> None:
         outer(stage, number + done / total, count, **numbers, **more)
 
-    with listening(outer and of_part):
+    with listening(of_part):
         yield
