@@ -57,7 +57,6 @@ BAD = [
     (lambda _: validated(n_jobs=0), ValueError, "n_jobs must be at least 1, or -1 for all cores, not 0"),
     (lambda _: validated(n_jobs="x"), TypeError, "n_jobs must be a whole number or None, not 'x'"),
     (lambda _: validated(random_state=-1), ValueError, "random_state must be from 0 to 4294967295, not -1"),
-    (lambda _: validated(progress=3), TypeError, "progress must be a function, not 3"),
     (lambda _: pds.cross_validate(ENERGY, ENERGIES, folds=0), ValueError, "folds must be from 2 to 100, not 0"),
     (lambda to: stored(to, samples=None), TypeError, "samples must be Samples, .* not None"),
     (lambda to: stored(to, model=pds.learning.ChebyshevRegressor), TypeError, "ChebyshevRegressor is a class: give an instance"),
@@ -130,7 +129,6 @@ BAD = [
     (lambda _: pds.preview("uniaxial"), TypeError, "scene must be Scene, such as load_scene gives, not 'uniaxial'"),
     (lambda _: pds.simulate("uniaxial", folder=3), TypeError, "folder must be text or a path, not 3"),
     (lambda _: pds.simulate("uniaxial", threads="x"), TypeError, "threads must be a whole number, not 'x'"),
-    (lambda _: pds.simulate("uniaxial", progress=3), TypeError, "progress must be Progress, such as .*, not 3"),
 ]
 
 

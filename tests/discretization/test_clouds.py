@@ -5,7 +5,7 @@ import hashlib
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from stopping import Killed, KilledWhileBondsBreak
+from stopping import Killed, while_bonds_break
 
 import pdsurrogate as pds
 from pdsurrogate.discretization import clouds, discretize
@@ -188,8 +188,8 @@ def test_a_tear_of_a_cloud_resumes_to_the_same_bits(tmp_path, monkeypatch):
     torn = {"precuts": [{"start": [-1.0, 0.5], "end": [0.4, 0.5]}], "prescribed": held, "steps": [{"to": 0.2}, pulled]}
     scene = square(0.1, seed=3, fracture={"critical_stretch": 1.8}, **torn)
     whole = pds.simulate(scene, "bond-energy")
-    with pytest.raises(Killed):
-        pds.simulate(scene, "bond-energy", folder=tmp_path, progress=KilledWhileBondsBreak())
+    with pytest.raises(Killed), while_bonds_break():
+        pds.simulate(scene, "bond-energy", folder=tmp_path)
     resumed = pds.simulate(scene, "bond-energy", folder=tmp_path, resume=True)
     assert resumed.history == whole.history
     assert resumed.levels == whole.levels

@@ -11,14 +11,15 @@ import time
 import numpy as np
 import pytest
 from conftest import SHIPPED
+from stopping import at_level, interrupt
 from typer.testing import CliRunner
 
 from pdsurrogate.artifacts import find_artifact, list_artifacts, load_card, load_surrogate
 from pdsurrogate.artifacts.store import save_artifact
 from pdsurrogate.cli import app
 from pdsurrogate.cli.simulation import how_to_resume
+from pdsurrogate.progress import listening
 from pdsurrogate.results import files
-from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 from pdsurrogate.scenes import load_scene
 
@@ -206,20 +207,16 @@ TEAR = [
 ]
 
 
-class InterruptsAt(Silent):
-    """Sends Ctrl-C to this process when a stage is reached."""
+def in_dynamics(share):
+    """Context that interrupts a run once, at a share of a stage in dynamics after two in equilibrium."""
+    left = [2 + share]
 
-    def __init__(self, levels=None, share=None):
-        self.levels, self.share = levels, share
+    def listener(stage, done, total, **numbers):
+        if stage == "dynamics" and left and done >= left[0]:
+            left.clear()
+            interrupt()
 
-    def level(self, number, stretch):
-        if number == self.levels:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    def dynamics(self, done, stretch, broken_bonds):
-        if self.share is not None and done >= self.share:
-            self.share = None
-            os.kill(os.getpid(), signal.SIGINT)
+    return listening(listener)
 
 
 def tear():
@@ -235,11 +232,11 @@ def heeds_interrupts():
 
 
 @pytest.mark.usefixtures("heeds_interrupts")
-@pytest.mark.parametrize("stage", [{"levels": 1}, {"share": 0.4}])
-def test_an_interrupt_saves_a_checkpoint_that_resumes_to_the_same_bits(tmp_path, stage):
-    with pytest.raises(SimulationInterrupted, match="interrupted") as caught:
-        simulate(tear(), "analytic", progress=InterruptsAt(**stage), folder=tmp_path / "a")
-    assert len(caught.value.result.levels) == stage.get("levels", 2)
+@pytest.mark.parametrize(("context", "levels"), [(at_level(1, interrupt), 1), (in_dynamics(0.4), 2)])
+def test_an_interrupt_saves_a_checkpoint_that_resumes_to_the_same_bits(tmp_path, context, levels):
+    with pytest.raises(SimulationInterrupted, match="interrupted") as caught, context:
+        simulate(tear(), "analytic", folder=tmp_path / "a")
+    assert len(caught.value.result.levels) == levels
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     resumed = simulate(tear(), "analytic", folder=tmp_path / "a", resume=True)
     whole = simulate(tear(), "analytic", folder=tmp_path / "b")
@@ -252,8 +249,8 @@ def test_an_interrupt_saves_a_checkpoint_that_resumes_to_the_same_bits(tmp_path,
 def test_every_force_resumes_to_the_same_bits(tmp_path, force):
     """In ba-nosb the bonds' own volume ratios were missing from the checkpoint."""
     scene = load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.3])
-    with pytest.raises(SimulationInterrupted, match="interrupted"):
-        simulate(scene, force, progress=InterruptsAt(levels=1), folder=tmp_path / "a")
+    with pytest.raises(SimulationInterrupted, match="interrupted"), at_level(1, interrupt):
+        simulate(scene, force, folder=tmp_path / "a")
     resumed = simulate(scene, force, folder=tmp_path / "a", resume=True)
     whole = simulate(scene, force, folder=tmp_path / "b")
     assert resumed.history == whole.history

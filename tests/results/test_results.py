@@ -13,7 +13,7 @@ import meshio
 import numpy as np
 import pytest
 from bodies import sheet
-from stopping import InterruptedAtLevel
+from stopping import at_level, interrupt
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
@@ -170,8 +170,8 @@ def test_results_of_another_run_of_the_scene_are_not_replaced_unasked(tmp_path):
 
 def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
     """Its checkpoint may be worth hours; the same command without --resume took its place."""
-    with pytest.raises(SimulationInterrupted) as stopped:
-        simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, progress=InterruptedAtLevel(1))
+    with pytest.raises(SimulationInterrupted) as stopped, at_level(1, interrupt):
+        simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path)
     for summary in (False, True):  # killed, and stopped by Ctrl-C
         if summary:
             stopped.value.result.save(tmp_path)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from stopping import Killed, KilledWhileBondsBreak
+from stopping import Killed, while_bonds_break
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -75,8 +75,8 @@ def test_a_crack_in_space_resumes_to_the_same_bits(torn, tmp_path, monkeypatch):
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
 
     scene = Scene.model_validate(STRIP)
-    with pytest.raises(Killed):
-        simulate(scene, folder=tmp_path, progress=KilledWhileBondsBreak())
+    with pytest.raises(Killed), while_bonds_break():
+        simulate(scene, folder=tmp_path)
     resumed = simulate(scene, folder=tmp_path, resume=True)
     assert resumed.history == torn.history
     assert resumed.summary["crack"] == torn.summary["crack"]

@@ -10,7 +10,7 @@ import pytest
 import scipy
 from bodies import nothing_held, sheet
 from runs import started
-from stopping import Killed, KilledAtLevel, KilledWhileBondsBreak
+from stopping import Killed, at_level, while_bonds_break
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
@@ -280,13 +280,13 @@ def test_a_bond_is_undirected_wherever_it_is_counted(torn):
     assert len(damage.overstretched(2.0 * result.body.all_points)) == summary["n_bonds"]
 
 
-@pytest.mark.parametrize("kill", [KilledAtLevel(1), KilledWhileBondsBreak()], ids=["levels", "dynamics"])
+@pytest.mark.parametrize("kill", [at_level(1), while_bonds_break()], ids=["levels", "dynamics"])
 def test_a_killed_run_resumes_to_the_same_bits(torn, tmp_path, monkeypatch, kill):
     """Killed after a level, or between two outputs of the dynamics; a checkpoint after every row makes the kill fall anywhere."""
     whole, _ = torn
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
-    with pytest.raises(Killed):
-        simulate(small(), "neo-hookean", folder=tmp_path, progress=kill)
+    with pytest.raises(Killed), kill:
+        simulate(small(), "neo-hookean", folder=tmp_path)
     resumed = simulate(small(), "neo-hookean", folder=tmp_path, resume=True)
     assert resumed.history == whole.history
     assert resumed.levels == whole.levels

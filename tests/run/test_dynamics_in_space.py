@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bodies import nothing_held
-from stopping import Killed, KilledWhileBondsBreak
+from stopping import Killed, while_bonds_break
 
 from pdsurrogate.body import Body
 from pdsurrogate.forces import FORCES, ForceSettings
@@ -133,8 +133,8 @@ def test_a_program_in_space_that_is_killed_while_bonds_break_resumes_to_the_same
     put_in = rows[0]["kinetic_energy"] + rows[0]["strain_energy"] + rows[-1]["work"]
     found = sum(rows[-1][key] for key in ("kinetic_energy", "strain_energy", "damped_energy", "released_energy"))
     assert found == pytest.approx(put_in, rel=0.005)
-    with pytest.raises(Killed):
-        simulate(scene, folder=tmp_path / "killed", progress=KilledWhileBondsBreak())
+    with pytest.raises(Killed), while_bonds_break():
+        simulate(scene, folder=tmp_path / "killed")
     resumed = simulate(scene, folder=tmp_path / "killed", resume=True)
     assert resumed.history == whole.history
     assert resumed.levels == whole.levels

@@ -12,14 +12,15 @@ import time
 
 import numpy as np
 import pytest
+from stopping import Killed, at_level, interrupt
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
+from pdsurrogate.progress import listening
 from pdsurrogate.results.files import TEMPORARY
 from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.run import checkpoints, levels
-from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 from pdsurrogate.stress_test.case import Subject
 
@@ -159,12 +160,12 @@ def test_a_run_that_was_killed_before_its_first_checkpoint_is_begun_anew(tmp_pat
     """There is nothing to go on from, and nothing lost."""
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.2])
 
-    class Killed(Silent):
-        def residual(self, evaluations, residual, tolerance):
+    def kill(stage, done, total, **numbers):
+        if "residual" in numbers:
             raise KeyboardInterrupt  # which nobody asked for: as good as a kill
 
-    with pytest.raises(KeyboardInterrupt):
-        simulate(scene, "analytic", folder=tmp_path, progress=Killed())
+    with pytest.raises(KeyboardInterrupt), listening(kill):
+        simulate(scene, "analytic", folder=tmp_path)
     assert pds.load_result(tmp_path).status == "running"
     assert not pds.load_result(tmp_path).states
     with pytest.raises(FolderTaken, match=r"another run of uniaxial \(stretches"):
@@ -177,17 +178,9 @@ def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(share, outp
     """The summary was written once a second at most, and `show` denied a state whose file lay there."""
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_TABLES", 1e9)
     monkeypatch.setattr(checkpoints, "PAUSE_SHARE", share)
-    begun = []
-
-    class Killed(Silent):
-        def level(self, number, parameter):
-            begun.append(parameter)
-            if len(begun) > outputs:
-                raise KeyboardInterrupt  # as good as a kill
-
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.1, 1.2, 1.3])
-    with pytest.raises(KeyboardInterrupt):
-        simulate(scene, "analytic", folder=tmp_path, progress=Killed())
+    with pytest.raises(Killed), at_level(outputs):
+        simulate(scene, "analytic", folder=tmp_path)
     read = pds.load_result(tmp_path)
     assert len(read.states) == len(read.levels) == len(list(tmp_path.glob("*.vtu"))) == outputs
     shown = CliRunner().invoke(app, ["show", str(tmp_path), "--out", str(tmp_path)])
@@ -196,16 +189,16 @@ def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(share, outp
     assert (tmp_path / "uniaxial-displacement.png").exists() == bool(outputs)
 
 
-class Stops(Silent):
-    """Ends the run after so many reports in equilibrium."""
+def after_reports(number):
+    """Context that interrupts a run after so many residuals of an equilibrium."""
+    residuals = []
 
-    def __init__(self, number):
-        self.left = number
+    def listener(stage, done, total, **numbers):
+        residuals.extend([numbers["residual"]] if "residual" in numbers else [])
+        if len(residuals) == number:
+            interrupt()
 
-    def residual(self, evaluations, residual, tolerance):
-        self.left -= 1
-        if self.left == 0:
-            signal.raise_signal(signal.SIGINT)
+    return listening(listener)
 
 
 SCENES = {
@@ -219,8 +212,8 @@ SCENES = {
 def test_the_first_equilibrium_goes_on_from_within(tmp_path, name):
     """A run that was ended in its first equilibrium, which of a large body takes hours, had no checkpoint."""
     scene, force = SCENES[name]
-    with pytest.raises(SimulationInterrupted) as stopped:
-        simulate(scene, force, folder=tmp_path, progress=Stops(8))
+    with pytest.raises(SimulationInterrupted) as stopped, after_reports(8):
+        simulate(scene, force, folder=tmp_path)
     assert not stopped.value.result.levels
     assert pds.load_result(tmp_path).status == "interrupted"
     before = np.load(tmp_path / "checkpoint.npz")["positions"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from runs import started
-from stopping import Killed, KilledWhileBondsBreak
+from stopping import Killed, while_bonds_break
 
 import pdsurrogate as pds
 from pdsurrogate.engine.threads import most_threads
@@ -199,8 +199,8 @@ def test_resuming_leaves_the_same_bits(stiffer, tmp_path, monkeypatch):
     whole = pds.simulate(layers, "bond-energy")
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
     monkeypatch.setattr(checkpoints, "PAUSE_SHARE", 0.0)
-    with pytest.raises(Killed):
-        pds.simulate(layers, "bond-energy", progress=KilledWhileBondsBreak(5), folder=tmp_path)
+    with pytest.raises(Killed), while_bonds_break(5):
+        pds.simulate(layers, "bond-energy", folder=tmp_path)
     resumed = pds.simulate(layers, "bond-energy", folder=tmp_path, resume=True)
     assert resumed.history == whole.history
     assert resumed.summary["crack"] == whole.summary["crack"]

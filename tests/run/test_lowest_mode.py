@@ -9,13 +9,13 @@ from test_control import DOWN, NEWTON, PUSHED, arch
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.problem.materials import checked_models
-from pdsurrogate.run.run import Run, Silent
+from pdsurrogate.run.run import Run
 
 
 def pencil(result):
     """Dense tangent and volumes of the free components in the last state of a result, and which components are free."""
     scene = result.scene
-    run = Run(scene, checked_models(scene, load_surrogate("bond-energy")), Silent())
+    run = Run(scene, checked_models(scene, load_surrogate("bond-energy")))
     if run.force.precision != "float64":
         run.take_double()
     run.state.parameter = result.levels[-1]["stretch" if scene.stretched else "t"]

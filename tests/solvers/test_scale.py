@@ -4,11 +4,11 @@ import warnings
 
 import numpy as np
 import pytest
+from stopping import Killed, at_level
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem import compile_scene
-from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SinglePrecisionLeft
 from pdsurrogate.solvers import equilibrium
 
@@ -213,20 +213,12 @@ def test_single_precision_gives_way_to_double():
         pds.simulate(cantilever(1e-6, precision="float32"), "neo-hookean@2")
 
 
-class Killed(Silent):
-    """Ends a run before its second output."""
-
-    def level(self, number, parameter):
-        if number:
-            raise KeyboardInterrupt
-
-
 def test_a_run_in_double_is_resumed_in_double(tmp_path):
     """Steps of a millionth of the modulus: a run that was killed after the first goes on to the same bits."""
     scene = cantilever(1e-6, steps=[0.5, 1.0])
     whole = simulate(scene, "neo-hookean@2")
-    with pytest.raises(KeyboardInterrupt), pytest.warns(SinglePrecisionLeft):
-        pds.simulate(scene, "neo-hookean@2", folder=tmp_path / "run", progress=Killed())
+    with pytest.raises(Killed), pytest.warns(SinglePrecisionLeft), at_level(1):
+        pds.simulate(scene, "neo-hookean@2", folder=tmp_path / "run")
     with warnings.catch_warnings():
         warnings.simplefilter("error", SinglePrecisionLeft)
         rest = pds.simulate(scene, "neo-hookean@2", folder=tmp_path / "run", resume=True)

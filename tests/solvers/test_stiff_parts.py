@@ -5,7 +5,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from probes import assert_dilatation_is_linearized
-from stopping import InterruptedAtLevel
+from stopping import at_level, interrupt
 
 import pdsurrogate as pds
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
@@ -164,8 +164,8 @@ def test_a_rigid_region_in_space_goes_on_from_its_checkpoint(tmp_path):
         steps=(0.5, 1.0),
     )
     whole = pds.simulate(scene, folder=tmp_path / "whole")
-    with pytest.raises(pds.SimulationInterrupted):
-        pds.simulate(scene, folder=tmp_path / "cut", progress=InterruptedAtLevel(1))
+    with pytest.raises(pds.SimulationInterrupted), at_level(1, interrupt):
+        pds.simulate(scene, folder=tmp_path / "cut")
     resumed = pds.simulate(scene, folder=tmp_path / "cut", resume=True)
     assert resumed.levels == whole.levels
     block = whole.levels[-1]["rigid"]["block"]
