@@ -175,8 +175,8 @@ def crack_rows(run: Run) -> list[dict]:
 def _nearest(run: Run, front: Front, loads: np.ndarray) -> dict[str, float]:
     """Return how near to a front the held points come, and points under other `loads` (n, d) per volume than its surroundings.
 
-    The motion (75) must not move them: a body force moves with its material, a support or a load on a region does not. Nor does it move bonds
-    across a bonded edge, whose mirrored points have displacements opposite to those of the body.
+    The motion (75) must not move them: a body force moves with its material, a support or a load on a region does not. Nor may it move
+    bonds across a bonded edge, whose mirrored points have displacements opposite to those of the body.
     """
     body, share = run.body, run.body.share
     distances = np.where(share.own, scipy.spatial.cKDTree(front.places).query(body.points)[0], np.inf)
