@@ -233,20 +233,6 @@ def test_a_log_gets_a_line_of_progress_with_the_time_left_every_half_a_minute(mo
     assert lines[0].endswith("; 2 of 3, stretch 1.13, 217 broken bonds (7/s)")
 
 
-def test_a_narrow_terminal_cuts_nothing_of_progress(monkeypatch):
-    """In one line the time left was cut away, and the end of the state with it."""
-    file = io.StringIO()
-    monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=True, width=50))
-    monkeypatch.setattr(terminal.settings, "quiet", False)
-    state = "3 of 12 cases, 14.2 cases/min, now neo-hookean, sheets: a long title of a hard case [0, 1]"
-    with terminal.Bar() as bar:
-        bar.remove_task(bar.task_ids[0])
-        bar.add_task("Hard cases", completed=0.25, total=1.0, state=state)
-    drawn = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", file.getvalue())
-    assert state in " ".join(drawn.split())
-    assert re.search(r"Hard cases .* 0:00:00 -:--:--", drawn)
-
-
 def test_laws_of_the_users_own(own_law):
     options = ["--import", own_law]
     assert "doubled" in invoke("materials", *options).stdout

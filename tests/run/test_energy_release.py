@@ -201,20 +201,6 @@ def test_beside_holds_and_loads_there_is_no_rate(case, capsys):
     assert f"no G: {told}" in capsys.readouterr().out
 
 
-def test_the_spacing_that_is_named_gives_a_rate():
-    """Against the differences of energies for a crack one spacing shorter and longer: with the spacing that the message names."""
-    held = [{"region": disc(2.65, 1.65), "x1": 0.0, "x2": 0.0}]
-    (crack,) = cracks(strip(2.0, held=held))
-    spacing = float(crack["remark"].split("a spacing of ")[1].split(" or less")[0])
-    assert 0.04 < spacing < 0.1
-    spacing = 2.0 / np.ceil(2.0 / spacing)
-    shorter, here, longer = (
-        pds.simulate(strip(2.0 + 0.1 * spacing + step, spacing, held), "bond-energy").levels[-1] for step in (-spacing, 0.0, spacing)
-    )
-    expected = (shorter["energy"] - longer["energy"]) / (2 * spacing)
-    assert here["cracks"][0]["energy_release_rate"] == pytest.approx(expected, rel=0.01)
-
-
 def test_several_materials_have_no_rate():
     """A rigid region ended in a TypeError."""
     for material in ({"law": "rigid"}, {**RUBBER, "shear_modulus": 2.0}):
