@@ -20,6 +20,7 @@ import pdsurrogate as pds
 from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.forces import Domain, ForceSettings
 from pdsurrogate.learning import surrogate_of
+from pdsurrogate.progress import listening
 from pdsurrogate.reports.speed import sheet
 from pdsurrogate.stress_test.report import BODIES, count, stress_test, table
 
@@ -31,8 +32,9 @@ SHORT = {"pass": "", "WEAK": "**weak** "}
 def hard_cases(plane: str) -> str:
     """Table of all cases and models of a plane, and explanations of the weaknesses in it."""
     began = time.perf_counter()
-    with console.status("Starting") as status:
-        report = stress_test(full=True, progress=lambda done, of, text: status.update(f"{done} of {of} cases, now {text}"), planes=[plane])
+    status = console.status("Starting")
+    with status, listening(lambda stage, done, total, **numbers: status.update(f"{done:.0f} of {total} cases, now {numbers.get('case')}")):
+        report = stress_test(full=True, planes=[plane])
     minutes = (time.perf_counter() - began) / 60
     header, rows = table(report, plane)
     body = [[row[0], row[1], *(_short(cell) for cell in row[2:])] for row in rows]

@@ -30,7 +30,7 @@ from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..forces.settings import PRECISIONS, SETTINGS, WHERE
 from ..learning import training_samples
 from ..materials import dimension_of
-from ..run.run import Silent
+from ..progress import listening
 from ..scenes import load_scene
 from .bodies import crack, disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
 from .case import PASS, WEAK, Case, Outcome, Subject, case, cases_of, forces_at, off, required
@@ -474,15 +474,13 @@ def unbreakable(subject: Subject) -> Outcome:
 
 
 class _Killed(Exception):
-    """Error that `_Killing` raises to end a run early, as if the process were killed."""
+    """Error that ends a run early, as if the process were killed."""
 
 
-class _Killing(Silent):
-    """Receiver of progress that ends a run by `_Killed` when the search for its second equilibrium begins."""
-
-    def level(self, number: int, stretch: float) -> None:
-        if number == 1:
-            raise _Killed
+def _kill(stage: str, done: float, total: float, **numbers: float) -> None:
+    """End a run by `_Killed` when the search for its second equilibrium begins."""
+    if done == 1 and "residual" not in numbers:
+        raise _Killed
 
 
 @case("run killed between outputs and resumed", "bitwise identical")
@@ -494,8 +492,8 @@ def checkpoint(subject: Subject) -> Outcome:
     scene = load_scene("uniaxial", changes | {"plane": subject.plane}, material=subject.law.describe())
     whole = subject.run(scene)
     with tempfile.TemporaryDirectory() as name:
-        with suppress(_Killed):
-            subject.run(scene, folder=Path(name), progress=_Killing())
+        with suppress(_Killed), listening(_kill):
+            subject.run(scene, folder=Path(name))
         resumed = subject.run(scene, folder=Path(name), resume=True)
         elsewhere = (resumed.displacement() != whole.displacement()).any(axis=1).sum()
     return _none_may(int(elsewhere), "bitwise identical", "resumed to other positions")

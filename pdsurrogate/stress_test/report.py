@@ -1,7 +1,7 @@
 """Report of all hard cases for any number of force models."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from threadpoolctl import threadpool_limits
 
@@ -9,6 +9,7 @@ from .. import __version__
 from ..artifacts import ArtifactError, list_artifacts, load_surrogate
 from ..engine.threads import most_threads, thread_count
 from ..forces import FORCES
+from ..progress import part
 from ..results.provenance import processor
 from . import conformance, deformations, runs, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject
@@ -37,7 +38,6 @@ def all_models(plane: str = "stress") -> list[str]:
 def stress_test(
     references: Iterable[str] | None = None,
     full: bool = False,
-    progress: Callable[[int, int, str], None] = lambda done, of, text: None,
     planes: Iterable[str] = tuple(BODIES),
     threads: int | None = None,
 ) -> dict:
@@ -50,8 +50,6 @@ def stress_test(
         `full` all models are tested.
     full : bool
         Whether to take all 100,000 explicit time steps of a case, not a fiftieth, or in one case a tenth.
-    progress : callable
-        Called with the number of finished cases, the total, and a description.
     planes : iterable of {"stress", "space"}
         Sheets in plane stress, three-dimensional bodies, or both; there is no report of plane strain.
     threads : int, optional
@@ -74,7 +72,6 @@ def stress_test(
     planes, subjects = list(planes), []
     every = dict.fromkeys(name for plane in planes for name in all_models(plane))
     for reference in references or [name for name in every if full or name in BRIEF]:
-        progress(0, 1, f"reading {reference}")
         taken = load_surrogate(reference).honors["plane"]
         found = [Subject(reference, full, plane) for plane in planes if plane in taken]
         if not found:
@@ -87,9 +84,9 @@ def stress_test(
     # BLAS threads would spin on the cores that the kernels need.
     with thread_count(threads, limit=True), threadpool_limits(1, user_api="blas"):
         for done, (subject, model, case) in enumerate(tests):
-            progress(done, len(tests), f"{subject.reference}, {BODIES[subject.plane]}: {case.title}")
             began = time.perf_counter()
-            outcome = case(subject)
+            with part("hard cases", done, len(tests), case=f"{subject.reference}, {BODIES[subject.plane]}: {case.title}"):
+                outcome = case(subject)
             model["results"][case.key] = {**vars(outcome), "seconds": time.perf_counter() - began}
     shown = {result["weakness"] for model in models for result in model["results"].values()}
     return {
