@@ -38,6 +38,7 @@ _IN_ROOMS = {
     "materials": "LAWS ArrudaBoyce FullNetwork Gent LawCovariance MooneyRivlin NeoHookean Ogden Polyconvex Yeoh",
     "shapes": "Box Circle Cylinder DiscCut Ellipse Extrusion Mesh ParallelogramCut Polygon Precut Rectangle Sphere Tube",
     "studies": "Distribution StudyResult",
+    "testing": "Finding Property check_force_model check_law",
 }
 
 _HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}

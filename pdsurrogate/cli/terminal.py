@@ -170,7 +170,7 @@ class Bar(Progress):
 
     def __init__(self, title: str = "") -> None:
         columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-        # The time left follows from the mean speed: cases of a stress test take minutes, more than a window of the last half a minute.
+        # The time left follows from the mean speed: single runs of a comparison take minutes, more than a window of the last half a minute.
         drawn = {"console": err, "transient": True, "disable": settings.quiet or not err.is_terminal}
         super().__init__(*columns, **drawn, get_time=time.monotonic, speed_estimate_period=math.inf)
         self._title, self._since, self._told = "", None, time.monotonic()

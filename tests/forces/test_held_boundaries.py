@@ -15,7 +15,7 @@ from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.materials import NeoHookean, plane_strain, plane_stress
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.scenes import SceneError
-from pdsurrogate.stress_test.deformations import turn
+from pdsurrogate.testing.bodies import turn
 
 LAW = NeoHookean(1.0, 100.0)
 RUBBER = LAW.describe()

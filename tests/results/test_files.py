@@ -133,15 +133,6 @@ def test_a_full_disk_is_reported_by_run(tmp_path, monkeypatch):
     assert not (tmp_path / "out" / "summary.json").exists()
 
 
-def test_a_full_disk_is_reported_by_the_stress_test(tmp_path, monkeypatch):
-    from pdsurrogate.stress_test import report
-
-    monkeypatch.setattr(report, "CASES", report.CASES[:1])
-    full_disk(monkeypatch)
-    done = CliRunner().invoke(app, ["stress-test", "--force", "analytic", "--out", str(tmp_path)])
-    assert_one_clear_line(done, "could not write", "No space left")
-
-
 def test_a_full_disk_is_reported_by_fit(tmp_path, monkeypatch):
     def fail(*arguments, **options):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

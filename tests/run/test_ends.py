@@ -21,7 +21,7 @@ from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.run import checkpoints, levels
 from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
-from pdsurrogate.stress_test.case import Subject
+from pdsurrogate.testing.checks import subject_of
 
 PATIENCE = 300
 """Seconds for what takes some on a free machine."""
@@ -279,7 +279,7 @@ def test_every_run_of_a_study_ends_when_its_time_is_over(tmp_path):
         pds.study({"fit": {"material": "gent"}, "parameters": {"degree": [3]}}, tmp_path / "fits", max_time=1.0)
 
 
-@pytest.mark.parametrize("where", ["stress_test.case", "reports.compare"])
+@pytest.mark.parametrize("where", ["testing.subject", "reports.compare"])
 def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
     """It ended one run of many, which counted as failed, and the next began."""
     module = importlib.import_module(f"pdsurrogate.{where}")
@@ -289,10 +289,10 @@ def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
 
     monkeypatch.setattr(module, "simulate", interrupted)
     force = pds.load_surrogate("analytic")
-    held, keys = Subject("analytic"), {"spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
+    held, keys = subject_of("analytic"), {"spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
 
     calls = {
-        "stress_test.case": lambda: held.run(held.scene((1.0, 1.0), **keys)),
+        "testing.subject": lambda: held.run(held.scene((1.0, 1.0), **keys)),
         "reports.compare": lambda: module.measure_scene(module.TimedModel(force, "float64", None), pds.materials.NeoHookean(), 0.25),
     }
     with pytest.raises(KeyboardInterrupt):

@@ -14,7 +14,7 @@ from pdsurrogate.problem import compile_scene
 from pdsurrogate.scenes import Scene, SceneError
 from pdsurrogate.solvers.conditions import Loading
 from pdsurrogate.solvers.loads import Loads
-from pdsurrogate.stress_test.deformations import wavy
+from pdsurrogate.testing.bodies import wavy
 
 RIGID = "rigid"
 
