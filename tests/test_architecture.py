@@ -79,6 +79,11 @@ def loaded_with(module):
     return loaded
 
 
+def test_the_files_that_the_page_names_exist():
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    assert {name for name in re.findall(r"`(\w+/\w+\.py)`", page) if not any((root / name).exists() for root in (PACKAGE, ROOT))} == set()
+
+
 def test_every_room_is_in_the_table():
     rooms = {room_of(module) for module in MODULES} - {None}
     assert rooms == set(ALLOWED)

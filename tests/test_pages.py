@@ -184,13 +184,13 @@ def test_notebooks_are_those_of_the_tutorials(page):
     assert {path.stem for path in NOTEBOOKS.iterdir()} == {page.stem for page in TUTORIALS}
 
 
-@pytest.mark.slow  # as long as typing the pages
-@pytest.mark.parametrize("name", ["tutorial/own-scene.md", "tutorial/energy-model.md"])
-def test_notebooks_run(name, tmp_path, monkeypatch):
+@pytest.mark.slow  # as long as typing the page
+def test_a_notebook_runs(tmp_path, monkeypatch):
     """All cells run in an empty folder, in an environment that is active; a command that fails ends the notebook too.
 
-    Of two notebooks, with files, commands and pictures, and of Python alone: the blocks of all are those of pages, which are typed above.
+    Of one notebook, with files, commands and pictures: the blocks of all are those of pages, which are typed above.
     """
+    name = "tutorial/own-scene.md"
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     for variable, value in SLEEPING.items():

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
+from ..body import Cells
 from ..kernels.polygons import encloses
 from ..scenes.shapes import ENDS
 from ..scenes.solids import AnyPrecut
@@ -19,6 +21,9 @@ BESIDE = 8.0
 """Distance, in those within which places coincide, by which points on a cut are moved to its side. A piece may end one such distance beyond
 the cut on which it ends, and another one belongs to it there, so that points must be moved by more than three; where the normals of two
 pieces that meet form an angle of 90 degrees, by more than 4.2."""
+
+ALONG_ROWS = 1e-3
+"""Greatest distance, in cells, of the ends of a cut from a line (plane) between cells that still counts as lying along it."""
 
 Crosses = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Function that takes starts and ends of segments (k, d) and returns flags (k,) of those that cross a cut."""
@@ -172,6 +177,64 @@ class Cuts:
             ways[on & ~ways.any(axis=1)] = normal  # of two pieces with opposite sides, the first one decides
         lengths = np.linalg.norm(ways, axis=1, keepdims=True)
         return places + BESIDE * self._rounding * ways / np.where(lengths > 0, lengths, 1.0)
+
+
+def between_cells(pieces: Sequence[AnyPrecut], cells: Cells, rounding: float) -> list[AnyPrecut]:
+    """Return the pieces, those along rows of a lattice moved to the boundary between the cells of the points that they part.
+
+    A point of a lattice stands for its whole cell, so that the faces of a cut between two rows lie where their cells meet, wherever the
+    cut lies between the points. Pieces that touch are moved together, with tips elsewhere where they are; none is if they would part.
+    """
+    levels = [[_level(piece, axis, cells, rounding) for axis in range(len(cells.sides))] for piece in pieces]
+    found = list(pieces)
+    if all(level is None or level[0] == level[1] for of_piece in levels for level in of_piece):
+        return found
+    touching = [pair for pair in combinations(range(len(pieces)), 2) if _touch(*(pieces[number] for number in pair), cells, rounding)]
+    graph = scipy.sparse.coo_array((np.ones(len(touching)), np.reshape(touching, (-1, 2)).T), shape=(len(pieces),) * 2)
+    group_of = scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
+    for group in range(group_of.max() + 1):
+        members = np.flatnonzero(group_of == group)
+        ends = np.concatenate([pieces[number].edge(min(cells.sides) / 4)[0] for number in members])
+        maps = []
+        for axis, of_axis in enumerate(zip(*(levels[number] for number in members), strict=True)):
+            known, limits = dict(level for level in of_axis if level), (ends[:, axis].min(), ends[:, axis].max())
+            fixed = {end: end for end in limits if all(abs(end - height) > cells.sides[axis] for height in known)}
+            maps.append(sorted({**fixed, **known}.items()))
+
+        def moved(places: np.ndarray, maps: list = maps) -> np.ndarray:
+            shifts = []
+            for axis, of_axis in enumerate(maps):
+                heights, sides = np.transpose(of_axis)
+                shifts.append(np.interp(places[:, axis], heights, sides - heights))
+            return places + np.stack(shifts, axis=1)
+
+        there = {number: pieces[number].moved(moved) for number in members}
+        if all(_touch(there[one], there[other], cells, rounding) for one, other in touching if one in there):
+            for number, piece in there.items():
+                found[number] = piece
+    return found
+
+
+def _level(piece: AnyPrecut, axis: int, cells: Cells, rounding: float) -> tuple[float, float] | None:
+    """Return the coordinate of a piece normal to an axis, and that of the boundary between the rows that it parts; None if oblique."""
+    place, normal, size = piece.plane()
+    cell = cells.sides[axis]
+    if size * np.delete(np.abs(normal), axis).max() > ALONG_ROWS * cell:
+        return None
+    # Points on a cut count as lying on the side of its normal, so that the boundary is the one on the other side.
+    before = np.ceil((place[axis] - cells.lower[axis] - np.sign(normal[axis]) * rounding) / cell - 0.5)
+    parts = 0 < before < cells.counts[axis]
+    return place[axis], cells.lower[axis] + cell * before if parts else place[axis]
+
+
+def _touch(one: AnyPrecut, other: AnyPrecut, cells: Cells, rounding: float) -> bool:
+    """Return whether two pieces touch or cross, to rounding."""
+    for first, second in ((one, other), (other, one)):
+        ring = second.edge(min(cells.sides) / 4)[0]
+        met = np.concatenate([first.met_by(ring, np.roll(ring, -1, axis=0), rounding)[1], ring])
+        if ((first.distances(met) <= rounding) & (second.distances(met) <= rounding)).any():
+            return True
+    return False
 
 
 def _outline(piece: AnyPrecut, cell: float) -> np.ndarray:

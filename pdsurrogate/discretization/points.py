@@ -20,7 +20,7 @@ from ..scenes.regions import edge_names
 from ..scenes.solids import Prism
 from .chains import ROUNDING
 from .clouds import nearest_volumes, relaxed_points
-from .cuts import Crosses, Cuts
+from .cuts import Crosses, Cuts, between_cells
 from .interfaces import TIED, divided_volumes, round_interfaces, sides_of
 from .meshes import Sides, mesh_of
 from .planes import held_boundaries, reflected_edges, reflection_planes
@@ -461,7 +461,7 @@ def _places_in_a_cell(dimension: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _cuts(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray):
     """Return ``separates(starts, ends)``, which flags bonds that precuts or empty space cut; None if a scene has neither."""
-    crosses = cuts_of(scene, lower, upper).crosses
+    crosses = cuts_of(scene, lower, upper, between=True).crosses
     tests = [partial(_crosses, crosses, cell, lower, upper)] if scene.precuts else []
     if not isinstance(scene.body, Mesh) and (scene.holes or not _surely_convex(scene)):
         tests.append(_across_empty_space(scene, horizon, cell, lower, upper))
@@ -477,10 +477,18 @@ def _cuts(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upp
     return separates
 
 
-def cuts_of(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> Cuts:
-    """Return the precuts of a scene whose body has a bounding box with the given corners."""
-    inside = _outside_holes if isinstance(scene.body, Mesh) else _inside
-    return Cuts(scene.precuts, ROUNDING * float((upper - lower).max()), partial(inside, scene))
+def cuts_of(scene: Scene, lower: np.ndarray, upper: np.ndarray, between: bool = False) -> Cuts:
+    """Return the precuts of a scene whose body has a bounding box with the given corners.
+
+    Those along rows of a lattice lie where the scene has them, or if `between`, on the boundary between the cells of these rows.
+    """
+    rounding = ROUNDING * float((upper - lower).max())
+    if isinstance(scene.body, Mesh):
+        return Cuts(scene.precuts, rounding, partial(_outside_holes, scene))
+    pieces = scene.precuts
+    if between and scene.body.arrangement == "lattice":
+        pieces = between_cells(pieces, Cells.filling(lower, upper, scene.spacing), rounding)
+    return Cuts(pieces, rounding, partial(_inside, scene))
 
 
 def _crosses(crosses: Crosses, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:

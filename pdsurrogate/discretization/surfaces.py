@@ -69,7 +69,7 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
     normals = _normals_at(nodes, facets)
     if not scene.precuts:
         return Surface(nodes, facets, parts, Following(boundary_rows(body, nodes, normals)), groups)
-    cuts = cuts_of(scene, lower, upper)
+    cuts = cuts_of(scene, lower, upper, between=True)
     follow = _with_mouths(body, cuts, nodes, facets, normals)
     return Surface(nodes, facets, parts, follow, groups, faces=_faces_of(body, cuts, nodes, facets))
 

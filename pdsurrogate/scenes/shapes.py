@@ -2,7 +2,8 @@
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import scipy
@@ -451,6 +452,26 @@ class Cut(StrictModel):
         """
 
     @abstractmethod
+    def moved(self, way: Callable[[np.ndarray], np.ndarray]) -> Self:
+        """Return the cut with its ends, corners or center moved.
+
+        Parameters
+        ----------
+        way : callable
+            ``way(places)`` returns where places (k, d) are moved.
+
+        Returns
+        -------
+        Cut
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.shapes.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).moved(lambda places: places + [0.0, 0.5]).end
+        (3.0, 2.0)
+        """
+
+    @abstractmethod
     def covers(self, places: np.ndarray) -> np.ndarray:
         """Return whether places on the plane of the cut belong to the cut; places on its edge do not.
 
@@ -608,6 +629,10 @@ class Precut(Cut):
         start, along = np.array(self.start), np.subtract(self.end, self.start)
         length = float(np.linalg.norm(along))
         return start, np.array([-along[1], along[0]]) / length, length
+
+    def moved(self, way: Callable[[np.ndarray], np.ndarray]) -> Self:
+        start, end = way(np.array([self.start, self.end])).tolist()
+        return self.model_copy(update={"start": tuple(start), "end": tuple(end)})
 
     def covers(self, places: np.ndarray) -> np.ndarray:
         start, along = np.array(self.start), np.subtract(self.end, self.start)

@@ -1,7 +1,8 @@
 """Three-dimensional shapes of bodies and holes, and flat cuts."""
 
 from abc import abstractmethod
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag
@@ -381,6 +382,11 @@ class ParallelogramCut(Cut):
         normal = np.cross(one, other)
         return np.array(self.corner), normal / np.linalg.norm(normal), float(max(np.linalg.norm(one), np.linalg.norm(other)))
 
+    def moved(self, way: Callable[[np.ndarray], np.ndarray]) -> Self:
+        ends = way(np.add(self.corner, [(0.0, 0.0, 0.0), *self.sides]))
+        corner, one, other = map(tuple, [ends[0].tolist(), *(ends[1:] - ends[0]).tolist()])
+        return self.model_copy(update={"corner": corner, "sides": (one, other)})
+
     def covers(self, places: np.ndarray) -> np.ndarray:
         shares = (places - np.array(self.corner)) @ np.linalg.pinv(np.array(self.sides))
         return ((shares > ENDS) & (shares < 1 - ENDS)).all(axis=1)
@@ -430,6 +436,9 @@ class DiscCut(Cut):
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
         normal = np.array(self.normal)
         return np.array(self.center), normal / np.linalg.norm(normal), self.radius
+
+    def moved(self, way: Callable[[np.ndarray], np.ndarray]) -> Self:
+        return self.model_copy(update={"center": tuple(way(np.array([self.center]))[0].tolist())})
 
     def covers(self, places: np.ndarray) -> np.ndarray:
         return np.linalg.norm(places - np.array(self.center), axis=1) < (1 - ENDS) * self.radius

@@ -254,8 +254,40 @@ def test_faces_end_at_holes_and_edges():
     assert faces.places[:, 0].max() == pytest.approx(3.0, abs=1e-5)
 
 
-BORE = {"shape": "cylinder", "axis": "x3", "base": [0.5, 0.4, -0.2], "radius": 0.15, "length": 1.0}
 PENNY = {"center": [0.5, 0.4, 0.3], "radius": 0.2, "normal": [0.0, 1.0, 0.3]}
+ALONG_ROWS = {
+    "on a row of points": (line((0, 1.05), (1.5, 1.05)), line((0, 1), (1.5, 1)), {}),
+    "on a row, from right to left": (line((1.5, 0.95), (0, 0.95)), line((1.5, 1), (0, 1)), {}),
+    "between rows": (line((0, 0.96), (1.5, 0.96)), line((0, 1), (1.5, 1)), {}),
+    "with an oblique piece": (line((0, 1.02), (1, 1.02), (1.5, 1.32)), line((0, 1), (1, 1), (1.5, 1.32)), {}),
+    "steps": (line((0, 1.02), (0.83, 1.02), (0.83, 1.26), (1.5, 1.26)), line((0, 1), (0.8, 1), (0.8, 1.3), (1.5, 1.3)), {}),
+    "panels": (
+        [panel([-1, 0.45, -1], [1.4, 0, 0], [0, 0, 3]), panel([-1, 0.45, 0.27], [1.4, 0, 0], [0, 2, 0])],
+        [panel([-1, 0.5, -1], [1.4, 0, 0], [0, 0, 3]), panel([-1, 0.5, 0.3], [1.4, 0, 0], [0, 2, 0])],
+        {"body": BLOCK},
+    ),
+    "disc": (
+        [{**PENNY, "center": [0.5, 0.4, 0.27], "normal": [0, 0, -1]}],
+        [{**PENNY, "center": [0.5, 0.4, 0.3], "normal": [0, 0, -1]}],
+        {"body": BLOCK},
+    ),
+}
+
+
+@pytest.mark.parametrize("case", ALONG_ROWS)
+def test_a_cut_along_rows_parts_whole_cells(case):
+    """A point of a lattice stands for its cell: wherever a cut lies between two rows, it is the one between their cells.
+
+    With faces on a row of points, stresses of a sheet with a cut were 1.4 % too large, and it tore at a stretch of 1.97 instead of 1.64.
+    """
+    cuts, between, more = ALONG_ROWS[case]
+    assert cut_bonds(cuts, **more) == cut_bonds(between, **more)
+    faces, expected = (faces_of(each, **more)[1] for each in (cuts, between))
+    np.testing.assert_allclose(faces.places, expected.places, atol=1e-9)
+    np.testing.assert_allclose(faces.areas, expected.areas, atol=1e-9)
+
+
+BORE = {"shape": "cylinder", "axis": "x3", "base": [0.5, 0.4, -0.2], "radius": 0.15, "length": 1.0}
 HALF = panel([-1, 0.4, -1], [1.4, 0, 0], [0, 0, 3])
 PANELS = {
     "from a face": ([HALF], 0.24, {}),

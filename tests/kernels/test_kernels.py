@@ -225,3 +225,16 @@ def test_outer_products_of_every_number_of_bonds(random, dtype, count):
     mine = slice(7, 7 + count)
     expected = np.einsum("bi,bj->ij", positions[neighbors[mine]] - positions[3], weights[mine].astype(float))
     np.testing.assert_allclose(out[3], expected.T.ravel(), atol=1e-13)
+
+
+SHEET = """
+import pdsurrogate as pds
+pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.1]}), "bond-energy")
+from pdsurrogate.kernels.algebra import algebra_of
+print(algebra_of.cache_info().currsize)
+"""
+
+
+def test_a_sheet_needs_nothing_of_space():
+    done = subprocess.run([sys.executable, "-c", SHEET], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n")[-2] == "1"

@@ -2,15 +2,12 @@
 
 import numpy as np
 import pytest
-from test_laws import Exponential
 
 import pdsurrogate as pds
-from pdsurrogate.forces.kinematics import Kinematics
-from pdsurrogate.forces.material_points import MaterialPoints
-from pdsurrogate.materials import PrincipalStretchLaw, plane_strain, solid
+from pdsurrogate.materials import PrincipalStretchLaw, solid
 from pdsurrogate.testing.laws import compiled_response
 
-# No scene uses these yet, and every law and dimension has to be compiled.
+# Every law and dimension has to be compiled.
 pytestmark = pytest.mark.slow
 
 
@@ -76,18 +73,6 @@ def test_stretches_equal_or_not(law, spacing, random):
     assert np.abs(psi - energy)[there].max() < 1e-10 + 1e-13 * scale
 
 
-def test_kernels_of_a_sheet_take_plane_strain_for_plane_stress(random):
-    """Its condition on the thickness makes C33 = 1, whatever iteration solves it."""
-    body, law = pds.Body.rectangle(1.0, 1.0, 0.2, 0.5), pds.materials.Ogden()
-    kinematics = Kinematics(body, "float64")
-    points = MaterialPoints(kinematics, law, "float64")
-    points.response = plane_strain.response.block(law)
-    kinematics.place(body.points @ np.array([[1.4, 0.2], [-0.1, 0.9]]))
-    points.find()
-    np.testing.assert_allclose(points.volume_ratios, points.records[:, 2], rtol=1e-12)
-    np.testing.assert_allclose(points.records[:, 3], 1.0, rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     "law", [pds.materials.Gent(), pds.materials.ArrudaBoyce(), pds.materials.FullNetwork(chain_links=8.0)], ids=lambda law: law.name
 )
@@ -96,15 +81,3 @@ def test_past_the_limit_there_is_no_stress(law):
     assert np.isnan(solid.first_piola_stress(law, F)).all()
     p, q, _, energy = compiled_response(law, *solid.invariants(F), response=solid.response)
     assert np.isnan([p, q, energy]).all()
-
-
-def test_a_users_own_law_has_all_three(random):
-    law = Exponential(0.5, 50.0)
-    F = random_gradients(random, 300)
-    for compiled, plain in zip(
-        compiled_response(law, *solid.invariants(F), response=solid.response), solid.response(law, *solid.invariants(F)), strict=True
-    ):
-        np.testing.assert_allclose(compiled, plain, rtol=1e-12, atol=1e-11)
-    at_rest = np.eye(3)
-    assert np.abs(solid.first_piola_stress(law, at_rest)).max() < 1e-13
-    assert np.abs(plane_strain.first_piola_stress(law, at_rest[:2, :2])).max() < 1e-13
