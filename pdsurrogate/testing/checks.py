@@ -79,7 +79,7 @@ def check_force_model(
 
     See Also
     --------
-    check_law : the same for a law.
+    pdsurrogate.testing.check_law : the same for a law.
 
     Examples
     --------
@@ -118,7 +118,7 @@ def check_law(law: Law, properties: Iterable[str] | None = None, tolerances: Map
 
     See Also
     --------
-    check_force_model : the same for a force model.
+    pdsurrogate.testing.check_force_model : the same for a force model.
 
     Examples
     --------

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from conftest import LAWS, SHIPPED
-from force_models import MOMENTS, TABLE
+from force_models import LEARNED_THICKNESS, MOMENTS, TABLE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from own_forces import MyRubber
@@ -81,6 +81,10 @@ BROUGHT = {"own-force": MyRubber, "own-energy": OwnEnergy, "spline": None}
 """What users bring: forces in Python as they are, and a regressor of another make, resampled and stored."""
 
 
+OF_FIT = dict.fromkeys(LEARNED_THICKNESS, 0.02)
+"""Of the spline, whose error is 1.2 %."""
+
+
 @pytest.fixture(scope="module")
 def brought(tmp_path_factory):
     """What `BROUGHT` names, as a user gives it to the check."""
@@ -96,7 +100,7 @@ def brought(tmp_path_factory):
 @pytest.mark.parametrize("name", BROUGHT)
 def test_what_users_bring_has_the_properties_of_every_bond_force(brought, name):
     """Every one but that of moments, which no bond force has; forces in Python are in double precision alone, and have no energy."""
-    findings = check_force_model(brought[name], tolerances=MOMENTS)
+    findings = check_force_model(brought[name], tolerances=MOMENTS | (OF_FIT if name == "spline" else {}))
     left_out = {finding.name for finding in findings if finding.value is None} - {"threads"}  # of threads there may be but one
     assert left_out == {"energy_account"} | ({"single_precision"} if name != "spline" else set())
     with pytest.raises(AssertionError, match=r"lacks 1 of 1 properties:\n  angular_momentum: .*, tolerance 1e-09"):
