@@ -8,6 +8,7 @@ from . import identification as identification
 from . import learning as learning
 from . import materials as materials
 from . import problem as problem
+from . import progress as progress
 from . import ranks as ranks
 from . import results as results
 from . import run as run

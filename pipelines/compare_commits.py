@@ -286,11 +286,9 @@ print(json.dumps({
 FIRST_FORCE = """
 import os
 import pdsurrogate as pds
-from pdsurrogate.run.simulate import Progress
-class UntilFirst(Progress):
-    def residual(self, *given):
-        os._exit(0)
-pds.simulate(pds.load_scene("uniaxial", spacing=0.1), progress=UntilFirst())
+from pdsurrogate.progress import listening
+with listening(lambda stage, done, total, **numbers: os._exit(0) if "residual" in numbers else None):
+    pds.simulate(pds.load_scene("uniaxial", spacing=0.1))
 """
 """A run that ends when the first force is known."""
 

@@ -28,12 +28,8 @@ def compare(
     material = law_of(law or "neo-hookean", change) if law or change or own is None else stored_law(load_card(own))
     asked = {"law": material.describe(), "quick": quick, "threads": threads, **({"forces": force} if force else {})}
     check_folder(folder, "compare.json", asked, overwrite)
-    with Bar(comparison.FITTING) as bar:
-
-        def show(stage: str, done: float, of: int, text: str) -> None:
-            bar.count("models", done, of, f"now {text}", stage)
-
-        report = comparison.compare(material, quick, show, threads, force)
+    with Bar(material.name):
+        report = comparison.compare(material, quick, threads, force)
     print_json(report)
     out.print("{}, {processor}, {threads} threads".format(material.name, **report["machine"]))
     for title in comparison.TABLES:

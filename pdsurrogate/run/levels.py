@@ -143,7 +143,7 @@ class Equilibria:
         while state.outputs < self.stage.outputs:
             goal = self._outputs[state.outputs + 1]
             run.target = self._path.parameter_at(goal)
-            run.report("level", state.stage, run.target)
+            run.report("equilibrium", state.outputs / self.stage.outputs, run.target)
             if self._increments is None:
                 self._last_output, state.wasted, state.begun = self._at_output(), 0, run.force.evaluations
                 self._increments = self._path.increments_to(goal)
@@ -340,13 +340,19 @@ class Equilibria:
         """
         run, began, course, window = self.run, self.run.force.evaluations, [], window_of(self.run.body)
         between_grips = self._course.growth(run.state.parameter, target) is not None
+        outputs, greatest = run.state.outputs, tolerance
 
         def report(evaluations: int, residual: float) -> None:
+            nonlocal greatest
             run.residual = residual
             logger.debug("%d evaluations, residual %.3g", began + evaluations, residual)
             energy = {"energy": run.strain_energy()} if run.force.has_energy else {}
             run.note(target, residual=residual, **energy)
-            run.report("residual", evaluations, residual, tolerance)
+            # The residual falls over many decades: its logarithm says how much of the search is done.
+            greatest = max(greatest, residual)
+            done = np.log(greatest / max(residual, tolerance)) / np.log(greatest / tolerance) if greatest > tolerance else 1.0
+            done = float(outputs + done) / self.stage.outputs
+            run.report("equilibrium", done, run.target, residual=residual, evaluations=evaluations)
             self._keep_or_stop(increments)
             taken = run.force.evaluations - began
             course.append((taken, residual))

@@ -124,8 +124,6 @@ class Transient:
             run.force.accept(run.positions)
             if on_row:
                 self._row()
-                broken = run.state.crack["broken_bonds"] if run.state.crack else 0
-                run.report("dynamics", min(1.0, account.time / self.motion.duration), run.state.parameter, broken)
             else:
                 self._books.between_rows()
             due = self._due() or (on_row and self._torn())
@@ -244,7 +242,10 @@ class Transient:
             row |= {"broken_bonds": run.state.crack["broken_bonds"], "free_points": run.unsupported_points()}
         run.state.history.append(row)
         run.state.dynamics[-1] |= books.entries()
-        run.report("account", self.integrator.steps, kinetic, strain)
+        energies = {"strain_energy": strain, "kinetic_energy": kinetic}
+        broken = {} if run.state.crack is None else {"broken_bonds": run.state.crack["broken_bonds"]}
+        share = self.account.time / self.motion.duration
+        run.report("dynamics", share, run.state.parameter, **broken, steps=self.integrator.steps, **energies)
 
     def output(self) -> bool:
         """Record the present state as an output, with a row of the history; return whether the body has separated between its supports.

@@ -12,8 +12,8 @@ import meshio
 import numpy as np
 
 from ..problem import compile_scene
+from ..progress import listening
 from ..run.levels import MOST_OFF
-from ..run.run import Silent
 from ..scenes import Scene, load_scene
 from .bodies import plain
 from .forces import tested
@@ -247,15 +247,13 @@ def energy_account(subject: Subject) -> float:
 
 
 class _Killed(Exception):
-    """Error that `_Killing` raises to end a run early, as if the process were killed."""
+    """Error that ends a run early, as if the process were killed."""
 
 
-class _Killing(Silent):
-    """Receiver of progress that ends a run by `_Killed` when the search for its second equilibrium begins."""
-
-    def level(self, number: int, stretch: float) -> None:
-        if number == 1:
-            raise _Killed
+def _kill(stage: str, done: float, total: float, **numbers: float) -> None:
+    """End a run by `_Killed` when the search for its second equilibrium begins."""
+    if done == 1 and "residual" not in numbers:
+        raise _Killed
 
 
 @tested(0.0)
@@ -267,7 +265,7 @@ def resumed_run(subject: Subject) -> float:
     scene = load_scene("uniaxial", changes | {"plane": subject.plane}, material=subject.law.describe())
     whole = subject.run(scene)
     with tempfile.TemporaryDirectory() as name:
-        with suppress(_Killed):
-            subject.run(scene, folder=Path(name), progress=_Killing())
+        with suppress(_Killed), listening(_kill):
+            subject.run(scene, folder=Path(name))
         again = subject.run(scene, folder=Path(name), resume=True)
         return (again.displacement() != whole.displacement()).any(axis=1).sum()

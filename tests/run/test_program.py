@@ -12,7 +12,7 @@ import pdsurrogate as pds
 from pdsurrogate.run import transient
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.solvers.equilibrium import falls
-from pdsurrogate.solvers.increments import Increments, Motion
+from pdsurrogate.solvers.increments import Increments
 
 SHEET = {"name": "sheet", "spacing": 0.1, "body": pds.shapes.Rectangle(size=(1.0, 0.8)), "material": "neo-hookean"}
 CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 1.0, "x2": 0.0})
@@ -207,14 +207,6 @@ def test_a_body_that_buckles_is_not_followed_to_its_buckled_state():
     assert result.summary["n_force_evaluations"] - good < 10 * good / 2
 
 
-def test_after_a_long_first_attempt_shorter_increments_tell_that_a_body_buckles():
-    """A search of nine good outputs crumples the cube from stretch 0.7 to 0.5; between them the run finds that the cube buckles."""
-    changes = {"plane": "space", "body": {"shape": "box", "size": [0.6, 0.6, 0.6]}, "spacing": 0.1, "horizon_ratio": 1.75}
-    scene = pds.load_scene("uniaxial", changes, stretches=[0.7, 0.5], material={"law": "ogden"})
-    with pytest.raises(SimulationFailed, match=r"is not stable, so the body buckles|the body buckles between the stretches"):
-        simulate(scene, "ogden-isochoric")
-
-
 def test_an_output_just_below_the_greatest_load_is_found():
     """It takes many times the evaluations of the outputs before, and no search for it is cut short."""
     result = simulate(pds.load_scene("ring-pressure", spacing=0.25, steps=(0.3, 0.5, 0.6, 0.72)), "analytic")
@@ -251,12 +243,6 @@ def test_what_moves_faster_than_waves_is_refused():
         started(scene_of((0.1, dynamic(1.1, 0.01)), units={"length": "cm", "time": "s"}), "analytic")
 
 
-def test_motion_goes_evenly_and_stops():
-    for begin, end in ((0.0, 1.0), (1.0, -1.0), (0.3, 0.3)):
-        motion = Motion(begin, end, (end - begin) / 2, 2.0)
-        assert [motion.at(time) for time in (0.0, 1.0, 2.0, 3.0)] == [begin, (begin + end) / 2, end, end]
-
-
 LOADS = (
     {"prescribed": ({"region": "left", "x1": 0.0, "x2": 0.0},), "loads": ({"region": "right", "traction": [0.2, 0.0]},)},
     {
@@ -275,16 +261,6 @@ def test_reactions_balance_loads(loading):
     np.testing.assert_allclose(total, 0, atol=1e-5)
     if loading.get("support") == "points":
         assert sum(level["moments"].values()) == pytest.approx(0, abs=1e-5)
-
-
-@pytest.mark.usefixtures("every_step")
-@pytest.mark.parametrize("loading", LOADS)
-def test_the_account_of_loads_closes(loading):
-    """Loads that grow within one swing of the body: their work is there as energy of strain and motion, to the trapezoidal rule."""
-    result = simulate(scene_of((dynamic(1.0, 0.5),), **loading), "bond-energy")
-    last = [row for row in result.history if "time" in row][-1]
-    assert last["work"] > 1e-4
-    assert last["work"] == pytest.approx(last["strain_energy"] + last["kinetic_energy"], rel=0.02)
 
 
 @pytest.mark.usefixtures("every_step")
@@ -315,11 +291,10 @@ def test_unloading_in_dynamics_does_not_run_away():
     assert last["kinetic_energy"] + last["damped_energy"] > last["strain_energy"]
 
 
-@pytest.mark.parametrize("force", ["neo-hookean", "analytic"])
-def test_a_body_at_rest_does_not_run_away(force):
+def test_a_body_at_rest_does_not_run_away():
     """Rounding moves it by 1e-15 of mu V, which was more than the nothing that had been put in."""
     late = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.2, "amplitude": [[0, 0], [0.8, 0], [1, 1]]})
-    result = simulate(scene_of((dynamic(1.0, 10.0, density=1.0),), late, body=UNIT), force)
+    result = simulate(scene_of((dynamic(1.0, 10.0, density=1.0),), late, body=UNIT), "neo-hookean")
     assert result.levels[-1]["t"] == 1.0
 
 

@@ -118,3 +118,6 @@ calibrated = pds.SceneRegressor("hole", "gent").fit([[1.0, 0.0, 0.0, 0.0]], [3.0
 limit: float = float(calibrated.standard_errors_[1])
 uncertain: pds.materials.LawCovariance = calibrated.law_covariance()
 errors: dict[str, float] = result.standard_errors(["nominal_stress"], uncertain)
+
+with pds.progress.listening(lambda stage, done, total, **numbers: None):
+    pds.scene_names()
