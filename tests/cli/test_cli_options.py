@@ -34,7 +34,6 @@ from pdsurrogate.run.run import Oversubscribed
         (["run"], 2, "Missing argument 'SCENE'"),
         (["show", "nowhere"], 2, "not a folder with results of a run"),
         (["evaluate", "nothing"], 2, "nothing"),
-        (["stress-test", "--force", "nothing"], 2, "nothing"),
         (["wizardry"], 2, "No such command 'wizardry'"),
     ],
 )
@@ -104,7 +103,7 @@ def own_law(tmp_path):
 def test_the_version_and_the_completion_of_shells():
     assert invoke("--version").stdout == f"pdsurrogate {pds.__version__}\n"
     assert "--install-completion" in invoke("--help").output
-    for typed, meant in (("st", {"stress-test", "study"}), ("run --thr", {"--threads"})):
+    for typed, meant in (("st", {"study"}), ("run --thr", {"--threads"})):
         assert completed(typed) == meant
 
 
@@ -123,7 +122,6 @@ def test_shells_complete_names(tmp_path, monkeypatch):
         ("scenes tr", {"traction", "trousers"}),
         ("run uniaxial --force neo-hookean@", {"neo-hookean@1", "neo-hookean@2"}),
         ("compare --force b", {"ba-nosb", "bond-energy"}),
-        ("stress-test --force no", {"nosb"}),
         ("evaluate b", {"bond-energy"}),
         ("artifacts gent", {"gent", "gent@1"}),
         ("fit mine --law o", {"ogden"}),
@@ -284,7 +282,7 @@ def test_commands_keep_to_the_threads_that_are_asked_for():
         with pytest.raises(ValueError, match="threads must be between 1 and 1"), thread_count(2, limit=True):
             pass
     assert most_threads() == all_of_them
-    for command in ("compare", "stress-test", "run"):
+    for command in ("compare", "run"):
         done = invoke(command, *(["uniaxial"] if command == "run" else []), "--threads", 10_000)
         assert done.exit_code == 2
         assert "threads must be between" in done.stderr

@@ -13,7 +13,7 @@ from pdsurrogate.forces import FORCES, EnergyNetwork, ForceSettings, OutsideDoma
 from pdsurrogate.materials import LAWS, Gent, NeoHookean, homogeneous
 from pdsurrogate.solvers.nearest_bonds import Preconditioner, inverse_of, springs_of
 from pdsurrogate.solvers.stability import NEGATIVE, least_curvature
-from pdsurrogate.stress_test.deformations import wavy
+from pdsurrogate.testing.bodies import wavy
 
 LAW = NeoHookean(2.0, 200.0)
 MODELS = {"bond-energy": FORCES["bond-energy"](), "neo-hookean-energy": load_surrogate(SHIPPED / "neo-hookean-energy")}

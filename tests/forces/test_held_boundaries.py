@@ -14,7 +14,7 @@ from pdsurrogate.discretization import held_at_points
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean, plane_strain, plane_stress
 from pdsurrogate.scenes import SceneError
-from pdsurrogate.stress_test.deformations import turn
+from pdsurrogate.testing.bodies import turn
 
 LAW = NeoHookean(1.0, 100.0)
 RUBBER = LAW.describe()

@@ -12,7 +12,7 @@ from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.materials import Gent, NeoHookean, homogeneous, plane_strain, plane_stress
 from pdsurrogate.results.measures import PointState
 from pdsurrogate.scenes import Scene, SceneError, load_scene
-from pdsurrogate.stress_test.deformations import wavy
+from pdsurrogate.testing.bodies import wavy
 
 SOFT, STIFF = NeoHookean(1.0, 100.0), NeoHookean(3.0, 300.0)
 MODELS = {name: FORCES[name]() for name in ("analytic", "bond-energy", "nosb")}

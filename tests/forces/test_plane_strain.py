@@ -12,7 +12,7 @@ from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import LAWS, NeoHookean, homogeneous, plane_strain, plane_stress, solid
 from pdsurrogate.results.measures import PointState, strain_energy
 from pdsurrogate.scenes import MaterialSpec, SceneError
-from pdsurrogate.stress_test.deformations import turn, wavy
+from pdsurrogate.testing.bodies import turn, wavy
 
 LAW = NeoHookean(2.0, 2000.0)
 EXACT = {name: FORCES[name]() for name in ("analytic", "nosb", "bond-energy")}

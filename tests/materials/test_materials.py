@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from probes import assert_stress_is_the_derivative_of_the_energy, compiled_response
 from scipy.optimize import brentq
 
 from pdsurrogate.materials import LAWS, PLANES, Gent, NeoHookean, Yeoh, homogeneous, plane_stress
+from pdsurrogate.testing.laws import compiled_response
 
 
 def random_gradients(random, n, low=0.5, high=4.0):
@@ -44,30 +44,6 @@ def test_energy_is_the_papers_eq_6(neo_hookean, random):
     full = np.sqrt(np.linalg.det(C))
     energy = law.shear_modulus / 2 * (np.trace(C, axis1=1, axis2=2) * full ** (-2 / 3) - 3) + law.bulk_modulus / 8 * (full - 1 / full) ** 2
     np.testing.assert_allclose(plane_stress.energy_density(law, F), energy, rtol=1e-9)
-
-
-def test_stress_is_the_derivative_of_the_energy(law, random):
-    assert_stress_is_the_derivative_of_the_energy(plane_stress, law, random_gradients(random, 30))
-
-
-def test_stress_turns_with_the_body_and_energy_does_not(law, random):
-    F = random_gradients(random, 20)
-    angle = 0.7
-    Q = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    np.testing.assert_allclose(
-        plane_stress.first_piola_stress(law, Q @ F), Q @ plane_stress.first_piola_stress(law, F), rtol=1e-11, atol=1e-11
-    )
-    np.testing.assert_allclose(plane_stress.energy_density(law, F @ Q), plane_stress.energy_density(law, F), rtol=1e-11)
-
-
-def test_small_strain_moduli(law):
-    """Young's modulus 9K mu/(3K + mu) and Poisson's ratio (3K - 2mu)/(6K + 2mu) of linear elasticity."""
-    K, mu = law.bulk_modulus, law.shear_modulus
-    strain = 1e-5
-    state = homogeneous.uniaxial(law, 1 + strain)
-    # The next term of the expansion is of relative order of the strain.
-    assert state.nominal_stress / strain == pytest.approx(9 * K * mu / (3 * K + mu), rel=1e-4)
-    assert (1 - state.lateral_stretch) / strain == pytest.approx((3 * K - 2 * mu) / (6 * K + 2 * mu), rel=1e-4)
 
 
 def test_uniaxial_solution_against_finite_element_reference(fem_uniaxial):
@@ -133,15 +109,6 @@ def test_bond_traction_equals_the_stress_for_consistent_states(law, random):
     got = plane_stress.bond_traction(law, component(U, n, n), component(U, n, m), J, C33)
     for value, expected in zip(got, (component(T, n, n), component(T, n, m), component(T, m, m)), strict=True):
         np.testing.assert_allclose(value, expected, rtol=1e-10, atol=1e-10)
-
-
-def test_compiled_response_is_the_expression_in_numpy(law, random):
-    n = 700
-    trace_stretch = np.exp(random.uniform(np.log(0.5), np.log(4), (2, n)))
-    trace, J = (trace_stretch**2).sum(axis=0), trace_stretch.prod(axis=0)
-    J3 = np.exp(random.uniform(-0.2, 0.2, n))
-    for compiled, plain in zip(compiled_response(law, trace, J, J3), plane_stress.response(law, trace, J, J3), strict=True):
-        np.testing.assert_allclose(compiled, plain, rtol=1e-12, atol=1e-12 * law.bulk_modulus / law.shear_modulus)
 
 
 def test_residual_and_slope_are_derivatives_of_the_energy(law, random):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from bodies import rotation
+from force_models import TABLE
 from runs import started
 
 import pdsurrogate as pds
@@ -10,8 +11,6 @@ from pdsurrogate.forces import FORCES
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.run.simulate import simulate
-from pdsurrogate.stress_test.case import Subject
-from pdsurrogate.stress_test.conformance import TABLE
 
 ROLLERS = (
     {"region": "left", "x1": 0.0},
@@ -116,7 +115,7 @@ def test_reactions_and_loads_balance_what_is_left_on_free_points(row, support):
         {"region": {"near": [0.6, 0.5]}, "force": [0.0, 0.1]},
     )
     prescribed = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.1})
-    subject = Subject(row.reference)
+    subject = row.subject
     scene = scene_of(prescribed, support=support, loads=loads, precision="float64", material=subject.law.describe())
     run = started(scene, subject.model)
     x1, x2 = run.body.points.T

@@ -13,7 +13,7 @@ from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
 from pdsurrogate.materials import NeoHookean, plane_stress
 from pdsurrogate.problem.conditions import loads_of
 from pdsurrogate.solvers.loads import LoadedForce
-from pdsurrogate.stress_test.deformations import wavy
+from pdsurrogate.testing.bodies import wavy
 
 LAW = NeoHookean(2.0, 200.0)
 DOUBLE = ForceSettings(precision="float64")

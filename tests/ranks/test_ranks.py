@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import scipy
 from every_model import LONGEST
+from force_models import TABLE
 from several_ranks import HERE, TIMEOUT, Ranks, environment, on_ranks, several
 
 import pdsurrogate as pds
@@ -21,7 +22,6 @@ from pdsurrogate.ranks import ALONE, NotUnderMPI, bisected, bond_counts, communi
 from pdsurrogate.ranks.share import connected
 from pdsurrogate.results.states import StatesInFiles
 from pdsurrogate.solvers.stability import FORWARD
-from pdsurrogate.stress_test.conformance import TABLE
 
 
 @pytest.fixture(scope="module")
