@@ -39,6 +39,7 @@ _IN_ROOMS = {
     "progress": "listening",
     "shapes": "Box Circle Cylinder DiscCut Ellipse Extrusion Mesh ParallelogramCut Polygon Precut Rectangle Sphere Tube",
     "studies": "Distribution StudyResult",
+    "testing": "Finding Property check_force_model check_law",
 }
 
 _HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}

@@ -15,6 +15,7 @@ from . import run as run
 from . import scenes as scenes
 from . import shapes as shapes
 from . import studies as studies
+from . import testing as testing
 from .artifacts import ArtifactError as ArtifactError
 from .artifacts import load_card as load_card
 from .artifacts import load_pipeline as load_pipeline

@@ -169,7 +169,7 @@ class Bar(Progress):
 
     def __init__(self, name: str = "") -> None:
         columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-        # The time left follows from the mean speed: cases of a stress test take minutes, more than a window of the last half a minute.
+        # The time left follows from the mean speed: single runs of a comparison take minutes, more than a window of the last half a minute.
         drawn = {"console": err, "transient": True, "disable": settings.quiet or not err.is_terminal}
         super().__init__(*columns, **drawn, get_time=time.monotonic, speed_estimate_period=math.inf)
         self._name, self._stage, self._told = name, None, time.monotonic()

@@ -203,18 +203,6 @@ def test_members_repeat_from_their_seed():
     assert not set(map(str, first)) & set(map(str, other))
 
 
-@pytest.mark.usefixtures("same_body")
-def test_members_of_an_undetermined_law_describe_the_test(exact, random):
-    """Ogden's six numbers are not determined by the sheet; in its states the members have the stresses within three errors all the same."""
-    y = exact + DEVIATION * random.standard_normal(len(X))
-    model = pds.SceneRegressor(sheet("neo-hookean"), "ogden", refine=1).fit(X, y, standard_deviation=DEVIATION)
-    assert model.undetermined_
-    states = np.array([[at, MODES["uniaxial"](at)] for at in (1.1, 1.3, 1.5)])
-    stress, error = model.nominal_stress(states)
-    off = np.array([nominal_stress(law, states) - stress for law in model.members_])
-    assert 0 < np.sqrt((off**2).mean()) < 3 * error.max()
-
-
 @pytest.mark.parametrize(
     ("row", "message"),
     [

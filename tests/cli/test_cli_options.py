@@ -34,7 +34,6 @@ from pdsurrogate.run.run import Oversubscribed
         (["run"], 2, "Missing argument 'SCENE'"),
         (["show", "nowhere"], 2, "not a folder with results of a run"),
         (["evaluate", "nothing"], 2, "nothing"),
-        (["stress-test", "--force", "nothing"], 2, "nothing"),
         (["wizardry"], 2, "No such command 'wizardry'"),
     ],
 )
@@ -104,7 +103,7 @@ def own_law(tmp_path):
 def test_the_version_and_the_completion_of_shells():
     assert invoke("--version").stdout == f"pdsurrogate {pds.__version__}\n"
     assert "--install-completion" in invoke("--help").output
-    for typed, meant in (("st", {"stress-test", "study"}), ("run --thr", {"--threads"})):
+    for typed, meant in (("st", {"study"}), ("run --thr", {"--threads"})):
         assert completed(typed) == meant
 
 
@@ -123,7 +122,6 @@ def test_shells_complete_names(tmp_path, monkeypatch):
         ("scenes tr", {"traction", "trousers"}),
         ("run uniaxial --force neo-hookean@", {"neo-hookean@1", "neo-hookean@2"}),
         ("compare --force b", {"ba-nosb", "bond-energy"}),
-        ("stress-test --force no", {"nosb"}),
         ("evaluate b", {"bond-energy"}),
         ("artifacts gent", {"gent", "gent@1"}),
         ("fit mine --law o", {"ogden"}),
@@ -233,20 +231,6 @@ def test_a_log_gets_a_line_of_progress_with_the_time_left_every_half_a_minute(mo
     assert lines[0].endswith("; 2 of 3, stretch 1.13, 217 broken bonds (7/s)")
 
 
-def test_a_narrow_terminal_cuts_nothing_of_progress(monkeypatch):
-    """In one line the time left was cut away, and the end of the state with it."""
-    file = io.StringIO()
-    monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=True, width=50))
-    monkeypatch.setattr(terminal.settings, "quiet", False)
-    state = "3 of 12 cases, 14.2 cases/min, now neo-hookean, sheets: a long title of a hard case [0, 1]"
-    with terminal.Bar() as bar:
-        bar.remove_task(bar.task_ids[0])
-        bar.add_task("Hard cases", completed=0.25, total=1.0, state=state)
-    drawn = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", file.getvalue())
-    assert state in " ".join(drawn.split())
-    assert re.search(r"Hard cases .* 0:00:00 -:--:--", drawn)
-
-
 def test_laws_of_the_users_own(own_law):
     options = ["--import", own_law]
     assert "doubled" in invoke("materials", *options).stdout
@@ -298,7 +282,7 @@ def test_commands_keep_to_the_threads_that_are_asked_for():
         with pytest.raises(ValueError, match="threads must be between 1 and 1"), thread_count(2, limit=True):
             pass
     assert most_threads() == all_of_them
-    for command in ("compare", "stress-test", "run"):
+    for command in ("compare", "run"):
         done = invoke(command, *(["uniaxial"] if command == "run" else []), "--threads", 10_000)
         assert done.exit_code == 2
         assert "threads must be between" in done.stderr

@@ -1,7 +1,6 @@
 """Runs that end before their time: killed, interrupted, or out of time; what they leave, and how it goes on."""
 
 import csv
-import importlib
 import json
 import math
 import os
@@ -22,7 +21,6 @@ from pdsurrogate.results.files import TEMPORARY
 from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.run import checkpoints, levels
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
-from pdsurrogate.stress_test.case import Subject
 
 PATIENCE = 300
 """Seconds for what takes some on a free machine."""
@@ -144,18 +142,6 @@ def test_a_run_that_is_killed_leaves_its_history_and_goes_on(tmp_path):
     assert pds.load_result(tmp_path).status == "done"
 
 
-def test_the_dynamics_are_told_as_they_go(tmp_path):
-    changes = ["--set", "stretches=1.1", "--set", "body.size=[2.0, 1.0]", "--set", "precuts=[]", "--set", "fracture.critical_stretch=3.0"]
-    changes += ["--set", "dynamics.stretch=1.9", "--set", "dynamics.stretch_rate=0.001", "--set", "spacing=0.25"]
-    process = begun(SLOWLY, "run", "tear", "--force", "analytic", *changes, "--out", tmp_path)
-    wait(lambda: told(tmp_path)["n_steps"] > 0, process)
-    process.kill()
-    process.communicate(timeout=PATIENCE)
-    read = pds.load_result(tmp_path)
-    assert [row for row in read.history if "kinetic_energy" in row]
-    assert len(read.states) == 1
-
-
 def test_a_run_that_was_killed_before_its_first_checkpoint_is_begun_anew(tmp_path):
     """There is nothing to go on from, and nothing lost."""
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.2])
@@ -270,26 +256,6 @@ def test_every_run_of_a_study_ends_when_its_time_is_over(tmp_path):
     assert [row["failure"] for row in done.rows] == [None, None]
     with pytest.raises(ValueError, match="max_time: a fit cannot be resumed"):
         pds.study({"fit": {"material": "gent"}, "parameters": {"degree": [3]}}, tmp_path / "fits", max_time=1.0)
-
-
-@pytest.mark.parametrize("where", ["stress_test.case", "reports.compare"])
-def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
-    """It ended one run of many, which counted as failed, and the next began."""
-    module = importlib.import_module(f"pdsurrogate.{where}")
-
-    def interrupted(*given, **options):
-        raise SimulationInterrupted("interrupted", None)
-
-    monkeypatch.setattr(module, "simulate", interrupted)
-    force = pds.load_surrogate("analytic")
-    held, keys = Subject("analytic"), {"spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
-
-    calls = {
-        "stress_test.case": lambda: held.run(held.scene((1.0, 1.0), **keys)),
-        "reports.compare": lambda: module.measure_scene(module.TimedModel(force, "float64", None), pds.materials.NeoHookean(), 0.25),
-    }
-    with pytest.raises(KeyboardInterrupt):
-        calls[where]()
 
 
 def interrupted_where_held_up(code, where, folder):
