@@ -153,7 +153,8 @@ class Fronts:
 
         free = np.array([within((places[:, None] + radius * ring).reshape(-1, len(front.normal))) for radius in radii])
         nearest = {"the boundary of the body": float(radii[-1] if free.all() else radii[free.argmin()] - radii[0])} | dict(nearest)
-        rooms = {"a plane of symmetry": float(plane.mirrored(front.places)[1].min()) for plane in symmetric}
+        depths = [float(plane.mirrored(front.places)[1].min()) for plane in symmetric]
+        rooms = {"a plane of symmetry": min(depths, default=math.inf)}
         rooms["the other end of the crack"] = front.length if front.straight else front.length / 2
         for number, cut in enumerate(self._scene.precuts):
             if cut is not front.cut and np.abs((cut.edge(horizon)[0] - front.places[0]) @ front.normal).max() > 1e-6 * horizon:
