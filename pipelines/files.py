@@ -15,7 +15,7 @@ HEAD = """# Files of the package
 
 This page lists every file of `pdsurrogate/` by subpackage, with its purpose and the public names that it defines. The script
 `pipelines/files.py` writes the page from the docstrings; a test compares them. [Architecture](../architecture.md) shows which subpackage
-may import which, and which file contains each formula.
+may import which, and where a change belongs.
 """
 
 

@@ -13,7 +13,7 @@ PACKAGE = ROOT / "pdsurrogate"
 ROWS = re.findall(r"^\| `(\w+)` \|[^|]*\|([^|]*)\|$", (ROOT / "docs" / "architecture.md").read_text(), re.MULTILINE)
 ALLOWED = {room: set(re.findall(r"`(\w+)`", imports)) for room, imports in ROWS}
 TRAINING = ("sklearn", "skorch", "torch", "dask", "distributed")
-ROOMS_WITH_TRAINING = {"learning", "identification", "calibration", "reports", "stress_test"}
+ROOMS_WITH_TRAINING = {"learning", "identification", "calibration", "reports", "testing"}
 COMMANDS_WITH_TRAINING = {f"pdsurrogate.cli.{name}" for name in ("calibrate", "fit", "measure")}
 
 
@@ -77,6 +77,11 @@ def loaded_with(module):
                 loaded.add(part)
                 waiting += imports_of(part)[1] if part in MODULES else ()
     return loaded
+
+
+def test_the_files_that_the_page_names_exist():
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    assert {name for name in re.findall(r"`(\w+/\w+\.py)`", page) if not any((root / name).exists() for root in (PACKAGE, ROOT))} == set()
 
 
 def test_every_room_is_in_the_table():

@@ -198,17 +198,3 @@ def test_every_scene_is_in_the_gallery():
         assert f"`pdsurrogate run {name} " in page
         assert 2_000 < (pictures / f"{name}.png").stat().st_size < 80_000
     assert {path.stem for path in pictures.glob("*.png")} == set(scene_names())
-
-
-@pytest.mark.parametrize("page", sorted((DOCS / "guide").glob("*.md")), ids=lambda page: page.stem)
-def test_every_guide_has_a_picture(page):
-    """But the list of guides; the build of the site finds pictures that are missing."""
-    assert page.stem == "index" or re.search(r"!\[[^\]]+\]\([^)]+\.png\)", page.read_text("utf-8"))
-
-
-@pytest.mark.parametrize("page", ["README.md", "docs/start/choose.md", "docs/about.md"])
-def test_pages_agree_on_contact(page):
-    """One said that there is none, one that it is not modeled, one that there are obstacles: rigid ones, without friction, and no other."""
-    told = [line for line in re.split(r"\n(?=[-|#])", (ROOT / page).read_text("utf-8")) if "obstacles" in line]
-    assert any("rigid" in line and "without friction" in line for line in told)
-    assert not re.search(r"^- Contact(,| and) plasticity", (ROOT / page).read_text("utf-8"), re.MULTILINE)

@@ -112,10 +112,10 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None, 
     if declared.nominal_stress is None:
         row["step"] = run.state.stage
     else:
-        axis, stress = run.loading.course.axis, declared.nominal_stress
+        stress = declared.nominal_stress
         row |= {"nominal_stress": stress.of(reactions.forces), "nominal_stress_grip": stress.edge, "nominal_stress_area": stress.area}
         if costly:
-            row["nominal_stress_work_conjugate"] = float(run.body.share.total(run.force.mean_stress())[axis, axis])
+            row["nominal_stress_work_conjugate"] = float(run.body.share.total(run.force.mean_stress())[stress.axis, stress.axis])
     if time is None:
         row["force_balance"] = force_balance(run, reactions, drive)
     else:

@@ -76,6 +76,7 @@ def test_kappa_is_the_shape_tensor_of_a_full_horizon(name):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"points": np.eye(3), "planes": (ReflectionPlane(0, 0.0, -1, (-1, 1)),)}, r"parity.* 3 components, not \(-1, 1\)"),
         ({"points": np.zeros((3, 4))}, "shape"),
         ({"points": np.array([[0.0, 0.0], [np.nan, 1.0]]), "volumes": np.ones(2)}, "point 1 has a position that is not finite"),
         ({"volumes": np.array([1.0, -1.0, 1.0])}, "volumes must be positive"),

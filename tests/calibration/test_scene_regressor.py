@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import partial
 from unittest.mock import patch
 
 import numpy as np
@@ -24,7 +25,7 @@ STRETCHES = [1.15, 1.3, 1.45]
 NOISE, FORCE_NOISE = 1e-3, 0.01
 
 
-def sheet(material, spacing=0.25, **changes):
+def sheet(material, spacing=0.5, **changes):
     return pds.load_scene("hole", {"spacing": spacing, "stretches": STRETCHES, "material": material, "reference": None, **changes})
 
 
@@ -71,17 +72,15 @@ def test_parameters_come_back_from_exact_measurements(gent, exact):
 
 
 @pytest.mark.usefixtures("same_body")
-def test_standard_errors_are_the_scatter_of_repeated_fits(exact, random):
-    """The scatter of 16 fits is the reported standard error within three errors of a scatter of 16, 0.18 each."""
-    scene, fits = sheet("neo-hookean"), []
-    for _ in range(16):
-        y = exact + DEVIATION * random.standard_normal(len(X))
-        fits.append(pds.SceneRegressor(scene, "gent", refine=1).fit(X, y, standard_deviation=DEVIATION))
-    found = np.array([fit.parameters_ for fit in fits])
-    reported = np.mean([fit.standard_errors_ for fit in fits], axis=0)
-    assert (np.abs(found.std(axis=0, ddof=1) / reported - 1) < 3 * 0.18).all()
-    assert (np.abs(found.mean(axis=0) - [0.8, 12.0]) < 4 * reported / 4).all()
-    assert np.mean([fit.lack_of_fit_ for fit in fits]) == pytest.approx(1.0, abs=4 * (2 / 16 / len(X)) ** 0.5)
+def test_standard_errors_are_what_the_noise_of_each_measurement_moves(gent):
+    """Each of four measurements by 0.3 of its standard deviation; the stresses bend over the chain limit by less than 5 % of that."""
+    scene, deviations = sheet("neo-hookean", stretches=[1.2, 1.45]), np.array([FORCE_NOISE, FORCE_NOISE, NOISE, NOISE])
+    rows = np.array([[1, 0, 0, 0], [2, 0, 0, 0], [2, 1, 1.35, 0.6], [2, 2, 0.45, 1.2]])
+    y = measured(gent, scene, rows)
+    model = pds.SceneRegressor(scene, "gent", refine=1).fit(rows, y, standard_deviation=deviations)
+    moved = [clone(model).fit(rows, y + step, standard_deviation=deviations).parameters_ for step in np.diag(0.3 * deviations)]
+    found = np.sqrt(((moved - model.parameters_) ** 2).sum(axis=0)) / 0.3
+    np.testing.assert_allclose(model.standard_errors_, found, rtol=0.05)
 
 
 def test_the_noise_of_a_field_is_found_without_being_stated(exact, random):
@@ -113,18 +112,32 @@ def test_fields_tell_more_than_forces(exact, random):
     both = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, y, standard_deviation=DEVIATION)
     alone = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X[forces], y[forces], standard_deviation=FORCE_NOISE)
     assert both.standard_errors_[1] < alone.standard_errors_[1]
+    assert both.lack_of_fit_ == pytest.approx(1.0, abs=4 * (2 / len(X)) ** 0.5)
 
 
-def test_without_a_correction_the_standard_errors_contain_the_discretization_error(gent):
+LAST = X[X[:, 0] == 3] * [0, 1, 1, 1] + [1, 0, 0, 0]
+"""The rows of the last step, as those of a scene with its stretch alone."""
+
+LAST_DEVIATION = DEVIATION[X[:, 0] == 3]
+
+
+@pytest.fixture(scope="module")
+def halved(gent):
+    """A sheet of the spacing 0.4, data of half the spacing, and the law fitted to them without a correction."""
+    scene, half = (sheet("neo-hookean", spacing, stretches=STRETCHES[-1:]) for spacing in (0.4, 0.2))
+    fine = measured(gent, half, LAST)
+    with pytest.warns(UserWarning, match="refine=1: the discretization error that is not corrected is about .* standard deviations"):
+        return scene, fine, pds.SceneRegressor(scene, "gent", refine=1).fit(LAST, fine, standard_deviation=LAST_DEVIATION)
+
+
+def test_without_a_correction_the_standard_errors_contain_the_discretization_error(halved):
     """Data of half the spacing: the noise alone, a small part of the standard error, would state the wrong chain limit as certain.
 
     The error from twice the spacing is that of an order of 1.5; with the errors of this estimate, three of them contain the truth.
     """
-    fine = measured(gent, sheet("neo-hookean", 0.125))
-    with pytest.warns(UserWarning, match="refine=1: the discretization error that is not corrected is about .* standard deviations"):
-        model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, fine, standard_deviation=DEVIATION)
+    _, fine, model = halved
     with patch("pdsurrogate.calibration.regressor.ORDER", 60.0):
-        noise = clone(model).fit(X, fine, standard_deviation=DEVIATION).standard_errors_
+        noise = clone(model).fit(LAST, fine, standard_deviation=LAST_DEVIATION).standard_errors_
     off = np.abs(model.parameters_ - [0.8, 12.0])
     assert (off > 5 * noise).any()
     assert (off < 3 * model.standard_errors_).all()
@@ -139,12 +152,10 @@ def test_a_discretization_error_that_cannot_be_estimated_is_named():
         pds.SceneRegressor(scene, refine=1).fit(rows, u, standard_deviation=[0.1, 0.1])
 
 
-def test_a_finer_simulation_corrects_the_discretization_error(gent):
+def test_a_finer_simulation_corrects_the_discretization_error(halved):
     """Data of a body with half the spacing: without the correction the modulus is off by the stiffness of a coarse sheet."""
-    fine = measured(gent, sheet("neo-hookean", 0.125))
-    coarse, corrected = (
-        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=refine).fit(X, fine, standard_deviation=DEVIATION) for refine in (1, 2)
-    )
+    scene, fine, coarse = halved
+    corrected = pds.SceneRegressor(scene, "gent", refine=2).fit(LAST, fine, standard_deviation=LAST_DEVIATION)
     off = [np.abs(fit.parameters_ / [0.8, 12.0] - 1).max() for fit in (coarse, corrected)]
     assert off[1] < 0.1 * off[0]
     assert coarse.lack_of_fit_ > 10 * corrected.lack_of_fit_
@@ -183,26 +194,13 @@ def test_the_spread_of_members_is_the_standard_error_of_stresses(exact, random):
     np.testing.assert_allclose(np.sqrt((off**2).mean(axis=0)) / error, 1.0, atol=4 * 0.04)
 
 
-def test_members_repeat_from_their_seed(exact):
-    forces = X[:, 1] == 0
-    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1)
+def test_members_repeat_from_their_seed():
+    model = pds.SceneRegressor(sheet("neo-hookean", stretches=[1.1]), refine=1)
     first, second, other = (
-        model.set_params(random_state=seed).fit(X[forces], exact[forces], standard_deviation=FORCE_NOISE).members_ for seed in (0, 0, 1)
+        model.set_params(random_state=seed).fit([[1, 0, 0, 0]], [0.8], standard_deviation=FORCE_NOISE).members_ for seed in (0, 0, 1)
     )
     assert first == second
     assert not set(map(str, first)) & set(map(str, other))
-
-
-@pytest.mark.usefixtures("same_body")
-def test_members_of_an_undetermined_law_describe_the_test(exact, random):
-    """Ogden's six numbers are not determined by the sheet; in its states the members have the stresses within three errors all the same."""
-    y = exact + DEVIATION * random.standard_normal(len(X))
-    model = pds.SceneRegressor(sheet("neo-hookean"), "ogden", refine=1).fit(X, y, standard_deviation=DEVIATION)
-    assert model.undetermined_
-    states = np.array([[at, MODES["uniaxial"](at)] for at in (1.1, 1.3, 1.5)])
-    stress, error = model.nominal_stress(states)
-    off = np.array([nominal_stress(law, states) - stress for law in model.members_])
-    assert 0 < np.sqrt((off**2).mean()) < 3 * error.max()
 
 
 @pytest.mark.parametrize(
@@ -222,35 +220,37 @@ def test_rows_that_the_scene_does_not_have_are_refused(row, message):
 
 
 @pytest.mark.usefixtures("same_body")
-def test_the_command_writes_artifact_report_and_figures(tmp_path, gent, exact):
+def test_the_command_writes_artifact_report_and_figures(tmp_path, gent):
+    coarse = partial(sheet, spacing=0.3)
+    exact = measured(gent, coarse("neo-hookean"))
     field = X[:, 1] == 1
     fields = np.column_stack([X[field, 0], X[field, 2:], exact[field], exact[X[:, 1] == 2]])
     np.savetxt(tmp_path / "F.csv", fields, delimiter=",", header="step,x1,x2,u1,u2", comments="")
     forces = np.column_stack([[1, 2, 3], exact[X[:, 1] == 0]])
     np.savetxt(tmp_path / "G.csv", forces, delimiter=",", header="step,force", comments="")
-    options = ["--set", "spacing=0.25", "--set", f"stretches={STRETCHES}", "--refine", "1", "--law", "gent", "--out", str(tmp_path / "out")]
+    options = ["--set", "spacing=0.3", "--set", f"stretches={STRETCHES}", "--refine", "1", "--law", "gent", "--out", str(tmp_path / "out")]
     files = ["--fields", str(tmp_path / "F.csv"), "--forces", str(tmp_path / "G.csv")]
-    with patch("pdsurrogate.cli.calibrate.Bar.show") as shown:
+    with patch("pdsurrogate.cli.calibrate.Bar.event") as shown:
         done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", *files, *options, "--json"])
     assert done.exit_code == 0, done.output
-    assert any("equilibria, sum of squared residuals" in call.args[1] for call in shown.call_args_list if len(call.args) > 1)
+    assert any("sum_of_squared_residuals" in call.kwargs for call in shown.call_args_list)
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert found["parameters"]["chain_limit"] == pytest.approx(12.0, rel=2e-3)
     assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"calibration-outputs.png", "calibration-residuals.png"}
     stored = pds.load_card(tmp_path / "out" / "sheet")
     assert stored.material.trained_with == found["law"]
     assert [member.material.trained_with["law"] for member in stored.members] == 8 * ["gent"]
-    members = [pds.simulate(sheet(None, stretches=[1.4]), f"{tmp_path}/out/sheet#{n}").levels[-1]["nominal_stress"] for n in range(1, 9)]
-    error = pds.simulate(sheet(found["law"], stretches=[1.4]), "analytic").standard_errors(
-        ["nominal_stress"], pds.materials.LawCovariance(sheet(found["law"]).law(), **found["covariance"])
+    members = [pds.simulate(coarse(None, stretches=[1.4]), f"{tmp_path}/out/sheet#{n}").levels[-1]["nominal_stress"] for n in range(1, 9)]
+    error = pds.simulate(coarse(found["law"], stretches=[1.4]), "analytic").standard_errors(
+        ["nominal_stress"], pds.materials.LawCovariance(coarse(found["law"]).law(), **found["covariance"])
     )
     # The spread of eight members has a standard deviation of 25 %: the bounds lie three and four of them away.
     assert 0.25 < np.std(members) / error["nominal_stress"] < 2
     biaxial = pds.load_scene("biaxial-hole", spacing=0.1)
-    visited = [pds.simulate(one, tmp_path / "out" / "sheet").summary["beyond_data"] for one in (sheet(None, stretches=[1.2]), biaxial)]
+    visited = [pds.simulate(one, tmp_path / "out" / "sheet").summary["beyond_data"] for one in (coarse(None, stretches=[1.2]), biaxial)]
     # States of bonds differ a little from those of points, whose hull is the domain.
     assert visited[0][-1]["share"] < 0.01 < visited[1][-1]["share"]
-    scene, models = sheet(found["law"], stretches=[1.2]), (pds.load_surrogate(tmp_path / "out" / "sheet"), "analytic")
+    scene, models = coarse(found["law"], stretches=[1.2]), (pds.load_surrogate(tmp_path / "out" / "sheet"), "analytic")
     stored, of_the_law = (pds.simulate(scene, model) for model in models)
     assert stored.levels[-1]["nominal_stress"] == pytest.approx(of_the_law.levels[-1]["nominal_stress"], rel=1e-3)
     covariance = found["covariance"]
@@ -270,7 +270,7 @@ def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
     lines = ["# a comment", "step, force_bottom_2 [N], tip_displacement_1, probe_tip_u2, note"]
     lines += [f"{n + 1},{force[n]:.9f},{u[n][0] if n else '':},{u[n][1]:.9f},x" for n in range(3)]
     (tmp_path / "G.csv").write_text("\n".join(lines))
-    options = ["--set", "spacing=0.25", "--set", f"stretches={STRETCHES}", "--set", "probes=[{name='tip',at=[0.9,0.3]}]"]
+    options = ["--set", "spacing=0.5", "--set", f"stretches={STRETCHES}", "--set", "probes=[{name='tip',at=[0.9,0.3]}]"]
     command = ["calibrate", "hole", "tip", "--forces", str(tmp_path / "G.csv"), *options, "--refine", "1", "--law", "gent"]
     done = CliRunner().invoke(app, [*command, "--field-noise", "0.001", "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
@@ -302,7 +302,7 @@ def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
 )
 def test_tables_of_outputs_that_make_no_sense_are_refused(text, message, tmp_path):
     (tmp_path / "G.csv").write_text(text)
-    options = ["--set", "spacing=0.25", "--law", "neo-hookean", "--refine", "1", "--out", str(tmp_path / "out")]
+    options = ["--set", "spacing=0.5", "--law", "neo-hookean", "--refine", "1", "--out", str(tmp_path / "out")]
     done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", "--forces", str(tmp_path / "G.csv"), *options])
     assert done.exit_code == 2
     assert re.search(message, " ".join(done.stderr.split()))
@@ -343,7 +343,7 @@ def test_laws_of_the_users_own_are_fitted(tmp_path):
     lines = "from pdsurrogate.materials import NeoHookean\n\n\nclass Own(NeoHookean):\n    name = 'own-law'\n"
     (tmp_path / "own_law_file.py").write_text(lines)
     (tmp_path / "G.csv").write_text("step,force\n1,0.86\n")
-    options = ["--set", "spacing=0.25", "--set", "stretches=[1.1]", "--refine", "1", "--law", "own-law", "--out", str(tmp_path / "out")]
+    options = ["--set", "spacing=0.5", "--set", "stretches=[1.1]", "--refine", "1", "--law", "own-law", "--out", str(tmp_path / "out")]
     command = ["calibrate", "hole", "sheet", "--import", str(tmp_path / "own_law_file.py"), "--forces", str(tmp_path / "G.csv")]
     with patch.dict(pds.materials.LAWS):
         done = CliRunner().invoke(app, [*command, *options])
@@ -407,7 +407,7 @@ def test_a_fit_tells_its_progress(caplog):
         model.fit([[1, 0, 0, 0]], [0.8], standard_deviation=0.1)
     told = [record.getMessage() for record in caplog.records if record.name.startswith("pdsurrogate.calibration")]
     assert told[-1].startswith(f"{model.n_simulations_} equilibria, sum of squared residuals ")
-    assert "hole: finer simulation, spacing 0.125" in told
+    assert "hole: finer simulation, spacing 0.25" in told
 
 
 def test_a_bulk_modulus_and_its_ratio_exclude_each_other():

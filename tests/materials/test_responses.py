@@ -2,20 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from probes import assert_stress_is_the_derivative_of_the_energy, compiled_response
-from test_laws import Exponential
 
 import pdsurrogate as pds
-from pdsurrogate.forces.kinematics import Kinematics
-from pdsurrogate.forces.material_points import MaterialPoints
-from pdsurrogate.materials import PrincipalStretchLaw, plane_strain, plane_stress, solid
+from pdsurrogate.materials import PrincipalStretchLaw, solid
+from pdsurrogate.testing.laws import compiled_response
 
-# No scene uses these yet, and every law and dimension has to be compiled.
+# Every law and dimension has to be compiled.
 pytestmark = pytest.mark.slow
-
-RESPONSES = [plane_stress.response, plane_strain.response, solid.response]
 
 
 def rotations(random, n):
@@ -28,34 +21,6 @@ def random_gradients(random, n, low=0.6, high=2.0):
     stretches = np.exp(random.uniform(np.log(low), np.log(high), (n, 3)))
     stretches *= (random.uniform(0.9, 1.1, n) / stretches.prod(axis=1))[:, None] ** (1 / 3)
     return rotations(random, n) @ (stretches[:, :, None] * rotations(random, n))
-
-
-def in_space(F, thickness_stretch):
-    """Gradients of the plane with a stretch across it."""
-    full = np.zeros((len(F), 3, 3))
-    full[:, :2, :2], full[:, 2, 2] = F, thickness_stretch
-    return full
-
-
-def plane_gradients(random, n):
-    angle = random.uniform(0, 2 * np.pi, n)
-    turn = np.stack([np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)], axis=1).reshape(n, 2, 2)
-    return turn @ (np.eye(2) + 0.3 * random.uniform(-1, 1, (n, 2, 2)))
-
-
-@pytest.mark.parametrize("response", RESPONSES, ids=["plane stress", "plane strain", "space"])
-def test_compiled_responses_are_the_expressions_in_numpy(law, response, random):
-    state = solid.invariants(random_gradients(random, 700))
-    if response is not solid.response:
-        state = *plane_stress.invariants(plane_gradients(random, 700)), random.uniform(0.9, 1.1, 700)
-    scale = law.bulk_modulus / law.shear_modulus
-    # Rounding in stretches that are nearly equal shows in the coefficients, though not in the stress.
-    for compiled, plain in zip(compiled_response(law, *state, response=response), response(law, *state), strict=True):
-        np.testing.assert_allclose(compiled, plain, rtol=1e-10, atol=1e-11 * scale)
-
-
-def test_stress_in_space_is_the_derivative_of_the_energy(law, random):
-    assert_stress_is_the_derivative_of_the_energy(solid, law, random_gradients(random, 40))
 
 
 def principal(law, stretches):
@@ -108,53 +73,6 @@ def test_stretches_equal_or_not(law, spacing, random):
     assert np.abs(psi - energy)[there].max() < 1e-10 + 1e-13 * scale
 
 
-def test_stress_turns_with_the_body_and_directions_are_alike(law, random):
-    F = random_gradients(random, 30)
-    Q = rotations(random, 30)
-    P = solid.first_piola_stress(law, F)
-    atol = 1e-11 * law.bulk_modulus
-    np.testing.assert_allclose(solid.first_piola_stress(law, Q @ F), Q @ P, rtol=1e-11, atol=atol)
-    np.testing.assert_allclose(solid.first_piola_stress(law, F @ Q), P @ Q, rtol=1e-11, atol=atol)
-    np.testing.assert_allclose(solid.energy_density(law, Q @ F), solid.energy_density(law, F), rtol=1e-11, atol=atol)
-
-
-def test_plane_strain_is_space_without_a_stretch_across(law, random):
-    F = plane_gradients(random, 50)
-    P = solid.first_piola_stress(law, in_space(F, 1.0))
-    atol = 2e-11 * law.bulk_modulus
-    np.testing.assert_allclose(plane_strain.first_piola_stress(law, F), P[:, :2, :2], rtol=1e-10, atol=atol)
-    np.testing.assert_allclose(plane_strain.energy_density(law, F), solid.energy_density(law, in_space(F, 1.0)), rtol=1e-10, atol=atol)
-
-
-def test_plane_stress_is_space_free_of_stress_across(law, random):
-    F = plane_gradients(random, 50)
-    trace, J = plane_stress.invariants(F)
-    J3 = plane_stress.volume_ratio(law, trace, J)
-    full = in_space(F, J3 / J)
-    P, atol = solid.first_piola_stress(law, full), 2e-11 * law.bulk_modulus
-    np.testing.assert_allclose(plane_stress.first_piola_stress(law, F), P[:, :2, :2], rtol=1e-10, atol=atol)
-    np.testing.assert_allclose(P[:, 2, 2], 0, atol=atol)
-    np.testing.assert_allclose(plane_stress.energy_density(law, F), solid.energy_density(law, full), rtol=1e-10, atol=atol)
-
-
-@given(first=st.floats(0.5, 2), second=st.floats(0.5, 2), shear=st.floats(-1, 1))
-def test_plane_strain_is_the_derivative_of_its_energy(first, second, shear):
-    for law in (pds.materials.Yeoh(), pds.materials.Ogden()):
-        assert_stress_is_the_derivative_of_the_energy(plane_strain, law, np.array([[[first, shear], [0.0, second]]]))
-
-
-def test_kernels_of_a_sheet_take_plane_strain_for_plane_stress(random):
-    """Its condition on the thickness makes C33 = 1, whatever iteration solves it."""
-    body, law = pds.Body.rectangle(1.0, 1.0, 0.2, 0.5), pds.materials.Ogden()
-    kinematics = Kinematics(body, "float64")
-    points = MaterialPoints(kinematics, law, "float64")
-    points.response = plane_strain.response.block(law)
-    kinematics.place(body.points @ np.array([[1.4, 0.2], [-0.1, 0.9]]))
-    points.find()
-    np.testing.assert_allclose(points.volume_ratios, points.records[:, 2], rtol=1e-12)
-    np.testing.assert_allclose(points.records[:, 3], 1.0, rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     "law", [pds.materials.Gent(), pds.materials.ArrudaBoyce(), pds.materials.FullNetwork(chain_links=8.0)], ids=lambda law: law.name
 )
@@ -163,15 +81,3 @@ def test_past_the_limit_there_is_no_stress(law):
     assert np.isnan(solid.first_piola_stress(law, F)).all()
     p, q, _, energy = compiled_response(law, *solid.invariants(F), response=solid.response)
     assert np.isnan([p, q, energy]).all()
-
-
-def test_a_users_own_law_has_all_three(random):
-    law = Exponential(0.5, 50.0)
-    F = random_gradients(random, 300)
-    for compiled, plain in zip(
-        compiled_response(law, *solid.invariants(F), response=solid.response), solid.response(law, *solid.invariants(F)), strict=True
-    ):
-        np.testing.assert_allclose(compiled, plain, rtol=1e-12, atol=1e-11)
-    at_rest = np.eye(3)
-    assert np.abs(solid.first_piola_stress(law, at_rest)).max() < 1e-13
-    assert np.abs(plane_strain.first_piola_stress(law, at_rest[:2, :2])).max() < 1e-13
