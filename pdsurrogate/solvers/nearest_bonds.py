@@ -17,7 +17,6 @@ from ..kernels.nearest_bonds import add_unspanned
 from ..kernels.steps import greatest_strain
 from ..ranks import Share
 from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
-from .shared_multigrid import SharedMultigrid
 
 REACH = 1.3
 """Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a plane grid, and about as many off a grid.
@@ -325,7 +324,7 @@ def drift_remover(body: Body, free: np.ndarray) -> Operator:
 
 
 def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
-    """Return the inverse of the stiffness of a network in one process: a factorization or, for a large Laplacian, a multigrid cycle.
+    """Return the inverse of the stiffness of a network in one process by factorization.
 
     In smooth, long-wave displacements the ratio of the network's stiffness to that of the true tangent does not grow with the number of
     points. The factorization takes seconds for 10^5 points.
@@ -336,9 +335,7 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
         count = matrix.shape[0]
         column = free[:, components].reshape(count, -1)[:, 0]
         system = held_matrix(matrix, column)
-        if count == len(body) > MOST_FACTORIZED[body.dimension]:
-            inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components)).cycle
-        elif isinstance(system, np.ndarray):
+        if isinstance(system, np.ndarray):
             inverted = np.linalg.inv(system)
             inverse = ((inverted + inverted.T) / 2).__matmul__
         else:
@@ -379,14 +376,14 @@ def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
 
 
 def _inverse_by_multigrid(network: NearestBonds, free: np.ndarray) -> Operator:
-    """Return the inverse of the stiffness of a network divided among ranks by a multigrid cycle, the same as in one process."""
+    """Return the approximate inverse of the stiffness of a Laplacian by a multigrid cycle, the same on any number of ranks."""
     body, share, around, inverses = network.body, network.body.share, free.copy(), []
     share.fill(around)
     balanced = drift_remover(body, around)
     for components, matrix in network.systems(around):
         column = around[:, components[0]]
         system = scipy.sparse.csr_array(held_matrix(matrix, column, share.sum(matrix.diagonal()) / share.size))
-        cycle = SharedMultigrid(system, body.points, body.spacing, column > 0, len(components), share).cycle
+        cycle = Multigrid(system, body.points, body.spacing, column > 0, len(components), share).cycle
         inverses.append((components, len(body), cycle))
     return lambda forces: balanced(by_systems(inverses, balanced(forces * free))) * free
 
@@ -428,10 +425,9 @@ def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
         1 where a component may move, 0 where it is held and on the halo.
     """
     body = network.body
-    if not body.share.divided:
-        return _inverse_here(network, free)
-    large = not network.coupled and body.share.size > MOST_FACTORIZED[body.dimension]
-    return (_inverse_by_multigrid if large else _inverse_in_parts)(network, free)
+    if not network.coupled and body.share.size > MOST_FACTORIZED[body.dimension]:
+        return _inverse_by_multigrid(network, free)
+    return (_inverse_in_parts if body.share.divided else _inverse_here)(network, free)
 
 
 def spring_solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Operator:
