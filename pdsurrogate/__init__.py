@@ -36,8 +36,10 @@ _IN_ROOMS = {
     "identification": "EnergyRegressor LawRegressor committee committee_spread",
     "learning": "ChebyshevRegressor InputAwareTargetRegressor SobolevRegressor algorithm_1 reachable_stretches surrogate_of",
     "materials": "LAWS ArrudaBoyce FullNetwork Gent LawCovariance MooneyRivlin NeoHookean Ogden Polyconvex Yeoh",
+    "progress": "listening",
     "shapes": "Box Circle Cylinder DiscCut Ellipse Extrusion Mesh ParallelogramCut Polygon Precut Rectangle Sphere Tube",
     "studies": "Distribution StudyResult",
+    "testing": "Finding Property check_force_model check_law",
 }
 
 _HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}

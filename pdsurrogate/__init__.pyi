@@ -8,12 +8,14 @@ from . import identification as identification
 from . import learning as learning
 from . import materials as materials
 from . import problem as problem
+from . import progress as progress
 from . import ranks as ranks
 from . import results as results
 from . import run as run
 from . import scenes as scenes
 from . import shapes as shapes
 from . import studies as studies
+from . import testing as testing
 from .artifacts import ArtifactError as ArtifactError
 from .artifacts import load_card as load_card
 from .artifacts import load_pipeline as load_pipeline

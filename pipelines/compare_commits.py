@@ -1,7 +1,7 @@
 """Two commits side by side: the same figures, and what force models, runs and commands cost.
 
 python pipelines/compare_commits.py OLD NEW figures       sections 6.2 to 6.7, tears at a coarser spacing
-python pipelines/compare_commits.py OLD NEW conformance   every property and hard case of every force model, with few explicit steps
+python pipelines/compare_commits.py OLD NEW conformance   every required property of the exact force models and of two surrogates
 python pipelines/compare_commits.py OLD NEW tear cube     costs, by the names that `--help` lists
 python pipelines/compare_commits.py OLD NEW --docs        all rows of the documentation, into it (an hour and a half)
 
@@ -86,12 +86,19 @@ for line in sys.stdin:
 
 CONFORMANCE = """
 import json
-from pdsurrogate.stress_test.report import stress_test
-models = stress_test()["models"]
-print(json.dumps({
-    f"{model['force']}{', space' if model.get('plane') == 'space' else ''}: {case}": [result["verdict"], result["value"], result["limit"]]
-    for model in models for case, result in model["results"].items()
-}), flush=True)
+from pdsurrogate.artifacts import load_surrogate
+from pdsurrogate.forces import FORCES
+from pdsurrogate.testing import FORCE_MODEL_PROPERTIES
+from pdsurrogate.testing.checks import subject_of
+found = {}
+for name in (*FORCES, "neo-hookean", "neo-hookean-isochoric"):
+    for plane in {"stress", "space"} & {*load_surrogate(name).honors["plane"]}:
+        subject = subject_of(name, plane=plane)
+        for one in FORCE_MODEL_PROPERTIES:
+            finding = one(subject)
+            verdict = "-" if finding.value is None else "pass" if finding.holds else "weak"
+            found[f"{name}, {plane}: {one.name}"] = [verdict, finding.value, finding.tolerance]
+print(json.dumps(found), flush=True)
 """
 
 BIND = """
@@ -279,11 +286,9 @@ print(json.dumps({
 FIRST_FORCE = """
 import os
 import pdsurrogate as pds
-from pdsurrogate.run.simulate import Progress
-class UntilFirst(Progress):
-    def residual(self, *given):
-        os._exit(0)
-pds.simulate(pds.load_scene("uniaxial", spacing=0.1), progress=UntilFirst())
+from pdsurrogate.progress import listening
+with listening(lambda stage, done, total, **numbers: os._exit(0) if "residual" in numbers else None):
+    pds.simulate(pds.load_scene("uniaxial", spacing=0.1))
 """
 """A run that ends when the first force is known."""
 

@@ -18,7 +18,7 @@ from pdsurrogate.forces import ForceSettings
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.results import measures
-from pdsurrogate.run.run import Run, Silent
+from pdsurrogate.run.run import Run
 from pdsurrogate.solvers.methods import SOLVERS
 from pdsurrogate.solvers.stability import FrequencyEstimate
 
@@ -136,7 +136,7 @@ def solvers() -> str:
             seconds = []
             for _ in range(repeats):
                 chosen = pds.load_scene(scene, precision=precision) if precision else pds.load_scene(scene)
-                run = Run(chosen, checked_models(chosen, pds.load_surrogate(ENERGY)), Silent())
+                run = Run(chosen, checked_models(chosen, pds.load_surrogate(ENERGY)))
                 run.warm_up()
                 (y,) = run.loading.course.guesses(run.positions, 1.0, stretch, None)
                 run.loading.apply(stretch, run.force, y)

@@ -28,7 +28,7 @@ from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.ranks import bisected, bond_counts, communicator
 from pdsurrogate.run import waiting
-from pdsurrogate.run.run import Run, Silent
+from pdsurrogate.run.run import Run
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import load_scene
 
@@ -98,7 +98,7 @@ def measure(name: str, points: int, threads: int) -> None:
     models = checked_models(scene, default_force(scene))
     with thread_count(threads):
         bare, began = resident(), time.process_time()
-        run = Run(scene, models, Silent(), None, threads)
+        run = Run(scene, models, None, threads)
         set_up, held, part = time.process_time() - began, resident() - bare, run.body.share
         positions, forces = run.body.points.copy(), np.empty_like(run.body.points)
         if scene.stretched:

@@ -18,6 +18,7 @@ from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pds
+from pdsurrogate.progress import listening
 from pdsurrogate.reports import compare
 from pdsurrogate.reports.speed import TimedModel, measure_speed
 from pdsurrogate.results import tables
@@ -80,8 +81,9 @@ def main() -> None:
     if arguments.size:
         print(json.dumps(measure_memory(*arguments.size)))
         return
-    with console.status("Comparing") as status:
-        report = compare.compare(progress=lambda stage, done, of, text: status.update(f"{stage}: {text}"))
+    status = console.status("Comparing")
+    with status, listening(lambda stage, done, total, **numbers: status.update(f"{stage}, {done:.0f} of {total} models")):
+        report = compare.compare()
     comparison = "\n\n".join(f"{title}:\n\n{markdown_table(*compare.table(report, title))}" for title in compare.TABLES)
     console.print(comparison, soft_wrap=True)
     save(compare.pareto_figure(report), FIGURES / "speed.png")

@@ -12,12 +12,12 @@ import time
 
 import numba
 import numpy as np
+from hard_cases import regular
 
 from pdsurrogate.engine import vector_loads as loads
 from pdsurrogate.engine.block_arrays import BLOCK, aligned_rows, block_rows, put_row
 from pdsurrogate.engine.compile import OPTIONS, widest_vectors
 from pdsurrogate.kernels.algebra import entries
-from pdsurrogate.stress_test.bodies import regular
 
 TURNS = 60
 """Turns of each function, of some milliseconds."""

@@ -7,7 +7,7 @@ import numpy as np
 from pdsurrogate.discretization import discretize
 from pdsurrogate.kernels.ghosts import fill_matrices
 from pdsurrogate.solvers.dynamics import ExplicitDynamics
-from pdsurrogate.stress_test.bodies import disc_with_hole, gripped, jittered, sheet
+from pdsurrogate.testing.bodies import disc_with_hole, gripped, jittered, sheet
 
 __all__ = ["build_body", "disc_with_hole", "fill_gradients", "gripped_sheet", "jittered", "nothing_held", "rotation", "sheet"]
 

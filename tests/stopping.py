@@ -5,44 +5,41 @@ from contextlib import contextmanager
 
 import pytest
 
+from pdsurrogate.progress import listening
 from pdsurrogate.run.checkpoints import Checkpoints
-from pdsurrogate.run.run import Silent
 
 
 class Killed(Exception):
     """A kill."""
 
 
-class KilledWhileBondsBreak(Silent):
-    """Progress that kills a run in dynamics when more bonds are broken than `bonds`."""
-
-    def __init__(self, bonds=20):
-        self.bonds = bonds
-
-    def dynamics(self, done, parameter, broken_bonds):
-        if broken_bonds > self.bonds:
-            raise Killed
+def kill():
+    raise Killed
 
 
-class KilledAtLevel(Silent):
-    """Progress that kills a run when it begins a level, by its number from 0."""
-
-    def __init__(self, number):
-        self.number = number
-
-    def level(self, number, parameter):
-        if number == self.number:
-            self.end()
-
-    def end(self):
-        raise Killed
+def interrupt():
+    """End a run as Ctrl-C does."""
+    signal.raise_signal(signal.SIGINT)
 
 
-class InterruptedAtLevel(KilledAtLevel):
-    """Progress that interrupts a run, as Ctrl-C does, when it begins a level, by its number from 0."""
+def while_bonds_break(bonds=20):
+    """Context that kills a run in dynamics when more bonds are broken than `bonds`."""
 
-    def end(self):
-        signal.raise_signal(signal.SIGINT)
+    def listener(stage, done, total, **numbers):
+        if numbers.get("broken_bonds", 0) > bonds:
+            kill()
+
+    return listening(listener)
+
+
+def at_level(number, end=kill):
+    """Context that ends a run when it begins the search for an output in equilibrium, by its number from 0."""
+
+    def listener(stage, done, total, **numbers):
+        if stage == "equilibrium" and done == number and "residual" not in numbers:
+            end()
+
+    return listening(listener)
 
 
 @contextmanager

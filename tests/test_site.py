@@ -37,31 +37,6 @@ def test_lines_of_an_equation_are_aligned_and_numbered():
     assert "<span>(7)</span>" in found
 
 
-def test_two_pages_with_one_title_fail_the_build():
-    titles = ["Ranks", "Loads", "ranks"]
-    pages = [SimpleNamespace(src_uri=f"{n}.md", page=SimpleNamespace(title=title)) for n, title in enumerate(titles)]
-    files = SimpleNamespace(documentation_pages=lambda: pages)
-    with pytest.raises(hooks.PluginError, match=r"2\.md and 0\.md have the same title"):
-        hooks.on_env(None, None, files)
-
-
-@pytest.mark.parametrize(
-    ("written", "linked"),
-    [
-        ("<code>pds.simulate(scene)</code>", "pdsurrogate.run.simulate.simulate"),
-        ("<code>pdsurrogate.forces.NOSBForce</code>", "pdsurrogate.forces.NOSBForce"),
-        ("<code>Result.save</code>", "pdsurrogate.results.Result.save"),
-        ("<code>simulate</code>", None),
-        ("<code>pds.nothing</code>", None),
-        ('<a href="#"><code>pds.Scene</code></a>', None),
-        ("<pre><code>pds.Scene</code></pre>", None),
-    ],
-)
-def test_names_in_code_are_links(written, linked):
-    found = re.findall(r'<autoref identifier="([^"]*)"', hooks.CODE.sub(hooks.linked, written))
-    assert found == ([linked] if linked else [])
-
-
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")

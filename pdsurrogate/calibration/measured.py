@@ -13,6 +13,7 @@ from ..forces import InvalidState
 from ..materials import Law
 from ..materials.covariance import numbers_of
 from ..problem.materials import checked_models
+from ..progress import listening
 from ..results import Result
 from ..run.sensitivity import Differentiated
 from ..run.simulate import SimulationFailed, simulate
@@ -130,7 +131,7 @@ class MeasuredScene:
             If an output is not reached with this law.
         """
         scene = with_law(self.scene, law, spacing)
-        result, found = simulate(scene, FORCE), np.empty(len(self.rows.step))
+        result, found = _simulated(scene), np.empty(len(self.rows.step))
         places = self._interpolation(scene, result)
         for step in self._steps:
             level, here = self._level(result, step), self.rows.step == step
@@ -142,7 +143,7 @@ class MeasuredScene:
 
     def states(self, law: Law) -> np.ndarray:
         """Return the three principal stretches of all points in all steps with a law, in descending order, shape (n, 3)."""
-        result = simulate(with_law(self.scene, law), FORCE)
+        result = _simulated(with_law(self.scene, law))
         numbers = [self._level(result, step)["number"] for step in self._steps]
         return np.concatenate([result.field("principal_stretches", number) for number in numbers])
 
@@ -317,6 +318,11 @@ class MeasuredScene:
 
 FAILURES = (NoEquilibrium, InvalidState, SimulationFailed, SceneError)
 """Errors with which a law has no equilibrium in a scene."""
+
+
+def _simulated(scene: Scene) -> Result:
+    with listening(None):  # the search tells how far it is
+        return simulate(scene, FORCE)
 
 
 def _named_numbers(law: Law) -> dict[str, float]:

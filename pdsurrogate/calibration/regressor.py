@@ -25,6 +25,7 @@ from ..identification.stress_regressor import BULK_RATIO, LawEstimator, bulk_arg
 from ..materials import LAWS, Law, Ogden
 from ..materials.covariance import derivatives_of_numbers
 from ..materials.dictionary import OF_INVARIANTS, STABLE_TO, checked_dictionary, wave_margin
+from ..progress import event
 from ..scenes import Mesh, Scene, load_scene
 from .free import FLOOR, HALVINGS, MOST_TRIED, EnergyUnknowns, floored, grouping, minimized, proposed, scaled, solved
 from .measured import DISPLACEMENTS, FAILURES, FORCES, MeasuredScene, Rows, local_fit
@@ -109,8 +110,8 @@ class SceneRegressor(LawEstimator):
     The test is described by a scene. Its equilibria and their exact derivatives by the parameters (theory, section 23) are those of a
     bounded least-squares iteration (Gauss-Newton steps in a trust region), so that noisy fields are never differentiated. A finer
     simulation of the fitted law corrects the simulation at the spacing of the scene; the standard errors contain an estimate of the
-    discretization error that remains (theory, section 28). A fit takes seconds to many minutes; the logger
-    ``pdsurrogate.calibration`` receives its progress.
+    discretization error that remains (theory, section 28). A fit takes seconds to many minutes; `pdsurrogate.progress`
+    tells how far it is.
 
     Parameters
     ----------
@@ -958,6 +959,7 @@ class _Search:
             values[here], derivatives[here] = test.differentiate(law, names)
         squares = ((self.root * (values - self.y)) ** 2).sum()
         logger.info("%d equilibria, sum of squared residuals %.4g for %d measurements", self.count, squares, len(values))
+        event("calibrating", 0, 1, equilibria=self.count, sum_of_squared_residuals=squares)
         return values, derivatives
 
 

@@ -25,7 +25,6 @@ COMMANDS = {
     "scenes": ("lists", "List the built-in scenes, or show (and plot) one of them."),
     "new": ("lists", "Create a commented scene file to start from."),
     "show": ("show", "Plot a field of saved results, or write one HTML page with fields, curves and tables."),
-    "stress-test": ("measure", "Run difficult cases with each force model; print value and limit of each, and pass or weakness."),
     "study": ("study", "Run a scene with many parameters, or fit many surrogates, in parallel; finished runs are reused."),
     "fit": ("fit", "Fit a surrogate to the bond force or the isochoric energy of a law, and store it as an artifact."),
     "evaluate": ("fit", "Measure the errors of a bond force or an energy by strain, and its state at rest and stiffness."),

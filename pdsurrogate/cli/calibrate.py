@@ -1,6 +1,5 @@
 """Command ``calibrate``, which finds a law from displacement fields and forces measured on a body that a scene describes."""
 
-import logging
 import time
 from pathlib import Path
 from typing import Annotated
@@ -16,7 +15,6 @@ from ..identification import fitted_laws
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
 from ..learning.fitting import TooInexact
-from ..learning.levenberg_marquardt import listening
 from ..learning.settings import FitSettings
 from ..materials import Polyconvex
 from ..results import figures
@@ -25,7 +23,7 @@ from ..scenes import load_scene
 from ..scenes.reading import parse_change
 from .command import SCENE_HELP, Overwrite, SetScene, check_folder
 from .completion import scenes
-from .fit import BulkModulus, Terms, TrainingBar, print_parameters
+from .fit import BulkModulus, Terms, print_parameters
 from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, warn, writing
 
 FIELDS_HELP = "CSV file of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3)."
@@ -78,10 +76,7 @@ def calibrate(
     noises, began = {1: field_noise}, time.perf_counter()
     for number, key in enumerate(outputs.values()):
         noises[-number] = force_noise if FORCES.fullmatch(key) else field_noise if DISPLACEMENTS.fullmatch(key) else None
-    logger = logging.getLogger(SceneRegressor.__module__)
-    logger.setLevel(logging.INFO)
-    with Bar(f"Calibrating {law or 'an energy'} in {test.name}") as bar:
-        logger.handlers = [_OnBar(bar)]
+    with Bar(test.name):
         model.fit(X, y, standard_deviation=model.stated_deviations(X, y, noises))
     found = reporting.report(model, X, y, [*outputs])
     seconds = time.perf_counter() - began
@@ -90,8 +85,8 @@ def calibrate(
     settings = FitSettings(energy=test.plane != "stress", folds=0)
     if free:  # a law is trusted beyond the states of the test, an energy of terms is not
         settings = settings.within(*model.stretch_range_)
-    with TrainingBar() as bar, listening(bar.iteration):
-        write = settings.train(model.law_, model.members_, model.domain_hull_, {"data": data, **found}, bar.begin)
+    with Bar(name):
+        write = settings.train(model.law_, model.members_, model.domain_hull_, {"data": data, **found})
     with writing(folder), bad_input(TooInexact, status=FAILED):
         path = write(folder, name, None)
         write_json(folder / "calibration.json", {"asked": asked, "artifact": str(path), **found, "seconds": seconds})
@@ -99,17 +94,6 @@ def calibrate(
             figures.save(drawn, folder / f"calibration-{which}.png")
     print_json({"artifact": str(path), **found, "seconds": seconds})
     note(f"Wrote {path}, and the report in {folder}")
-
-
-class _OnBar(logging.Handler):
-    """Logging handler that shows messages as the state of a progress bar."""
-
-    def __init__(self, bar: Bar) -> None:
-        super().__init__()
-        self._bar = bar
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._bar.show(0.0, record.getMessage())
 
 
 def print_calibrated(found: dict) -> None:

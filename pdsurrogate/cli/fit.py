@@ -19,7 +19,6 @@ from ..identification import figure, fitted_laws, load_test_data, reporting
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
 from ..learning.fitting import TooInexact
-from ..learning.levenberg_marquardt import listening
 from ..learning.sampling import checked_range
 from ..learning.settings import FitSettings
 from ..learning.target import REPORT_SEED, REPORTED_STATES
@@ -80,11 +79,8 @@ def identify(
         rows = rows.loading()
     if stretch is not None:
         rows = rows.up_to(stretch)
-    with Bar("Fitting") as bar:
-        count = len(names)
-        models, reports, held_out = reporting.identify(
-            rows, names, terms, bulk, hold_out, lambda done, law: bar.count("laws", done, count, f"now {law}")
-        )
+    with Bar(rows.name):
+        models, reports, held_out = reporting.identify(rows, names, terms, bulk, hold_out)
     for report in reports:
         print_identified(report)
     # Remarks on the data are in the report of every law, and are printed once.
@@ -214,8 +210,8 @@ def fit(
             warn(text)
         if refusals and not force_fit:
             raise ValueError(f"{'; '.join(refusals)}; --force-fit continues anyway")
-    with TrainingBar() as bar, listening(bar.iteration):
-        write = settings.train(material, members, hull, tests and tests.report, bar.begin)
+    with Bar(name):
+        write = settings.train(material, members, hull, tests and tests.report)
     with writing(folder), bad_input(TooInexact, status=FAILED):
         # The next version is that of now: another fit of the same name may have ended since.
         path = write(folder, name, version)
@@ -319,25 +315,3 @@ def print_errors(report: dict) -> None:
     cells += [("shear modulus at rest", f"{report['shear_modulus']:.7g}", "1")] if "shear_modulus" in report else []
     cells += [(title, *(f"{report[name]:.3g}" for name in (key, f"{key}_exact"))) for key, title in STIFFNESS.items() if key in report]
     print_table("State at rest, and stiffness", ("quantity", "model", "exact"), cells, left=1)
-
-
-class TrainingBar(Bar):
-    """Progress bar of fits: the stage, which of several fits is running, and its iterations."""
-
-    _begun, _iterations = ("", 0, 1), 0
-
-    def begin(self, *stage_number_count) -> None:
-        """Show that a fit begins; the arguments are the stage, the number of the fit from 0, and the count of fits."""
-        self._begun = stage_number_count
-        self._show_fit(0.0)
-
-    def iteration(self, done: int, most: int, loss: float) -> None:
-        """Show the number of iterations done, the greatest number, and the loss of the running fit."""
-        self._iterations += 1
-        rate = self.rate("iterations", self._iterations)
-        self._show_fit(done / most, f"iteration {done} of at most {most}", f"loss {loss:.2e}{rate}")
-
-    def _show_fit(self, share: float, *words: str) -> None:
-        stage, number, count = self._begun
-        fold = [f"fold {number + 1} of {count}"] if count > 1 else []
-        self.show((number + share) / count, ", ".join([*fold, *words]), stage)

@@ -1,6 +1,5 @@
 """Command ``show``, which draws the saved results of a run and prints their history."""
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -44,8 +43,8 @@ def show(
     if result.status != "done":
         warn(f"{folder}: the run did not finish ({result.summary['failure']}); its outputs so far are shown.")
     if html is not None:
-        with Bar("Drawing") as bar, writing(html):
-            write_text(html, html_page(result, field or (), partial(bar.count, "pictures")))
+        with Bar(result.scene.name), writing(html):
+            write_text(html, html_page(result, field or ()))
         note(f"Wrote {html}")
     elif not result.states:
         why = "the run has not finished; resume it with --resume" if result.status == RUNNING else "the run stopped before its first output"

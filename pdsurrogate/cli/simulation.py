@@ -15,7 +15,7 @@ from ..results import Result
 from ..results.checkpoint import NAME
 from ..results.folder import occupied
 from ..run.interruption import heard
-from ..run.simulate import Progress, SimulationFailed, SimulationInterrupted, simulate
+from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import Scene
 from .command import check_folder
 from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, note, out, print_json, print_table, warn, writing
@@ -43,8 +43,8 @@ def simulated(ranks: Communicator, asked: Scene, force: str | None, threads: int
             with writing(writes):
                 held.enter_context(occupied(writes))
         try:
-            with writing(folder), Bar() as bar:
-                result = simulate(described, model, threads=threads, progress=_Shown(described, bar), **options)
+            with writing(folder), Bar(described.name):
+                result = simulate(described, model, threads=threads, **options)
         except SimulationFailed as error:
             failure, result = error, error.result
         late = failure is None and heard.is_set()
@@ -94,49 +94,6 @@ def _warn_of(result: Result, scene: Scene, model: ForceModel) -> None:
             f"Up to {100 * worst['share']:.3g} % of the bonds (at {at}) were outside the range of the test data of "
             f"{result.summary['force']}, by at most {farthest:.2g} in logarithmic stretch; the fitted energy was extrapolated there."
         )
-
-
-class _Shown(Progress):
-    """Progress of a simulation on a progress bar; the bar shows the logarithm of the residual, which falls over many decades."""
-
-    def __init__(self, scene: Scene, bar: Bar) -> None:
-        self._scene, self._bar = scene, bar
-        self._first, self._account = 0.0, ""
-
-    def compiling(self) -> None:
-        """Print that kernels are being compiled."""
-        note("Compiling kernels; later runs on this machine load them from the cache.")
-
-    def level(self, number: int, parameter: float) -> None:
-        """Begin a new bar for entry `number` (from 0) of the scene's ``stretches``, or of its ``steps`` if it has none.
-
-        `parameter` is the value of that entry: a stretch, or a loading parameter t.
-        """
-        if self._scene.stretched:
-            at = f"stretch {parameter:g} ({number + 1}/{len(self._scene.stretches)})"
-        else:
-            at = f"t = {parameter:g} (step {number + 1}/{len(self._scene.steps)})"
-        self._first = 0.0
-        self._bar.show(0.0, title=f"{self._scene.name}: {at}")
-
-    def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
-        """Show the residual, and as the share done how far its logarithm has come from the greatest residual to the tolerance."""
-        self._first = max(self._first, residual, 1e-300)
-        span = math.log10(self._first / tolerance)
-        done = math.log10(self._first / max(residual, 1e-300)) / span if span > 0 else 1.0
-        rate = self._bar.rate("evaluations", evaluations)
-        self._bar.show(min(max(done, 0.0), 1.0), f"residual {residual:.1e}, {evaluations} evaluations{rate}")
-
-    def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
-        """Show the share done of a stage in dynamics, with the loading parameter and the number of broken bonds."""
-        broken = f", {broken_bonds} bonds broken" if self._scene.fracture is not None else ""
-        state = f"{'stretch ' if self._scene.stretched else 't = '}{parameter:.4f}{broken}{self._account}"
-        self._bar.show(done, state, f"{self._scene.name}: dynamics")
-
-    def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
-        """Store the energies and the number of time steps per second as text, which the next call of `dynamics` shows."""
-        rate = self._bar.rate("steps", steps)
-        self._account = f", energies {strain_energy:.3g} strain, {kinetic_energy:.2g} kinetic{rate}"
 
 
 def print_result(result: Result) -> None:

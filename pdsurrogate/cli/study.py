@@ -30,8 +30,8 @@ def study(
     options = {"jobs": jobs, "threads": threads, "scheduler": scheduler, "overwrite": overwrite, "max_time": max_time}
     interrupted = None
     try:
-        with writing(folder), Bar() as bar:
-            result = studies.study(description, folder, **options, progress=_Progress(description.stem, bar))
+        with writing(folder), Bar(description.stem):
+            result = studies.study(description, folder, **options)
     except studies.StudyInterrupted as error:
         interrupted, result = error, error.result
     if result.failures:
@@ -53,27 +53,3 @@ def study(
     if result.not_done:
         late = f"{len(result.not_done)} runs reached --max-time"
         raise ended(INTERRUPTED, f"{late}; repeat the command to resume them from their checkpoints", WARNING)
-
-
-class _Progress:
-    """Progress of a study on a progress bar, which counts finished and failed runs."""
-
-    def __init__(self, name: str, bar: Bar) -> None:
-        self._name, self._bar = name, bar
-        self._runs, self._ended, self._failed = 0, 0, 0
-
-    def begin(self, runs: int, done: int, workers) -> None:
-        """Print the number of runs, the number of those finished by an earlier call, and the workers; begin the bar."""
-        if workers.caution:
-            warn(f"{workers.caution}.")
-        where = f"{workers.jobs} at a time on {workers.threads} thread{'s' * (workers.threads > 1)} each"
-        where = f"on the workers of {workers.scheduler}" if workers.scheduler else where
-        note(f"{runs} runs, {done} of them finished earlier; the others run {where}")
-        self._runs, self._ended = runs, done
-        self._bar.count("runs", done, runs, title=self._name)
-
-    def ended(self, place: str, failure: str | None) -> None:
-        """Show that the run in the folder `place` has ended; it failed unless `failure` is None."""
-        self._failed += failure is not None
-        self._ended += 1
-        self._bar.count("runs", self._ended, self._runs, f"{self._failed} failed" if self._failed else "")

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
 from types import SimpleNamespace
+from typing import Self
 
 import typer
 from rich.box import SIMPLE_HEAD
@@ -22,6 +23,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 from rich.text import Text
 
+from ..progress import COMPILING, listening
 from ..run.interruption import heard
 
 HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
@@ -29,9 +31,6 @@ HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
 
 GAP = 2
 """Number of characters between two columns of a table."""
-
-SOONEST = 0.5
-"""Seconds after which `Bar.rate` gives a rate: an earlier one would mostly measure the start."""
 
 SECONDS_BETWEEN_LINES = 30.0
 """Seconds between two lines about the progress of a task where standard error is not a terminal. Chosen: a minute tells something, and the
@@ -162,20 +161,29 @@ def _parts(widths: Sequence[int]) -> Iterator[list[int]]:
 
 
 class Bar(Progress):
-    """Progress bar of one task: title, share done, time elapsed and left; on a second line its ``state`` (counts, rate, residual, energy).
+    """Progress bar that shows the events of a context: title, share done, time elapsed and left; on a second line counts and numbers.
 
-    The state has a line of its own because a narrow terminal would cut it off after the bar. If standard error is not a terminal, a line
+    These have a line of their own because a narrow terminal would cut them off after the bar. If standard error is not a terminal, a line
     every `SECONDS_BETWEEN_LINES` says the same; with ``--quiet`` there is neither.
     """
 
-    def __init__(self, title: str = "") -> None:
+    def __init__(self, name: str = "") -> None:
         columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-        # The time left follows from the mean speed: cases of a stress test take minutes, more than a window of the last half a minute.
+        # The time left follows from the mean speed: single runs of a comparison take minutes, more than a window of the last half a minute.
         drawn = {"console": err, "transient": True, "disable": settings.quiet or not err.is_terminal}
         super().__init__(*columns, **drawn, get_time=time.monotonic, speed_estimate_period=math.inf)
-        self._title, self._since, self._told = "", None, time.monotonic()
-        if title:
-            self.show(0.0, title=title)
+        self._name, self._stage, self._told = name, None, time.monotonic()
+        self._counts: dict[str, tuple[float, int]] = {}
+
+    def __enter__(self) -> Self:
+        self._listening = listening(self.event)
+        self._listening.__enter__()
+        self.event("", 0, 1)
+        return super().__enter__()
+
+    def __exit__(self, *error) -> None:
+        super().__exit__(*error)
+        self._listening.__exit__(*error)
 
     def get_renderables(self) -> Iterator[RenderableType]:
         """Yield what rich draws for each task: the line of the bar, then the line of the state if there is one."""
@@ -184,36 +192,35 @@ class Bar(Progress):
             if task.fields["state"]:
                 yield Text(task.fields["state"])
 
-    def show(self, share: float, state: str = "", title: str = "") -> None:
-        """Show on the bar the share done, from 0 to 1, and a state in words; a new title begins a new bar."""
-        if title not in ("", self._title) or not self.tasks:
+    def event(self, stage: str, done: float, total: float, **numbers: float | str) -> None:
+        """Show an event of `pdsurrogate.progress`; a new stage begins a new bar."""
+        if stage == COMPILING:
+            note("Compiling kernels; later runs on this machine load them from the cache.")
+            return
+        title = ": ".join(filter(None, (self._name, stage)))
+        if stage != self._stage:
             for task in self.task_ids:
                 self.remove_task(task)
-            self._title, self._since = title, None
-            self.add_task(escape(title), completed=share, total=1.0, state=state)
-        self.update(self.task_ids[0], completed=share, state=state)
+            self._stage, self._counts = stage, {}
+            self.add_task(escape(title), completed=done, total=total, state="")
+        counted = [f"{int(done)} of {total:g}"] if total > 1 else []
+        state = ", ".join([*counted, *(self._in_words(*item) for item in numbers.items())])
+        self.update(self.task_ids[0], completed=done, state=state)
         if not err.is_terminal and time.monotonic() - self._told > SECONDS_BETWEEN_LINES:
             self._told, left = time.monotonic(), self.tasks[0].time_remaining
             rest = "" if left is None else f", about {timedelta(seconds=int(left))} left"
-            note(f"{self._title}: {100 * share:.0f} % done{rest}{state and f'; {state}'}")
+            note(f"{title}: {100 * done / total:.0f} % done{rest}; {state}")
 
-    def rate(self, items: str, count: float) -> str:
-        """Return a text such as ", 12 steps/s" for the mean rate of `count`, since the first call under the bar's present title.
-
-        The text is empty in the first `SOONEST` seconds, and while the count has not grown.
-        """
-        now = time.monotonic()
-        self._since = self._since or (now, count)
-        elapsed, done = now - self._since[0], count - self._since[1]
-        if elapsed < SOONEST or done <= 0:
-            return ""
-        rate = done / elapsed
-        return f", {rate:.3g} {items}/s" if rate >= 1 else f", {60 * rate:.3g} {items}/min"
-
-    def count(self, items: str, done: float, total: int, state: str = "", title: str = "") -> None:
-        """Show on the bar how many of `total` items are done, the rate, and a state in words."""
-        self.show(done / total, state, title)
-        self.show(done / total, f"{int(done)} of {total} {items}{self.rate(items, done)}{state and f', {state}'}")
+    def _in_words(self, name: str, number: float | str) -> str:
+        """Return a number with its name, and for a whole one, which counts something, its growth per second."""
+        if isinstance(number, str):
+            return number
+        name = name.replace("_", " ")
+        if isinstance(number, float):
+            return f"{name} {number:.3g}"
+        since, first = self._counts.setdefault(name, (time.monotonic(), number))
+        elapsed = time.monotonic() - since
+        return f"{number} {name}" + (f" ({(number - first) / elapsed:.3g}/s)" if elapsed > 0 and number > first else "")
 
 
 def share(ranks) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..body import HeldBoundary, ReflectionPlane
 from ..scenes import Mesh, Polygon, Rectangle, Sphere
+from ..scenes.grips import prescribed_in
 from ..scenes.loading import Prescribed
 from ..scenes.model import EDGES, Scene
 from ..scenes.regions import RegionReference, edge_names
@@ -76,10 +77,10 @@ def held_at_points(scene: Scene, curves: bool) -> dict[str, str]:
 
 def _boundaries_held(scene: Scene, curves: bool) -> dict[str, str]:
     """Return the boundaries of which a scene prescribes at least one component: by name why points hold them, or "" for mirrored points."""
-    if scene.support != "reflected" or scene.stretched:
+    if scene.support != "reflected":
         return {}
     held = {}
-    for entry in scene.prescribed:
+    for entry in prescribed_in(scene).values():
         for name in whole_boundaries(scene, entry.region):
             held.setdefault(name, set()).update(prescribed_components(entry, scene.dimension))
     return {name: _why_at_points(scene, name, components, curves) for name, components in sorted(held.items())}
@@ -129,15 +130,14 @@ def prescribed_components(entry: Prescribed, dimension: int) -> tuple[int, ...]:
 def reflected_edges(scene: Scene, faces: Mapping[str, str]) -> dict[str, set[int]]:
     """Return the edges of a scene that reflection planes hold, each with the displacement components that are held there, 0 for x1.
 
-    Reflection planes hold the edges of grips. They also hold an edge if entries of `prescribed` apply to the whole of it, by its name or by
-    a mesh group that covers it (see `whole_edge`, also for `faces`), and prescribe its normal component, alone or as part of a rotation.
-    On other edges that a scene holds, the outermost points are held instead.
+    Reflection planes hold an edge if grips or entries of `prescribed` apply to the whole of it, by its name or by a mesh group that covers
+    it (see `whole_edge`, also for `faces`), and prescribe its normal component, alone or as part of a rotation. On other edges that a
+    scene holds, the outermost points are held instead.
     """
     if scene.support != "reflected":
         return {}
-    every = range(scene.dimension)
-    held = {grip.edge: {EDGES[grip.edge][0]} if grip.holds == "normal" else set(every) for grip in scene.grips}
-    for entry in scene.prescribed:
+    held: dict[str, set[int]] = {}
+    for entry in prescribed_in(scene).values():
         edge = whole_edge(scene, entry.region, faces)
         if edge is not None:
             held.setdefault(edge, set()).update(prescribed_components(entry, scene.dimension))

@@ -1,6 +1,6 @@
 """Identification of laws from test data for the command line, with reports as dictionaries and figures."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from sklearn.base import clone
 from ..forces import ForceModel
 from ..forces.homogeneous import nominal_states
 from ..materials import Law
+from ..progress import event
 from ..results.figures import STYLE
 from .data import BIAXIAL, MODES, TestData
 from .energy import EnergyRegressor, mode_of
@@ -158,7 +159,7 @@ def fitted(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]
 
 
 def identify(
-    data: TestData, laws: Sequence[str], n_terms: int, bulk: dict[str, float], hold_out: bool, progress: Callable[[float, str], None]
+    data: TestData, laws: Sequence[str], n_terms: int, bulk: dict[str, float], hold_out: bool
 ) -> tuple[list[StressRegressor], list[dict], list[dict]]:
     """Fit several laws to test data, and report on each fit.
 
@@ -173,8 +174,6 @@ def identify(
         See `stress_regressor.bulk_arguments`.
     hold_out : bool
         Whether each mode is held out in turn from further fits.
-    progress : callable
-        Called with the number of laws that are done and a description of the next fit.
 
     Returns
     -------
@@ -187,10 +186,10 @@ def identify(
     """
     models, held_out = [], []
     for number, law in enumerate(laws):
-        progress(number, law)
+        event("fitting", number, len(laws), law=law)
         models.append(fitted(data, law, n_terms, bulk))
         if hold_out:
-            progress(number + 0.5, f"{law}, each mode held out in turn")
+            event("fitting", number + 0.5, len(laws), law=f"{law}, each mode held out in turn")
             held_out += held_out_modes([clone(models[-1])], data)
     return models, [examined(model, data, models) for model in models], held_out
 

@@ -5,7 +5,6 @@ The module also holds the check that refuses to store or to run a model with too
 
 import warnings
 from bisect import bisect_left
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from ..forces.agreement import WIDEST
 from ..forces.bond_energy import EnergySurrogate
 from ..materials import Law
 from ..materials.law import checked_law
+from ..progress import part
 from .bond_force import BOND_FORCE
 from .energy import SHEET_ENERGY
 from .export import best_of
@@ -360,9 +360,7 @@ def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is store
         warnings.warn(f"{what} has an RMS error of {fault}: fit it over a smaller range of stretches", stacklevel=4)
 
 
-def cross_validate(
-    model, samples: Samples, folds: int = 5, random_state: int = 0, n_jobs: int = 1, progress: Callable[[int], None] = lambda fold: None
-) -> list[dict]:
+def cross_validate(model, samples: Samples, folds: int = 5, random_state: int = 0, n_jobs: int = 1) -> list[dict]:
     """Fit a clone of a pipeline for each fold to the samples outside the fold, and return the relative errors on the fold.
 
     Parameters
@@ -376,8 +374,6 @@ def cross_validate(
         Seed of the split.
     n_jobs : int
         Number of fits that run in parallel.
-    progress : callable
-        Called with the number of each fold, from 0, when its fit starts (with `n_jobs` above 1, when it is submitted).
 
     Returns
     -------
@@ -406,21 +402,16 @@ def cross_validate(
     check_kind(samples, Samples, "samples", "Samples, such as training_samples draws")
     check_whole_number(folds, "folds", 2, len(samples))
     check_seed(random_state)
-    check_kind(progress, Callable, "progress", "a function")
     check_jobs(n_jobs)
-
-    def task(fold: int, train: np.ndarray, test: np.ndarray):
-        progress(fold)
-        return delayed(_errors_left_out)(clone(model), samples.take(train), samples.take(test))
-
     splits = KFold(folds, shuffle=True, random_state=random_state).split(samples.X)
-    errors = Parallel(n_jobs)(task(fold, *split) for fold, split in enumerate(splits))
-    return [{"fold": number, **error} for number, error in enumerate(errors)]
+    split = ((fold, folds, clone(model), samples.take(train), samples.take(test)) for fold, (train, test) in enumerate(splits))
+    return Parallel(n_jobs)(delayed(_errors_left_out)(*one) for one in split)
 
 
-def _errors_left_out(model, train: Samples, test: Samples) -> dict[str, float]:
-    """Fit a model to the samples `train` and return its relative errors on the samples `test`."""
-    return test.target.errors(model.fit(train.X, train.y).predict(test.X), test)
+def _errors_left_out(fold: int, folds: int, model, train: Samples, test: Samples) -> dict[str, float]:
+    """Fit a model to the samples `train` and return its relative errors on the samples `test`, the `fold` of so many."""
+    with part("cross-validating", fold, folds, fold=f"fold {fold + 1} of {folds}"):
+        return {"fold": fold, **test.target.errors(model.fit(train.X, train.y).predict(test.X), test)}
 
 
 def evaluate(

@@ -1,12 +1,9 @@
 """The Levenberg-Marquardt algorithm for any network, and a scikit-learn regressor of multilayer perceptrons trained by the algorithm.
 
 `scipy.optimize.least_squares` holds the whole Jacobian of all samples and outputs; here the normal equations are summed over outputs.
-scikit-learn's pipelines do not pass on the progress of their regressors, so a function to be called on progress is a context variable.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import KW_ONLY, dataclass
 from itertools import pairwise
 from typing import ClassVar
@@ -18,6 +15,7 @@ from sklearn.utils._param_validation import StrOptions
 from threadpoolctl import threadpool_limits
 
 from ..kernels.network import network_outputs
+from ..progress import event
 from .base import ACTIVATIONS, COUNT, NOT_NEGATIVE, POSITIVE, SHARE, BasePerceptron
 
 MOST_DAMPING = 1e12
@@ -31,32 +29,18 @@ CONSTRAINTS = {
 }
 """Constraints on the parameters that all regressors trained by this algorithm have."""
 
-Listener = Callable[[int, int, float], None]
-
-_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
-
-
-@contextmanager
-def listening(listener: Listener) -> Iterator[None]:
-    """Context in which ``listener(iteration, greatest number of iterations, loss)`` is called after each iteration of a training."""
-    before = _listener.set(listener)
-    try:
-        yield
-    finally:
-        _listener.reset(before)
-
 
 def accepted_steps(
     regressor, number: int, weights: np.ndarray, loss_of: Callable[[np.ndarray], float], normal_equations: Callable
 ) -> Iterator[tuple[np.ndarray, float]]:
     """Minimize a loss by Levenberg-Marquardt steps: yield weights and loss after each of at most ``max_iter`` accepted steps.
 
-    The training starts from `weights`; `number` counts the ``n_init`` trainings of a fit, from 0, for the listener.
+    The training starts from `weights`; `number` counts the ``n_init`` trainings of a fit, from 0.
     ``normal_equations(weights)`` returns J^T J and J^T r for the residuals r and their derivatives J by the weights. The damping, relative
     to the diagonal of J^T J, is raised until the loss falls, and lowered after the step. The training ends early where no damping makes a
-    step an improvement: the loss is then at its least to rounding. A listener set by `listening` is called after each step.
+    step an improvement: the loss is then at its least to rounding.
     """
-    loss, damping, most, listener = loss_of(weights), regressor.initial_damping, regressor.max_iter, _listener.get()
+    loss, damping, most = loss_of(weights), regressor.initial_damping, regressor.max_iter
     for iteration in range(number * most + 1, (number + 1) * most + 1):
         normal, gradient = normal_equations(weights)
         diagonal = np.diag(normal) + 1e-12 * max(np.trace(normal), 1e-300)
@@ -73,8 +57,7 @@ def accepted_steps(
         else:
             return
         weights, loss, damping = trial, trial_loss, max(damping / 5, 1e-14)
-        if listener is not None:
-            listener(iteration, regressor.n_init * most, loss)
+        event("training", iteration, regressor.n_init * most, loss=loss, iterations=iteration)
         yield weights, loss
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -13,6 +12,7 @@ from ..arguments import suggestion
 from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.network import ACTIVATIONS, MOST_HIDDEN
 from ..materials import Law
+from ..progress import part
 from ..scenes.strict_model import NUMBER, StrictModel
 from .chebyshev import ChebyshevRegressor
 from .fitting import TARGETS, cross_validate, reachable_stretches, surrogate_pipeline, training_samples
@@ -152,7 +152,6 @@ class FitSettings(StrictModel):
         members: Sequence[Law] = (),
         hull: dict | None = None,
         identification: dict | None = None,
-        progress: Callable[[str, int, int], None] = lambda stage, number, count: None,
     ) -> Callable[[str | Path | None, str, str | None], Path]:
         """Fit a pipeline to a law, and return the function ``(folder, name, version)`` that stores it and returns the artifact's folder.
 
@@ -165,34 +164,26 @@ class FitSettings(StrictModel):
             Hull of the states in the tests from which the law was identified; it becomes part of the surrogate's domain.
         identification : dict, optional
             Report of the identification of the law, for the card.
-        progress : callable
-            Called when a fit begins, with its stage, its number in the stage, from 0, and the number of fits in the stage.
         """
         samples, (pipeline, what) = self.design(law), self.pipeline()
         if hull is not None:
             samples = replace(samples, design={**samples.design, "hull": hull})
-        progress("Fitting", 0, 1)
-        pipeline.fit(samples.X, samples.y)
-        fitted = self.committee(members, lambda number: progress("Fitting members", number, len(members)))
-        folds = []
-        if self.folds:
-            begin = partial(progress, "Cross-validating")
-            folds = cross_validate(pipeline, samples, self.folds, self.seed, progress=lambda fold: begin(fold, self.folds))
+        with part("fitting", 0, 1):
+            pipeline.fit(samples.X, samples.y)
+        fitted = self.committee(members)
+        folds = cross_validate(pipeline, samples, self.folds, self.seed) if self.folds else []
         description = f"{'Isochoric energy' if self.energy else 'Bond force'} of {law.name}, {what}"
         text = CardText(description, folds, identification=identification)
         return lambda folder, name, version: store(pipeline, samples, law, folder, name, version, text, fitted)
 
-    def committee(self, laws: Sequence[Law], progress: Callable[[int], None] = lambda member: None) -> list[tuple]:
-        """Fit a pipeline to each law, each with its own seed; return the tuples (model, samples, law), the ``members`` of `store`.
-
-        `progress` is called with the number of each member, from 0, when its fit begins.
-        """
+    def committee(self, laws: Sequence[Law]) -> list[tuple]:
+        """Fit a pipeline to each law, each with its own seed; return the tuples (model, samples, law), the ``members`` of `store`."""
         members = []
         for number, law in enumerate(laws):
-            progress(number)
             settings = self.model_copy(update={"seed": self.seed + number + 1})
             design = settings.design(law)
-            members.append((settings.pipeline()[0].fit(design.X, design.y), design, law))
+            with part("fitting members", number, len(laws)):
+                members.append((settings.pipeline()[0].fit(design.X, design.y), design, law))
         return members
 
 

@@ -17,7 +17,7 @@ from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
 from ..scenes.regions import label_of_region
 from ..solvers.conditions import Loading
-from ..solvers.course import Paths, Pull
+from ..solvers.course import Paths
 from ..solvers.held import Held
 from ..solvers.increments import Motion
 from ..solvers.loads import DeadLoad, Loads, Pressure
@@ -25,7 +25,7 @@ from ..solvers.nearest_bonds import RESOLVED, strain_rounding
 from ..solvers.obstacles import Obstacle
 from ..solvers.rigid import rigid_motions
 from .obstacles import obstacles_of
-from .program import Prescription, Stage, known_ends
+from .program import NominalStress, Prescription, Stage, known_ends, parameter_of
 from .regions import BodyRegions
 
 RIGID = 1e3
@@ -46,7 +46,13 @@ thousandth of the body apart yield more."""
 
 
 def conditions_of(
-    scene: Scene, prescriptions: list[Prescription], regions: BodyRegions, loads: Loads, stages: tuple[Stage, ...], rigid: np.ndarray
+    scene: Scene,
+    prescriptions: list[Prescription],
+    regions: BodyRegions,
+    loads: Loads,
+    stages: tuple[Stage, ...],
+    rigid: np.ndarray,
+    stress: NominalStress | None = None,
 ) -> Loading:
     """Return the boundary conditions and loads of a body (`Loading`), checked, with the first guesses of equilibria that follow from them.
 
@@ -59,6 +65,8 @@ def conditions_of(
     stages : tuple of Stage
     rigid : ndarray of int
         Points of all rigid regions; those next to a reflection plane are held like the plane.
+    stress : NominalStress, optional
+        Nominal stress of a body between grips.
 
     Raises
     ------
@@ -66,7 +74,7 @@ def conditions_of(
         If a region is empty, two entries move a point or plane differently, an amplitude is not zero at the start, or nothing keeps a piece
         of the body where it is; the message names the key.
     """
-    body, stretched = regions.body, scene.stretched
+    body = regions.body
     names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
     edges = [edge_of(plane) for plane in body.planes]
     planes, held, along_planes = [], [], []
@@ -89,24 +97,20 @@ def conditions_of(
                 held.append(one.held(names, rigid_points, body.points[rigid_points]))
     moving = any(stage.inertia is not None for stage in stages)
     held += [_points_of(one, names, regions, moving, edges) for one in prescriptions if not _mirrored(one, regions, edges)]
-    plane_names = [f"{edge} {'grip' if stretched else 'edge'}" for edge in edges]
-    parameter, rest = ("stretch", 1.0) if stretched else ("t", 0.0)
-    loading = Loading(body, parameter, rest, names, plane_names, [*held, *planes], loads)
+    loading = Loading(body, *parameter_of(scene), names, [f"{edge} edge" for edge in edges], [*held, *planes], loads)
     # A plane moves like its points: two prescriptions may not disagree on either. Holds may move points next to a grip's plane.
-    _check_motions(loading, [*([] if stretched else along_planes), *held], [rest, *known_ends(stages)])
+    _check_motions(loading, [*along_planes, *held], [loading.rest, *known_ends(stages)])
     _check_counted(loading, prescriptions)
-    if stretched:
-        axis, travels = scene.loaded_axis, np.array([one.displacement for one in prescriptions[len(scene.holds) :]])
-        loading.course = Pull(loading, axis, regions.lower[axis], float(regions.upper[axis] - regions.lower[axis]), travels)
-        _check_held(loading, "grips", "add a hold", f"moving along x{axis + 1}")
-        return loading
     modulus = 1.0 if scene.material is None else scene.law().shear_modulus  # a picture of a scene without a material needs none
     springs = np.full(len(body), modulus)
     springs[rigid] *= RIGID
-    loading.course = Paths(loading, springs, modulus, scene.solver.largest_increment)
+    strain, pull = (scene.solver.largest_increment, None) if stress is None else (np.inf, stress.pull)  # grips limit the stretch itself
+    loading.course = Paths(loading, springs, modulus, strain, pull)
     for support in loading.supports:
         support.response = loading.course.response
-    if any(stage.inertia is None for stage in stages):
+    if stress is not None:
+        _check_held(loading, "grips", "add a hold", f"moving along x{stress.axis + 1}")
+    elif any(stage.inertia is None for stage in stages):
         ways = "x1 or x2" if body.dimension == 2 else "x1, x2 or x3"
         _check_held(loading, "prescribed", f"prescribe {ways} = 0 on a region, or run the steps in dynamics")
     return loading

@@ -31,7 +31,7 @@ from .materials import (
     warn_of_parts,
 )
 from .obstacles import bar_rigid_regions
-from .program import Measures, Prescription, Stage, known_ends, measures_of, prescriptions_of, stages_of
+from .program import Measures, Prescription, Stage, known_ends, measures_of, parameter_of, prescriptions_of, stages_of
 from .regions import BodyRegions
 
 
@@ -143,9 +143,7 @@ class Problem:
         return _on_body(scene, models, self.whole, regions, ALONE)
 
     def reached(self, parameter: float) -> str:
-        """Return the prescribed motions and loads at a value of t, as text for messages; empty if the loading parameter is the stretch."""
-        if self.loading.parameter == "stretch":
-            return ""
+        """Return the prescribed motions and loads at a value of the loading parameter, as text for messages."""
         found = [f"{one.key} to {words}" for one in self.prescriptions if (words := one.reached(parameter))]
         for number, load in enumerate(self.scene.loads):
             size = np.array(getattr(load, load.kind)) * amplitude_of(load.amplitude)(parameter)
@@ -269,8 +267,9 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
             raise ValueError("materials: rigid regions are supported on one rank only; run without mpiexec, or give the regions a law")
         vars(body)["loaded"] = any(load.kind in ("traction", "pressure") for load in scene.loads)
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
-        prescriptions = prescriptions_of(scene, regions, stages)
-        loading = conditions_of(scene, prescriptions, regions, loads, stages, _together(rigid))
+        prescriptions = prescriptions_of(scene, regions, stages, parameter_of(scene)[1])
+        measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))
+        loading = conditions_of(scene, prescriptions, regions, loads, stages, _together(rigid), measures.nominal_stress)
         bar_rigid_regions(loading, rigid, known_ends(stages))
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
@@ -279,7 +278,6 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
             check_steps(loading, stages, softest)
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
-        measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))
         critical = None
         if scene.fracture and portions:
             check_walls(scene, whole)

@@ -11,6 +11,7 @@ from ..discretization.planes import prescribed_components
 from ..forces import InvalidState
 from ..scenes import Dynamics, Rectangle, Region, Scene, StepDynamics
 from ..scenes.amplitudes import amplitude_of
+from ..scenes.grips import prescribed_in
 from ..scenes.model import EDGES
 from ..scenes.references import reference_level
 from ..scenes.regions import label_of_region
@@ -72,6 +73,11 @@ def stages_of(scene: Scene) -> tuple[Stage, ...]:
     return tuple(stages)
 
 
+def parameter_of(scene: Scene) -> tuple[str, float]:
+    """Return the name of a scene's loading parameter, and its value for the undeformed body."""
+    return ("stretch", 1.0) if scene.stretched else ("t", 0.0)
+
+
 def known_ends(stages: tuple[Stage, ...]) -> list[float]:
     """Return the loading parameters at the ends of those stages that prescribe it."""
     return [stage.to for stage in stages if stage.control is None]
@@ -97,8 +103,16 @@ class NominalStress:
 
     def of(self, forces: np.ndarray) -> float:
         """Return the nominal stress from the forces of both grips on the body, shape (2, d)."""
-        axis, side = EDGES[self.edge]
-        return float(side * forces[self.number, axis] / self.area)
+        return float(EDGES[self.edge][1] * forces[self.number, self.axis] / self.area)
+
+    def pull(self, forces: np.ndarray) -> float:
+        """Return the force with which the grips pull, negative where they push, from the forces of both grips, shape (2, d)."""
+        return self.of(forces) * self.area
+
+    @property
+    def axis(self) -> int:
+        """Return the loaded axis, 0 for x1."""
+        return EDGES[self.edge][0]
 
 
 @dataclass(frozen=True)
@@ -143,8 +157,6 @@ class Prescription:
     ----------
     key : str
         Key of the entry in the scene.
-    name : str
-        Name in messages.
     holder : str or None
         Name under which results report the force of the support; None where they do not report it.
     region : str or Region
@@ -163,7 +175,6 @@ class Prescription:
     """
 
     key: str
-    name: str
     holder: str | None
     region: str | Region
     components: tuple[int, ...]
@@ -200,7 +211,7 @@ class Prescription:
         """
         holder = None if self.holder is None else names.index(self.holder)
         angle = None if self.rotation is None else self.angle
-        return Held(self.name, holder, components or self.components, self.motion, points, places, angle, **further)
+        return Held(self.key, holder, components or self.components, self.motion, points, places, angle, **further)
 
     def reached(self, parameter: float) -> str:
         """Return the prescribed displacement and rotation at a value of the parameter, as text for messages; empty if all are zero."""
@@ -209,64 +220,38 @@ class Prescription:
         return ", ".join(found + ([f"rotation = {self.rotation * factor:.4g}"] if self.rotation else []))
 
 
-def prescriptions_of(scene: Scene, regions: BodyRegions, stages: tuple[Stage, ...]) -> list[Prescription]:
+def prescriptions_of(scene: Scene, regions: BodyRegions, stages: tuple[Stage, ...], rest: float) -> list[Prescription]:
     """Return the prescribed motions of a scene in the order in which they take effect: of two that hold a point, the later one counts.
 
-    Grips (at edges) and holds (of boxes or lists of points) of a scene with stretches move in proportion to the elongation of the body.
+    `rest` is the loading parameter of the undeformed body.
 
     Raises
     ------
     ValueError
         If two entries on different regions share a name.
     """
-    if not scene.stretched:
-        ends = [0.0, *known_ends(stages)]
-        return [_of_entry(scene, number, label, (min(ends), max(ends))) for number, label in enumerate(_labels(scene, regions))]
-
-    length = float((regions.upper - regions.lower)[scene.loaded_axis])
-
-    def elongation(stretch: float) -> float:
-        return (stretch - 1) * length
-
-    found, every = [], tuple(range(scene.dimension))
-    for number, hold in enumerate(scene.holds):
-        components = every if hold.components is None else tuple(int(name[1:]) - 1 for name in hold.components)
-        travel, key = np.zeros(scene.dimension) if hold.travel is None else np.array(hold.travel), f"holds.{number}"
-        region = Region.model_construct(box=hold.box, points=hold.points)  # it may list no points, and is refused where it is resolved
-        words = "all" if hold.components is None else ", ".join(hold.components)
-        found.append(Prescription(key, key, None, region, components, travel, elongation, words))
-    for number, grip in enumerate(scene.grips):
-        axis, side = EDGES[grip.edge]
-        components, words = ((axis,), "roller") if grip.holds == "normal" else (every, "grip")
-        travel = side * grip.travel * np.eye(scene.dimension)[axis]
-        found.append(Prescription(f"grips.{number}", f"the {grip.edge} grip", grip.edge, grip.edge, components, travel, elongation, words))
+    length = float((regions.upper - regions.lower)[scene.loaded_axis]) if scene.stretched else 1.0
+    entries, labels, ends = prescribed_in(scene, length), _labels(scene), [0.0, *(end - rest for end in known_ends(stages))]
+    found = []
+    for key, entry in entries.items():
+        values = np.array([value or 0.0 for value in entry.displacement[: scene.dimension]])
+        factor = partial(_factor, f"{key}.amplitude", amplitude_of(entry.amplitude), (min(ends), max(ends)), rest)
+        words = [f"x{number} = {value:g}" for number, value in enumerate(entry.displacement, 1) if value is not None]
+        words += [] if entry.rotation is None else [f"turned by {entry.rotation:g} degrees"]
+        about, axis = (None if place is None else np.array(place) for place in (entry.about, entry.axis))
+        held = labels.get(key), entry.region, prescribed_components(entry, scene.dimension)
+        found.append(Prescription(key, *held, values, factor, ", ".join(words), entry.rotation, about, axis))
     return found
 
 
-def _of_entry(scene: Scene, number: int, label: str, span: tuple[float, float]) -> Prescription:
-    """Return the prescribed motion of one entry of the scene's `prescribed`.
-
-    `number` is the position of the entry in the list, `label` the name under which results report the force of this support, and `span` the
-    least and greatest loading parameter of the program.
-    """
-    entry, key = scene.prescribed[number], f"prescribed.{number}"
-    values = np.array([value or 0.0 for value in entry.displacement[: scene.dimension]])
-    components = prescribed_components(entry, scene.dimension)
-    factor = partial(_factor, f"{key}.amplitude", amplitude_of(entry.amplitude), span)
-    words = [f"x{number} = {value:g}" for number, value in enumerate(entry.displacement, 1) if value is not None]
-    words += [] if entry.rotation is None else [f"turned by {entry.rotation:g} degrees"]
-    about, axis = (None if place is None else np.array(place) for place in (entry.about, entry.axis))
-    turn = (entry.rotation, about, axis)
-    return Prescription(key, key, label, entry.region, components, values, factor, ", ".join(words), *turn)
-
-
-def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, float], t: float) -> float:
-    """Return the value of an amplitude at t; beyond the program's `span`, its least and greatest t, the amplitude is extrapolated.
+def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, float], rest: float, parameter: float) -> float:
+    """Return an amplitude at t = parameter - rest; beyond the program's `span`, its least and greatest t, it is extrapolated.
 
     Viscous forces need values slightly after the end of the program, where the amplitude itself may be undefined. The extrapolation, by
     reflection in the point at the end, keeps the velocity of parts that move there. Raise InvalidState, with the `key` of the amplitude in
     the scene, if the amplitude is undefined at `t`, or at a value within the span that the extrapolation uses.
     """
+    t = parameter - rest
     try:
         within = min(max(t, span[0]), span[1])
         return amplitude(t) if t == within else 2 * amplitude(within) - amplitude(2 * within - t)
@@ -276,22 +261,21 @@ def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, fl
 
 def names_of_forces(scene: Scene) -> dict[str, str]:
     """Return the names under which results report forces, by the keys of the grips, or of the entries that prescribe, load or press."""
-    if scene.stretched:
-        return {f"grips.{number}": grip.edge for number, grip in enumerate(scene.grips)}
-    entries = (
-        (f"{kind}.{number}", entry) for kind in ("prescribed", "loads", "obstacles") for number, entry in enumerate(getattr(scene, kind))
-    )
-    return {key: entry.name or (key if key.startswith("obstacles") else label_of_region(entry.region, key)) for key, entry in entries}
+    entries = {key: entry for key, entry in prescribed_in(scene).items() if not key.startswith("holds")}
+    entries |= {f"{kind}.{number}": entry for kind in ("loads", "obstacles") for number, entry in enumerate(getattr(scene, kind))}
+    return {
+        key: entry.name or (key if key.startswith("obstacles") else label_of_region(entry.region, key)) for key, entry in entries.items()
+    }
 
 
-def _labels(scene: Scene, regions: BodyRegions) -> list[str]:
-    """Return the names under which results report the forces of the entries of `prescribed`; ValueError if two regions share a name."""
-    labels, owners = names_of_forces(scene), {}
+def _labels(scene: Scene) -> dict[str, str]:
+    """Return `names_of_forces`; raise ValueError if entries on different regions share a name."""
+    labels, owners, entries = names_of_forces(scene), {}, prescribed_in(scene)
     for key, label in labels.items():
         kind, number = key.split(".")
-        own = key if kind == "obstacles" else getattr(scene, kind)[int(number)].region
+        own = key if kind == "obstacles" else (entries[key] if key in entries else getattr(scene, kind)[int(number)]).region
         other, region = owners.setdefault(label, (key, own))
         if region != own:
             one = f"{other} and {key} have different regions but the same name {label!r}"
             raise ValueError(f"{one}; give one of them another name")
-    return list(labels.values())[: len(scene.prescribed)]
+    return labels

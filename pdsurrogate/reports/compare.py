@@ -16,21 +16,14 @@ from ..body import Body
 from ..engine.threads import most_threads, thread_count
 from ..forces import FORCES, BANOSBForce, EnergySurrogate, ForceModel, ForceSurrogate, NOSBForce
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
-from ..learning.levenberg_marquardt import listening
 from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
+from ..progress import part
 from ..results.figures import STYLE
 from ..results.provenance import processor
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import load_scene
 from .speed import UNDISTURBED, TimedModel, measure_speed, sheet
-
-Progress = Callable[[str, float, int, str], None]
-"""Function that receives the stage of a comparison, the number of models (or timings) done in it, possibly a fraction, the total number,
-and a description."""
-
-FITTING, TIMING, ERRORS = "Fitting", "Timing", "Errors and uniaxial scene"
-"""Stages of a comparison: fitting or loading the models, timing them, and measuring their errors."""
 
 RIVAL, REFERENCE = BANOSBForce.name, NOSBForce.name
 """Names of the two models with which the cost of every model is compared."""
@@ -98,20 +91,15 @@ def plans(law: Law, quick: bool, references: Sequence[str] | None = None) -> Ite
         yield Plan("polynomial, isochoric, {size}", partial(fitted, "isochoric", learning.ChebyshevRegressor(degree)))
 
 
-def candidates(law: Law, quick: bool, body: Body, progress: Progress, references: Sequence[str] | None = None) -> list[TimedModel]:
+def candidates(law: Law, quick: bool, body: Body, references: Sequence[str] | None = None) -> list[TimedModel]:
     """Return the force models to be compared for a law, loaded or fitted, one for each precision, to be timed on `body`.
 
     `references` are the models to compare, see `plans`; raise ValueError if one does not describe sheets of this law in plane stress.
     """
     planned, found = list(plans(law, quick, references)), []
-
-    def iteration(number: int, what: str, now: int, most: int, loss: float) -> None:
-        progress(FITTING, number + now / most, len(planned), f"{what}: iteration {now} of at most {most}, loss {loss:.2e}")
-
     for number, plan in enumerate(planned):
         what = plan.title.replace("{size}", "").removesuffix(", ")
-        progress(FITTING, number, len(planned), what)
-        with listening(partial(iteration, number, what)):
+        with part("fitting", number, len(planned), model=what):
             model = plan.made()
         if "stress" not in model.honors["plane"]:
             raise ValueError(f"{plan.title} does not describe plane stress, for which compare measures force models")
@@ -169,7 +157,6 @@ def measure_scene(entry: TimedModel, law: Law, spacing: float) -> dict:
 def compare(
     law: Law | None = None,
     quick: bool = False,
-    progress: Progress = lambda stage, done, of, text: None,
     threads: int | None = None,
     references: Sequence[str] | None = None,
 ) -> dict:
@@ -181,8 +168,6 @@ def compare(
         Material of the comparison; by default Neo-Hookean rubber with K = 100 mu.
     quick : bool
         Coarser scene, fewer models, smaller fits and shorter timings: for a first look, not for quoting.
-    progress : callable
-        See `Progress`.
     threads : int, optional
         Greatest number of threads that is measured; by default all.
     references : sequence of str, optional
@@ -201,12 +186,12 @@ def compare(
     law, body = law or NeoHookean(), sheet()
     spacing, patience, n_samples = (0.05, 10.0, 2000) if quick else (0.02, 200.0, 20_000)
     with thread_count(threads, limit=True):
-        entries, rows = candidates(law, quick, body, progress, references), []
-        speeds = measure_speed(entries, law, patience, partial(progress, TIMING))
+        entries, rows = candidates(law, quick, body, references), []
+        speeds = measure_speed(entries, law, patience)
         for number, (entry, speed) in enumerate(zip(entries, speeds, strict=True)):
-            progress(ERRORS, number, len(entries), f"{entry.title}, {entry.precision}")
             described = {"force": entry.title, "precision": entry.precision, "size": entry.model.size}
-            rows.append({**described, **speed, **measure_error(entry, law, n_samples), **measure_scene(entry, law, spacing)})
+            with part("errors and uniaxial scene", number, len(entries), model=f"{entry.title}, {entry.precision}"):
+                rows.append({**described, **speed, **measure_error(entry, law, n_samples), **measure_scene(entry, law, spacing)})
         cost = {row["force"]: row["ns_per_directed_bond_1"] for row in rows}
         for row in rows:
             row["speedup_over_ba_nosb"] = cost[RIVAL] / row["ns_per_directed_bond_1"]

@@ -15,6 +15,7 @@ from ..engine.passes import Pass, share_of
 from ..engine.threads import most_threads, thread_count
 from ..forces import ForceModel, ForceSettings
 from ..materials import Law, homogeneous
+from ..progress import event
 
 ENOUGH = 12
 """Number of undisturbed timings (see `UNDISTURBED`) required for every model and number of threads. Chosen: the median of twelve hardly
@@ -73,9 +74,7 @@ class TimedModel:
     changes: tuple[str, ...] = ()
 
 
-def measure_speed(
-    cases: list[TimedModel], law: Law, patience: float, progress: Callable[[float, int, str], None] = lambda done, of, text: None
-) -> list[dict]:
+def measure_speed(cases: list[TimedModel], law: Law, patience: float) -> list[dict]:
     """Measure the nanoseconds per directed bond of the whole evaluation and of the bond pass, on one thread and on all.
 
     A directed bond is one end of a bond: each bond counts twice. The bond pass is the part of the evaluation that runs over bonds, from
@@ -91,9 +90,6 @@ def measure_speed(
         Material of the bodies.
     patience : float
         Seconds after which the least disturbed timings are used, even if fewer than `ENOUGH` of them are undisturbed.
-    progress : callable
-        Called with the progress, the total and a description. The progress is the number of pairs (case, number of threads) that have
-        enough undisturbed timings, or the total times the share of `patience` that has passed, whichever is greater.
 
     Returns
     -------
@@ -119,7 +115,7 @@ def measure_speed(
     with threadpool_limits(1):
         while wanted:
             settled, spent = len(timings) - len(wanted), min((time.perf_counter() - began) / max(patience, 1e-9), 1.0)
-            progress(max(settled, spent * len(timings)), len(timings), f"all in turn, {settled} of {len(timings)} settled")
+            event("timing", max(settled, spent * len(timings)), len(timings), settled=settled)
             for key in wanted:
                 timings[key] += turns[key]()
             best = {count: min(timing[2] for key in timings if key[1] == count for timing in timings[key]) for count in threads}

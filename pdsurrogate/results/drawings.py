@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 from string import Template
@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from ..html_tables import html_facts
+from ..progress import event
 from . import figures
 from .files import MARK, replacing
 from .loading_curve import NEGLIGIBLE, loading_curve
@@ -128,7 +129,7 @@ def _save_animation(result: Result, path: Path) -> None:
         frames[0].save(temporary, format="GIF", comment=MARK, **series)
 
 
-def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[int, int], None] = lambda done, of: None) -> str:
+def html_page(result: Result, fields: Sequence[str] = ()) -> str:
     """Return a page in HTML that shows a result: pictures of fields at the outputs, curves, tables, and versions of the software.
 
     Parameters
@@ -137,8 +138,6 @@ def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[in
     fields : sequence of str
         Fields as for `Result.plot`; by default displacement, von Mises stress, greatest principal stretch and damage, as far as the
         result has these fields.
-    progress : callable
-        Function of the number of finished pictures and of their total number.
 
     Raises
     ------
@@ -152,7 +151,7 @@ def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[in
     for field, uris in pictures.items():
         for uri in _pictures(result, field, shown):
             uris.append(uri)
-            progress(sum(map(len, pictures.values())), len(chosen) * len(shown))
+            event("drawing", sum(map(len, pictures.values())), len(chosen) * len(shown))
     titles, labels = [result.title(number) for number in shown], {field: result.label(field) for field in chosen}
     curves = {"loading curve": loading_figure(result) if result.history else None, "energies": energies_figure(result)}
     history = result.history[:: max(1, -(-len(result.history) // MOST_ROWS))]

@@ -15,11 +15,10 @@ from .run import Run
 STEPS_PER_ROW = 20
 """Steps between rows of the history; every output has a row as well. Chosen: waves take longer than twenty steps to cross a few horizons.
 
-Work and damped energy are summed in every step by the trapezoidal rule; in the plane, with grips and a force that has no energy, they are
-summed over these rows, since the account cannot close. The energy dissipated by viscosity follows from the elastic forces at the present
-positions. These forces are evaluated in each row and, if the force has an energy, in every step for this number of steps after a bond
-breaks, because they then change fast, while held parts change their velocity, and where an approximation is too inaccurate (`MOST_DRIFT`);
-in other steps they are approximated (`ExplicitDynamics.elastic`)."""
+Work and damped energy are summed in every step by the trapezoidal rule. The energy dissipated by viscosity follows from the elastic forces
+at the present positions. These forces are evaluated in each row and, if the force has an energy, in every step for this number of steps
+after a bond breaks, because they then change fast, while held parts change their velocity, and where an approximation is too inaccurate
+(`MOST_DRIFT`); in other steps they are approximated (`ExplicitDynamics.elastic`)."""
 
 MOST_ENERGY = 1.5
 """Greatest ratio of kinetic plus damped energy to the supplied energy; a greater one indicates an unstable step, or a force that has no
@@ -118,55 +117,44 @@ class Bookkeeping:
         Loading parameter as a function of time.
     viscosity : float
         Retardation time of the stage.
-    timed : bool
-        Whether the scene gives the duration of the stage (`StepDynamics.duration`), not a stretch rate (`Dynamics.stretch_rate`).
 
     Attributes
     ----------
     account : Account
-    every_step : bool
-        Whether work and damped energy are summed in every step.
     closes : bool
         Whether the force has an energy, so that the account closes.
     """
 
-    def __init__(self, run: Run, integrator: ExplicitDynamics, motion: Motion, viscosity: float, timed: bool) -> None:
+    def __init__(self, run: Run, integrator: ExplicitDynamics, motion: Motion, viscosity: float) -> None:
         self._run, self._integrator, self._motion, self._viscosity, self.account = run, integrator, motion, viscosity, Account()
         self.closes = run.force.has_energy
-        self.every_step = timed or run.body.dimension == 3 or self.closes
         # Smaller energies are rounding errors: a body at rest has none, and any motion would exceed the supplied energy.
         modulus = max(law.shear_modulus for law, _ in run.force.laws)
         self._rounding = EnergyMinimizer.ROUNDING[run.force.precision] * modulus * run.body.share.sum(run.body.volumes)
 
     def kinetic_energy(self) -> float:
-        """Return the kinetic energy at the time of the positions if `every_step`, else from the velocities half a step before it.
-
-        Raise Diverging if the energy is not finite.
-        """
-        integrator = self._integrator
-        kinetic = integrator.kept_energy()[1] if self.every_step else integrator.kinetic_energy()
+        """Return the kinetic energy at the time of the positions; raise Diverging if it is not finite."""
+        kinetic = self._integrator.kept_energy()[1]
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
         return kinetic
 
     def count_release(self) -> None:
-        """Add the kinetic energy lost by the breaking of bonds in the last step to the released energy, if `every_step`.
+        """Add the kinetic energy lost by the breaking of bonds in the last step to the released energy.
 
         `ExplicitDynamics.kept_energy` returns the kinetic energy with and without the forces of these bonds; the difference is lost.
         """
-        if self.every_step:
-            arriving, leaving = self._integrator.kept_energy()
-            self.account.released_energy += arriving - leaving
+        arriving, leaving = self._integrator.kept_energy()
+        self.account.released_energy += arriving - leaving
 
     def between_rows(self) -> None:
-        """Add work and damped energy to the account after a time step without a row in the history, if `every_step`."""
-        if self.every_step:
-            last = max(self.account.last_break, self.account.last_drift)
-            changing = self.closes and self._integrator.steps - last < STEPS_PER_ROW
-            moving = self._planes_move()
-            reactions = self._run.loading.reactions(self._run.force, self._integrator.forces, moving)
-            unknown = moving and self.account.on_planes is None
-            self.advance(reactions, changing or unknown or self._uneven(), moving)
+        """Add work and damped energy to the account after a time step without a row in the history."""
+        last = max(self.account.last_break, self.account.last_drift)
+        changing = self.closes and self._integrator.steps - last < STEPS_PER_ROW
+        moving = self._planes_move()
+        reactions = self._run.loading.reactions(self._run.force, self._integrator.forces, moving)
+        unknown = moving and self.account.on_planes is None
+        self.advance(reactions, changing or unknown or self._uneven(), moving)
 
     def _planes_move(self) -> bool:
         """Return whether a reflection plane moves in the last step or the next; otherwise its reaction does no work in them."""
@@ -184,12 +172,12 @@ class Bookkeeping:
         """Return the power of all supports (holders) at given reactions, with their velocities in the last step, the next, and the mean."""
         course, time, step = self._run.loading.course, self.account.time, self._integrator.last_step
         before = course.power(reactions, self._motion, time, step)
-        after = course.power(reactions, self._motion, time + step, step) if self.every_step else before
+        after = course.power(reactions, self._motion, time + step, step)
         return Power(before, 0.5 * (before + after), after)
 
     def _work_over(self, elapsed: float, last: Power, power: Power) -> float:
         """Return the work done in the `elapsed` time by the trapezoidal rule, from `last` and `power`, the power at its start and end."""
-        if self.every_step and elapsed < 1.5 * self._integrator.last_step:
+        if elapsed < 1.5 * self._integrator.last_step:
             return 0.5 * elapsed * (last.after + power.before)
         return 0.5 * elapsed * (last.now + power.now)
 
@@ -213,7 +201,7 @@ class Bookkeeping:
         if evaluate and self._viscosity > 0:
             self._judge(integrator.find_elastic())
         damped, last = integrator.damped_power(), Power(*account.damped_power)
-        if self.every_step and self._viscosity > 0:
+        if self._viscosity > 0:
             # Viscosity dissipates a part of the work of the holders as well.
             elastic = self._power_of_holders(self._elastic_reactions(reactions, evaluate, of_planes))
             damped = damped.plus(held).plus(elastic, -1.0)

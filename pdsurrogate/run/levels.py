@@ -143,7 +143,7 @@ class Equilibria:
         while state.outputs < self.stage.outputs:
             goal = self._outputs[state.outputs + 1]
             run.target = self._path.parameter_at(goal)
-            run.report("level", state.stage, run.target)
+            run.report("equilibrium", state.outputs / self.stage.outputs, run.target)
             if self._increments is None:
                 self._last_output, state.wasted, state.begun = self._at_output(), 0, run.force.evaluations
                 self._increments = self._path.increments_to(goal)
@@ -215,16 +215,14 @@ class Equilibria:
                 self._take_back(increments, error, ran_away or told, spent and (increments.share < 1 or before > 0))
                 continue
             run.force.accept(run.positions)
-            ran_away, taken, easy = None, run.force.evaluations - began, True
-            if self._course.adaptive:
-                run.earlier = self._accepted.parameter, self._accepted.arrays["positions"]
-                easy = not self._evaluations or taken <= HARD * np.mean(self._evaluations)
-                self._evaluations.append(taken)
-            longer = increments.accept(easy)
+            ran_away, taken = None, run.force.evaluations - began
+            run.earlier = self._accepted.parameter, self._accepted.arrays["positions"]
+            longer = increments.accept(not self._evaluations or taken <= HARD * np.mean(self._evaluations))
+            self._evaluations.append(taken)
             state.wasted += taken if state.wasted else 0
             if increments.whole:
                 state.wasted, told = state.wasted if state.wasted > CARRIED * usual else 0, None
-            if longer and self._course.adaptive:
+            if longer:
                 again = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
                 run.note(state.parameter, reason=again)
             if run.damage is not None and run.body.share.any(len(run.damage.overstretched(run.force.positions)) > 0):
@@ -291,18 +289,15 @@ class Equilibria:
         run.note(increments.target, failure=str(error))
         logger.info("increment to %s failed and is shortened: %s", self._path.at(increments.target), error)
         self._accepted.restore(run, self.solver)
-        size, first = increments.size, increments.share == 1
+        size = increments.size
         if not spent and increments.shorten():
             return
-        reached = run.problem.reached(state.parameter)
-        if first and not reached:
-            raise cause
-        if self._path.records_last and self._course.adaptive:
+        if self._path.records_last:
             self._record_reached()
         what = f"the last equilibrium was found at {self._path.last()}, and none beyond with increments down to {size:.2g}"
         if spent:
             what += f" in the force evaluations of {MOST_SPENT} outputs (more outputs come closer to the limit)"
-        raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
+        raise type(cause)(f"{cause}; {what} ({run.problem.reached(state.parameter)})") from cause
 
     def _record_reached(self) -> None:
         """Solve further for the last equilibrium of a failed run, to the tolerance of an output, and record it if the solver converges.
@@ -310,7 +305,7 @@ class Equilibria:
         An equilibrium that is an output or the beginning of the stage is recorded already.
         """
         run, state = self.run, self.run.state
-        if state.parameter in (state.begin, *(level["t"] for level in state.levels[-1:])):
+        if state.parameter in (state.begin, *(level[run.loading.parameter] for level in state.levels[-1:])):
             return
         target, run.target = run.target, run.state.parameter
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
@@ -339,18 +334,23 @@ class Equilibria:
         of the increment. On the way write checkpoints and stop on request.
         """
         run, began, course, window = self.run, self.run.force.evaluations, [], window_of(self.run.body)
-        between_grips = self._course.growth(run.state.parameter, target) is not None
+        outputs, greatest = run.state.outputs, tolerance
 
         def report(evaluations: int, residual: float) -> None:
+            nonlocal greatest
             run.residual = residual
             logger.debug("%d evaluations, residual %.3g", began + evaluations, residual)
             energy = {"energy": run.strain_energy()} if run.force.has_energy else {}
             run.note(target, residual=residual, **energy)
-            run.report("residual", evaluations, residual, tolerance)
+            # The residual falls over many decades: its logarithm says how much of the search is done.
+            greatest = max(greatest, residual)
+            done = np.log(greatest / max(residual, tolerance)) / np.log(greatest / tolerance) if greatest > tolerance else 1.0
+            done = float(outputs + done) / self.stage.outputs
+            run.report("equilibrium", done, run.target, residual=residual, evaluations=evaluations)
             self._keep_or_stop(increments)
             taken = run.force.evaluations - began
             course.append((taken, residual))
-            watched = between_grips and not (self._path.solver.steps_in_time or run.force.zero_energy_modes)
+            watched = self._course.between_grips and not (self._path.solver.steps_in_time or run.force.zero_energy_modes)
             if watched and _has_left(course) and self._course.pushes(run.loaded):
                 least = min(one for _, one in course)
                 near = f"came near to an equilibrium (residual {least:.2g} shear modulus / spacing) and left it"

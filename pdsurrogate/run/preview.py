@@ -117,8 +117,8 @@ def _marks(problem: Problem) -> list[_Mark]:
     entries: tuple[Part | Prescribed | Load, ...] = (*scene.materials, *scene.prescribed, *scene.loads)
     used = {entry.region for entry in entries if isinstance(entry.region, str)}
     found += [(name, regions.points(name), None) for name in scene.regions if name not in used]
-    for one in sorted(problem.prescriptions, key=lambda one: one.key.startswith("holds")):
-        found.append((f"{one.holder or one.name}: {one.words}", regions.points(one.region, one.key), one.displacement))
+    for one in problem.prescriptions:
+        found.append((f"{one.holder or one.key}: {one.words}", regions.points(one.region, one.key), one.displacement))
     for number, load in enumerate(scene.loads):
         value, label = np.array(getattr(load, load.kind)), load.name or label_of_region(load.region, f"loads.{number}")
         size = f"({', '.join(f'{component:g}' for component in value)})" if value.ndim else f"{value:g}"

@@ -8,7 +8,7 @@ from ..forces import ForceModel
 from ..ranks import communicator
 from ..results import Result
 from ..scenes import Scene
-from .run import Run, Silent
+from .run import Run
 
 
 def check_models(scene: Scene, models: Sequence[ForceModel], method: str = "sensitivity", what: str = "derivatives") -> None:
@@ -41,7 +41,7 @@ def number_of_output(scene: Scene, models: Sequence[ForceModel], result: Result,
 
 def run_in_double(scene: Scene, models: Sequence[ForceModel]) -> Run:
     """Return a run of a scene, at rest, in double precision."""
-    run = Run(scene, models, Silent())
+    run = Run(scene, models)
     if run.force.precision != "float64":
         run.take_double()
     return run

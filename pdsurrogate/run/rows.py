@@ -112,10 +112,10 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None, 
     if declared.nominal_stress is None:
         row["step"] = run.state.stage
     else:
-        axis, stress = run.loading.course.axis, declared.nominal_stress
+        stress = declared.nominal_stress
         row |= {"nominal_stress": stress.of(reactions.forces), "nominal_stress_grip": stress.edge, "nominal_stress_area": stress.area}
         if costly:
-            row["nominal_stress_work_conjugate"] = float(run.body.share.total(run.force.mean_stress())[axis, axis])
+            row["nominal_stress_work_conjugate"] = float(run.body.share.total(run.force.mean_stress())[stress.axis, stress.axis])
     if time is None:
         row["force_balance"] = force_balance(run, reactions, drive)
     else:
@@ -175,7 +175,8 @@ def crack_rows(run: Run) -> list[dict]:
 def _nearest(run: Run, front: Front, loads: np.ndarray) -> dict[str, float]:
     """Return how near to a front the held points come, and points under other `loads` (n, d) per volume than its surroundings.
 
-    The motion (75) must not move them: a body force moves with its material, a support or a load on a region does not.
+    The motion (75) must not move them: a body force moves with its material, a support or a load on a region does not. Nor may it move
+    bonds across a bonded edge, whose mirrored points have displacements opposite to those of the body.
     """
     body, share = run.body, run.body.share
     distances = np.where(share.own, scipy.spatial.cKDTree(front.places).query(body.points)[0], np.inf)
@@ -188,7 +189,9 @@ def _nearest(run: Run, front: Front, loads: np.ndarray) -> dict[str, float]:
         if part.plane is None:
             held = points.setdefault(f"a point that {part.name} holds", np.zeros(len(body), dtype=bool))
             held[part.every] = True
-    return {what: -share.greatest(-float(distances[chosen].min(initial=np.inf))) for what, chosen in points.items()}
+    found = {what: -share.greatest(-float(distances[chosen].min(initial=np.inf))) for what, chosen in points.items()}
+    depths = [float(plane.mirrored(front.places)[1].min()) for plane in body.planes if max(plane.parity) < 0]
+    return found | ({"a bonded edge" if body.dimension == 2 else "a bonded face": min(depths)} if depths else {})
 
 
 def _closed(run: Run, front: Front, F: np.ndarray) -> bool:

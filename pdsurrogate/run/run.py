@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
 
 import numba
 import numpy as np
@@ -18,6 +17,7 @@ from ..forces import ForceModel
 from ..forces.internal_force import numbers_in_place
 from ..problem import Problem, Stage, compile_scene
 from ..problem.materials import scene_errors
+from ..progress import event
 from ..ranks import Communicator, communicator
 from ..results import measures
 from ..results.contents import contents_of
@@ -34,35 +34,6 @@ MOST_GATHERED = 500_000
 Gathering the state of so many points costs the first rank 0.16 GB and 10 s of processor time, while the others wait."""
 
 
-@runtime_checkable
-class Progress(Protocol):
-    """Receiver of reports on the progress of a simulation, such as a terminal that shows them; a method may ignore its report."""
-
-    def compiling(self) -> None:
-        """Report that kernels are being compiled, which happens once on a machine."""
-
-    def level(self, number: int, parameter: float) -> None:
-        """Report that the search for an output in equilibrium begins: the number of its stage and its loading parameter."""
-
-    def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
-        """Report the residual after a number of force evaluations in the search for an output in equilibrium."""
-
-    def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
-        """Report the fraction of a stage in dynamics that is done, from 0 to 1, its loading parameter and its broken bonds."""
-
-    def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
-        """Report the number of steps and the energies when a stage in dynamics adds a row to the history."""
-
-
-class Silent:
-    """Receiver of progress that ignores all reports."""
-
-    def compiling(self, *_: Any, **__: Any) -> None:
-        """Ignore the report."""
-
-    level = residual = dynamics = account = compiling
-
-
 class Oversubscribed(RuntimeWarning):
     """Warning that the ranks have more threads in total than there are cores: a waiting rank loops, on a core that another rank needs."""
 
@@ -75,7 +46,6 @@ class Run:
     scene : Scene
     models : sequence of ForceModel
         Force model of the body outside the regions of the scene's `materials`, then one for each of these, as from `checked_models`.
-    progress : Progress
     folder : Path, optional
         Folder for states and checkpoints, written as they are reached.
     threads : int, optional
@@ -118,12 +88,11 @@ class Run:
         self,
         scene: Scene,
         models: Sequence[ForceModel],
-        progress: Progress,
         folder: Path | None = None,
         threads: int | None = None,
         ranks: Communicator | None = None,
     ) -> None:
-        self.model, self.progress, self.folder = models[0], progress, folder
+        self.model, self.folder = models[0], folder
         self.interruption, self.ranks = Interruption(), ranks or communicator()
         self.problem = compile_scene(scene, models, self.ranks)
         self.contents = contents_of(scene, models)
@@ -230,9 +199,11 @@ class Run:
         large = self.body.share.size > MOST_GATHERED
         return large and self.ranks.size > 1 and self.folder is not None and not isinstance(self.problem.scene.body, Mesh)
 
-    def report(self, event: str, *details) -> None:
-        """Call the method of `Progress` named `event` with the details, and write the tables in the folder if they are due."""
-        getattr(self.progress, event)(*details)
+    def report(self, stage: str, share: float, parameter: float, **numbers) -> None:
+        """Report the share done of the present stage, with numbers by name, and write the tables in the folder if they are due."""
+        if not self.ranks.rank:
+            numbers = {self.loading.parameter: parameter, **numbers}
+            event(stage, self.state.stage + min(share, 1.0), len(self.stages), **numbers)
         self.tables.keep_if_due()
 
     def note(self, increment: float, **entries) -> None:

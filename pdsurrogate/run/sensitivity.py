@@ -469,10 +469,10 @@ class Differentiated:
                 _forces(run, run.positions)
                 gradient = -run.loading.internal_forces(run.force)
             elif name == "nominal_stress":
-                stress, axis = run.problem.measures.nominal_stress, run.loading.course.axis
+                stress = run.problem.measures.nominal_stress
                 unit = np.zeros((len(run.loading.names), run.body.dimension))
-                unit[stress.number, axis] = 1.0
-                gradient = stress.of(unit) * self._stiffness(stress.number, axis)
+                unit[stress.number, stress.axis] = 1.0
+                gradient = stress.of(unit) * self._stiffness(stress.number, stress.axis)
             elif (place := re.fullmatch(r"forces\.(.+)\.(\d)", name)) and place[1] not in run.loads.by_name(
                 run.positions, run.loaded.thickness()
             ):

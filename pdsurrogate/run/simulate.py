@@ -31,6 +31,7 @@ from ..forces import (
 )
 from ..problem import compile_scene
 from ..problem.materials import checked_models, scene_errors
+from ..progress import COMPILING, event
 from ..ranks import Communicator, communicator
 from ..results import Result
 from ..results.contents import contents_of
@@ -46,7 +47,7 @@ from ..solvers.obstacles import Obstructed
 from .cracks import crack_path
 from .interruption import Interrupted, Interruption
 from .lowest_mode import lowest_mode_of
-from .run import Progress, Run, Silent
+from .run import Run
 from .sensitivity import differentiate
 from .stages import SinglePrecisionLeft, go
 from .standard_errors import standard_errors
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-__all__ = ["Progress", "SimulationFailed", "SimulationInterrupted", "SinglePrecisionLeft", "simulate"]
+__all__ = ["SimulationFailed", "SimulationInterrupted", "SinglePrecisionLeft", "simulate"]
 
 
 class SimulationFailed(RuntimeError):
@@ -145,7 +146,6 @@ def simulate(
     force: str | Path | ForceModel | BaseEstimator | None = None,
     *,
     threads: int | None = None,
-    progress: Progress | None = None,
     folder: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
@@ -166,8 +166,6 @@ def simulate(
     threads : int, optional
         Number of threads of the kernels, at most the number that numba was started with; by default chosen by the size of the body.
         The result does not depend on it.
-    progress : Progress, optional
-        Object to which the run reports its progress.
     folder : str or path, optional
         Folder for states, checkpoints, tables and the summary, all written during the run; without a folder states stay in memory.
         Results of the same run (this scene with this force) in the folder are replaced; to replace others, set `overwrite`.
@@ -227,7 +225,7 @@ def simulate(
         scene = load_scene(scene)
     check_kind(scene, Scene, "scene", "a Scene, or the name or file of one")
     scene, model = _model_of(force, scene)
-    _check_arguments(threads, progress, folder, max_time)
+    _check_arguments(threads, folder, max_time)
     if resume and folder is None:
         raise ValueError("resume: give the folder that contains the checkpoint (folder, or --out)")
     if resume and overwrite:
@@ -237,7 +235,6 @@ def simulate(
         _refuse_different(ranks, scene, model, folder, resume)
     with ranks.together():
         models = checked_models(scene, model)
-    progress = Silent() if progress is None or ranks.rank else progress
     folder = None if folder is None else Path(folder)
     own = folder if ranks.rank == 0 else None  # of the rank that writes
     with ranks.together():  # before any work
@@ -252,7 +249,7 @@ def simulate(
         return _elsewhere(ranks, scene, models)
     try:
         result = _on_these_ranks(
-            working, scene, models, progress, began, threads=threads, folder=folder, resume=resume, overwrite=overwrite, max_time=max_time
+            working, scene, models, began, threads=threads, folder=folder, resume=resume, overwrite=overwrite, max_time=max_time
         )
     except Exception as error:
         if ranks.rank == 0:
@@ -267,7 +264,6 @@ def _on_these_ranks(
     ranks: Communicator,
     scene: Scene,
     models: Sequence[ForceModel],
-    progress: Progress,
     began: float,
     *,
     threads: int | None,
@@ -280,8 +276,9 @@ def _on_these_ranks(
     model, own = models[0], folder if ranks.rank == 0 else None
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(own) if own else nullcontext()
-    with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
-        run, world = Run(scene, models, progress, folder, threads and most, ranks), communicator()
+    announce = None if ranks.rank else partial(event, COMPILING, 0, 1)
+    with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(announce) as clock:
+        run, world = Run(scene, models, folder, threads and most, ranks), communicator()
         if ranks.rank == 0 and ranks.size < world.size:
             warnings.warn(note_of_waiting(run.body.share.size, ranks.size, world.size), RanksWait, stacklevel=3)
         until = math.inf if max_time is None else began + max_time
@@ -443,10 +440,8 @@ def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, fold
         raise SceneError(f"scene {scene.name}: {what}; start all ranks with one command")
 
 
-def _check_arguments(threads: Any, progress: Any, folder: Any, max_time: Any) -> None:
+def _check_arguments(threads: Any, folder: Any, max_time: Any) -> None:
     """Check the arguments of `simulate`, and raise an error for wrong types and values."""
-    if progress is not None:
-        check_kind(progress, Progress, "progress", "Progress, such as an object with the methods of pdsurrogate.run.simulate.Progress")
     if folder is not None:
         check_path(folder, "folder")
         if not str(folder):

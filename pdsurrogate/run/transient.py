@@ -60,9 +60,7 @@ class Transient:
             safety=spec.safety,
             loads=run.loads,
         )
-        # A stage with a duration ends, and is recorded, exactly at that time. A stage at a rate ends at the first step past an output.
-        self._timed = stage.inertia.pace == "duration"
-        self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity, self._timed)
+        self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity)
         self.account = self._books.account
         self._cracks = None if run.damage is None else Cracks(run, self.integrator, self.account)
 
@@ -83,7 +81,7 @@ class Transient:
         integrator.velocities[:] = velocities * run.loading.free
         integrator.begin()
         self._limit_step()
-        if self._books.every_step and run.velocities is None:
+        if run.velocities is None:
             integrator.center()
         if motion.duration > MOST_STEPS * integrator.time_step:
             duration, key = run.problem.scene.units.amount(motion.duration, "time", ".3g"), self.stage.key
@@ -124,8 +122,6 @@ class Transient:
             run.force.accept(run.positions)
             if on_row:
                 self._row()
-                broken = run.state.crack["broken_bonds"] if run.state.crack else 0
-                run.report("dynamics", min(1.0, account.time / self.motion.duration), run.state.parameter, broken)
             else:
                 self._books.between_rows()
             due = self._due() or (on_row and self._torn())
@@ -149,9 +145,8 @@ class Transient:
         return self.motion.duration * ((outputs + 1) / self.most_outputs)
 
     def _due(self) -> bool:
-        """Return whether the next output is due, with a margin for rounding where the time is a sum of steps."""
-        rounding = 0.0 if self._timed else 1e-12 * self.motion.duration
-        return self.account.time >= self._time_due(self.account.outputs) - rounding
+        """Return whether the next output is due."""
+        return self.account.time >= self._time_due(self.account.outputs)
 
     def _torn(self) -> bool:
         """Return whether the body has separated, in the first row of the history without a bond that broke since the last row.
@@ -188,10 +183,9 @@ class Transient:
         run, account, integrator = self.run, self.account, self.integrator
         left = self._time_due(account.outputs) - account.time
         integrator.move()
-        reached = self._timed and integrator.last_step == left
-        account.time = self._time_due(account.outputs) if reached else account.time + integrator.last_step
+        account.time = self._time_due(account.outputs) if integrator.last_step == left else account.time + integrator.last_step
         run.state.steps += 1
-        ended = self._timed and account.time >= self.motion.duration
+        ended = account.time >= self.motion.duration
         run.state.parameter = run.target = self.motion.end if ended else self.motion.at(account.time)  # without rounding at the end
         self._apply()
         if self._cracks is None:
@@ -203,19 +197,10 @@ class Transient:
             self._books.count_release()
 
     def _limit_step(self) -> None:
-        """Set the greatest length of the next time step.
-
-        In a stage with a duration a step ends at every output. In a stage at a rate a step is at most as long as the time between outputs;
-        if work is summed in every step, the last step ends exactly with the stage, since supports stop there.
-        """
-        account, integrator = self.account, self.integrator
-        if self._timed:
-            # The remaining time is divided equally, so that no step before an output is much shorter than the others.
-            left = self._time_due(account.outputs + self._due()) - account.time
-            integrator.longest = integrator.part_of(left) if left > 0 else integrator.last_step
-        else:
-            left, apart = self.motion.duration - account.time, self.motion.duration / self.most_outputs
-            integrator.longest = min(left, apart) if self._books.every_step and left > 0 else apart
+        """Set the greatest length of the next time step, such that a step ends at every output."""
+        # The remaining time is divided equally, so that no step before an output is much shorter than the others.
+        left = self._time_due(self.account.outputs + self._due()) - self.account.time
+        self.integrator.longest = self.integrator.part_of(left) if left > 0 else self.integrator.last_step
 
     def _apply(self) -> None:
         """Move all held parts of the run to their places at the present time, and set the loads to their size then."""
@@ -244,7 +229,10 @@ class Transient:
             row |= {"broken_bonds": run.state.crack["broken_bonds"], "free_points": run.unsupported_points()}
         run.state.history.append(row)
         run.state.dynamics[-1] |= books.entries()
-        run.report("account", self.integrator.steps, kinetic, strain)
+        energies = {"strain_energy": strain, "kinetic_energy": kinetic}
+        broken = {} if run.state.crack is None else {"broken_bonds": run.state.crack["broken_bonds"]}
+        share = self.account.time / self.motion.duration
+        run.report("dynamics", share, run.state.parameter, **broken, steps=self.integrator.steps, **energies)
 
     def output(self) -> bool:
         """Record the present state as an output, with a row of the history; return whether the body has separated between its supports.

@@ -94,7 +94,7 @@ class Loading:
         Numbers of the planes that turn.
     supports : list of Support
         Supports at places between points.
-    course : Pull or Paths
+    course : Paths
         Object that computes first guesses, initial velocities and the power of supports; set by the caller after construction.
     parameter, rest, names, planes, held, loads
     """

@@ -36,8 +36,8 @@ HALVINGS = 10
 """Greatest number of halvings in the search for a first increment; an increment a thousand times too long is a mistake in the scene."""
 
 AHEAD = 1e-6
-"""Interval of the difference quotients that give initial velocities: a change of the stretch (`Pull`), or a fraction of a stage of the
-loading (`Paths`). Chosen: relative to the velocities the truncation error is then some 1e-6, and the rounding error less."""
+"""Interval of the difference quotients that give initial velocities, as a fraction of a stage of the loading. Chosen: relative to the
+velocities the truncation error is then some 1e-6, and the rounding error less."""
 
 
 LEAST_SPREAD = 0.5
@@ -46,68 +46,8 @@ gradient of an affine map along this direction. Chosen: places on two opposite s
 by the width of its layer of points, which is noise."""
 
 
-class Pull:
-    """First guesses, initial velocities and power for a body pulled by two grips, with the stretch as loading parameter.
-
-    The guesses are homogeneous extensions along an axis.
-
-    Parameters
-    ----------
-    loading : Loading
-    axis : int
-        Axis along which the grips pull.
-    lower, length : float
-        Least coordinate of the undeformed body along the loaded axis, and its length.
-    travels : ndarray, shape (2, d)
-        Displacement of each grip per unit of elongation.
-    """
-
-    adaptive = False
-    """True if increments are lengthened only after increments of few force evaluations, and begin from the best of several guesses."""
-
-    def __init__(self, loading: Loading, axis: int, lower: float, length: float, travels: np.ndarray) -> None:
-        # With a circle of references the body would stay in memory until a collection of garbage.
-        self._loading, self.axis, self._lower, self._length, self._travels = weakref.proxy(loading), axis, lower, length, travels
-        self._lower_travel = travels[:, axis].min()  # the grip at the lower end moves down
-
-    def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float | None:
-        """Return `asked`, the bound that the scene (the input of a run) sets on increments of the stretch, unchanged."""
-        return asked
-
-    def guesses(self, positions: np.ndarray, before: float, after: float, earlier: tuple[float, np.ndarray] | None) -> list[np.ndarray]:
-        """Return one first guess of an equilibrium: the positions at stretch `before`, extended homogeneously to stretch `after`.
-
-        The argument `earlier` is ignored.
-        """
-        old, new = (self._lower + self._lower_travel * (stretch - 1) * self._length for stretch in (before, after))
-        guess = positions.copy()
-        guess[:, self.axis] = new + (positions[:, self.axis] - old) * after / before
-        return [guess]
-
-    def velocities(self, positions: np.ndarray, motion: Motion) -> np.ndarray:
-        """Return the velocities (n, d) of a homogeneous extension at the speed of the grips, so that the grips start no shock wave."""
-        (ahead,) = self.guesses(positions, motion.begin, motion.begin + AHEAD, None)
-        return (ahead - positions) / AHEAD * motion.rate
-
-    def pull(self, reactions: Reactions) -> float:
-        """Return the force of the grips along the load, in two dimensions per unit thickness; negative where they push."""
-        return float((reactions.forces * self._travels).sum())
-
-    def power(self, reactions: Reactions, motion: Motion, time: float, step: float) -> float:
-        """Return the power of the grips: their pull times the rate of elongation; `time` and `step` are not used."""
-        return self.pull(reactions) * (motion.rate * self._length)
-
-    def growth(self, before: float, after: float) -> float:
-        """Return the magnitude of the change of the body's extent (`Body.extent`) in a homogeneous extension between two stretches."""
-        return abs(after - before) * self._loading.body.extent
-
-    def pushes(self, force: InternalForce, least: float = 0.0) -> bool:
-        """Return whether the grips push the body in the state last evaluated, with a force greater than `least`."""
-        return self.pull(self._loading.reactions(force)) < -least
-
-
 class Paths:
-    """First guesses, initial velocities and power for a body whose held parts follow prescribed paths, with t as loading parameter.
+    """First guesses, initial velocities and power for a body whose held parts follow prescribed paths.
 
     Parameters
     ----------
@@ -118,15 +58,23 @@ class Paths:
         Unit of the stresses that `pushes` compares.
     largest_strain : float
         Greatest strain of a bond that a first guess may make.
+    pull : callable, optional
+        For a body between two grips the force with which they pull, as a function of the forces of the supports.
     """
 
-    adaptive = True
-
-    def __init__(self, loading: Loading, springs: float | np.ndarray, shear_modulus: float, largest_strain: float) -> None:
+    def __init__(
+        self,
+        loading: Loading,
+        springs: float | np.ndarray,
+        shear_modulus: float,
+        largest_strain: float,
+        pull: Callable[[np.ndarray], float] | None = None,
+    ) -> None:
         # With a circle of references the body would stay in memory until a collection of garbage.
         self._loading, self.body, self._share = weakref.proxy(loading), loading.body, loading.body.share
         # A slightly larger bound accepts increments of exactly that strain.
         self._springs, self._shear_modulus, self._largest_strain = springs, shear_modulus, largest_strain * (1 + 1e-6)
+        self._pull, self.between_grips = pull, pull is not None
 
     def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float:
         """Return the greatest increment to plan between two values of the loading parameter.
@@ -155,7 +103,7 @@ class Paths:
         """Return one or two first guesses of the equilibrium at the parameter `after`; the caller chooses the better.
 
         The first guess follows the held parts from the last equilibrium; the second, if an earlier equilibrium is known, extrapolates
-        linearly from both equilibria.
+        linearly from both equilibria. Between two grips the first alone takes fewer evaluations.
 
         Parameters
         ----------
@@ -174,7 +122,7 @@ class Paths:
         guess, strain = self._followed(positions, before, after)
         if strain > self._largest_strain:
             raise TooFar(f"the first guess strains a bond by {strain:.2g}, more than solver.largest_increment = {self._largest_strain:.4g}")
-        if earlier is None or earlier[0] == before or after == before:
+        if self.between_grips or earlier is None or earlier[0] == before or after == before:
             return [guess]
         ratio = (after - before) / (before - earlier[0])
         planes = self._loading.plane_motions(before)
@@ -208,15 +156,14 @@ class Paths:
             power += self._share.sum(reactions.at_points * moved) / step
         return power
 
-    def growth(self, before: float, after: float) -> None:
-        """Return None, since paths of held parts do not determine how much the body's extent changes."""
-
     def pushes(self, force: InternalForce, least: float = 0.0) -> bool:
-        """Return whether some point is compressed in the state last evaluated, according to the virial stress of its bonds.
+        """Return whether grips push in the state last evaluated, with more than the force `least`, or else whether a point is compressed.
 
-        The compression must exceed both `COMPRESSED` times the greatest tension and `NO_STRESS` times the shear modulus; the argument
-        `least`, which `Pull.pushes` compares, is ignored.
+        The compression, by the virial stress of bonds, must exceed `COMPRESSED` times the greatest tension and `NO_STRESS` times the
+        shear modulus.
         """
+        if self._pull is not None:
+            return self._pull(self._loading.reactions(force).forces) < -least
         (n, d), first, second, positions = self.body.points.shape, self.body.bonds.first, self.body.bonds.second, force.positions
         arms, pulls = positions[second] - positions[first], force.pair_forces()
         products = (pulls[:, :, None] * arms[:, None] + arms[:, :, None] * pulls[:, None]) / 4

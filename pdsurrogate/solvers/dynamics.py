@@ -243,10 +243,6 @@ class ExplicitDynamics:
         apart = self.STEPS_WHILE_BONDS_BREAK if bonds_break else self.STEPS_BETWEEN_ESTIMATES
         self._evaluate(self.steps % apart == 0)
 
-    def kinetic_energy(self) -> float:
-        """Return the kinetic energy with the present velocities, which are half a step behind the positions."""
-        return 0.5 * self._share.dot(self.velocities, self.velocities, self._mass)
-
     def velocities_around(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the velocities half a step before the present time, at the present time, and half a step after, shape (n, d) each.
 

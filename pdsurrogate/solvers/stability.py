@@ -324,8 +324,8 @@ def check_branch(
         its energy is not a local minimum.
     """
     loading.check_inside(after, force, positions)
-    growth, jumped = loading.course.growth(before, after), False
-    if growth is not None:
+    growth, jumped = abs(after - before) * loading.body.extent, False
+    if loading.course.between_grips:
         moved = np.sqrt(solver.share.sum(np.square(positions - guess)) / solver.share.total(positions.size))
         jumped = moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing)
     if not (jumped or force.has_energy) or not loading.course.pushes(force):

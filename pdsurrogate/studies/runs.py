@@ -360,6 +360,12 @@ class Workers:
             return f"{self.jobs} jobs of {self.threads} threads share {cores} cores and will slow each other down"
         return None
 
+    @property
+    def where(self) -> str:
+        """Where the runs are carried out, in words."""
+        here = f"{self.jobs} at a time on {self.threads} thread{'s' * (self.threads > 1)} each"
+        return f"on the workers of {self.scheduler}" if self.scheduler else here
+
     def carry_out(self, tasks: dict[str, SceneTask | FitTask], folder: Path, max_time: float | None = None) -> Iterator[Outcome]:
         """Carry out the tasks, in parallel and for at most `max_time` seconds each, and yield the outcome of every run as it ends.
 

@@ -1,7 +1,9 @@
 """Function `study`, which carries out the missing runs of a study and collects the results of all runs in one table."""
 
+import logging
 import math
 import time
+import warnings
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -10,6 +12,7 @@ from typing import Any
 
 from ..arguments import check_seconds
 from ..discretization import memory_here
+from ..progress import event
 from ..ranks import communicator
 from ..results import figures
 from ..results.files import check_writable, remove_leftovers, write_json, write_text
@@ -18,6 +21,8 @@ from ..run.interruption import heard
 from .description import Study, load_study, parameters_of_runs
 from .runs import DERIVATIVES, NOT_DONE, OUTCOME, FitTask, SceneTask, Workers, read_json, tasks_of
 from .table import FAILURE, RUN, as_csv, check_quantities, columns_of, means_of, quantities_in, study_figure
+
+logger = logging.getLogger(__name__)
 
 TABLE, MEANS, FIGURE, DESCRIPTION, RUNS = "study.csv", "study-means.csv", "study.png", "study.json", "runs"
 
@@ -28,16 +33,6 @@ runs there are."""
 DIGITS = 16
 """Number of hexadecimal digits in the name of a run's folder, which are the first of the run's digest. Among `MOST_RUNS` runs, two have the
 same name with a probability of 3e-10."""
-
-
-class StudyProgress:
-    """Receiver of the progress of a study; its methods do nothing, and subclasses override them to show the progress."""
-
-    def begin(self, runs: int, done: int, workers: Workers) -> None:
-        """Report the number of runs, the number of those that are done already, and the workers that carry out the others."""
-
-    def ended(self, place: str, failure: str | None) -> None:
-        """Report that the run in the folder with the name `place` has ended; `failure` is the reason if the run failed, otherwise None."""
 
 
 @dataclass(frozen=True)
@@ -222,7 +217,6 @@ def study(
     scheduler: str | None = None,
     overwrite: bool = False,
     max_time: float | None = None,
-    progress: StudyProgress | None = None,
 ) -> StudyResult:
     """Carry out the missing runs of a study and return all results in one table.
 
@@ -246,8 +240,6 @@ def study(
         Whether to replace the table in `folder` even if it has runs that this study does not have; the folders of those runs stay.
     max_time : float, optional
         Seconds after which every run ends with a checkpoint, from which an equal call resumes the run later; only for studies of scenes.
-    progress : StudyProgress, optional
-        Receiver of the progress.
 
     Returns
     -------
@@ -301,7 +293,6 @@ def study(
     workers = Workers.chosen(len(by_place), jobs, threads, scheduler)
     _check_table(folder, described, places, overwrite)
     check_writable(folder / RUNS)
-    progress = progress or StudyProgress()
     with occupied(folder):
         remove_leftovers(folder)
         (folder / RUNS).mkdir(exist_ok=True)  # all workers must see this folder
@@ -313,14 +304,19 @@ def study(
             rows = [_row(folder / RUNS, place, run, ended, described) for place, run in zip(places, runs, strict=True)]
             return StudyResult(described, folder, rows)
 
-        progress.begin(len(by_place), len(ended), workers)
+        if workers.caution:
+            warnings.warn(workers.caution, stacklevel=2)
+        count, failed = len(by_place), 0
+        logger.info("%d runs, %d of them finished earlier; the others run %s", count, len(ended), workers.where)
+        event("runs", len(ended), count)
         written = time.monotonic()
         try:
             for outcome in workers.carry_out(left, folder / RUNS, max_time):
                 if outcome.failure == NOT_DONE:
                     continue
                 ended[outcome.place] = outcome.failure
-                progress.ended(outcome.place, outcome.failure)
+                failed += outcome.failure is not None
+                event("runs", len(ended), count, failed=failed)
                 if time.monotonic() - written > SECONDS_BETWEEN_TABLES:
                     _write(result())
                     written = time.monotonic()

@@ -2,7 +2,6 @@
 
 import dataclasses
 import hashlib
-import importlib.util
 import io
 import json
 import os
@@ -10,9 +9,7 @@ import pickle
 import shutil
 import subprocess
 import sys
-import zipfile
 from contextlib import suppress
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -60,13 +57,6 @@ def rewrite(folder, payload: bytes, name="surrogate.npz"):
 
 def payload_in(folder):
     return payload_of((folder / "surrogate.npz").read_bytes())
-
-
-def payload_bytes(payload) -> bytes:
-    """What is written of a payload, without those that are None."""
-    file = io.BytesIO()
-    np.savez(file, **{key: value for key, value in payload.items() if value is not None})
-    return file.getvalue()
 
 
 def test_round_trip(stored, fitted):
@@ -235,125 +225,21 @@ def test_a_compressed_payload_is_refused(stored):
         load_surrogate(stored)
 
 
-def test_a_payload_larger_than_any_model_is_not_read(stored):
-    card = json.loads((stored / "card.json").read_text())
-    card["payloads"]["surrogate.npz"]["bytes"] = 2**40
-    (stored / "card.json").write_text(sealed(card))
-    with pytest.raises(ArtifactError, match="files of more than 67108864 bytes are not read"):
-        load_surrogate(stored)
-
-
 @given(st.binary(max_size=300))
 def test_any_bytes_are_refused_or_arrays(data):
     with suppress(DamagedFile):
         assert all(isinstance(array, np.ndarray) for array in read_arrays(io.BytesIO(data)).values())
 
 
-def test_payloads_of_the_first_schema_are_told_apart(stored):
-    """Up to schema 1 the payload was a joblib file."""
-    card = json.loads((stored / "card.json").read_text())
-    card["schema_version"] = 1
-    (stored / "card.json").write_text(json.dumps(card))
-    (stored / "surrogate.npz").rename(stored / "surrogate.joblib")
-    with pytest.raises(ArtifactError, match="schema_version: this pdsurrogate reads 2 to 3, not 1: "):
-        load_surrogate(stored)
-
-
-@pytest.mark.parametrize("name", ["neo-hookean/1", "neo-hookean/2", "neo-hookean-paper/1", "neo-hookean-energy/1", "gent/1"])
-def test_shipped_payloads_are_what_is_written_of_them(name):
-    file, shipped = io.BytesIO(), SHIPPED / name / "surrogate.npz"
-    np.savez(file, **load_surrogate(SHIPPED / name).payload())
-    with zipfile.ZipFile(file) as written, zipfile.ZipFile(shipped) as stored:
-        of_both = [[(member.filename, archive.read(member)) for member in archive.infolist()] for archive in (written, stored)]
-    assert of_both[0] == of_both[1]
-    # Before Python 3.11.4 zipfile states another version in the headers of the same members.
-    if sys.version_info >= (3, 11, 4):
-        assert file.getvalue() == shipped.read_bytes()
-
-
-def test_truncated_payload(stored):
-    payload = (stored / "surrogate.npz").read_bytes()
-    for size in range(0, len(payload), 37):
-        (stored / "surrogate.npz").write_bytes(payload[:size])
-        with pytest.raises(ArtifactError, match="its size or SHA-256 differs from the card"):
-            load_surrogate(stored)
-        with pytest.raises(DamagedFile):
-            payload_of(payload[:size])
-
-
-def test_payload_that_is_not_the_cards(stored, fitted):
-    other = {**payload_in(stored), "at_rest": np.array([0.5, 0.0])}
-    (stored / "surrogate.npz").write_bytes(payload_bytes(other))
-    with pytest.raises(ArtifactError, match="SHA-256 differs"):
-        load_surrogate(stored)
-    (stored / "surrogate.npz").unlink()
-    with pytest.raises(ArtifactError, match="cannot be read"):
-        load_surrogate(stored)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"feature_set": "secret"},
-        {"activation": "sin"},
-        {"at_rest": np.zeros(3)},
-        {"at_rest": np.array([np.nan, 0.0])},
-        {"at_rest": "zero"},
-        {"activation": np.array(["algebraic", "tanh"])},
-        {"weights_0": None, "biases_0": None},
-        {"biases_1": None},
-        {"weights_0": np.zeros((3, 8))},
-        {"biases_0": np.zeros(7)},
-        {"weights_0": np.zeros((4, 8), np.float32)},
-        {"weights_1": np.zeros((8, 3)), "biases_1": np.zeros(3)},
-        {"weights_2": np.zeros((2, 2))},
-        {"extra": 1},
-    ],
-)
-def test_plain_payloads_that_are_no_network(stored, change):
-    rewrite(stored, payload_bytes({**payload_in(stored), **change}))
-    with pytest.raises(ArtifactError, match=r"surrogate\.npz"):
-        load_surrogate(stored)
-
-
-def test_polynomials_are_stored_too(tmp_path):
-    samples = pds.training_samples(LAW, 500, random_state=0)
-    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(3), features="isochoric").fit(samples.X, samples.y)
-    path = pds.store(model, samples, LAW, tmp_path, "poly", "1", "a polynomial")
-    force = load_surrogate(path)
-    assert isinstance(force, pds.forces.PolynomialForce)
-    np.testing.assert_allclose(force.bond_force(*samples.X.T), model.predict(samples.X), rtol=1e-11, atol=1e-12)
-    payload = payload_in(path)
-    for change in (
-        {"half_width": np.array([1.0, 0.0])},
-        {"coefficients": np.zeros((3, 4, 4))},
-        {"coefficients": np.zeros((2, 4, 0))},
-        {"coefficients": np.zeros((2, 40, 4))},
-        {"feature_set": "symmetric"},
-        {"center": np.zeros(3)},
-    ):
-        rewrite(path, payload_bytes({**payload, **change}))
-        with pytest.raises(ArtifactError, match=r"surrogate\.npz"):
-            load_surrogate(path)
-
-
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
         (lambda text: "", "not valid JSON"),
-        (lambda text: text[:200], "not valid JSON"),
         (lambda text: "[1, 2]", "not the card"),
-        (lambda text: text.replace("pdsurrogate artefact", "something else"), "not the card"),
         (lambda text: text.replace('"schema_version": 3', '"schema_version": 99'), "upgrade pdsurrogate"),
         (lambda text: text.replace('"schema_version": 3', '"schema_version": 0'), "older card again"),
-        (lambda text: text.replace('"schema_version": 3', '"schema_version": "1"'), "schema_version: .* not '1'"),
         (lambda text: text.replace('"least_stretch": 0.5', '"least_stretch": NaN'), "least_stretch: must be a finite number"),
-        (lambda text: text.replace('"least_stretch": 0.5', '"least_stretch": -1'), "domain.least_stretch"),
-        (lambda text: text.replace('"least_stretch"', '"lowest_stretch"'), "domain.least_stretch"),
-        (lambda text: text.replace('"name": "rubber"', '"name": "../rubber"'), "name"),
-        (lambda text: text.replace('"kind": "bond-force-network"', '"kind": "oracle"'), "digest: kind"),
         (lambda text: "[" * 100_000, "not valid JSON"),
-        (lambda text: "{" + '"a":' * 50_000, "not valid JSON"),
         (lambda text: " " * (2**20 + 10), "not a card"),
     ],
 )
@@ -396,16 +282,6 @@ pds.store(model, samples, law, sys.argv[1], "rubber", "1", pds.CardText("reprodu
     subprocess.run([sys.executable, "-c", code, str(folders[1])], check=True, env=environment)
     for name in ("card.json", "surrogate.npz", "pipeline.joblib"):
         assert (folders[0] / "rubber/1" / name).read_bytes() == (folders[1] / "rubber/1" / name).read_bytes(), name
-
-
-def test_material_must_be_the_surrogates(stored):
-    from pdsurrogate.forces import NetworkForce
-
-    force = load_surrogate(stored)
-    force.check_material(pds.materials.NeoHookean(7.0, 70.0))  # every modulus: the force is dimensionless
-    other = NetworkForce("other", force.feature_set, force.at_rest, force.domain, "gent", {}, force.activation, force.layers)
-    with pytest.raises(ValueError, match="describes the law gent, not neo-hookean"):
-        other.check_material(LAW)
 
 
 def test_saving_leaves_nothing_behind_when_it_fails(fitted, tmp_path, monkeypatch):
@@ -495,31 +371,3 @@ def test_names_and_versions_of_artifacts_that_would_be_misread(fitted, tmp_path)
         pds.store(model, samples, LAW, tmp_path, "analytic", "1", "x")
     with pytest.raises(ArtifactError, match="version 1 is not allowed: it must be text"):
         pds.store(model, samples, LAW, tmp_path, "rubber", 1, "x")
-
-
-@pytest.fixture
-def fit_shipped(monkeypatch):
-    """The pipeline that makes the shipped artifacts, which sets variables of the environment."""
-    for name in ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES"):
-        monkeypatch.setenv(name, "")
-    path = Path(__file__).resolve().parents[2] / "pipelines" / "fit_shipped.py"
-    spec = importlib.util.spec_from_file_location("fit_shipped", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_shipped_artifacts_are_compared_by_their_forces_and_not_by_their_bytes(fit_shipped, tmp_path):
-    """Rounding of another processor makes other weights: a fit to other samples is as good; one of a lower degree is not."""
-    law = pds.materials.NeoHookean()
-    for folder, degree, seed in (("shipped", 5, 0), ("again", 5, 1), ("worse", 3, 0)):
-        samples = pds.training_samples(law, 1500, (0.7, 2.0), random_state=seed)
-        model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(degree), features="symmetric").fit(samples.X, samples.y)
-        pds.store(model, samples, law, tmp_path / folder, "fit", "1", "a fit")
-    shipped = tmp_path / "shipped"
-    for folder, right in (("shipped", True), ("again", True), ("worse", False)):
-        found = fit_shipped.faults(tmp_path / folder, shipped)
-        assert (not found) == right, found
-        assert ("fit/1/surrogate.npz" in fit_shipped.differences(tmp_path / folder, shipped)) == (folder != "shipped")
-    assert "more than 2 times the stated error" in found[0]
-    assert fit_shipped.faults(tmp_path / "none", shipped) == ["fit/1 is in one folder alone"]

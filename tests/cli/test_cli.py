@@ -60,18 +60,14 @@ def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
         (["run", "uniaxial", "--force", "neo-hookean@9"], "unknown force 'neo-hookean@9'; neo-hookean has the versions 1, 2"),
         (["compare", "--force", "gent@2"], "unknown force 'gent@2'; gent has the version 1"),
         (["compare", "--force", "gent", "--law", "yeoh"], "gent@1 describes the law gent, not yeoh"),
-        (["compare", "--force", "gent-isochoric"], "unknown force 'gent-isochoric'"),
         (["compare", "--force", "neo-hookean-isochoric"], "neo-hookean-isochoric does not describe plane stress"),
         (["run", "uniaxial", "--set", "spcing=1"], "spcing: unknown key"),
         (["run", "uniaxial", "--set", "spacing=5"], "larger than the body"),
-        (["run", "uniaxial", "--set", "stretches=0"], "stretches.0"),
-        (["run", "uniaxial", "--set", "stretches=nan"], "stretches.0"),
         (["run", "uniaxial", "--set", "material.shear_modulus=inf"], "shear_modulus must be finite"),
         (["run", "uniaxial", "--threads", "0"], "threads must be between"),
         (["run", "missing.toml"], "cannot read scene file"),
         (["evaluate", "nosb"], "evaluate takes analytic, bond-energy, or an artifact"),
         (["evaluate", "nothing"], "unknown force 'nothing'; there are analytic, bond-energy, arruda-boyce-isochoric"),
-        (["evaluate", "gent", "--law", "yeoh"], "--law yeoh: gent@1 is compared with its own law, gent"),
         (["artifacts", "nothing"], "unknown artifact 'nothing'; there are arruda-boyce-isochoric"),
         (["identify", "treloar", "--law", "gen"], "unknown law 'gen'; did you mean gent?"),
         (["identify", "trelor"], "cannot read test data trelor: No such file or directory; did you mean treloar?"),
@@ -80,25 +76,17 @@ def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
         (["fit", "x", "--set", "shear_modulus=0"], "shear_modulus must be positive"),
         (["fit", "x", "--features", "all"], "unknown features 'all'"),
         (["fit", "x", "--least", "2", "--greatest", "1"], "0 < least < 1 < greatest, finite, not 2 and 1"),
-        (["fit", "x", "--least", "0"], "0 < least < 1 < greatest, finite, not 0 and 4"),
-        (["fit", "x", "--least", "nan"], "0 < least < 1 < greatest, finite, not nan and 4"),
         (["evaluate", "analytic", "--greatest", "0.9"], "0 < least < 1 < greatest, finite, not 0.5 and 0.9"),
-        (["evaluate", "bond-energy", "--least", "1.5"], "0 < least < 1 < greatest, finite, not 1.5 and 4"),
         (["fit", "x", "--data", "none.csv", "--units", "8,8,8,8"], "units must have one to 3 numbers"),
         (
             ["fit", "x", "--data", "none.csv", "--features", "symmetric"],
             "a polynomial needs a set of two features (isochoric), but symmetric has 4",
         ),
         (["fit", "x", "--units", "4", "--activation", "sine"], "unknown activation 'sine'; there are algebraic"),
-        (["fit", "x", "--units", "0"], "every hidden layer needs at least one unit"),
         (["fit", "x", "--units", "4", "--degree", "3"], "degree sets a polynomial and units a network"),
-        (["fit", "x", "--activation", "tanh"], "set units, too"),
         (["fit", "x", "--folds", "1"], "folds must be 0, or from 2 to the number of samples"),
-        (["fit", "x", "--set", "law=ogden"], "--set law=ogden: --set changes parameters"),
         (["fit", "x", "--data", "none.csv", "--version", "1/2"], "version '1/2' is not allowed"),
         (["evaluate", "analytic", "--law", "granite"], "pdsurrogate: unknown law 'granite'; there are arruda-boyce, full-network, gent"),
-        (["evaluate", "bond-energy", "--law", "granite"], "pdsurrogate: unknown law 'granite'; there are arruda-boyce"),
-        (["evaluate", "neo-hookean@"], "unknown force 'neo-hookean@'"),
         (["artifacts", "x" * 300], "cannot be read: File name too long"),
         (["run", "uniaxial", "--force", "./nothing"], "./nothing: this is not the folder of an artifact, which would contain card.json"),
     ],
@@ -200,18 +188,6 @@ def test_no_line_is_longer_than_80_characters(command):
     assert [line for line in done.stdout.splitlines() if len(line) > 80] == []
 
 
-def test_small_bodies_far_from_the_origin_show_their_forces():
-    """A sheet of a micrometer, a meter from the origin: its moments are a million times its forces by the extent of the body."""
-    far = ["body.size=1e-6,1e-6", "body.lower=1.0,1.0", "spacing=1e-7", "probes=[]", "units={}"]
-    done = invoke("run", "traction", *(item for change in far for item in ("--set", change)), "--force", "bond-energy", "--json")
-    levels = json.loads(done.stdout)["levels"]
-    force, moment = levels[-1]["forces"]["left"], levels[-1]["moments"]["left"]
-    assert abs(moment) > 1e5 * max(map(abs, force)) * 1e-6  # why they were left out
-    table = invoke("run", "traction", *(item for change in far for item in ("--set", change)), "--force", "bond-energy").stdout
-    assert f"{force[1]:.5g}" in table
-    assert "Moments" not in table
-
-
 def test_what_is_turned_shows_its_moments():
     table = invoke("run", "disc-torsion", "--set", "spacing=0.1", "--set", "steps=0.5", "--force", "analytic").stdout
     assert "Moments about the origin (kPa·cm²)" in table
@@ -252,20 +228,6 @@ def test_unlike_cross_sections_are_told(tmp_path):
         done.output.split()
     )
     assert "cross-section" not in invoke("run", "pure-shear", *FAST, "--force", "analytic").output
-
-
-def test_damaged_artifacts_are_refused(tmp_path):
-    copy = tmp_path / "a"
-    shutil.copytree(SHIPPED / "neo-hookean" / "1", copy)
-    payload = (copy / "surrogate.npz").read_bytes()
-    (copy / "surrogate.npz").write_bytes(payload[: len(payload) // 2])
-    done = invoke("run", "uniaxial", *FAST, "--force", copy)
-    assert done.exit_code == 2
-    assert "its size or SHA-256 differs from the card" in done.stderr
-    (copy / "card.json").write_text("{")
-    done = invoke("run", "uniaxial", *FAST, "--force", copy)
-    assert done.exit_code == 2
-    assert "not valid JSON" in done.stderr
 
 
 def test_failed_runs_say_so_and_save_what_they_reached(tmp_path):
@@ -397,16 +359,6 @@ def test_a_surrogate_of_no_use_is_not_written(tmp_path):
     result = invoke("fit", "analytic", "--out", tmp_path)
     assert result.exit_code == 2
     assert "'analytic' is not allowed" in result.output
-
-
-def test_small_strains_are_fitted(tmp_path):
-    """It ended in a RuntimeWarning and "sample 33 is not finite"."""
-    options = ["--law", "gent", "--least", 0.9, "--greatest", 1.15, "--samples", 2000, "--folds", 0, "--out", tmp_path]
-    result = invoke("fit", "small", *options)
-    assert result.exit_code == 0, result.output
-    assert "Warning" not in result.output
-    card = json.loads((tmp_path / "small" / "1" / "card.json").read_text())
-    assert card["errors"]["box"]["on_surface"]["rms"] < 1e-4
 
 
 def test_a_run_says_what_error_a_card_states(tmp_path):

@@ -17,10 +17,10 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import COMMANDS, app, terminal
 from pdsurrogate.cli.command import warnings_as_lines
-from pdsurrogate.cli.simulation import _Shown
 from pdsurrogate.engine.threads import most_threads, thread_count, threads_for
 from pdsurrogate.forces import OutsideDomainWarning
 from pdsurrogate.materials import LAWS
+from pdsurrogate.progress import event
 from pdsurrogate.results import drawings
 from pdsurrogate.run.run import Oversubscribed
 
@@ -34,7 +34,6 @@ from pdsurrogate.run.run import Oversubscribed
         (["run"], 2, "Missing argument 'SCENE'"),
         (["show", "nowhere"], 2, "not a folder with results of a run"),
         (["evaluate", "nothing"], 2, "nothing"),
-        (["stress-test", "--force", "nothing"], 2, "nothing"),
         (["wizardry"], 2, "No such command 'wizardry'"),
     ],
 )
@@ -104,7 +103,7 @@ def own_law(tmp_path):
 def test_the_version_and_the_completion_of_shells():
     assert invoke("--version").stdout == f"pdsurrogate {pds.__version__}\n"
     assert "--install-completion" in invoke("--help").output
-    for typed, meant in (("st", {"stress-test", "study"}), ("run --thr", {"--threads"})):
+    for typed, meant in (("st", {"study"}), ("run --thr", {"--threads"})):
         assert completed(typed) == meant
 
 
@@ -123,7 +122,6 @@ def test_shells_complete_names(tmp_path, monkeypatch):
         ("scenes tr", {"traction", "trousers"}),
         ("run uniaxial --force neo-hookean@", {"neo-hookean@1", "neo-hookean@2"}),
         ("compare --force b", {"ba-nosb", "bond-energy"}),
-        ("stress-test --force no", {"nosb"}),
         ("evaluate b", {"bond-energy"}),
         ("artifacts gent", {"gent", "gent@1"}),
         ("fit mine --law o", {"ogden"}),
@@ -209,8 +207,8 @@ def test_progress_is_drawn_on_terminals_alone(monkeypatch, drawn):
     file = io.StringIO()
     monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=drawn, width=100))
     monkeypatch.setattr(terminal.settings, "quiet", False)
-    with terminal.Bar("drawing") as bar:
-        bar.show(0.5, "residual 1e-3")
+    with terminal.Bar("page"):
+        event("drawing", 3, 6)
     assert ("drawing" in file.getvalue()) == drawn
     assert drawn or file.getvalue() == ""
 
@@ -221,45 +219,16 @@ def test_a_log_gets_a_line_of_progress_with_the_time_left_every_half_a_minute(mo
     monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=False, width=100))
     monkeypatch.setattr(terminal.settings, "quiet", False)
     monkeypatch.setattr(terminal.time, "monotonic", lambda: now[0])
-    scene = pds.load_scene("tear")
-    with terminal.Bar() as bar:
-        shown = _Shown(scene, bar)
+    with terminal.Bar("tear"):
         for seconds in range(63):
             now[0] = 100.0 + seconds
-            shown.dynamics(seconds / 240, 1.1 + seconds / 1000, 7 * seconds)
+            event("dynamics", 2 + seconds / 256, 3, stretch=1.1 + seconds / 1000, broken_bonds=7 * seconds)
     lines = file.getvalue().splitlines()
     assert [line.split(";")[0] for line in lines] == [
-        "tear: dynamics: 13 % done, about 0:03:29 left",
-        "tear: dynamics: 26 % done, about 0:02:58 left",
+        "tear: dynamics: 71 % done, about 0:03:45 left",
+        "tear: dynamics: 75 % done, about 0:03:14 left",
     ]
-    assert "stretch 1.1310, 217 bonds broken" in lines[0]
-
-
-def test_a_narrow_terminal_cuts_nothing_of_progress(monkeypatch):
-    """In one line the time left was cut away, and the end of the state with it."""
-    file = io.StringIO()
-    monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=True, width=50))
-    monkeypatch.setattr(terminal.settings, "quiet", False)
-    state = "3 of 12 cases, 14.2 cases/min, now neo-hookean, sheets: a long title of a hard case [0, 1]"
-    with terminal.Bar() as bar:
-        bar.add_task("Hard cases", completed=0.25, total=1.0, state=state)
-    drawn = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", file.getvalue())
-    assert state in " ".join(drawn.split())
-    assert re.search(r"Hard cases .* 0:00:00 -:--:--", drawn)
-
-
-def test_rates_are_by_the_second_or_by_the_minute(monkeypatch):
-    now = [10.0]
-    monkeypatch.setattr(terminal.time, "monotonic", lambda: now[0])
-    bar = terminal.Bar("one study")
-    assert bar.rate("runs", 0) == ""
-    now[0] = 20.0
-    assert bar.rate("runs", 5) == ", 30 runs/min"
-    assert bar.rate("runs", 50) == ", 5 runs/s"
-    bar.show(0.0, title="another study")
-    assert bar.rate("runs", 50) == ""
-    now[0] = 21.0
-    assert bar.rate("runs", 52) == ", 2 runs/s"
+    assert lines[0].endswith("; 2 of 3, stretch 1.13, 217 broken bonds (7/s)")
 
 
 def test_laws_of_the_users_own(own_law):
@@ -313,7 +282,7 @@ def test_commands_keep_to_the_threads_that_are_asked_for():
         with pytest.raises(ValueError, match="threads must be between 1 and 1"), thread_count(2, limit=True):
             pass
     assert most_threads() == all_of_them
-    for command in ("compare", "stress-test", "run"):
+    for command in ("compare", "run"):
         done = invoke(command, *(["uniaxial"] if command == "run" else []), "--threads", 10_000)
         assert done.exit_code == 2
         assert "threads must be between" in done.stderr
@@ -332,10 +301,9 @@ def test_training_says_how_far_it_is(monkeypatch, tmp_path):
     file = io.StringIO()
     monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(tmp_path))
     monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=True, width=160))
-    monkeypatch.setattr(terminal, "SOONEST", 0.0)  # so small a training may be over before
     done = invoke("fit", "mine", "--units", 4, "--samples", 300, "--greatest", 1.5, "--iterations", 30, "--folds", 2)
     assert done.exit_code in (0, 1), done.output
-    for words in ("Fitting", "Cross-validating", "fold 2 of 2", r"iteration \d+ of at most 30, loss \d\.\d+e-\d+, [\d.e+]+ iterations/s"):
+    for words in ("fitting", "cross-validating", "fold 2 of 2", r"loss \d\.\d+e-\d+, \d+ iterations \([\d.e+]+/s\)"):
         assert re.search(words, file.getvalue())
 
 

@@ -5,13 +5,12 @@ import hashlib
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from stopping import Killed, KilledWhileBondsBreak
 
 import pdsurrogate as pds
 from pdsurrogate.discretization import clouds, discretize
 from pdsurrogate.discretization.points import material_at
 from pdsurrogate.engine.threads import most_threads, thread_count
-from pdsurrogate.results import measures, vtk
+from pdsurrogate.results import vtk
 from pdsurrogate.results.states import deformed_cells
 from pdsurrogate.scenes import SceneError, load_scene
 
@@ -154,48 +153,6 @@ def test_stress_and_contraction_are_those_of_the_lattice(scene, changes):
     lattice, cloud = (stress_of(scene, "bond-energy", changes | more) for more in ({}, RELAXED))
     assert cloud[0] == pytest.approx(lattice[0], rel=3e-3)
     assert cloud[1] == pytest.approx(lattice[1], rel=0.04)
-
-
-def test_a_traction_stretches_a_cloud_as_a_lattice():
-    found = []
-    for arrangement in ("lattice", "relaxed"):
-        held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}]
-        load = [{"region": "right", "traction": [0.5, 0.0], "name": "load"}]
-        probes = [{"name": "edge", "at": [1.0, 0.5]}, {"name": "corner", "at": [1.0, 1.0]}]
-        scene = square(0.1, arrangement=arrangement, prescribed=held, loads=load, probes=probes)
-        level = pds.simulate(scene, "bond-energy", threads=1).levels[-1]
-        assert level["forces"]["left"][0] == pytest.approx(-0.5, rel=1e-5)
-        found.append([*level["probes"]["edge"]["displacement"], *level["probes"]["corner"]["displacement"]])
-    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=0.02 * abs(found[0][0]))
-
-
-def test_displacements_of_edges_and_roughness_assume_no_lines():
-    body, lower, upper = discretize(square())
-    smooth = np.stack([0.2 * body.points[:, 0], -0.1 * (body.points[:, 1] - 0.5) + 0.05 * body.points[:, 0]], axis=1)
-    along, low, high = measures.edge_displacements(body, smooth, 1, np.array([lower, upper]))
-    np.testing.assert_allclose(along, 0.025 + 0.05 * np.arange(20))
-    np.testing.assert_allclose(low, 0.05 + 0.05 * along)
-    np.testing.assert_allclose(high, -0.05 + 0.05 * along)
-    assert measures.roughness(body, smooth, 0) < 1e-9
-    jagged = smooth + 0.05 * np.random.default_rng(1).choice([-1.0, 1.0], smooth.shape)
-    assert 0.5 < measures.roughness(body, jagged, 0) < 4
-
-
-def test_a_tear_of_a_cloud_resumes_to_the_same_bits(tmp_path, monkeypatch):
-    monkeypatch.setattr("pdsurrogate.run.checkpoints.SECONDS_BETWEEN_CHECKPOINTS", 0.0)
-    held = [{"region": "bottom", "x1": 0.0, "x2": 0.0}, {"region": "top", "x1": 0.0, "x2": 1.0}]
-    pulled = {"to": 0.7, "outputs": 4, "dynamics": {"duration": 8.0, "density": 1.0}}
-    torn = {"precuts": [{"start": [-1.0, 0.5], "end": [0.4, 0.5]}], "prescribed": held, "steps": [{"to": 0.2}, pulled]}
-    scene = square(0.1, seed=3, fracture={"critical_stretch": 1.8}, **torn)
-    whole = pds.simulate(scene, "bond-energy")
-    with pytest.raises(Killed):
-        pds.simulate(scene, "bond-energy", folder=tmp_path, progress=KilledWhileBondsBreak())
-    resumed = pds.simulate(scene, "bond-energy", folder=tmp_path, resume=True)
-    assert resumed.history == whole.history
-    assert resumed.levels == whole.levels
-    assert resumed.summary["crack"] == whole.summary["crack"]
-    np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
-    np.testing.assert_array_equal(np.float32(resumed.field("damage")), np.float32(whole.field("damage")))
 
 
 # Cells of pictures and files.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pdsurrogate as pds
-from pdsurrogate.discretization import cuts_of, discretize
+from pdsurrogate.discretization import discretize
 from pdsurrogate.problem import compile_scene
 
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
@@ -160,51 +160,6 @@ def test_panels_of_a_solid_that_share_an_edge():
     assert not compile_scene(scene_of(step, **block)).fronts.first
     (front,) = compile_scene(scene_of(parts[:1], **block)).fronts.first
     assert front.extent == pytest.approx(0.6, abs=0.01)
-
-
-def test_touching_ends_do_not_depend_on_the_unit_of_length():
-    usual = discretize(scene_of(line((0, 1), (1.5, 1), (2.4, 1.3))))[0].bonds.cut
-    for unit in (1e-6, 3.7, 1e6):
-        scaled = {"spacing": 0.1 * unit, "body": {"shape": "rectangle", "size": [3 * unit, 2 * unit]}}
-        cuts = line((0, unit), (1.5 * unit, unit), (2.4 * unit, 1.3 * unit))
-        np.testing.assert_array_equal(discretize(scene_of(cuts, **scaled))[0].bonds.cut, usual)
-
-
-def test_a_joint_does_not_change_an_equilibrium():
-    """Energies of a cut in one piece and in two, which were 8 to 10 % apart.
-
-    The bonds are the same; facets of the faces end at the joint, so that they are of other lengths. The error of the energy is 0.3 %.
-    """
-    energies = [
-        pds.simulate(scene_of(cuts), "bond-energy").levels[-1]["energy"]
-        for cuts in (line((0, 1), (1.8, 1)), line((0, 1), (0.8, 1), (1.8, 1)), line((0, 1), (0.85, 1), (1.8, 1)))
-    ]
-    assert energies[1:] == pytest.approx([energies[0]] * 2, rel=1e-3)
-
-
-def test_distances_of_places_from_cuts():
-    """Against the distances of many places on the cuts."""
-    rng = np.random.default_rng(0)
-    shares = rng.random((20_000, 2))
-    flat = pds.shapes.ParallelogramCut(corner=(0.1, 0.2, 0.3), sides=((1.0, 0.2, 0.0), (0.3, 0.1, 0.9)))
-    radius, angle = 0.7 * np.sqrt(shares[:, :1]), 2 * np.pi * shares[:, 1:]
-    disc = pds.shapes.DiscCut(center=(0.0, 0.0, 0.5), radius=0.7, normal=(0.0, 0.0, 2.0))
-    cases = [
-        (flat, np.array(flat.corner) + shares @ np.array(flat.sides)),
-        (disc, np.array(disc.center) + np.hstack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle])),
-    ]
-    for cut, places in cases:
-        asked = rng.uniform(-1, 2, (100, 3))
-        nearest = np.linalg.norm(places - asked[:, None], axis=2).min(axis=1)
-        np.testing.assert_allclose(cut.distances(asked), nearest, atol=0.03)
-        assert (cut.distances(asked) <= nearest + 1e-12).all()
-
-
-def test_pieces_that_touch_know_it():
-    scene = scene_of(line((0, 1), (1.5, 1), (2.4, 1.3)))
-    cuts = cuts_of(scene, np.zeros(2), np.array([3.0, 2.0]))
-    assert cuts.touched(0, np.array([[0.0, 1.0], [1.5, 1.0], [1.0, 1.0]])).tolist() == [True, True, False]
-    assert cuts.touched(1, np.array([[2.4, 1.3]])).tolist() == [False]
 
 
 def faces_of(cuts, **more):

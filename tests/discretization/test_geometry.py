@@ -8,9 +8,6 @@ from runs import started
 
 import pdsurrogate as pds
 from pdsurrogate.discretization import discretize
-from pdsurrogate.forces import InvalidState
-from pdsurrogate.results import figures
-from pdsurrogate.solvers.conditions import FoldedOver
 
 matplotlib.use("Agg")
 
@@ -57,21 +54,6 @@ def test_only_a_mesh_needs_no_spacing():
         cantilever({"shape": "rectangle", "size": (2.0, 1.0)})
     with pytest.raises(pds.SceneError, match="spacing: must be a number, unless the body is a mesh"):
         cantilever({"shape": "rectangle", "size": (2.0, 1.0)}, spacing=None)
-
-
-def test_small_cells_in_a_corner_do_not_make_the_horizon_of_a_mesh_small(tmp_path):
-    """Spacing is a mean over the body, not over its cells: 16 of which take 1/100 of it here."""
-    import meshio
-
-    squares, step = [], 0.1
-    places = [(i * step, j * step, step) for i in range(10) for j in range(10) if (i, j) != (0, 0)]
-    for x1, x2, side in [*places, *((i * step / 4, j * step / 4, step / 4) for i in range(4) for j in range(4))]:
-        squares.append([[x1, x2, 0], [x1 + side, x2, 0], [x1 + side, x2 + side, 0], [x1, x2 + side, 0]])
-    nodes = np.array(squares).reshape(-1, 3)
-    meshio.write(tmp_path / "graded.vtu", meshio.Mesh(nodes, [("quad", np.arange(len(nodes)).reshape(-1, 4))]))
-    fields = {"material": RUBBER, "steps": (1.0,), "prescribed": ({"region": "left", **CLAMPED},)}
-    body, _, _ = discretize(pds.Scene(name="graded", body={"shape": "mesh", "file": str(tmp_path / "graded.vtu")}, **fields))
-    assert body.spacing == pytest.approx(0.99 * 0.1 + 0.01 * 0.025)
 
 
 @pytest.fixture(scope="module")
@@ -122,10 +104,9 @@ STAR = tuple((float(np.cos(angle)), float(np.sin(angle))) for angle in np.pi / 2
         (SQUARE + SQUARE[::-1], "the polygon has no area"),
     ],
 )
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-def test_outlines_that_cross_or_run_twice_are_refused(vertices, message, scale):
-    with pytest.raises(pds.SceneError, match=message if scale == 1 else message.split(" at ")[0].split(":")[0]):
-        pds.shapes.Polygon(vertices=[(scale * x1, scale * x2) for x1, x2 in vertices])
+def test_outlines_that_cross_or_run_twice_are_refused(vertices, message):
+    with pytest.raises(pds.SceneError, match=message):
+        pds.shapes.Polygon(vertices=vertices)
 
 
 @pytest.mark.parametrize(
@@ -260,55 +241,6 @@ def test_a_corner_that_folds_over_the_plate_is_told():
     assert "use a smaller spacing" not in told
 
 
-@pytest.mark.parametrize("changes", ["slides", "hollow"])
-def test_what_helps_a_corner_that_folds(changes):
-    """What the message says: a free plate, and a free side that is hollow by 0.15 of the height of the whole gasket, 1."""
-    if changes == "slides":
-        rollers = [{"region": edge, "x2": value} for edge, value in (("bottom", 0.0), ("top", -0.15))]
-        scene = gasket(prescribed=(*rollers, {"region": "right", "x1": 0.0}))
-    else:
-        hollow = [(float(0.6 * height * (1 - height)), float(height)) for height in np.linspace(0.5, 0.0, 11)]
-        scene = gasket(body={"shape": "polygon", "vertices": ((0.0, 0.0), (0.6, 0.0), (0.6, 0.5), *hollow[:-1])})
-    assert pds.simulate(scene).summary["converged"]
-
-
-def test_only_beside_a_free_side_of_what_is_bonded_a_point_beyond_is_a_fold():
-    run = started(gasket())
-    for point, fold in ((0, True), (6, False)):  # in the corner; in the middle of the bottom, five cells from the free side
-        positions = run.body.points.copy()
-        positions[point, 1] = -0.001
-        with pytest.raises(InvalidState) as caught:
-            run.loading.check_inside(0.0, run.force, positions)
-        assert isinstance(caught.value, FoldedOver) == fold
-        assert ("free side" in str(caught.value)) == fold
-
-
-def test_probes_that_the_body_hides_are_told_in_the_preview():
-    """The eye looks from the front right and above, at the sides where x1 and x3 are greatest and x2 is least."""
-    middles = {"right": (1, 0.5, 0.5), "bottom": (0.5, 0, 0.5), "front": (0.5, 0.5, 1)}
-    hidden = {"left": (0, 0.5, 0.5), "top": (0.5, 1, 0.5), "back": (0.5, 0.5, 0), "inner": (0.5, 0.5, 0.5)}
-    scene = pds.Scene(
-        name="cube",
-        spacing=0.25,
-        body={"shape": "box", "size": (1, 1, 1)},
-        material=RUBBER,
-        prescribed=({"region": "back", "x1": 0.0, "x2": 0.0, "x3": 0.0},),
-        probes=[{"name": name, "at": at} for name, at in {**middles, **hidden}.items()],
-        steps=(1.0,),
-    )
-    texts = {text.get_text().strip() for text in pds.preview(scene).axes[0].texts}
-    assert texts >= {*middles, *(f"{name} (hidden)" for name in hidden)}
-
-
-def test_the_section_of_a_picture_is_called_deformed():
-    scene = pds.load_scene("bonded-block", spacing=0.25)
-    body, _, _ = discretize(scene)
-    figure = figures.contour_figure([(body.cells, np.zeros_like(body.cells.nodes))], [np.zeros(len(body))], "u", ["at rest"])
-    titles = [axis.get_title() for axis in figure.axes]
-    assert any(title.startswith("deformed section, x") for title in titles)
-    assert not any("undeformed" in title for title in titles)
-
-
 def test_bodies_in_pieces_that_are_all_held_are_remarked_on():
     cut = {"start": (-0.1, 0.5), "end": (1.3, 0.5)}
     sheet = {"body": {"shape": "rectangle", "size": (1.2, 1.0)}, "spacing": 0.1, "precuts": (cut,)}
@@ -350,7 +282,7 @@ def test_where_a_mesh_is_too_coarse_nobody_is_told_to_take_a_smaller_spacing(tmp
     assert "smaller spacing" not in str(caught.value)
 
 
-@pytest.mark.parametrize("unit", [1e-6, 1e-3, 3.7, 1e6])
+@pytest.mark.parametrize("unit", [1e-6, 3.7])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_bonds_that_a_precut_breaks_do_not_depend_on_the_unit_of_length(dimension, unit):
     """Diagonal bonds meet its end, halfway between columns of points, exactly: rounding must not decide which of them it breaks."""
@@ -371,7 +303,7 @@ def test_the_bonds_that_a_precut_breaks_do_not_depend_on_the_unit_of_length(dime
     np.testing.assert_array_equal(ours.second, usual.second)
 
 
-@pytest.mark.parametrize("unit", [1e-5, 1e-3, 3.7, 1e3])
+@pytest.mark.parametrize("unit", [1e-5, 3.7])
 @pytest.mark.parametrize("radius", [0.22, 0.25])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_cells_at_a_round_hole_do_not_depend_on_the_unit_of_length(dimension, radius, unit):
@@ -451,9 +383,3 @@ def test_a_cut_of_a_solid_goes_on_beyond_a_held_face_as_its_mirror_image(case):
     cuts, all_cuts = MIRRORED_CUTS_OF_SOLIDS[case]
     part = neighbors_in([0.0] * 3, {"shape": "box", "size": [0.6, 0.6, 0.6]}, cuts, [("left", 1)])
     assert part == neighbors_in([0.0] * 3, {"shape": "box", "size": [1.2, 0.6, 0.6], "lower": [-0.6, 0.0, 0.0]}, all_cuts, [])
-
-
-def test_a_precut_beyond_a_held_edge_is_refused():
-    """It would cut bonds of images and none of the body."""
-    with pytest.raises(pds.SceneError, match=r"precuts.0: the precut crosses no bond; it is outside the body"):
-        neighbors_in([0.0, 0.0], {"size": [1.0, 1.0]}, [line([-0.1, 0.2], [-0.1, 0.8])], [("left", 1)])

@@ -338,35 +338,6 @@ def test_ufl_file(name, tmp_path):
     assert_close(found[3:], [answers[2][:, i, j, k, el] for i, j, k, el in tangent], answers, source, TANGENT)
 
 
-def force_of_a_cube(felupe, material, stretch):
-    """Force on the plates of a cube of side 1, of an eighth of it by 5^3 triquadratic elements, graded toward its corner."""
-    mesh = felupe.Cube(b=(0.5, 0.5, 0.5), n=5)
-    mesh.points[:] = 0.5 * (1 - (1 - mesh.points / 0.5) ** 1.5)
-    mesh = mesh.add_midpoints_edges().add_midpoints_faces().add_midpoints_volumes()
-    field = felupe.FieldContainer([felupe.Field(felupe.RegionTriQuadraticHexahedron(mesh), dim=3)])
-    at = [{f"f{axis}": 0.0, "skip": tuple(int(axis != other) for other in "xyz")} for axis in "xyz"]
-    bounds = {f"plane {number}": felupe.Boundary(field[0], **where) for number, where in enumerate(at)}
-    bounds["held"] = felupe.Boundary(field[0], fx=0.5, skip=(1, 0, 0))
-    bounds["moved"] = felupe.Boundary(field[0], fx=0.5, skip=(0, 1, 1))
-    solid = felupe.SolidBody(umat=material, field=field)
-    moves = felupe.math.linsteps([0, (stretch - 1) / 2], num=3)
-    step = felupe.Step(items=[solid], ramp={bounds["moved"]: moves}, boundaries=bounds)
-    for _ in step.generate(x0=field, verbose=0):
-        pass
-    forces = solid.assemble.vector(field).toarray().reshape(-1, 3)
-    return 4 * forces[np.isclose(mesh.points[:, 0], 0.5), 0].sum()
-
-
-@pytest.mark.slow
-def test_a_bonded_cube_in_felupe(tmp_path):
-    """Its force is that of the package with 20 points a side within 0.2 %; it is 0.09 % off, and falls as the square of the spacing."""
-    felupe = pytest.importorskip("felupe", reason="needs felupe")
-    scene = pds.load_scene("bonded-block", spacing=0.05)
-    ours = pds.simulate(scene).levels[-1]["forces"]["right"][0]
-    module = imported(written(source_of_law(scene.law()), "felupe", tmp_path))
-    assert force_of_a_cube(felupe, module.Material(), 1.5) == pytest.approx(ours, rel=2e-3)
-
-
 def test_laws_that_end_soon_are_checked_within_their_limit(tmp_path):
     source = source_of_law(pds.materials.Gent(chain_limit=0.02))
     path = written(source, "felupe", tmp_path)

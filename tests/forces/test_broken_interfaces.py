@@ -9,7 +9,7 @@ from pdsurrogate.discretization import discretize
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.scenes import Precut
-from pdsurrogate.stress_test.deformations import wavy
+from pdsurrogate.testing.bodies import wavy
 
 AFFINE = np.array([[1.2, 0.1], [-0.05, 0.95]])
 CUTS = {"along": Precut(start=(-0.05, 0.5), end=(0.6, 0.5)), "through": Precut(start=(0.52, -0.1), end=(0.52, 0.62))}

@@ -20,9 +20,8 @@ from pdsurrogate.forces import (
     OutsideDomain,
     OutsideDomainWarning,
 )
-from pdsurrogate.forces.kernel_values import kernel_tractions
 from pdsurrogate.kernels.bond_force import along_and_across
-from pdsurrogate.kernels.domain import blend, exact_share, exact_share_at
+from pdsurrogate.kernels.domain import blend
 from pdsurrogate.materials import Gent, plane_stress
 
 LAW = pds.materials.NeoHookean()
@@ -78,20 +77,6 @@ def test_the_blend_has_two_continuous_derivatives():
     assert np.abs(np.diff(curvature)).max() < 60 * 1.01 * (t[1] - t[0])
 
 
-def test_both_energies_blend_alike():
-    """The energy of a sheet beyond one edge, and an isochoric energy at the same relative distance from one."""
-    low, high = 0.25, 9.0
-    domain = np.array([low, high, 1 / low, 1 / high, 0.0, np.inf, 0.1])
-    for distance in (-0.15, -0.07, -0.02, 0.0, 0.01):
-        # Both stretches alike, J a relative distance above its greatest value, far from the other edges but the one of tr C.
-        J = high * (1 + distance)
-        trace = 2 * J
-        share = exact_share(trace, J, domain)[0]
-        beyond_trace = trace / (high + J * J / high) - 1
-        parts = [exact_share_at(-one)[0] for one in (distance, beyond_trace)]
-        np.testing.assert_allclose(share, 1 - (1 - parts[0]) * (1 - parts[1]), atol=1e-14)
-
-
 def test_components_along_a_bond_keep_size_and_work():
     """Turned components have the size of those before, and a bond that is not turned has the same."""
     random = np.random.default_rng(0)
@@ -108,9 +93,6 @@ def test_the_interior_of_a_domain():
     assert 0.9 < inner.least_bulk < 1 < inner.greatest_bulk < 1.3
     away = Domain(1.2, 4.0, 0.9, 1.3)
     assert away.interior is away  # rest lies outside: there is nothing to be nearer to
-
-
-TURNS = np.linspace(-np.pi, np.pi, 181)
 
 
 @pytest.mark.parametrize(("J", "C33"), [(1.0, 1.0), (2.0, 0.25), (9.0, 1 / 81), (0.3, 8.0)])
@@ -134,15 +116,6 @@ def test_a_turned_bond_is_pushed_back(law, stretch, J, C33):
     folded = defined & (a < 0)
     if C33 >= 0.1:
         assert (T_nn[folded] < 0).all()
-
-
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
-def test_turned_bonds_in_the_kernel_and_in_numpy_agree(dtype):
-    model = AnalyticBondForce(LAW)
-    stretch, length = np.full(181, 1.3), np.full(181, 0.5)
-    kernel = kernel_tractions(model, LAW, dtype, stretch, TURNS, length, 0.8 + 0 * stretch, 1.2 + 0 * stretch)
-    plain = np.stack(plane_stress.bond_traction(LAW, stretch * np.cos(TURNS), stretch * np.sin(TURNS), 1.2, 0.8), axis=1)
-    np.testing.assert_allclose(kernel, plain, atol=(1e-12 if dtype == np.float64 else 1e-5) * np.abs(plain).max())
 
 
 @pytest.mark.parametrize("outside", ["fallback", "warn", "extrapolate"])

@@ -13,7 +13,7 @@ from pdsurrogate.forces.material_points import MaterialPoints
 from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
 from pdsurrogate.solvers.equilibrium import NotConverged
 from pdsurrogate.solvers.methods import DynamicRelaxation
-from pdsurrogate.stress_test.deformations import wavy
+from pdsurrogate.testing.bodies import wavy
 
 LAW = NeoHookean(2.0, 200.0)
 MODELS = {name: model() for name, model in FORCES.items()}

@@ -11,11 +11,10 @@ from scipy.spatial import cKDTree
 import pdsurrogate as pds
 from pdsurrogate.body import HeldBoundary
 from pdsurrogate.discretization import held_at_points
-from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
+from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean, plane_strain, plane_stress
-from pdsurrogate.problem import compile_scene
 from pdsurrogate.scenes import SceneError
-from pdsurrogate.stress_test.deformations import turn
+from pdsurrogate.testing.bodies import turn
 
 LAW = NeoHookean(1.0, 100.0)
 RUBBER = LAW.describe()
@@ -137,32 +136,12 @@ def test_homogeneous_states_are_exact(shape, plane, model):
         np.testing.assert_allclose(force.mean_stress(), law.first_piola_stress(LAW, F), atol=1e-9)
 
 
-@pytest.mark.parametrize("plane", ["stress", "strain"])
-def test_forces_of_two_materials_are_minus_the_gradient_of_the_energy(plane):
-    """An interface that meets both held boundaries."""
-    body, random = build_body(scene_of("ring", plane=plane)), np.random.default_rng(5)
-    stiff = body.points @ np.array([0.6, 0.8]) > 0.3
-    model = FORCES["bond-energy"]()
-    portions = [Portion(NeoHookean(mu, 100 * mu), model, np.flatnonzero(where)) for mu, where in ((1.0, ~stiff), (3.0, stiff))]
-    force = bind_portions(body, portions, ForceSettings(plane=plane))
-    force.move_plane(1, np.array([0.02, 0.0]), turn(2) - np.eye(2))
-    y = body.points + 0.003 * random.standard_normal(body.points.shape)
-    direction, step = random.standard_normal(y.shape), 3e-5
-
-    def energy(t):
-        return energy_and_forces(force, y + t * direction)[0]
-
-    slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / (12 * step)
-    assert -(energy_and_forces(force, y)[1] * direction).sum() == pytest.approx(slope, rel=1e-8)
-
-
-@pytest.mark.parametrize(("spacing", "torque", "radial"), [(0.1, 0.002, 0.02), pytest.param(0.05, 0.002, 0.005, marks=pytest.mark.slow)])
-def test_a_bushing_is_as_its_closed_solution(spacing, torque, radial):
+def test_a_bushing_is_as_its_closed_solution():
     """Torque 4 pi mu angle / (1/1 - 1/4) of angular shear, and the radial force 21.79 by finite elements.
 
-    The torque is 0.07 % too large at both spacings, the force 1.4 and 0.3 %. Points held half a cell inside make them
-    33 and 69 % too large at 0.1.
+    The torque is 0.07 % too large, the force 1.4 %. Points held half a cell inside make them 33 and 69 % too large.
     """
+    spacing, torque, radial = 0.1, 0.002, 0.02
     exact = 4 * np.pi * np.deg2rad(20.0) / 0.75
     level = pds.simulate(scene_of(spacing=spacing), "bond-energy").levels[-1]
     assert level["moments"]["holes"] == pytest.approx(exact, rel=torque)
@@ -201,12 +180,11 @@ def test_forces_between_spheres_are_minus_the_gradient_of_the_energy():
     assert -(energy_and_forces(force, y)[1] * direction).sum() == pytest.approx(slope, rel=1e-8)
 
 
-@pytest.mark.parametrize(("count", "tolerance"), [(12, 0.05), pytest.param(16, 0.035, marks=pytest.mark.slow)])
-def test_the_torque_on_a_ball_in_a_shell_is_as_its_closed_solution(count, tolerance):
-    """Torque 8 pi mu a^3 angle / (1 - a^3/b^3); it is 3.6 and 2.5 % too small, and with points held 59 and 43 % too large."""
-    result = pds.simulate(pds.Scene(name="ball", spacing=1 / count, steps=1, **BALL), "bond-energy")
+def test_the_torque_on_a_ball_in_a_shell_is_as_its_closed_solution():
+    """Torque 8 pi mu a^3 angle / (1 - a^3/b^3); it is 3.6 % too small, and with points held 59 % too large."""
+    result = pds.simulate(pds.Scene(name="ball", spacing=1 / 12, steps=1, **BALL), "bond-energy")
     exact = 8 * np.pi * 0.5**3 * np.deg2rad(5.0) / (1 - 0.5**3)
-    assert result.levels[-1]["moments"]["holes"][2] == pytest.approx(exact, rel=tolerance)
+    assert result.levels[-1]["moments"]["holes"][2] == pytest.approx(exact, rel=0.05)
     np.testing.assert_allclose(result.levels[-1]["moments"]["outline"][2], -result.levels[-1]["moments"]["holes"][2], rtol=1e-4)
 
 
@@ -302,17 +280,6 @@ def test_no_warning_where_nothing_is_lost(changes, force):
         warnings.simplefilter("error", UserWarning)
         result = pds.simulate(scene_of(spacing=0.2, **{"plane": "stress", **changes}), force)
     assert "held_at_points" not in result.summary
-
-
-def test_holes_of_which_one_is_mirrored_hold_the_points_of_the_others_alone():
-    """The mirrored one carries what it carries alone: its points are free."""
-    held = {"region": "holes", "rotation": 2.0, "about": [1.0, 0.0]}
-    holes = [{"shape": "circle", "radius": 0.6, "center": [1.0, 0.0]}, {"shape": "rectangle", "size": [0.4, 0.4], "lower": [-1.2, -0.2]}]
-    scene = scene_of(spacing=0.1, holes=holes, prescribed=[FIXED, held])
-    problem = compile_scene(scene, [FORCES["bond-energy"]()])
-    points = np.flatnonzero((problem.loading.free == 0).any(axis=1))
-    assert len(points) > 10
-    assert problem.body.points[points, 0].max() < -0.5
 
 
 def test_meshes_have_mirrored_points_beyond_flat_edges_alone(tmp_path):

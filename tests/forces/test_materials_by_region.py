@@ -12,7 +12,7 @@ from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.materials import Gent, NeoHookean, homogeneous, plane_strain, plane_stress
 from pdsurrogate.results.measures import PointState
 from pdsurrogate.scenes import Scene, SceneError, load_scene
-from pdsurrogate.stress_test.deformations import wavy
+from pdsurrogate.testing.bodies import wavy
 
 SOFT, STIFF = NeoHookean(1.0, 100.0), NeoHookean(3.0, 300.0)
 MODELS = {name: FORCES[name]() for name in ("analytic", "bond-energy", "nosb")}
@@ -252,32 +252,6 @@ def test_two_rubbers_side_by_side_in_plane_strain():
     level = pds.simulate(load_scene("bimaterial", changes | upper), "bond-energy").levels[0]
     bars = [homogeneous.uniaxial(law, 1.3, "strain").nominal_stress for law in (SOFT, STIFF)]
     np.testing.assert_allclose(level["nominal_stress"], np.mean(bars), rtol=1e-6)
-
-
-def test_two_confined_rubbers_in_series_in_plane_strain():
-    """Rollers along the sides too, so that F is that of one dimension: the exact stretches are those of equal stress, and at rest."""
-    from scipy.optimize import brentq
-
-    soft, stiff = NeoHookean(1.0, 10.0), NeoHookean(3.0, 90.0)
-
-    def stress(law, stretch):
-        return plane_strain.first_piola_stress(law, np.diag([stretch, 1.0]))[0, 0]
-
-    a = brentq(lambda a: stress(soft, a) - stress(stiff, 2.4 - a), 1.2, 1.4)
-    planes = tuple(
-        ReflectionPlane(axis, place, side, parity)
-        for axis, parity, ends in ((0, (-1, 1), (0.0, 2.0)), (1, (1, -1), (0.0, 1.0)))
-        for place, side in zip(ends, (-1, 1), strict=True)
-    )
-    body = Body.rectangle(2.0, 1.0, 0.1, 0.315, planes=planes)
-    beyond = body.points[:, 0] > 1.0
-    force, out = bound("bond-energy", body, beyond.astype(int), (soft, stiff), STRAIN), np.empty_like(body.points)
-    force.move_plane(1, [0.4, 0.0])
-    y = body.points.copy()
-    y[:, 0] = np.where(beyond, a + (2.4 - a) * (y[:, 0] - 1.0), a * y[:, 0])
-    force(y, out)
-    np.testing.assert_allclose(force.volume_ratios(), np.where(beyond, 2.4 - a, a), atol=1e-11)
-    assert np.abs(out).max() < 1e-10 * stress(soft, a)
 
 
 SPACINGS = (1 / 8, 1 / 12)

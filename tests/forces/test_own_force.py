@@ -176,47 +176,6 @@ def test_a_right_energy_passes_wherever_a_run_goes(dtype):
     assert found == pytest.approx(stretched("analytic", 1.5, 5.2, material=GENT).levels[-1]["nominal_stress"], rel=1e-5)
 
 
-class EndsIn(MyRubber):
-    """With a number in the place of the force beyond a stretch."""
-
-    def __init__(self, number):
-        self.number = number
-
-    def bond_force(self, stretch, rotation, length, C33, J):
-        force = super().bond_force(stretch, rotation, length, C33, J)
-        return np.where(stretch[:, None] < 1.6, force, self.number)
-
-
-class EnergyEndsIn(MyEnergy):
-    def energy(self, I1bar, I2bar):
-        W, first, second = super().energy(I1bar, I2bar)
-        return W, np.where(I1bar < 6.5, first, np.nan), second
-
-
-@pytest.mark.parametrize(
-    ("own", "message"),
-    [
-        (
-            EndsIn(np.nan),
-            r"EndsIn: bond_force returned t_n = nan, t_tau = nan, which is not finite, at stretch = 1\.6\d*, rotation = .*, J = ",
-        ),
-        (EndsIn(np.inf), r"EndsIn: bond_force returned t_n = inf, t_tau = inf, which is not finite, at stretch = 1\.6"),
-        (
-            EnergyEndsIn(),
-            r"EnergyEndsIn: energy returned W = .*, dW/dI1bar = nan, dW/dI2bar = 0\.1, which is not finite, at I1bar = 6\.\d*, I2bar = ",
-        ),
-    ],
-)
-def test_what_is_not_finite_on_the_way_is_laid_to_the_users_own(own, message):
-    """With the state; the material and the step are not blamed, in equilibrium and in dynamics."""
-    moving = {"stretch": 3.0, "stretch_rate": 10.0, "density": 1e-3, "outputs": 1}
-    in_dynamics = [([1.05], {"dynamics": moving})] if isinstance(own, EndsIn) else []
-    for stretches, changes in ([3.0], {}), *in_dynamics:
-        with pytest.raises(SimulationFailed, match=message) as failed:
-            stretched(own, *stretches, **changes)
-        assert not any(blamed in str(failed.value) for blamed in ("the limit of", "spacing", "safety"))
-
-
 class Energy:
     def __init__(self, W, W1, W2):
         self.W, self.W1, self.W2 = W, W1, W2

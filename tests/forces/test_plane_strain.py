@@ -9,11 +9,10 @@ import pdsurrogate as pds
 from pdsurrogate.artifacts import load_card, load_surrogate
 from pdsurrogate.body import Ghosts, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings
-from pdsurrogate.forces.smoothing import Smoothing
 from pdsurrogate.materials import LAWS, NeoHookean, homogeneous, plane_strain, plane_stress, solid
 from pdsurrogate.results.measures import PointState, strain_energy
 from pdsurrogate.scenes import MaterialSpec, SceneError
-from pdsurrogate.stress_test.deformations import turn, wavy
+from pdsurrogate.testing.bodies import turn, wavy
 
 LAW = NeoHookean(2.0, 2000.0)
 EXACT = {name: FORCES[name]() for name in ("analytic", "nosb", "bond-energy")}
@@ -68,18 +67,6 @@ def test_homogeneous_states_are_those_of_a_solid(law):
         assert strain_energy(force) == pytest.approx(energy, rel=1e-11), name
         stress = PointState(force, body.points @ F.T).stress
         np.testing.assert_allclose(stress, np.broadcast_to(P, stress.shape), atol=atol, err_msg=name)
-
-
-def test_the_bond_associated_stress_is_that_of_a_solid_in_its_bonds():
-    """Its weights do not add up, and take a factor that knows nothing of the state: the same as under plane stress."""
-    body, ratios = sheet(0.2), []
-    for plane, exact in (("stress", plane_stress), ("strain", plane_strain)):
-        force = FORCES["ba-nosb"]().bind(body, LAW, ForceSettings(plane=plane))
-        forces(force, body.points @ F.T)
-        forces(force, body.points @ F.T)
-        P = exact.first_piola_stress(LAW, F)
-        ratios.append(np.linalg.inv(P) @ force.mean_stress())
-    np.testing.assert_allclose(*ratios, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", ["neo-hookean", "gent", "ogden", "full-network"])
@@ -168,32 +155,6 @@ def test_selective_forces_are_the_gradient_of_the_energy(name, random):
         assert abs((y[:, 0] * out[:, 1] - y[:, 1] * out[:, 0]).sum()) < 1e-12 * size
 
 
-@pytest.mark.parametrize("law", [pds.materials.Gent(), pds.materials.Ogden(), pds.materials.FullNetwork()], ids=lambda law: law.name)
-def test_selective_forces_of_other_laws(law, random):
-    body = sheet(0.2)
-    force, y, direction = bound(EXACT["bond-energy"], body, law), wavy(body.points), random.standard_normal(body.points.shape)
-    out = forces(force, y)
-
-    def energy(step):
-        forces(force, y + step * direction)
-        return force.energy()
-
-    assert (out * direction).sum() == pytest.approx(-fourth_order(energy, 1e-5), rel=1e-6)
-
-
-@pytest.mark.parametrize("name", sorted(BODIES))
-def test_the_smoothing_keeps_the_even_and_the_mean(name):
-    body = BODIES[name]()
-    W = Smoothing(body, np.ones(len(body.bonds.first), dtype=bool)).matrix().toarray()
-    np.testing.assert_allclose(W.sum(axis=1), 1, rtol=1e-14)
-    np.testing.assert_allclose(body.volumes @ W, body.volumes, rtol=1e-13)
-    assert W.min() >= 0
-    if name == "sheet":
-        # (1 2 1)/4 along each axis inside.
-        i = int(np.linalg.norm(body.points - [0.55, 0.55], axis=1).argmin())
-        np.testing.assert_allclose(np.sort(W[i])[-9:], np.array([1, 1, 1, 1, 2, 2, 2, 2, 4]) / 16, rtol=1e-12)
-
-
 @pytest.mark.parametrize("stretch", [0.8, 1.5])
 @pytest.mark.parametrize("name", ["analytic", "nosb", "bond-energy"])
 def test_between_rollers_the_sheet_is_in_its_homogeneous_state(name, stretch):
@@ -256,12 +217,3 @@ def test_the_pressure_of_a_bonded_block_is_smooth():
     stress = result.states[-1][1]["stress"].reshape(-1, 3, 3)
     pressure = np.trace(stress, axis1=1, axis2=2) / 3
     assert checkerboard(pressure, result.body) < 0.005
-
-
-@pytest.mark.slow
-def test_single_precision_that_cannot_reach_the_tolerance_is_told_soon():
-    """What rounding leaves of the residual grows with K/mu; the limit of evaluations, 50,000 a level, is not what ends it."""
-    scene = pds.load_scene("plane-strain-block", spacing=0.125, stretches=0.95, precision="float32")
-    with pytest.raises(pds.SimulationFailed, match="precision=float64") as error:
-        pds.simulate(scene, "analytic")
-    assert error.value.result.summary["n_force_evaluations"] < 50_000

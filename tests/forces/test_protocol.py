@@ -15,7 +15,7 @@ from pdsurrogate.materials import homogeneous, plane_stress
 from pdsurrogate.ranks import Share
 from pdsurrogate.results import measures
 from pdsurrogate.scenes.model import Units
-from pdsurrogate.stress_test.deformations import wavy
+from pdsurrogate.testing.bodies import wavy
 
 LAW = pds.materials.NeoHookean()
 MODELS = [*FORCES, "neo-hookean", "neo-hookean-energy"]

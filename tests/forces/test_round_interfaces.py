@@ -12,7 +12,7 @@ from pdsurrogate.discretization import discretize
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.problem import compile_scene
-from pdsurrogate.stress_test.deformations import wavy
+from pdsurrogate.testing.bodies import wavy
 
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from springs import SofteningForce, SofteningSprings
-from stopping import Killed, KilledWhileBondsBreak, killed_with_levels
+from stopping import Killed, killed_with_levels, while_bonds_break
 
 import pdsurrogate as pds
 from pdsurrogate.body import Body
@@ -104,8 +104,8 @@ def test_steps_of_dynamics_are_accepted_one_by_one_from_the_last_output_on(tmp_p
     assert len(steps) == whole.summary["n_steps"]
     assert sum(elapsed for elapsed, _, _ in steps) == pytest.approx(whole.history[-1]["time"], rel=1e-12)
     np.testing.assert_array_equal(springs.kept["greatest_stretch"], np.maximum(before, greatest(springs, steps)))
-    with pytest.raises(Killed), pytest.warns(UserWarning, match="a bond would break"):
-        simulate(scene, SofteningForce(), progress=KilledWhileBondsBreak(4), folder=tmp_path)
+    with pytest.raises(Killed), pytest.warns(UserWarning, match="a bond would break"), while_bonds_break(4):
+        simulate(scene, SofteningForce(), folder=tmp_path)
     resumed = simulate(scene, SofteningForce(), folder=tmp_path, resume=True)
     np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
     np.testing.assert_array_equal(resumed.field("greatest_stretch"), np.float32(whole.field("greatest_stretch")))

@@ -12,7 +12,7 @@ from pdsurrogate.forces.bond_force import BondForces
 from pdsurrogate.forces.nosb import PointStress
 from pdsurrogate.forces.pair_energy import PairEnergy
 from pdsurrogate.materials import MooneyRivlin, NeoHookean
-from pdsurrogate.stress_test.bodies import gripped, plain
+from pdsurrogate.testing.bodies import gripped, plain
 
 LAW, SHEET_LAW = MooneyRivlin(1.0, 50.0, second_share=0.2), NeoHookean(1.0, 50.0)
 

@@ -6,7 +6,6 @@ from sklearn.linear_model import Ridge
 
 import pdsurrogate as pds
 from pdsurrogate.identification import nominal_stress
-from pdsurrogate.learning.settings import FitSettings
 
 LAW = pds.materials.Ogden(moduli=(0.4, -0.02), exponents=(2.0, -2.0), bulk_modulus=420.0)  # K/mu as a fit takes it, which no test tells
 
@@ -20,17 +19,14 @@ def measured():
 
 
 @pytest.mark.slow  # a dozen committees
-@pytest.mark.parametrize(
-    "law", [pds.materials.Gent(0.4, 400.0, 60.0), pds.materials.ArrudaBoyce(0.4, 400.0, 20.0)], ids=["gent", "arruda-boyce"]
-)
-def test_stresses_are_within_twice_the_spread(law, measured):
+def test_stresses_are_within_twice_the_spread(measured):
     """Of states between the tests, by twelve sets of data with 2 % of noise, each weighted by its variance.
 
     The nominal share is 95 %.  Errors of the states of one set go together, some three of them being free, so the share of twelve sets has
     a standard deviation of about sqrt(0.05 * 0.95 / 36) = 4 %; and the spread is to be no larger than it need be, in the root mean square.
-    Neither law was looked at when the committee's make was chosen.
+    The law was not looked at when the committee's make was chosen.
     """
-    random = np.random.default_rng(0)
+    law, random = pds.materials.Gent(0.4, 400.0, 60.0), np.random.default_rng(0)
     fresh = np.stack([random.uniform(1.2, 2.4, 50), random.uniform(0.8, 1.2, 50)], axis=1)
     right, X, off, spread = nominal_stress(law, fresh), measured[0], [], []
     for seed in range(12):
@@ -63,25 +59,6 @@ def test_members_repeat_from_their_seed_and_have_half_of_the_tests(measured):
     assert len(set(tests)) > len(kawabata) / 2 - 5
     for test in set(tests):  # both stresses of a biaxial state
         assert len({tuple(np.sort(row).round(6)) for row in kawabata.stretches[tests == test]}) == 1
-
-
-@pytest.mark.slow  # eight runs
-def test_a_sheet_with_a_hole_is_within_twice_the_spread(measured, tmp_path):
-    """The pull on a sheet with a hole, by the law that made the data, and by one artifact of what was learned from them."""
-    weights = measured[1] ** -2
-    model = pds.identification.EnergyRegressor().fit(*measured, weights)
-    settings = FitSettings(folds=0, samples=2000).within(*model.stretch_range_)
-    fits = settings.committee([model.law_, *(one.law_ for one in pds.identification.committee(model, *measured, sample_weight=weights))])
-    path = pds.store(*fits[0], tmp_path, "noisy", "1", "a test", members=fits[1:])
-
-    def stress(law, force):
-        scene = pds.load_scene("hole", spacing=0.1, stretches=1.5, material=law)
-        return pds.simulate(scene, force).levels[0]["nominal_stress"]
-
-    found, *others = (stress(fit[2], f"{path}{which}") for fit, which in zip(fits, ["", *(f"#{n}" for n in range(1, 9))], strict=True))
-    spread = pds.identification.committee_spread(found, others)
-    assert abs(found - stress(LAW, "analytic")) <= 2 * spread
-    assert spread < 0.03 * found
 
 
 def test_what_makes_no_committee_is_refused(measured):

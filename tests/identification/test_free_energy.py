@@ -1,6 +1,7 @@
 """An energy from test data without a law: what it is held to by its form, and what it makes of rubber that it has not seen."""
 
 from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -11,7 +12,6 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 import pdsurrogate as pds
 from pdsurrogate.identification import MODES, LawRegressor, nominal_stress
 from pdsurrogate.identification.energy import independent, mode_of
-from pdsurrogate.materials import plane_stress
 
 
 class AnyEnergy(AnyInput, pds.identification.EnergyRegressor):
@@ -48,25 +48,6 @@ def test_it_describes_rubber_about_as_well_as_ogdens_law_to_a_thousandth(name):
     assert 0.35 < free.law_.shear_modulus < 0.45  # MPa
 
 
-def test_half_of_kawabatas_grid_foretells_the_other(kawabata):
-    rows = np.arange(len(kawabata)) // 2  # both stresses of a state go together
-    half = rows % 2 == 0
-    model = pds.identification.EnergyRegressor().fit(kawabata.stretches[half], kawabata.nominal_stress[half])
-    assert r_squared(kawabata.nominal_stress[~half], model.predict(kawabata.stretches[~half])) > 0.998
-
-
-def test_two_modes_foretell_the_biaxial_grid(kawabata):
-    """Fitted to the uniaxial rows and those of pure shear alone, as a laboratory has them.
-
-    Ogden's law has 0.971, Mooney's and Rivlin's 0.956, and the Neo-Hookean one 0.882.
-    """
-    first, second = kawabata.stretches.T
-    known = (np.abs(kawabata.nominal_stress) > 0) & ((np.abs(np.log(second * np.sqrt(first))) < 0.02) | (np.abs(second - 1) < 1e-9))
-    model = pds.identification.EnergyRegressor().fit(kawabata.stretches[known], kawabata.nominal_stress[known])
-    assert 15 < known.sum() < 80
-    assert r_squared(kawabata.nominal_stress[~known], model.predict(kawabata.stretches[~known])) > 0.96
-
-
 def modes_of(name):
     """Return test data of the three modes of loading; of a biaxial grid, its states of these modes with a stress."""
     data = pds.load_test_data(name)
@@ -81,16 +62,22 @@ WEIGHTS = {
 }
 
 
+@cache
+def forecast(name, mode, weighting):
+    """Return the data of a mode and the energy that is fitted to the two others."""
+    data = modes_of(name)
+    known = data.of(*(set(MODES) - {mode}))
+    weight = WEIGHTS[weighting](known.nominal_stress)
+    return data.of(mode), pds.identification.EnergyRegressor().fit(known.stretches, known.nominal_stress, weight)
+
+
 def test_a_mode_that_is_left_out_is_foretold():
     """RMS error of the stresses of each mode by a fit to the two others, divided by their RMS: Ogden's law has 0.11 in the mean."""
     off = {}
-    for name in ("treloar", "kawabata"):
-        data = modes_of(name)
-        for mode, (weighting, weight) in product(MODES, WEIGHTS.items()):
-            known, unseen = data.of(*(set(MODES) - {mode})), data.of(mode)
-            model = pds.identification.EnergyRegressor().fit(known.stretches, known.nominal_stress, weight(known.nominal_stress))
-            error = model.predict(unseen.stretches) - unseen.nominal_stress
-            off[name, mode, weighting] = np.sqrt((error**2).sum() / (unseen.nominal_stress**2).sum())
+    for name, mode, weighting in product(("treloar", "kawabata"), MODES, WEIGHTS):
+        unseen, model = forecast(name, mode, weighting)
+        error = model.predict(unseen.stretches) - unseen.nominal_stress
+        off[name, mode, weighting] = np.sqrt((error**2).sum() / (unseen.nominal_stress**2).sum())
     assert max(off.values()) <= 0.15, off
     assert np.mean(list(off.values())) <= 0.08
     assert max(np.mean([value for key, value in off.items() if key[0] == name]) for name in ("treloar", "kawabata")) <= 0.08
@@ -102,62 +89,22 @@ def test_the_spread_tells_how_far_a_forecast_is_off():
     Of simulated tests of 17 laws, with an error of 2 % of each specimen and 1 % of each row, 89 % are within.
     """
     within = []
-    for name in ("treloar", "kawabata"):
-        data = modes_of(name)
-        for mode in MODES:
-            known, unseen = data.of(*(set(MODES) - {mode})), data.of(mode)
-            model = pds.identification.EnergyRegressor().fit(known.stretches, known.nominal_stress)
-            spread = model.standard_deviations(unseen.stretches)
-            within.append(np.abs(model.predict(unseen.stretches) - unseen.nominal_stress) <= 2 * spread)
+    for name, mode in product(("treloar", "kawabata"), MODES):
+        unseen, model = forecast(name, mode, "equal")
+        within.append(np.abs(model.predict(unseen.stretches) - unseen.nominal_stress) <= 2 * model.standard_deviations(unseen.stretches))
     assert np.mean(np.concatenate(within)) >= 0.8
 
 
-def test_a_law_of_the_form_is_found_again():
-    law = pds.materials.Ogden(moduli=(0.4, -0.02), exponents=(2.0, -2.0), bulk_modulus=420.0)
-    stretch = np.linspace(1.05, 3, 20)
-    X = np.concatenate([np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(20), stretch)])
-    model = pds.identification.EnergyRegressor().fit(X, nominal_stress(law, X))
-    fresh = np.exp(np.random.default_rng(0).uniform(-0.5, 1.2, (200, 2)))
-    np.testing.assert_allclose(model.predict(fresh), nominal_stress(law, fresh), rtol=1e-6, atol=1e-8)
-    assert model.law_.shear_modulus == pytest.approx(law.shear_modulus, rel=1e-7)
-
-
 def test_what_physics_asks_holds_by_construction(random):
-    """Of stresses that are noise: zero at rest, stable against shear waves of every direction, growing."""
+    """Of stresses that are noise: zero at rest, growing, and of positive weights, whose waves `test_polyconvex.py` finds stable."""
     stretch = np.exp(random.uniform(-0.5, 1.0, (60, 2)))
     model = pds.identification.EnergyRegressor().fit(
         stretch, nominal_stress(pds.materials.NeoHookean(), stretch) + 0.5 * random.standard_normal(60)
     )
-    law = model.law_
     assert abs(model.predict([[1.0, 1.0]])[0]) < 1e-10
     far = model.predict(np.array([[5.0, 1.0], [10.0, 1.0], [20.0, 1.0]]))
     assert (np.diff(far) > 0).all()
-
-    # W is convex along every change of F that has rank one and keeps the volume: second differences of the energy at J3 = 1.
-    def energy(F):
-        stretches = np.linalg.svd(F, compute_uv=False)
-        first, second = (stretches**2).sum(), (stretches**-2.0).sum()
-        forms = {
-            "stretches": lambda a: ((stretches**a).sum() - 3) / a**2,
-            "first": lambda k: (first - 3) ** k,
-            "second": lambda k: (second**1.5 - 3**1.5) ** k,
-            "roots": lambda which: np.sqrt((first, second)[int(which) - 1]) - np.sqrt(3),
-            "second_logarithm": lambda one: np.log(second / 3),
-        }
-        return sum(weight * forms[term.kind](term.number) for term, weight in zip(model.terms_, model.weights_, strict=True))
-
-    for _ in range(50):
-        F = np.linalg.qr(random.standard_normal((3, 3)))[0] @ np.diag(np.exp(random.uniform(-1, 1, 3))) @ np.eye(3)
-        F /= np.cbrt(abs(np.linalg.det(F)))
-        a, n, _ = np.linalg.qr(random.standard_normal((3, 3)))[0].T
-        step = 1e-3 * F @ np.outer(a, n)
-        assert energy(F + step) - 2 * energy(F) + energy(F - step) > 0
-    # The law has the same energy, in units of its shear modulus.
-    first, second = np.exp(random.uniform(-0.5, 1, (2, 10)))
-    *_, W = plane_stress.response(law, first**2 + second**2, first * second, np.ones(10))
-    stretches = np.stack([first, second, 1 / (first * second)], axis=1)
-    expected = [energy(np.diag(row)) / law.shear_modulus for row in stretches]
-    np.testing.assert_allclose(W, expected, rtol=1e-10)
+    assert (model.weights_ > 0).all()
 
 
 STRETCH = np.linspace(1.05, 3, 20)
@@ -185,7 +132,7 @@ def test_a_law_is_found_again_with_its_terms_alone(law, terms):
     found = pds.identification.EnergyRegressor().fit(TESTS, exact, 1 / exact**2)
     weights = {str(term): weight for term, weight in zip(found.terms_, found.weights_, strict=True)}
     assert weights == pytest.approx(terms, rel=1e-4)
-    for seed in range(8):
+    for seed in range(2):
         noise = 0.01 * np.random.default_rng(seed).standard_normal(len(exact))
         found = pds.identification.EnergyRegressor().fit(TESTS, exact * (1 + noise), 1 / exact**2)
         fresh = np.exp(np.random.default_rng(seed).uniform(-0.3, 0.9, (50, 2)))

@@ -91,27 +91,6 @@ def test_spline_kernels_of_two_features(random, cells):
         assert np.abs(compiled - exact).max() < 100 * max(cells) * np.finfo(dtype).eps * np.abs(exact).max()
 
 
-@pytest.mark.slow  # a kernel of its own
-def test_spline_kernels_of_three_features(random, monkeypatch):
-    from dataclasses import replace
-
-    from pdsurrogate.kernels.feature_sets import FEATURE_SETS
-
-    isochoric = FEATURE_SETS["isochoric"]
-
-    def inputs(shared, a, b, U_mm, J, C33, length):
-        return a * a * C33, J, C33
-
-    monkeypatch.setitem(FEATURE_SETS, "three", replace(isochoric, names=("x", "y", "z"), inputs=inputs))
-    coefficients = random.standard_normal((2, 5, 7, 6))
-    low, step = np.array([0.0, 0.2, 0.1]), np.array([0.5, 1.0, 0.4])
-    model = SplineForce("x", "three", np.zeros(2), Domain(0.5, 4, 0.7, 1.4), "ogden", {}, low, step, coefficients)
-    X = pds.training_samples(pds.materials.NeoHookean(), 600, random_state=1).X
-    exact = model.bond_force(*X.T)
-    for dtype in (np.float32, np.float64):
-        assert np.abs(kernel_bond_force(model, LAW, dtype)(*X.T) - exact).max() < 1000 * np.finfo(dtype).eps * np.abs(exact).max()
-
-
 NETWORK = {"solver": "lbfgs", "max_iter": 30, "random_state": 0}
 
 
@@ -336,16 +315,6 @@ def test_a_weight_of_two_is_a_sample_twice_in_every_pipeline(samples, regressor)
         np.testing.assert_array_equal(found.predict(X), right)
 
 
-def test_a_weight_of_two_is_a_sample_twice_for_energies():
-    samples = pds.training_samples(LAW, 300, (0.7, 2.0), target="isochoric-energy")
-    model = pds.surrogate_pipeline(pds.learning.SobolevRegressor(3, max_iter=20, random_state=0), "isochoric-energy")
-    X, y, weights, copied_X, copied_y = repeated(samples, 1)
-    right = clone(model).fit(copied_X, copied_y).predict(X)
-    assert np.abs(right - clone(model).fit(X, y).predict(X)).max() > 1e-8
-    np.testing.assert_array_equal(clone(model).fit(X, y, sample_weight=weights).predict(X), right)
-    np.testing.assert_array_equal(clone(model).fit(X, y, sample_weight=np.ones(len(X))).predict(X), clone(model).fit(X, y).predict(X))
-
-
 def test_a_regressor_without_weights_refuses_them_by_name(samples):
     with pytest.raises(TypeError, match="sample_weight"):
         fitted(samples, Quadratic(), sample_weight=np.arange(len(samples)) * 1.0)
@@ -363,16 +332,6 @@ def test_weights_need_no_knowledge_of_the_scalings_of_a_pipeline(samples):
         search.fit(samples.X, samples.y, sample_weight=weights)
         for found in (itself, within, search):
             np.testing.assert_array_equal(found.predict(samples.X), right)
-
-
-def test_weights_are_routed_where_they_are_requested(samples):
-    model, weights = pds.surrogate_pipeline(Ridge(1.0), features="isochoric"), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
-    model.set_params(regressor__scaling="passthrough", regressor__regressor__transformer=FunctionTransformer())
-    right = clone(model).fit(samples.X, samples.y, sample_weight=weights).predict(samples.X)
-    with config_context(enable_metadata_routing=True):
-        model.set_params(regressor__regressor__regressor=Ridge(1.0).set_fit_request(sample_weight=True))
-        within = Pipeline([("model", model)]).fit(samples.X, samples.y, sample_weight=weights)
-        np.testing.assert_allclose(within.predict(samples.X), right, rtol=1e-12)
 
 
 def test_frames_of_pandas_go_through_with_their_names(samples):
@@ -428,29 +387,6 @@ def test_a_regressor_fitted_to_a_frame_by_itself_is_asked_in_its_order(samples):
     np.testing.assert_allclose(force_of(model)(*samples.X.T), model.predict(X[SHUFFLED]), rtol=1e-12)
     with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; fit it to .* stretch"):
         force_of(clone(alone).fit(X.rename(columns={"J": "detF"}), samples.y))
-
-
-def test_a_search_over_features_and_widths_runs_as_it_is(samples, tmp_path):
-    """Models of several feature sets are the choices for the one step of a pipeline."""
-    networks = [pds.LevenbergMarquardtRegressor((units,), "algebraic", max_iter=80, random_state=0) for units in (2, 8)]
-    choices = [pds.surrogate_pipeline(network, features=features) for features in ("symmetric", "isochoric") for network in networks]
-    search = GridSearchCV(Pipeline([("model", choices[0])]), {"model": choices}, cv=2).fit(samples.X, samples.y)
-    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.3, material="ogden")
-    by_search, by_itself = (pds.simulate(scene, model).levels[0] for model in (search, search.best_estimator_[0]))
-    assert by_search["nominal_stress"] == by_itself["nominal_stress"]
-    assert abs(by_search["nominal_stress_error"]) < 0.02
-    assert pds.evaluate(search, LAW, (0.6, 2.5), 300)["on_surface"]["rms"] < 0.05
-    path = pds.store(search, samples, LAW, tmp_path, "found", None, "the best of four")
-    rows = pds.load_card(path).training["search"]
-    assert [row["model"].split(" features, ")[0] for row in rows] == ["symmetric", "symmetric", "isochoric", "isochoric"]
-    assert "hidden_layer_sizes=(8,)" in rows[1]["model"]
-
-
-def test_names_of_features_go_through(samples):
-    model = fitted(samples, make_pipeline(PolynomialFeatures(2), Ridge())).set_params()
-    names = ["log Jbar", "tr Cbar/(2 Jbar) - 1"]
-    assert model.regressor_[:-1].get_feature_names_out().tolist() == names
-    assert model.regressor_[:-1].set_output(transform="default").transform(samples.X).shape == (len(samples), 2)
 
 
 @pytest.mark.parametrize(

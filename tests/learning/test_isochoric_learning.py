@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.cli import app
-from pdsurrogate.engine.block_arrays import BLOCK
 from pdsurrogate.forces import Domain, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning, Portion, bind_portions
 from pdsurrogate.kernels.domain import distance_coefficients
 from pdsurrogate.learning.isochoric import ISOCHORIC_ENERGY
@@ -120,23 +119,6 @@ def test_the_domain_is_told_from_the_invariants(bounds):
     assert 0.05 < expected.mean() < 0.95
 
 
-PRECISE = [("strain", "float64", 1e-10), ("space", "float64", 1e-10), ("space", "float32", 2e-5)]
-
-
-@pytest.mark.parametrize(("plane", "precision", "error"), PRECISE)
-def test_kernel_is_the_network(ogden, plane, precision, error):
-    """Energy and stress of the block function are those of NumPy, by the law's own expressions of W1 and W2.
-
-    In single precision within some forty roundings of 6e-8 of terms that are up to ten times their sum.
-    """
-    states, _ = drawn(200, plane)
-    found = ogden.isochoric_energy(LAW, plane, "extrapolate", precision).evaluate(*states)
-    own = PLANES[plane].isochoric_response
-    W, W1, W2 = ogden.isochoric_derivatives(*own.invariants(tuple(states)))
-    expected = own.of_invariants(tuple(states), (W, W1, W2, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    np.testing.assert_allclose(found, np.broadcast_arrays(*expected), rtol=error, atol=error)
-
-
 @pytest.mark.parametrize("plane", PLANES)
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_artifacts_are_as_exact_as_they_state(name, plane):
@@ -151,34 +133,6 @@ def test_shipped_artifacts_are_as_exact_as_they_state(name, plane):
     # Principal Kirchhoff stresses at the same stretches, over their root mean square.
     errors, sizes = (kirchhoff(rows, squares, states[-1], plane) for rows in (found - exact, exact))
     assert np.linalg.norm(errors, axis=1).max() < 5 * model.stated["max"] * np.sqrt((sizes**2).sum(axis=1).mean())
-
-
-@pytest.mark.parametrize("plane", PLANES)
-def test_the_exact_energy_takes_over_without_a_jump(ogden, plane):
-    """Along a way out of the domain p, q, r are what the energy's differences say, and beyond it energy and stress are the law's."""
-    t = np.linspace(np.log(3.0), np.log(4.6), BLOCK)
-    J = np.full(BLOCK, 1.02)
-    logs = np.stack([t, -t if plane == "strain" else -t / 2, 0 * t if plane == "strain" else -t / 2], axis=1)
-    if plane == "strain":
-        logs[:, 1] += np.log(J) / 3
-        logs[:, 2] -= np.log(J) / 3
-    h = 1e-5
-    energy, exact = ogden.isochoric_energy(LAW, plane, "fallback", "float64"), PLANES[plane].isochoric_response
-    shift = h * (np.array([1, -1, 0]) if plane == "strain" else np.array([1, -0.5, -0.5]))
-    steps = [energy.evaluate(*states_of(np.exp(logs + sign * shift), plane, J))[3] for sign in (1, -1)]
-    states = states_of(np.exp(logs), plane, J)
-    p, q, r, W = energy.evaluate(*states)
-    s = np.exp(2 * logs) * J[:, None] ** (2 / 3)
-    stresses = kirchhoff(np.array([p, q, r, W]), s, J, plane)
-    np.testing.assert_allclose(stresses @ shift[: stresses.shape[1]] / h, (steps[0] - steps[1]) / (2 * h), rtol=1e-6)
-    far = np.exp(t) > 4.0
-    assert 40 < far.sum() < BLOCK - 40
-    np.testing.assert_allclose(np.array([p, q, r, W])[:, far], np.array(exact(LAW, *states))[:, far], rtol=1e-9, atol=1e-9)
-    inner = np.exp(t) < 3.7
-    np.testing.assert_array_equal(
-        ogden.isochoric_energy(LAW, plane, "extrapolate", "float64").evaluate(*states)[:, inner], np.array([p, q, r, W])[:, inner]
-    )
-    assert energy.count_outside() == 0  # of points' states, which are not the pairs'
 
 
 def block(plane, counts=6, reach=None):
@@ -280,41 +234,6 @@ def test_bonded_blocks_agree_with_the_exact_energy(scene):
         np.testing.assert_allclose(learned["forces"][name], force, atol=1e-4 * np.abs(list(exact["forces"].values())).max())
     for name, probe in exact["probes"].items():
         np.testing.assert_allclose(learned["probes"][name]["displacement"], probe["displacement"], atol=1e-4)
-
-
-@pytest.mark.parametrize("plane", PLANES)
-def test_energy_stays_in_undamped_motion(ogden, plane):
-    """Let go at stretch 1.3, a free body swings for 400 steps of the leapfrog with its energy within 1e-4 of what was put in."""
-    body = block(plane, 4)
-    force = ogden.bind(body, LAW, ForceSettings(plane=plane))
-    y, velocity, out = wavy(body.points, 1.3), np.zeros_like(body.points), np.empty_like(body.points)
-    # A twentieth of the time that a wave of pressure takes over a spacing, K = 100 mu.
-    step, mass = 0.05 * body.spacing / np.sqrt(LAW.bulk_modulus), body.volumes[:, None]
-    force(y, out)
-    start, totals = force.energy(), []
-    for _ in range(400):
-        velocity += step / 2 * out / mass
-        y += step * velocity
-        force(y, out)
-        velocity += step / 2 * out / mass
-        totals.append(force.energy() + (mass * velocity**2).sum() / 2)
-    assert np.abs(np.array(totals) - start).max() < 1e-4 * start
-    assert (mass * velocity**2).sum() / 2 > 0.01 * start
-
-
-@pytest.mark.slow  # kernels in single precision are compiled for it
-def test_single_precision_finds_the_same_equilibrium_of_a_bonded_cube():
-    """At K = 1000 mu too: volumes are double, so that rounding is that of stresses of mu, 1e-7, and not K/mu times it."""
-    changes = {"spacing": 0.2, "material.bulk_modulus": 1000.0, "stretches": 1.2}
-    single, double = (
-        pds.simulate(pds.load_scene("bonded-block", changes | {"precision": precision}), "neo-hookean-isochoric").levels[-1]
-        for precision in ("float32", "float64")
-    )
-    assert single["residual"] < 1e-6
-    assert single["nominal_stress"] == pytest.approx(double["nominal_stress"], rel=3e-6)
-    assert single["nominal_stress"] != double["nominal_stress"]
-    with pytest.raises(pds.SceneError, match="precision"):
-        pds.simulate(pds.load_scene("bonded-block", changes | {"precision": "float32"}), "bond-energy")
 
 
 def test_bodies_of_two_materials(ogden):

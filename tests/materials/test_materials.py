@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from probes import assert_stress_is_the_derivative_of_the_energy, compiled_response
 from scipy.optimize import brentq
 
 from pdsurrogate.materials import LAWS, PLANES, Gent, NeoHookean, Yeoh, homogeneous, plane_stress
+from pdsurrogate.testing.laws import compiled_response
 
 
 def random_gradients(random, n, low=0.5, high=4.0):
@@ -48,30 +46,6 @@ def test_energy_is_the_papers_eq_6(neo_hookean, random):
     np.testing.assert_allclose(plane_stress.energy_density(law, F), energy, rtol=1e-9)
 
 
-def test_stress_is_the_derivative_of_the_energy(law, random):
-    assert_stress_is_the_derivative_of_the_energy(plane_stress, law, random_gradients(random, 30))
-
-
-def test_stress_turns_with_the_body_and_energy_does_not(law, random):
-    F = random_gradients(random, 20)
-    angle = 0.7
-    Q = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    np.testing.assert_allclose(
-        plane_stress.first_piola_stress(law, Q @ F), Q @ plane_stress.first_piola_stress(law, F), rtol=1e-11, atol=1e-11
-    )
-    np.testing.assert_allclose(plane_stress.energy_density(law, F @ Q), plane_stress.energy_density(law, F), rtol=1e-11)
-
-
-def test_small_strain_moduli(law):
-    """Young's modulus 9K mu/(3K + mu) and Poisson's ratio (3K - 2mu)/(6K + 2mu) of linear elasticity."""
-    K, mu = law.bulk_modulus, law.shear_modulus
-    strain = 1e-5
-    state = homogeneous.uniaxial(law, 1 + strain)
-    # The next term of the expansion is of relative order of the strain.
-    assert state.nominal_stress / strain == pytest.approx(9 * K * mu / (3 * K + mu), rel=1e-4)
-    assert (1 - state.lateral_stretch) / strain == pytest.approx((3 * K - 2 * mu) / (6 * K + 2 * mu), rel=1e-4)
-
-
 def test_uniaxial_solution_against_finite_element_reference(fem_uniaxial):
     law = NeoHookean(fem_uniaxial["material"]["mu"], fem_uniaxial["material"]["K"])
     for row in fem_uniaxial["results"].values():
@@ -82,18 +56,6 @@ def test_uniaxial_solution_against_finite_element_reference(fem_uniaxial):
         assert state.volume_ratio == pytest.approx(row["J"], rel=1e-12)
         assert state.energy_density == pytest.approx(row["energy_density"], rel=1e-11)
         assert (1 - state.lateral_stretch) / 2 == pytest.approx(row["u2_bottom_edge"], rel=1e-11)
-
-
-def test_gent_uniaxial_solution_against_finite_element_reference(fem_uniaxial):
-    """The reference's Gent sheet is the paper's section 6.7: mu = 1, D = 0.01, Jm = 120, the volumetric part of Eq. (32)."""
-    material = fem_uniaxial["extra_gent"]["material"]
-    law = Gent(material["mu"], 2 / material["D"], material["Jm"])
-    assert law == Gent()
-    for row in fem_uniaxial["extra_gent"]["results"].values():
-        state = homogeneous.uniaxial(law, row["stretch"])
-        assert state.nominal_stress == pytest.approx(row["nominal_stress_P11"], rel=1e-12)
-        assert state.lateral_stretch == pytest.approx(row["lateral_stretch_lam2"], rel=1e-12)
-        assert state.energy_density == pytest.approx(row["energy_density"], rel=1e-11)
 
 
 def test_gent_ends_at_its_chain_limit_and_says_so():
@@ -127,18 +89,6 @@ def test_pure_shear_and_equibiaxial_against_two_equations(neo_hookean):
             assert state.nominal_stress == pytest.approx(cauchy(0, [stretch, lateral, thickness]) * lateral * thickness, rel=1e-9)
 
 
-@given(stretch=st.floats(0.2, 6))
-def test_uniaxial_solution_has_no_lateral_stress(stretch):
-    state = homogeneous.uniaxial(NeoHookean(), stretch)
-    assert abs(state.lateral_stress) < 1e-10
-    # Work conjugacy: the stress is the derivative of the energy along the path of such states.
-    h = 1e-4
-    numeric = (
-        homogeneous.uniaxial(NeoHookean(), stretch + h).energy_density - homogeneous.uniaxial(NeoHookean(), stretch - h).energy_density
-    ) / (2 * h)
-    assert state.nominal_stress == pytest.approx(numeric, rel=1e-5, abs=1e-5)
-
-
 def test_bond_traction_equals_the_stress_for_consistent_states(law, random):
     """Theory (10), (11): with F = R U, T = R^T P in the frame of the bond."""
     F = random_gradients(random, 100)
@@ -159,15 +109,6 @@ def test_bond_traction_equals_the_stress_for_consistent_states(law, random):
     got = plane_stress.bond_traction(law, component(U, n, n), component(U, n, m), J, C33)
     for value, expected in zip(got, (component(T, n, n), component(T, n, m), component(T, m, m)), strict=True):
         np.testing.assert_allclose(value, expected, rtol=1e-10, atol=1e-10)
-
-
-def test_compiled_response_is_the_expression_in_numpy(law, random):
-    n = 700
-    trace_stretch = np.exp(random.uniform(np.log(0.5), np.log(4), (2, n)))
-    trace, J = (trace_stretch**2).sum(axis=0), trace_stretch.prod(axis=0)
-    J3 = np.exp(random.uniform(-0.2, 0.2, n))
-    for compiled, plain in zip(compiled_response(law, trace, J, J3), plane_stress.response(law, trace, J, J3), strict=True):
-        np.testing.assert_allclose(compiled, plain, rtol=1e-12, atol=1e-12 * law.bulk_modulus / law.shear_modulus)
 
 
 def test_residual_and_slope_are_derivatives_of_the_energy(law, random):

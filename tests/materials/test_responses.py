@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from probes import compiled_response
 
 import pdsurrogate as pds
-from pdsurrogate.materials import PrincipalStretchLaw, plane_strain, plane_stress, solid
+from pdsurrogate.materials import PrincipalStretchLaw, solid
+from pdsurrogate.testing.laws import compiled_response
 
 # Every law and dimension has to be compiled.
 pytestmark = pytest.mark.slow
@@ -21,19 +21,6 @@ def random_gradients(random, n, low=0.6, high=2.0):
     stretches = np.exp(random.uniform(np.log(low), np.log(high), (n, 3)))
     stretches *= (random.uniform(0.9, 1.1, n) / stretches.prod(axis=1))[:, None] ** (1 / 3)
     return rotations(random, n) @ (stretches[:, :, None] * rotations(random, n))
-
-
-def in_space(F, thickness_stretch):
-    """Gradients of the plane with a stretch across it."""
-    full = np.zeros((len(F), 3, 3))
-    full[:, :2, :2], full[:, 2, 2] = F, thickness_stretch
-    return full
-
-
-def plane_gradients(random, n):
-    angle = random.uniform(0, 2 * np.pi, n)
-    turn = np.stack([np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)], axis=1).reshape(n, 2, 2)
-    return turn @ (np.eye(2) + 0.3 * random.uniform(-1, 1, (n, 2, 2)))
 
 
 def principal(law, stretches):
@@ -84,25 +71,6 @@ def test_stretches_equal_or_not(law, spacing, random):
     compiled = p[:, None, None] * F + q[:, None, None] * cofactor + r[:, None, None] * (F @ F.swapaxes(1, 2) @ F)
     assert (np.abs(compiled - P).max(axis=(1, 2)) / size)[there].max() < 2e-11 + 1e-14 * scale
     assert np.abs(psi - energy)[there].max() < 1e-10 + 1e-13 * scale
-
-
-def test_plane_strain_is_space_without_a_stretch_across(law, random):
-    F = plane_gradients(random, 50)
-    P = solid.first_piola_stress(law, in_space(F, 1.0))
-    atol = 2e-11 * law.bulk_modulus
-    np.testing.assert_allclose(plane_strain.first_piola_stress(law, F), P[:, :2, :2], rtol=1e-10, atol=atol)
-    np.testing.assert_allclose(plane_strain.energy_density(law, F), solid.energy_density(law, in_space(F, 1.0)), rtol=1e-10, atol=atol)
-
-
-def test_plane_stress_is_space_free_of_stress_across(law, random):
-    F = plane_gradients(random, 50)
-    trace, J = plane_stress.invariants(F)
-    J3 = plane_stress.volume_ratio(law, trace, J)
-    full = in_space(F, J3 / J)
-    P, atol = solid.first_piola_stress(law, full), 2e-11 * law.bulk_modulus
-    np.testing.assert_allclose(plane_stress.first_piola_stress(law, F), P[:, :2, :2], rtol=1e-10, atol=atol)
-    np.testing.assert_allclose(P[:, 2, 2], 0, atol=atol)
-    np.testing.assert_allclose(plane_stress.energy_density(law, F), solid.energy_density(law, full), rtol=1e-10, atol=atol)
 
 
 @pytest.mark.parametrize(

@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 from bodies import rotation
+from force_models import TABLE
 from runs import started
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.run.simulate import simulate
-from pdsurrogate.solvers.course import affine_extension
-from pdsurrogate.stress_test.case import Subject
-from pdsurrogate.stress_test.conformance import TABLE
 
 ROLLERS = (
     {"region": "left", "x1": 0.0},
@@ -37,71 +35,6 @@ def test_rollers_on_four_edges_give_homogeneous_biaxial_tension():
         assert forces[low][axis] == pytest.approx(-forces[high][axis], rel=1e-12)
         assert forces[low][1 - axis] == forces[high][1 - axis] == 0
     np.testing.assert_allclose(result.displacement(), result.body.points * [0.5, 0.2], atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("prescribed", "together"),
-    [
-        (ROLLERS, [("left",), ("right",), ("bottom",), ("top",)]),
-        (CLAMPS, [("left",), ("right",)]),
-        # Where two edges that hold the same component meet they can only move together.
-        ((*CLAMPS, {"region": "top", "x2": 0.0}), [("left",), ("right",), ("left", "right", "top")]),
-    ],
-)
-@pytest.mark.parametrize("support", ["reflected", "points"])
-def test_reactions_are_the_derivative_of_the_energy(prescribed, together, support):
-    """Virtual work, in a state without symmetry: central differences of the energy by the displacements of edges."""
-    run = started(scene_of(prescribed, support=support))
-    x1, x2 = run.body.points.T
-    start = run.body.points + 0.02 * np.stack([np.sin(2 * x1 + 3 * x2), np.cos(3 * x1 - 2 * x2)], axis=1)
-    out, loading, h = np.empty_like(start), run.loading, 1e-5
-    loading.apply(0.5, run.force, start)
-    run.force(start, out)
-    reactions = dict(zip(loading.names, loading.reactions(run.force).forces, strict=True))
-    displacements = [[0.5 * (entry.get(f"x{component}") or 0.0) for component in (1, 2)] for entry in prescribed]
-    ends = dict(zip(loading.names, loading.ends(), strict=True))
-    held = {(entry["region"], component) for entry in prescribed for component in (0, 1) if f"x{component + 1}" in entry}
-
-    def energy(names, component, by):
-        positions = start.copy()
-        loading.apply(0.5, run.force, positions)
-        if support == "reflected":
-            for name in names:
-                number = loading.names.index(name)
-                moved = displacements[number].copy()
-                moved[component] += by
-                run.force.move_plane(number, moved)
-        else:
-            positions[np.unique(np.concatenate([ends[name] for name in names])), component] += by
-        run.force(positions, out)
-        return run.force.energy()
-
-    for name, reaction in reactions.items():
-        assert all(reaction[component] == 0 for component in (0, 1) if (name, component) not in held)
-    for names in together:
-        for component in (0, 1):
-            if not all((name, component) in held for name in names):
-                continue
-            if len(names) == 1 and component == 1 and len(together[-1]) > 1:
-                continue  # one of several that move together
-            numeric = (energy(names, component, h) - energy(names, component, -h)) / (2 * h)
-            assert sum(reactions[name][component] for name in names) == pytest.approx(numeric, rel=1e-6, abs=1e-8)
-
-
-def test_a_frame_that_shears_shears_what_it_holds():
-    """All four edges follow u = 0.4 x2 e1, by points two horizons deep, row by row: the rest must do so too, whatever it starts from."""
-    n, cell = 18, 1 / 18
-    numbers = np.arange(n * n).reshape(n, n)
-    inner = np.zeros((n, n), dtype=bool)
-    inner[7:-7, 7:-7] = True
-    rows = [{"region": {"points": numbers[i][~inner[i]].tolist()}, "x1": 0.4 * (i + 0.5) * cell, "x2": 0.0} for i in range(n)]
-    scene = scene_of(rows, spacing=cell, body=pds.shapes.Rectangle(size=(1.0, 1.0)))
-    run = started(scene, "analytic")
-    assert (run.loading.free == 1).sum() == 2 * inner.sum()
-    result = simulate(scene, "analytic")
-    exact = np.stack([0.4 * result.body.points[:, 1], np.zeros(n * n)], axis=1)
-    # The tolerance of the residual, 1e-6 mu/spacing, over the stiffness of a bond.
-    np.testing.assert_allclose(result.displacement(), exact, atol=1e-6)
 
 
 @pytest.mark.parametrize("force", ["analytic", "bond-energy"])
@@ -167,21 +100,6 @@ def test_a_round_end_is_no_plane():
         started(scene_of(CLAMPS, body=pds.shapes.Circle(radius=0.6)), "analytic")
 
 
-def extended(samples, positions):
-    gradient, shift = affine_extension(*samples, lambda direction: (positions @ direction).std())
-    return positions @ gradient.T + shift
-
-
-def test_what_single_lines_do_turns_the_body_and_what_they_do_not_tell_stays():
-    line = np.array([[0.0, 0.0], [0.0, 0.5], [0.0, 1.0]])
-    body = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])
-    turned = line @ rotation(0.7).T + [0.1, 0.2]
-    both = np.vstack([line, line]), np.repeat([0, 1], 3), turned.T.ravel()
-    np.testing.assert_allclose(extended(both, body), body @ rotation(0.7).T + [0.1, 0.2], atol=1e-14)
-    one = line, np.zeros(3, dtype=int), line[:, 0] + 0.3
-    np.testing.assert_allclose(extended(one, body), body + np.array([0.3, 0.0]), atol=1e-14)
-
-
 @pytest.mark.parametrize("support", ["reflected", "points"])
 @pytest.mark.parametrize("row", [row for row in TABLE if row.plane == "stress"], ids=lambda row: row.name)
 def test_reactions_and_loads_balance_what_is_left_on_free_points(row, support):
@@ -195,7 +113,7 @@ def test_reactions_and_loads_balance_what_is_left_on_free_points(row, support):
         {"region": {"near": [0.6, 0.5]}, "force": [0.0, 0.1]},
     )
     prescribed = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.1})
-    subject = Subject(row.reference)
+    subject = row.subject
     scene = scene_of(prescribed, support=support, loads=loads, precision="float64", material=subject.law.describe())
     run = started(scene, subject.model)
     x1, x2 = run.body.points.T

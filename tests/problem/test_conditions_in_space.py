@@ -3,15 +3,11 @@
 import numpy as np
 import pytest
 from runs import started
-from scipy.optimize import brentq
 
 import pdsurrogate as pds
-from pdsurrogate.run.levels import solver_of
 from pdsurrogate.scenes import Box
-from pdsurrogate.solvers.course import affine_extension
 
 AXIS = (1.0, 2.0, 0.5)
-TURN = {"rotation": 90.0, "about": (0.3, 0.2, 0.1), "axis": AXIS}
 CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0}, {"region": "right", "x1": 0.3, "x2": 0.0, "x3": 0.1})
 
 
@@ -40,51 +36,6 @@ def wavy(points):
 
 def moment(places, forces):
     return np.cross(places, forces).sum(axis=0)
-
-
-def test_rollers_on_three_faces_give_homogeneous_tension():
-    """At their edges and corner images have images of images; the exact state leaves no residual, and the exact force."""
-    law, stretch = pds.materials.NeoHookean(), 1.3
-
-    def stress(along, across):
-        """Nominal stress along an axis, of U = K/8 (J - 1/J)^2."""
-        J = along * across**2 if along == stretch else stretch * along**2
-        trace = stretch**2 + 2 * (across if along == stretch else along) ** 2
-        bulk = law.bulk_modulus / 4 * (J - J**-3) * J / along
-        return law.shear_modulus * J ** (-2 / 3) * (along - trace / (3 * along)) + bulk
-
-    lateral = brentq(lambda across: stress(across, across), 0.8, 0.95, xtol=1e-15)
-    exact = stress(stretch, lateral)
-    rollers = tuple({"region": edge, component: 0.0} for edge, component in (("left", "x1"), ("bottom", "x2"), ("back", "x3")))
-    run = run_of(prescribed=(*rollers, {"region": "right", "x1": 0.3}))
-    positions = run.body.points * [stretch, lateral, lateral]
-    run.loading.apply(1.0, run.force, positions)
-    out = np.empty_like(positions)
-    run.force(positions, out)
-    assert solver_of(run).residual(run.force, out) < 1e-11
-    forces = dict(zip(run.loading.names, run.loading.reactions(run.force).forces, strict=True))
-    np.testing.assert_allclose(forces["right"], [exact, 0, 0], rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(forces["left"], -forces["right"], rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(forces["bottom"], 0, atol=1e-9)
-
-
-@pytest.mark.parametrize("force", ["bond-energy", "nosb"])
-@pytest.mark.parametrize("faces", [("left", "right"), ("left", "bottom", "back")])
-def test_a_turn_of_the_whole_body_leaves_no_force(force, faces):
-    """By a right angle about any axis, with faces that stay planes of reflection, and edges and a corner where these meet."""
-    run = run_of(force, prescribed=tuple({"region": face} | TURN for face in faces))
-    assert (run.loading.free == 1).all()
-    (positions,) = run.loading.course.guesses(run.body.points, 0.0, 0.2, None)
-    about = np.array(TURN["about"])
-    np.testing.assert_allclose(positions, about + (run.body.points - about) @ rotation(AXIS, 18.0).T, atol=1e-12)
-    positions = about + (run.body.points - about) @ rotation(AXIS, 90.0).T
-    run.loading.apply(1.0, run.force, positions)
-    out = np.empty_like(positions)
-    run.force(positions, out)
-    run.loading.check_inside(1.0, run.force, positions)
-    reactions = run.loading.reactions(run.force)
-    for values in (out, reactions.forces, run.loading.moments(run.force, reactions)):
-        np.testing.assert_allclose(values, 0, atol=1e-11)  # rounding of displacements, over a spacing, times K
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -131,27 +82,6 @@ def test_forces_and_moments_of_turned_planes_are_virtual_work(plane, dimension):
             assert np.atleast_1d(moments[number])[component] == pytest.approx(numeric, rel=1e-6, abs=1e-7)
 
 
-def test_loads_and_held_points_balance_what_is_left_on_free_points():
-    """Linear and angular momentum of an energy in any state, with every kind of load, to some hundreds of roundings."""
-    loads = (
-        {"region": "top", "traction": [0.02, 0.05, 0.01]},
-        {"region": "front", "pressure": 0.3},
-        {"body_force": [0.1, -0.2, 0.05]},
-        {"region": {"near": [0.6, 0.5, 0.5]}, "force": [0.0, 0.1, -0.1]},
-    )
-    run = run_of(loads=loads, support="points")
-    start = wavy(run.body.points)
-    run.loading.apply(0.5, run.loaded, start)
-    out = np.empty_like(start)
-    run.loaded(start, out)
-    reactions = run.loading.reactions(run.loaded)
-    left, applied = out * run.loading.free, sum(run.loads.by_name(start).values())
-    scale = np.abs(run.force.pair_forces()).sum()
-    np.testing.assert_allclose(reactions.forces.sum(axis=0) + applied, left.sum(axis=0), atol=1e-13 * scale)
-    moments = run.loading.moments(run.loaded, reactions).sum(axis=0) + sum(run.loads.moments(start, np.zeros(3)).values())
-    np.testing.assert_allclose(moments, moment(start, left), atol=1e-13 * scale)
-
-
 def test_pressure_on_a_closed_surface_has_the_volume_it_sweeps_as_potential():
     run = run_of(prescribed=CLAMPS, support="points", loads=({"region": "outline", "pressure": 0.7},))
     loads, start = run.loads, wavy(run.body.points)
@@ -166,16 +96,6 @@ def test_pressure_on_a_closed_surface_has_the_volume_it_sweeps_as_potential():
     assert (forces * direction).sum() == pytest.approx(-numeric, rel=1e-8)
     stretched = run.body.points * [1.1, 1.2, 0.9]
     assert loads.potential(stretched) == pytest.approx(0.7 * (1.1 * 1.2 * 0.9 - 1), rel=1e-12)
-
-
-def test_what_one_face_does_turns_the_body():
-    face = np.array([[0.0, a, b] for a in (0.0, 0.5, 1.0) for b in (0.0, 1.0)])
-    body = np.array([[a, b, c] for a in (0.0, 2.0) for b in (0.0, 1.0) for c in (0.0, 1.0)])
-    Q = rotation(AXIS, 40.0)
-    samples = np.vstack([face] * 3), np.repeat([0, 1, 2], 6), (face @ Q.T + [0.1, 0.2, 0.3]).T.ravel()
-    gradient, shift = affine_extension(*samples, lambda direction: (body @ direction).std())
-    np.testing.assert_allclose(gradient, Q, atol=1e-14)
-    np.testing.assert_allclose(shift, [0.1, 0.2, 0.3], atol=1e-14)
 
 
 @pytest.mark.parametrize(

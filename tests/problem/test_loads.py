@@ -10,11 +10,10 @@ import pdsurrogate as pds
 from pdsurrogate.body import Body, ReflectionPlane, grid
 from pdsurrogate.body.surface import Following, Surface
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
-from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
+from pdsurrogate.materials import NeoHookean, plane_stress
 from pdsurrogate.problem.conditions import loads_of
 from pdsurrogate.solvers.loads import LoadedForce
-from pdsurrogate.solvers.methods import EnergyMinimizer
-from pdsurrogate.stress_test.deformations import wavy
+from pdsurrogate.testing.bodies import wavy
 
 LAW = NeoHookean(2.0, 200.0)
 DOUBLE = ForceSettings(precision="float64")
@@ -169,15 +168,6 @@ def test_resultant_and_moment_of_a_pressure_on_a_deformed_edge():
     assert moment == pytest.approx(p / 2 * (((high - ABOUT) ** 2).sum() - ((low - ABOUT) ** 2).sum()), abs=1e-13)
 
 
-@pytest.mark.parametrize("region", ["holes", "outline"])
-def test_a_closed_pressure_has_neither_resultant_nor_moment(region):
-    body, surface = holed_sheet()
-    loads = loads_on(body, surface, {"region": region, "pressure": 3.0, "thickness": "undeformed"})
-    total, moment = totals(loads, wavy(body.points))
-    np.testing.assert_allclose(total, 0, atol=1e-14)
-    assert abs(moment) < 1e-13
-
-
 def test_a_pressure_turns_with_the_body():
     body, surface = plain_sheet()
     loads, y, Q = loads_on(body, surface, {"region": "top", "pressure": 1.0}), wavy(body.points), rotation(2.0)
@@ -228,25 +218,6 @@ def test_the_potential_of_a_pressure_is_the_area_of_the_hole():
     polygon = 16 / 2 * 0.2**2 * np.sin(2 * np.pi / 16)
     F = np.array([[1.3, 0.2], [-0.1, 1.1]])
     assert loads.potential(body.points @ F.T + 100) == pytest.approx(-2.0 * polygon * (np.linalg.det(F) - 1), abs=1e-11)
-
-
-def test_a_loaded_energy_has_the_loaded_forces(random):
-    body, surface = holed_sheet()
-    loads = loads_on(body, surface, *ALL_KINDS[:4])
-    force, out = LoadedForce(FORCES["bond-energy"]().bind(body, LAW, DOUBLE), loads), np.empty_like(body.points)
-    assert force.has_energy
-    assert force.no_energy_because is None
-    y = wavy(body.points)
-    force(y, out)
-    direction = random.standard_normal(y.shape)
-
-    def energy(step):
-        force(y + step * direction, np.empty_like(y))
-        return force.energy()
-
-    h = 2e-5  # fourth order: its error and rounding are both below 1e-9 of the scale
-    slope = (8 * (energy(h) - energy(-h)) - (energy(2 * h) - energy(-2 * h))) / (12 * h)
-    assert abs((out * direction).sum() + slope) < 1e-7 * np.abs(out).max() * np.linalg.norm(direction)
 
 
 @pytest.mark.parametrize("name", sorted(FORCES))
@@ -325,27 +296,6 @@ def test_wrong_loads_are_refused():
     with pytest.raises(ValueError, match=r"loads\.0\.region: the region contains the left edge"):
         loads_on(body, surface, {"region": "outline", "pressure": 1.0})
     loads_on(body, surface, {"region": "right", "pressure": 1.0})
-
-
-def test_tractions_on_both_ends_are_the_mean_stress_of_a_bar():
-    """In equilibrium the volume times the mean stress is the sum of forces times their places, here those of the edges themselves.
-
-    With loads on the outermost points it would be a twentieth less.  In the middle the stretch is that of uniaxial tension.
-    """
-    body, surface = plain_sheet(0.05)
-    stress = homogeneous.uniaxial(LAW, 1.5).nominal_stress
-    pull = {"region": "right", "traction": (stress, 0.0)}, {"region": "left", "traction": (-stress, 0.0)}
-    force = LoadedForce(FORCES["bond-energy"]().bind(body, LAW, DOUBLE), loads_on(body, surface, *pull))
-    free, y = np.ones_like(body.points), body.points * [1.4, 0.9]
-    # The point that keeps the body from drifting takes no force: the loads are in balance, and turn the body as they need it.
-    free[0] = 0
-    EnergyMinimizer(free, body.volumes, 1e-8).solve(force, y)
-    np.testing.assert_allclose(force.internal.mean_stress(), np.diag([stress, 0]), atol=1e-6 * stress)
-    middle = np.linalg.norm(body.points - [WIDTH / 2, HEIGHT / 2], axis=1) < 0.1
-    assert force.internal.deformation_gradients()[middle, 0, 0].mean() == pytest.approx(1.5, rel=0.005)
-    total = np.empty_like(y)
-    force(y, total)
-    assert np.abs(total).max() < 1e-7 * stress * HEIGHT
 
 
 def test_a_force_on_an_edge_that_is_held_by_reflection_is_refused():

@@ -1,14 +1,13 @@
 """Forces, and positions after explicit steps, of every force model, on one rank or several."""
 
 import numpy as np
+from force_models import TABLE
 
 from pdsurrogate.body import ReflectionPlane, divided
 from pdsurrogate.forces import ForceSettings
 from pdsurrogate.ranks import communicator
 from pdsurrogate.solvers.dynamics import ExplicitDynamics
-from pdsurrogate.stress_test.bodies import notched
-from pdsurrogate.stress_test.case import Subject
-from pdsurrogate.stress_test.conformance import TABLE, Deformation
+from pdsurrogate.testing.bodies import Deformation, notched
 
 DEFORMED = Deformation(1.02, 0.99, 0.0, 0.0, 0.0003, 1)
 
@@ -28,7 +27,7 @@ def measured(row, steps, ranks, outward=None, torn=None, **settings):
 
     The bonds of the pairs that `torn` flags are broken on the way.
     """
-    subject, d = Subject(row.reference, plane=row.plane), 3 if row.plane == "space" else 2
+    subject, d = row.subject, row.subject.dimension
     whole = notched(d, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),), separates=cut)
     body = divided(whole, ranks) if ranks.size > 1 else whole
     share = body.share

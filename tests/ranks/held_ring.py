@@ -10,7 +10,7 @@ from pdsurrogate.discretization import discretize
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.ranks import communicator
-from pdsurrogate.stress_test.conformance import Deformation
+from pdsurrogate.testing.bodies import Deformation
 
 CASES = (
     ("analytic", "stress"),

@@ -4,7 +4,7 @@ import numpy as np
 
 from pdsurrogate.body import ReflectionPlane, divided, rows_of
 from pdsurrogate.ranks import communicator
-from pdsurrogate.stress_test.bodies import notched
+from pdsurrogate.testing.bodies import notched
 
 
 def cut(starts, ends):

@@ -12,7 +12,7 @@ from pdsurrogate.forces.interface_fits import SIGHT
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.ranks import communicator
 from pdsurrogate.solvers.nearest_bonds import random_vector
-from pdsurrogate.stress_test.conformance import Deformation
+from pdsurrogate.testing.bodies import Deformation
 
 CASES = ("analytic", "stress"), ("bond-energy", "stress"), ("bond-energy", "strain"), ("bond-energy", "space")
 LAYERS = {

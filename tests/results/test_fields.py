@@ -104,19 +104,6 @@ def test_corners_of_cells_follow_an_affine_motion(body):
     )
 
 
-def test_sides_of_cells_in_space_face_outwards():
-    cells = cube(4).cells
-    corners, beside = cells.faces
-    assert (len(corners), (beside[:, 1] < 0).sum()) == (3 * 4 * 4 * 5, 6 * 4 * 4)
-    a, b, c, e = cells.nodes[corners].transpose(1, 0, 2)
-    out = (a + c) / 2 - cube(4).points[beside[:, 0]]
-    assert (np.einsum("ni,ni->n", np.cross(c - a, e - b), out) > 0).all()
-    # Two tetrahedra with a side in common.
-    nodes = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]], dtype=float)
-    corners, beside = CellMesh(nodes, (np.array([[0, 1, 2, 3], [1, 4, 2, 3]]),)).faces
-    assert (len(corners), (beside[:, 1] < 0).sum()) == (7, 6)
-
-
 def test_an_open_crack_has_two_flanks():
     """A block in the corner of a cube moves up and aside: nodes on its inner sides are double, on the edges of the crack as well."""
     body = cube(6)

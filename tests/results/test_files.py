@@ -11,14 +11,15 @@ import time
 import numpy as np
 import pytest
 from conftest import SHIPPED
+from stopping import interrupt
 from typer.testing import CliRunner
 
-from pdsurrogate.artifacts import find_artifact, list_artifacts, load_card, load_surrogate
+from pdsurrogate.artifacts import load_card, load_surrogate
 from pdsurrogate.artifacts.store import save_artifact
 from pdsurrogate.cli import app
 from pdsurrogate.cli.simulation import how_to_resume
+from pdsurrogate.progress import listening
 from pdsurrogate.results import files
-from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 from pdsurrogate.scenes import load_scene
 
@@ -35,21 +36,6 @@ while True:
     write_json(path, {"number": k, "data": [k] * 50_000})
 """
 
-ENDLESS_ARTIFACTS = """
-import json, sys
-from pathlib import Path
-from pdsurrogate.artifacts import load_card, load_surrogate
-from pdsurrogate.artifacts.store import save_artifact
-card = load_card(sys.argv[2]).model_dump()
-for key in ("format", "schema_version", "payloads"):
-    del card[key]
-surrogate, k = load_surrogate(sys.argv[2]), 0
-print("ready", flush=True)
-while True:
-    k += 1
-    save_artifact(sys.argv[1], {**card, "name": "killed", "version": str(k)}, surrogate)
-"""
-
 
 def killed(program: str, delay: float, *arguments) -> None:
     """Run a program that writes without end, and kill it without warning."""
@@ -61,33 +47,11 @@ def killed(program: str, delay: float, *arguments) -> None:
     process.stdout.close()
 
 
-@pytest.mark.parametrize("delay", [0.05, *(pytest.param(delay, marks=pytest.mark.slow) for delay in (0.011, 0.123))])
-def test_a_kill_leaves_the_old_file_or_the_new_one(tmp_path, delay):
+def test_a_kill_leaves_the_old_file_or_the_new_one(tmp_path):
     (tmp_path / "summary.json").write_text(json.dumps({"number": 0, "data": [0] * 50_000}))
-    killed(ENDLESS_JSON, delay, tmp_path)
+    killed(ENDLESS_JSON, 0.05, tmp_path)
     content = json.loads((tmp_path / "summary.json").read_text())
     assert content["data"] == [content["number"]] * 50_000
-
-
-def test_a_kill_leaves_whole_artifacts_or_none(tmp_path, monkeypatch):
-    for delay in (0.004, 0.03, 0.1):
-        killed(ENDLESS_ARTIFACTS, delay, tmp_path, SHIPPED / "neo-hookean" / "1")
-        for folder in (tmp_path / "killed").glob("[0-9]*"):
-            load_surrogate(folder)
-        for folder in (tmp_path / "killed").glob("[0-9]*"):
-            for path in folder.iterdir():
-                path.unlink()
-            folder.rmdir()
-    # What a kill left beside them is not taken for an artifact.
-    leftover = tmp_path / ".killed-7-left"
-    leftover.mkdir(parents=True, exist_ok=True)
-    (tmp_path / "killed").mkdir(exist_ok=True)
-    for path in (SHIPPED / "neo-hookean" / "1").iterdir():
-        (leftover / path.name).write_bytes(path.read_bytes())
-    monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(tmp_path))
-    assert leftover not in list_artifacts()
-    with pytest.raises(ValueError, match="not the folder of an artifact"):
-        find_artifact(tmp_path / "killed")
 
 
 @pytest.mark.parametrize("step", ["write", "fsync", "replace"])
@@ -133,15 +97,6 @@ def test_a_full_disk_is_reported_by_run(tmp_path, monkeypatch):
     assert not (tmp_path / "out" / "summary.json").exists()
 
 
-def test_a_full_disk_is_reported_by_the_stress_test(tmp_path, monkeypatch):
-    from pdsurrogate.stress_test import report
-
-    monkeypatch.setattr(report, "CASES", report.CASES[:1])
-    full_disk(monkeypatch)
-    done = CliRunner().invoke(app, ["stress-test", "--force", "analytic", "--out", str(tmp_path)])
-    assert_one_clear_line(done, "could not write", "No space left")
-
-
 def test_a_full_disk_is_reported_by_fit(tmp_path, monkeypatch):
     def fail(*arguments, **options):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -150,25 +105,6 @@ def test_a_full_disk_is_reported_by_fit(tmp_path, monkeypatch):
     done = CliRunner().invoke(app, ["fit", "mine", "--samples", "300", "--degree", "4", "--out", str(tmp_path / "a")])
     assert_one_clear_line(done, "could not write", "No space left")
     assert not list((tmp_path / "a").iterdir())
-
-
-def test_a_full_disk_is_reported_by_identify(tmp_path, monkeypatch):
-    """``identify --out`` on a full disk ended in a traceback."""
-    full_disk(monkeypatch)
-    done = CliRunner().invoke(app, ["identify", "treloar", "--law", "ogden", "--out", str(tmp_path / "out")])
-    assert_one_clear_line(done, "could not write", "No space left")
-    assert list((tmp_path / "out").iterdir()) == []
-
-
-def test_a_full_disk_is_reported_by_compare(tmp_path, monkeypatch):
-    from pdsurrogate.reports import compare
-
-    monkeypatch.setattr(compare, "compare", lambda *arguments: {"machine": {"processor": "any", "threads": 1}, "models": []})
-    monkeypatch.setattr(compare, "table", lambda report, title: (["model"], [["none"]]))
-    monkeypatch.setattr(compare, "caution", lambda models: None)
-    full_disk(monkeypatch)
-    done = CliRunner().invoke(app, ["compare", "--out", str(tmp_path / "out")])
-    assert_one_clear_line(done, "could not write", "No space left")
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
@@ -206,20 +142,16 @@ TEAR = [
 ]
 
 
-class InterruptsAt(Silent):
-    """Sends Ctrl-C to this process when a stage is reached."""
+def in_dynamics(share):
+    """Context that interrupts a run once, at a share of a stage in dynamics after two in equilibrium."""
+    left = [2 + share]
 
-    def __init__(self, levels=None, share=None):
-        self.levels, self.share = levels, share
+    def listener(stage, done, total, **numbers):
+        if stage == "dynamics" and left and done >= left[0]:
+            left.clear()
+            interrupt()
 
-    def level(self, number, stretch):
-        if number == self.levels:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    def dynamics(self, done, stretch, broken_bonds):
-        if self.share is not None and done >= self.share:
-            self.share = None
-            os.kill(os.getpid(), signal.SIGINT)
+    return listening(listener)
 
 
 def tear():
@@ -235,31 +167,15 @@ def heeds_interrupts():
 
 
 @pytest.mark.usefixtures("heeds_interrupts")
-@pytest.mark.parametrize("stage", [{"levels": 1}, {"share": 0.4}])
-def test_an_interrupt_saves_a_checkpoint_that_resumes_to_the_same_bits(tmp_path, stage):
-    with pytest.raises(SimulationInterrupted, match="interrupted") as caught:
-        simulate(tear(), "analytic", progress=InterruptsAt(**stage), folder=tmp_path / "a")
-    assert len(caught.value.result.levels) == stage.get("levels", 2)
+def test_an_interrupt_saves_a_checkpoint_that_resumes_to_the_same_bits(tmp_path):
+    with pytest.raises(SimulationInterrupted, match="interrupted") as caught, in_dynamics(0.4):
+        simulate(tear(), "analytic", folder=tmp_path / "a")
+    assert len(caught.value.result.levels) == 2
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     resumed = simulate(tear(), "analytic", folder=tmp_path / "a", resume=True)
     whole = simulate(tear(), "analytic", folder=tmp_path / "b")
     assert resumed.history == whole.history
     np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
-
-
-@pytest.mark.usefixtures("heeds_interrupts")
-@pytest.mark.parametrize("force", ["analytic", "ba-nosb", "bond-energy", "nosb", "neo-hookean"])
-def test_every_force_resumes_to_the_same_bits(tmp_path, force):
-    """In ba-nosb the bonds' own volume ratios were missing from the checkpoint."""
-    scene = load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.3])
-    with pytest.raises(SimulationInterrupted, match="interrupted"):
-        simulate(scene, force, progress=InterruptsAt(levels=1), folder=tmp_path / "a")
-    resumed = simulate(scene, force, folder=tmp_path / "a", resume=True)
-    whole = simulate(scene, force, folder=tmp_path / "b")
-    assert resumed.history == whole.history
-    for (_, found), (_, expected) in zip(resumed.states, whole.states, strict=True):
-        for key in expected:
-            np.testing.assert_array_equal(found[key], expected[key])
 
 
 @pytest.mark.usefixtures("heeds_interrupts")

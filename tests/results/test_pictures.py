@@ -7,7 +7,6 @@ from matplotlib.collections import LineCollection
 
 import pdsurrogate as pds
 from pdsurrogate.results import figures
-from pdsurrogate.results.drawings import energies_figure
 from pdsurrogate.results.loading_curve import loading_curve
 from pdsurrogate.results.measures import label_of
 
@@ -124,15 +123,6 @@ def test_a_turned_plate_has_torque_over_angle(block):
     assert axis.lines[0].get_marker() != "None"
 
 
-def test_a_moment_is_taken_about_the_axis_of_the_rotation():
-    """A couple of 0.5 about the center, and a force through it that has a moment about the origin."""
-    scene = pds.load_scene("rotation")
-    row = {"t": 1.0, "force_left_1": 0.0, "force_left_2": 0.0, "moment_left": 0.0, "force_right_1": 2.0, "force_right_2": 3.0}
-    _, curves, *_ = loading_curve(scene, [{**row, "moment_right": 0.5 + 1.0 * 3.0 - 0.5 * 2.0}])
-    np.testing.assert_allclose(curves["right"], [0.0, 0.5])
-    assert set(curves) == {"right"}  # the other is at rest
-
-
 def test_a_pressed_ring_has_radii_over_pressure():
     scene = pds.load_scene("ring-pressure")
     moved = {f"{probe.name}_displacement_{k + 1}": [0.1 * place] for probe in scene.probes for k, place in enumerate(probe.at)}
@@ -142,30 +132,6 @@ def test_a_pressed_ring_has_radii_over_pressure():
     assert set(curves) == {"inner", "outer", "inner-diagonal", "outer-diagonal"}
     np.testing.assert_allclose(curves["inner"], [1.0, 1.1])
     np.testing.assert_allclose(curves["outer-diagonal"], [2.0, 2.2], rtol=1e-7)
-
-
-def test_loads_have_motions_of_probes_or_of_their_regions():
-    traction = pds.load_scene("traction")
-    columns = {"force_right_2": [-0.05], "tip_displacement_1": [-0.3], "tip_displacement_2": [-0.4]}
-    x, curves, xlabel, ylabel = loading_curve(traction, rows_of(t=[1.0], **columns))
-    assert (x, xlabel, ylabel) == ([0.0, 0.05], "traction (kPa)", "displacement of tip (cm)")
-    np.testing.assert_allclose(curves["tip"], [0.0, 0.5])
-    bare = pds.Scene.model_validate({**traction.model_dump(by_alias=True, exclude_none=True), "probes": ()})
-    columns |= {"displacement_right_1": [-0.6], "displacement_right_2": [-0.8]}
-    np.testing.assert_allclose(loading_curve(bare, rows_of(t=[1.0], **columns))[1]["right"], [0.0, 1.0])
-    assert loading_curve(pds.load_scene("hanging"), rows_of(t=[1.0], force_top_2=[3.0]))[2] == "body force (kPa/cm)"
-
-
-def test_of_opposite_forces_one_is_shown_and_residuals_are_not():
-    scene = pds.load_scene("biaxial-hole")
-    forces = {"left": (-2.0, 1e-8), "right": (2.0, -1e-8), "bottom": (1e-7, -1.5), "top": (-1e-7, 1.5 + 1e-8)}
-    columns = {f"force_{name}_{k + 1}": [value] for name, force in forces.items() for k, value in enumerate(force)}
-    _, curves, xlabel, ylabel = loading_curve(scene, rows_of(t=[1.0], **columns))
-    assert list(curves) == ["right, x₁", "top, x₂"]
-    assert (xlabel, ylabel) == ("loading parameter t", "force (kPa·cm)")
-    shear = pds.load_scene("simple-shear")
-    x, _, xlabel, ylabel = loading_curve(shear, rows_of(t=[0.5, 1.0], force_top_1=[0.5, 1.0], force_top_2=[1e-9, 1e-9]))
-    assert (x, xlabel, ylabel) == ([0.0, 0.25, 0.5], "prescribed displacement (cm)", "force on top, x₁ (kPa·cm)")
 
 
 def test_what_an_obstacle_presses_has_its_force_over_its_motion():
@@ -179,24 +145,6 @@ def test_what_an_obstacle_presses_has_its_force_over_its_motion():
     assert (x, xlabel, ylabel) == ([0.0, -0.025, -0.05], "prescribed displacement (mm)", "force on punch, x₂ (MPa·mm)")
     np.testing.assert_allclose(curves["punch, x₂"], [0.0, -0.1, -0.3])
     assert set(pds.simulate(scene, "bond-energy").history[0]) >= {"force_punch_1", "force_punch_2"}
-
-
-def test_a_curve_of_residuals_looks_like_zero():
-    figure = figures.curves_figure([0.0, 1.0], {"left": [0.0, 1e-9]}, "angle", "torque", least=1e-4)
-    low, high = figure.axes[0].get_ylim()
-    assert -low == high == pytest.approx(1e-4)
-
-
-def test_one_stretch_has_a_marker_and_the_rest_before_it(stretched):
-    one = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
-    line, reference, *_ = one.loading_figure().axes[0].lines
-    assert line.get_marker() == "o"
-    np.testing.assert_allclose(line.get_xdata(), [1.0, 1.5])
-    assert line.get_ydata()[0] == 0
-    assert list(reference.get_xdata()) == [1.5]
-    axis = energies_figure(stretched).axes[0]
-    assert (axis.get_xlabel(), axis.get_ylabel()) == ("stretch", "strain energy (kPa·cm²)")
-    np.testing.assert_allclose(axis.lines[0].get_xdata(), [1.0, 1.2, 1.5])
 
 
 @pytest.mark.parametrize(

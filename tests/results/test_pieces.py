@@ -11,7 +11,7 @@ from pdsurrogate.ranks import Communicator
 from pdsurrogate.results import vtk
 from pdsurrogate.results.contents import contents_in
 from pdsurrogate.results.folder import make_room
-from pdsurrogate.results.states import Moment, StatesInFiles, deformed_cells
+from pdsurrogate.results.states import Moment, StatesInFiles
 
 
 class Rank:
@@ -72,14 +72,6 @@ def test_pieces_hold_what_the_whole_holds(result, written):
         np.testing.assert_array_equal(others[name], values)
 
 
-def test_nodes_between_pieces_lie_where_both_put_them(written):
-    (cells, moved), (others, too) = (StatesInFiles.saved(written / name, "hole").cells(0) for name in ("whole", "pieces"))
-    assert len(cells) == len(others)
-    # Corner by corner: nodes between pieces are there twice, and their displacements are written in single precision.
-    np.testing.assert_allclose(others.nodes[others.blocks[0]], cells.nodes[cells.blocks[0]], atol=1e-12)
-    np.testing.assert_allclose(too[others.blocks[0]], moved[cells.blocks[0]], atol=1e-7)
-
-
 def test_paraview_s_reader_finds_them(result, written):
     pyvista = pytest.importorskip("pyvista", reason="pyvista is not installed")
     grid = pyvista.read(written / "pieces" / "hole-000.pvtu")
@@ -101,13 +93,3 @@ def test_a_rank_that_cannot_write_leaves_the_states_before(result, written, monk
 def test_a_new_run_takes_the_place_of_pieces(result, written):
     make_room(written / "pieces", contents_in(result.summary), overwrite=True)  # they have no summary
     assert not list((written / "pieces").iterdir())
-
-
-def test_cells_that_are_kept_have_no_nodes_of_others(result):
-    cells, _ = deformed_cells(result.body, result.states[0][1])
-    kept = result.body.points[:, 0] > 0.3
-    some, used = cells.only(kept)
-    assert len(some) == kept.sum()
-    assert set(np.unique(some.blocks[0])) == set(range(len(some.nodes)))
-    np.testing.assert_array_equal(some.nodes[some.blocks[0]], cells.nodes[cells.blocks[0][kept]])
-    np.testing.assert_array_equal(some.nodes, cells.nodes[used])

@@ -100,24 +100,6 @@ def test_the_history_has_forces_displacements_and_energies_of_all_that_holds_or_
     assert second["strain_energy"] == pytest.approx(force(u[2]) - force(0.0), rel=1e-3)
 
 
-def test_planes_that_turn_and_rollers_have_displacements():
-    turned = pds.simulate(pds.load_scene("rotation", spacing=0.2), "bond-energy")
-    last = turned.history[-1]
-    names = {key.split("_")[1] for key in last if key.startswith("displacement_")}
-    entry = next(entry for entry in turned.scene.prescribed if entry.rotation)
-    assert entry.region in names
-    # The middle of the edge goes round the place that it is turned about.
-    angle, about = np.radians(entry.rotation), np.array(entry.about)
-    points = turned.body.points
-    along = {"left": 0, "right": 0, "bottom": 1, "top": 1}[entry.region]
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    middle[along] += (-1 if entry.region in ("left", "bottom") else 1) * (np.ptp(points[:, along]) + turned.body.cell[along]) / 2
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    expected = (turn - np.eye(2)) @ (middle - about)
-    found = [last[f"displacement_{entry.region}_{component}"] for component in (1, 2)]
-    np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
 def test_tables_with_pandas_and_without(stretched, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     table = stretched.table()

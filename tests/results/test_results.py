@@ -13,12 +13,12 @@ import meshio
 import numpy as np
 import pytest
 from bodies import sheet
-from stopping import InterruptedAtLevel
+from stopping import at_level, interrupt
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
-from pdsurrogate.results import figures, files, measures
+from pdsurrogate.results import measures
 from pdsurrogate.results.contents import MESH, contents_of, differences_between, digest_of_mesh
 from pdsurrogate.results.folder import LOCK, FolderTaken, is_marked, occupied
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
@@ -122,27 +122,6 @@ def test_a_run_clears_the_files_of_an_earlier_one_and_nothing_else(saved, tmp_pa
     assert names_in(tmp_path) == sorted(mine + ours)
 
 
-def test_results_of_another_scene_are_not_replaced_unasked(saved, tmp_path):
-    result, _ = saved
-    result.save(tmp_path)
-    before = names_in(tmp_path)
-    other = uniaxial(1.1, name="mine")
-    with pytest.raises(FolderTaken, match=r"another scene \(uniaxial\); use another folder, or --overwrite "):
-        simulate(other, "analytic", folder=tmp_path)
-    found = simulate(other, "analytic")
-    # The index alone, of a run that was killed, tells the scene as well.
-    (tmp_path / "summary.json").unlink()
-    with pytest.raises(FolderTaken):
-        found.save(tmp_path)
-    assert names_in(tmp_path) == [name for name in before if name != "summary.json"]
-    with pytest.raises(FolderTaken, match="results of uniaxial without a description of their scene"):
-        result.save(tmp_path)
-    found.save(tmp_path, overwrite=True)
-    assert names_in(tmp_path) == ["convergence.csv", "history.csv", "mine-000.vtu", "mine.png", "mine.pvd", "summary.json"]
-    with pytest.raises(ValueError, match="resume and overwrite exclude each other"):
-        simulate(other, "analytic", folder=tmp_path, resume=True, overwrite=True)
-
-
 def test_results_of_another_run_of_the_scene_are_not_replaced_unasked(tmp_path):
     """`pdsurrogate run uniaxial --set stretches=[1.3] --out x` took the place of a run to 1.1 without a word: names alone were compared."""
     found = simulate(uniaxial(1.1), "analytic", folder=tmp_path)
@@ -170,8 +149,8 @@ def test_results_of_another_run_of_the_scene_are_not_replaced_unasked(tmp_path):
 
 def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
     """Its checkpoint may be worth hours; the same command without --resume took its place."""
-    with pytest.raises(SimulationInterrupted) as stopped:
-        simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, progress=InterruptedAtLevel(1))
+    with pytest.raises(SimulationInterrupted) as stopped, at_level(1, interrupt):
+        simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path)
     for summary in (False, True):  # killed, and stopped by Ctrl-C
         if summary:
             stopped.value.result.save(tmp_path)
@@ -269,19 +248,6 @@ def test_the_same_folder_by_another_path_is_not_cleared(tmp_path, monkeypatch):
     assert np.isfinite(result.displacement()).all()
 
 
-def test_interrupted_writing_leaves_the_old_file(tmp_path):
-    path = tmp_path / "x.json"
-    files.write_json(path, {"a": 1})
-    with pytest.raises(ValueError, match="JSON compliant"):
-        files.write_json(path, {"a": float("nan")})
-
-    with pytest.raises(RuntimeError), files.replacing(path) as temporary:  # noqa: PT012
-        temporary.write_text("half")
-        raise RuntimeError
-    assert json.loads(path.read_text()) == {"a": 1}
-    assert list(tmp_path.iterdir()) == [path]
-
-
 def test_edge_displacements_are_extrapolated_to_the_edge():
     body = sheet(0.1, 1.2, 1.0)
     displacements = np.stack([0 * body.points[:, 0], 0.3 * (body.points[:, 1] - 0.5) + 0.1 * body.points[:, 0]], axis=1)
@@ -289,30 +255,6 @@ def test_edge_displacements_are_extrapolated_to_the_edge():
     np.testing.assert_allclose(along, 0.05 + 0.1 * np.arange(12))
     np.testing.assert_allclose(low, -0.15 + 0.1 * along)
     np.testing.assert_allclose(high, 0.15 + 0.1 * along)
-
-
-def test_edges_lines_and_pictures_go_by_the_sides_of_a_cell():
-    """1.2 x 1.0 at 0.12: ten by eight cells, a bilinear field read back exactly, and pictures that cover the body."""
-    body = sheet(0.12, 1.2, 1.0)
-    np.testing.assert_allclose(body.cell, [0.12, 0.125])
-    displacements = body.points * body.points[:, ::-1]
-    for axis, reach in enumerate((1.2, 1.0)):
-        along, low, high = measures.edge_displacements(body, displacements, axis)
-        np.testing.assert_allclose(along, np.unique(body.points[:, 1 - axis]))
-        np.testing.assert_allclose(low, 0, atol=1e-12)
-        np.testing.assert_allclose(high, reach * along)
-    cells = figures.polygons_of(body.cells, np.zeros_like(body.cells.nodes))
-    np.testing.assert_allclose(np.ptp(cells, axis=1), np.tile(body.cell, (len(body), 1)))
-
-
-def test_roughness_tells_a_checkerboard_from_a_wave():
-    body = sheet(0.05, 3.0, 1.0)
-    x1 = body.points[:, 0]
-    smooth = np.stack([0 * x1, np.sin(2 * np.pi * x1 / 3)], axis=1)
-    jagged = np.stack([0 * x1, np.cos(np.pi * x1 / 0.05 - np.pi / 2)], axis=1)
-    # Second difference of a wave of length L: (2 pi spacing / L)^2, root mean square over its greatest value: / sqrt(2).
-    assert measures.roughness(body, smooth, 0) == pytest.approx((2 * np.pi * 0.05 / 3) ** 2 / np.sqrt(2), rel=0.05)
-    assert measures.roughness(body, jagged, 0) == pytest.approx(4, rel=0.01)
 
 
 def test_a_folder_holds_one_run_at_a_time(tmp_path):

@@ -152,20 +152,3 @@ def test_the_slider_of_the_page_shows_the_outputs_in_a_browser(page, tmp_path):
     field.value = "stress_11"; field.dispatchEvent(new Event("change"));
     </script></body>"""
     assert shown(dom(page.replace("</body>", moved), tmp_path)) == (data["pictures"]["stress_11"][0], "stretch 1.2")
-
-
-@pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on this machine")
-def test_the_page_fits_a_phone_and_follows_its_colors(page, tmp_path):
-    """At 400 pixels nothing is wider than the window but tables, which scroll within their frames."""
-    assert "prefers-color-scheme: dark" in page
-    assert 'content="width=device-width, initial-scale=1"' in page
-    inner = page.replace("&", "&amp;").replace('"', "&quot;")
-    document = f"""<iframe width="400" height="900" srcdoc="{inner}"></iframe><p id="found"></p><script>
-    document.querySelector("iframe").addEventListener("load", event => {{
-      const root = event.target.contentDocument.documentElement;
-      document.getElementById("found").textContent = `${{root.clientWidth}} ${{root.scrollWidth}}`;
-    }});
-    </script>"""
-    width, needed = map(int, re.search(r'id="found">(\d+) (\d+)<', dom(document, tmp_path)).groups())
-    assert 380 <= width <= 400
-    assert needed <= width

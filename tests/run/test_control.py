@@ -92,7 +92,7 @@ def test_an_arch_snaps_through_as_under_a_prescribed_displacement():
 def test_a_ring_is_followed_beyond_its_greatest_pressure(thickness, greatest):
     """The exact maxima are 0.7164 and 0.6634, at displacements of about 3.5 and 4 inner radii."""
     steps = [{"to": to, "control": "probes.inner.displacement.0"} for to in (1.0, 3.0, greatest, 6.0)]
-    scene = pds.load_scene("ring-pressure", {"spacing": 0.1, "steps": steps, "loads.0.thickness": thickness})
+    scene = pds.load_scene("ring-pressure", {"spacing": 0.2, "steps": steps, "loads.0.thickness": thickness})
     levels = simulate(scene, "bond-energy").levels
     assert levels[2]["t"] > levels[3]["t"]
     for level in levels:
@@ -116,14 +116,13 @@ def test_a_step_of_t_can_follow_and_resumes_to_the_same_bits(tmp_path):
 INWARD = "probes.inner.displacement.0"
 
 
-@pytest.mark.parametrize("thickness", [pytest.param("deformed", marks=pytest.mark.slow), "undeformed"])
-def test_derivatives_keep_the_controlled_displacement_before_at_and_beyond_the_maximum(thickness):
+def test_derivatives_keep_the_controlled_displacement_before_at_and_beyond_the_maximum():
     """The load answers. At the maximum, where dt/dU = 0, derivatives at a given load do not exist. The reference is Richardson's
     extrapolation from four equilibria with a residual of 1e-10, over 1e-3 of the parameter, and 2e-2 of the bulk modulus, which matters
     little: errors of 1e-7 by the residual, and of 1e-7 by curvature."""
     values = (2.0, 3.0, 3.6, 4.2, 5.0)
     steps = [{"to": to, "control": INWARD} for to in values]
-    keys = {"spacing": 0.25, "steps": steps, "loads.0.thickness": thickness, "material.bulk_modulus": 100.0}
+    keys = {"spacing": 0.25, "steps": steps, "loads.0.thickness": "undeformed", "material.bulk_modulus": 100.0}
     result = simulate(pds.load_scene("ring-pressure", keys), "bond-energy")
     levels = [0, int(np.argmax([level["t"] for level in result.levels])), 4]
     assert levels[1] in (1, 2, 3)

@@ -1,7 +1,6 @@
 """Runs that end before their time: killed, interrupted, or out of time; what they leave, and how it goes on."""
 
 import csv
-import importlib
 import json
 import math
 import os
@@ -12,16 +11,16 @@ import time
 
 import numpy as np
 import pytest
+from stopping import Killed, at_level, interrupt
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
+from pdsurrogate.progress import listening
 from pdsurrogate.results.files import TEMPORARY
 from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.run import checkpoints, levels
-from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
-from pdsurrogate.stress_test.case import Subject
 
 PATIENCE = 300
 """Seconds for what takes some on a free machine."""
@@ -143,28 +142,16 @@ def test_a_run_that_is_killed_leaves_its_history_and_goes_on(tmp_path):
     assert pds.load_result(tmp_path).status == "done"
 
 
-def test_the_dynamics_are_told_as_they_go(tmp_path):
-    changes = ["--set", "stretches=1.1", "--set", "body.size=[2.0, 1.0]", "--set", "precuts=[]", "--set", "fracture.critical_stretch=3.0"]
-    changes += ["--set", "dynamics.stretch=1.9", "--set", "dynamics.stretch_rate=0.001", "--set", "spacing=0.25"]
-    process = begun(SLOWLY, "run", "tear", "--force", "analytic", *changes, "--out", tmp_path)
-    wait(lambda: told(tmp_path)["n_steps"] > 0, process)
-    process.kill()
-    process.communicate(timeout=PATIENCE)
-    read = pds.load_result(tmp_path)
-    assert [row for row in read.history if "kinetic_energy" in row]
-    assert len(read.states) == 1
-
-
 def test_a_run_that_was_killed_before_its_first_checkpoint_is_begun_anew(tmp_path):
     """There is nothing to go on from, and nothing lost."""
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.2])
 
-    class Killed(Silent):
-        def residual(self, evaluations, residual, tolerance):
+    def kill(stage, done, total, **numbers):
+        if "residual" in numbers:
             raise KeyboardInterrupt  # which nobody asked for: as good as a kill
 
-    with pytest.raises(KeyboardInterrupt):
-        simulate(scene, "analytic", folder=tmp_path, progress=Killed())
+    with pytest.raises(KeyboardInterrupt), listening(kill):
+        simulate(scene, "analytic", folder=tmp_path)
     assert pds.load_result(tmp_path).status == "running"
     assert not pds.load_result(tmp_path).states
     with pytest.raises(FolderTaken, match=r"another run of uniaxial \(stretches"):
@@ -177,17 +164,9 @@ def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(share, outp
     """The summary was written once a second at most, and `show` denied a state whose file lay there."""
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_TABLES", 1e9)
     monkeypatch.setattr(checkpoints, "PAUSE_SHARE", share)
-    begun = []
-
-    class Killed(Silent):
-        def level(self, number, parameter):
-            begun.append(parameter)
-            if len(begun) > outputs:
-                raise KeyboardInterrupt  # as good as a kill
-
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.1, 1.2, 1.3])
-    with pytest.raises(KeyboardInterrupt):
-        simulate(scene, "analytic", folder=tmp_path, progress=Killed())
+    with pytest.raises(Killed), at_level(outputs):
+        simulate(scene, "analytic", folder=tmp_path)
     read = pds.load_result(tmp_path)
     assert len(read.states) == len(read.levels) == len(list(tmp_path.glob("*.vtu"))) == outputs
     shown = CliRunner().invoke(app, ["show", str(tmp_path), "--out", str(tmp_path)])
@@ -196,16 +175,16 @@ def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(share, outp
     assert (tmp_path / "uniaxial-displacement.png").exists() == bool(outputs)
 
 
-class Stops(Silent):
-    """Ends the run after so many reports in equilibrium."""
+def after_reports(number):
+    """Context that interrupts a run after so many residuals of an equilibrium."""
+    residuals = []
 
-    def __init__(self, number):
-        self.left = number
+    def listener(stage, done, total, **numbers):
+        residuals.extend([numbers["residual"]] if "residual" in numbers else [])
+        if len(residuals) == number:
+            interrupt()
 
-    def residual(self, evaluations, residual, tolerance):
-        self.left -= 1
-        if self.left == 0:
-            signal.raise_signal(signal.SIGINT)
+    return listening(listener)
 
 
 SCENES = {
@@ -219,8 +198,8 @@ SCENES = {
 def test_the_first_equilibrium_goes_on_from_within(tmp_path, name):
     """A run that was ended in its first equilibrium, which of a large body takes hours, had no checkpoint."""
     scene, force = SCENES[name]
-    with pytest.raises(SimulationInterrupted) as stopped:
-        simulate(scene, force, folder=tmp_path, progress=Stops(8))
+    with pytest.raises(SimulationInterrupted) as stopped, after_reports(8):
+        simulate(scene, force, folder=tmp_path)
     assert not stopped.value.result.levels
     assert pds.load_result(tmp_path).status == "interrupted"
     before = np.load(tmp_path / "checkpoint.npz")["positions"]
@@ -277,26 +256,6 @@ def test_every_run_of_a_study_ends_when_its_time_is_over(tmp_path):
     assert [row["failure"] for row in done.rows] == [None, None]
     with pytest.raises(ValueError, match="max_time: a fit cannot be resumed"):
         pds.study({"fit": {"material": "gent"}, "parameters": {"degree": [3]}}, tmp_path / "fits", max_time=1.0)
-
-
-@pytest.mark.parametrize("where", ["stress_test.case", "reports.compare"])
-def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
-    """It ended one run of many, which counted as failed, and the next began."""
-    module = importlib.import_module(f"pdsurrogate.{where}")
-
-    def interrupted(*given, **options):
-        raise SimulationInterrupted("interrupted", None)
-
-    monkeypatch.setattr(module, "simulate", interrupted)
-    force = pds.load_surrogate("analytic")
-    held, keys = Subject("analytic"), {"spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
-
-    calls = {
-        "stress_test.case": lambda: held.run(held.scene((1.0, 1.0), **keys)),
-        "reports.compare": lambda: module.measure_scene(module.TimedModel(force, "float64", None), pds.materials.NeoHookean(), 0.25),
-    }
-    with pytest.raises(KeyboardInterrupt):
-        calls[where]()
 
 
 def interrupted_where_held_up(code, where, folder):

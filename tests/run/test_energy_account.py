@@ -12,7 +12,6 @@ from pdsurrogate.cli import app
 from pdsurrogate.run import transient
 from pdsurrogate.run.cracks import Cracks, starts_of_cracks
 from pdsurrogate.run.damage import Damage
-from pdsurrogate.run.transient import Transient
 
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
 """With a density of 1, shear waves have a speed of 1."""
@@ -236,38 +235,3 @@ def test_the_account_closes_after_the_last_ligament_has_snapped(monkeypatch):
     last_break = max(row["time"] for row in rows if row["broken_bonds"] < crack["broken_bonds"])
     assert result.history[-1]["time"] - last_break > 10  # times in which shear waves cross a spacing
     assert abs(account(result)["greatest_energy_gap"]) < 0.2
-
-
-def test_bonds_of_a_failing_point_release_their_energy(monkeypatch):
-    """Two events in one step: a point first loses bonds and is turned inside out, so that no energy is defined, and then its others.
-
-    What is released, and the impulse, are those of all its bonds at once; nothing was counted.
-    """
-    run = started(strip(size=(1.5, 1.5), cuts=()))
-    transient, body = Transient(run, run.stages[-1]), run.body
-    middle = int(np.linalg.norm(body.points - body.points.mean(axis=0), axis=1).argmin())
-    off = (body.points - body.points[middle]) / body.spacing
-    # Columns slide along each other in a wave: the bonds to (3, 0) and (2, 1) alone give a gradient with a negative volume ratio.
-    around = 1 / (1 + (np.linalg.norm(off, axis=1) / 4.5) ** 8)
-    run.positions[:, 1] += 0.75 * body.spacing * around * np.sin(0.75 * np.pi * off[:, 0])
-    run.loading.apply(run.state.parameter, run.force, run.positions)
-    run.force.place(run.positions)
-    bonds, forces = body.bonds, np.empty((2, *run.positions.shape))
-    run.force.pass_bonds(forces[0])
-    before = run.force.energy()
-    own = np.flatnonzero((bonds.first == middle) | (bonds.second == middle))
-    others = np.where(bonds.first[own] == middle, bonds.second[own], bonds.first[own])
-    kept = np.array([tuple(np.round(off[other]).astype(int)) in {(3, 0), (2, 1)} for other in others])
-    assert kept.sum() == 2
-    run.state.history.append({})
-    transient.integrator.last_step, transient.integrator.steps = 0.01, 1
-    monkeypatch.setattr(run.damage, "overstretched", lambda positions: own[~kept])
-    Cracks(run, transient.integrator, transient.account).evaluate_and_break()
-    assert run.damage.broken[own].all()
-    run.loading.apply(run.state.parameter, run.force, run.positions)  # the last evaluation was ahead of the present time
-    run.force.place(run.positions)
-    run.force.pass_bonds(forces[1])
-    assert transient.account.released_energy == pytest.approx(before - run.force.energy(), rel=1e-9)
-    impulse = 0.5 * 0.01 * (forces[0] - forces[1]) * run.loading.free
-    mass = body.volumes[:, None]  # of a density of 1
-    np.testing.assert_allclose(transient.integrator.velocities * mass, impulse, rtol=0, atol=1e-9 * np.abs(impulse).max())

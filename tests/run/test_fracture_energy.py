@@ -51,39 +51,11 @@ def test_diameters_are_those_of_tears_within_seven_percent():
         np.testing.assert_allclose([*entry.get("rows", {}).values()], entry["diameter"], rtol=0.07, err_msg=f"{entry}")
 
 
-def test_judging_tears_have_the_prescribed_energy_at_the_peak(pipeline):
-    """Stored tears that the table does not average: each spacing along a row, and the mean over clouds, within 7 %.
-
-    Between horizons of the table 10 %: neighbors enter the horizon in groups, so that no diameter is a smooth function of it.
-    """
-    measured = {pipeline.case_of(entry) for entry in pipeline.table()}
-    assert len(pipeline.judged()) > len(measured)
-    for case, ratios in pipeline.judged().items():
-        if case[2] == "lattice":
-            assert len(ratios["along"]) >= 3, case
-            np.testing.assert_allclose(ratios["along"], 1.0, atol=0.07 if case in measured else 0.1, err_msg=f"{case}")
-        else:
-            assert len(ratios["clouds"]) >= 5, case
-            assert np.mean(ratios["clouds"]) == pytest.approx(1.0, abs=0.07), case
-
-
 def test_a_fracture_energy_is_refused_with_weights_that_were_not_measured():
     pds.Scene.model_validate({**STRIP, "weight": "inverse"})
     pds.Scene.model_validate({**STRIP, "weight": "constant", "fracture": {"critical_stretch": 2.0}})
     with pytest.raises(ValueError, match=r"\(weight=inverse\), not for weight=constant; set fracture.critical_stretch instead"):
         pds.Scene.model_validate({**STRIP, "weight": "constant"})
-
-
-def test_every_case_has_diameters_at_several_critical_stretches():
-    """Two at least, so that a remark can say how the diameter changes; and between two horizons a common range of stretches."""
-    found = {}
-    for entry in measured_diameters():
-        found.setdefault((entry["plane"], entry["family"], entry["arrangement"]), set()).add(entry["horizon_ratio"])
-    for (plane, family, arrangement), ratios in found.items():
-        for ratio in np.unique(np.concatenate([list(ratios), np.linspace(min(ratios), max(ratios), 7)])):
-            tip = tip_diameters(plane, ratio, family, arrangement)
-            assert len(tip.stretches) >= 2
-            assert (np.diff(tip.stretches) > 0).all()
 
 
 def test_diameters_are_interpolated_in_the_horizon_and_the_critical_stretch():
@@ -100,25 +72,6 @@ def test_diameters_are_interpolated_in_the_horizon_and_the_critical_stretch():
         expected = [parts[0] * known[low][stretch] + parts[1] * known[high][stretch] for stretch in (first, second)]
         assert tip.at(first) == pytest.approx(expected[0], rel=1e-12)
         assert tip.at(0.3 * first + 0.7 * second) == pytest.approx(0.3 * expected[0] + 0.7 * expected[1], rel=1e-12)
-
-
-def test_horizons_with_the_same_neighbors_have_the_same_tips():
-    """A lattice with the weight ``"inverse"`` is then the same body, with the same tip in spacings: the interpolation agrees within 7 %."""
-    cases = {}
-    for entry in measured_diameters():
-        if entry["arrangement"] == "lattice":
-            cases.setdefault((entry["plane"], entry["family"]), set()).add(entry["horizon_ratio"])
-    for (plane, family), ratios in cases.items():
-        axes = np.indices((7,) * (3 if plane == "space" else 2))
-        shells = np.unique(np.sqrt((axes**2).sum(axis=0)))
-        for ratio in ratios:
-            known = tip_diameters(plane, ratio, family)
-            ends = shells[shells <= ratio][-1] + 1e-6, shells[shells > ratio][0] - 1e-6
-            for other in np.clip(ends, min(ratios), max(ratios)):
-                tip = tip_diameters(plane, other, family)
-                shared = tip.stretches[(tip.stretches >= known.stretches[0]) & (tip.stretches <= known.stretches[-1])]
-                for stretch in shared:
-                    assert tip.at(stretch) * other == pytest.approx(known.at(stretch) * ratio, rel=0.07), (plane, family, ratio, other)
 
 
 def critical_stretches(scene, force):
@@ -221,8 +174,7 @@ def test_an_arrangement_that_was_not_measured_is_refused():
 
 
 @pytest.mark.slow  # 5 and 2 seconds each
-@pytest.mark.parametrize("force", ["bond-energy", "neo-hookean"])
-@pytest.mark.parametrize("energy", [0.18, 0.35])
+@pytest.mark.parametrize(("force", "energy"), [("bond-energy", 0.35), ("neo-hookean", 0.18)])
 def test_at_the_peak_of_the_load_a_strip_has_its_fracture_energy(force, energy):
     """G = W h of pure shear at the peak. The table is the mean over spacings, of which this is one: 7 %.
 

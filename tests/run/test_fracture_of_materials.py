@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from runs import started
-from stopping import Killed, KilledWhileBondsBreak
+from stopping import Killed, while_bonds_break
 
 import pdsurrogate as pds
 from pdsurrogate.engine.threads import most_threads
@@ -45,15 +45,14 @@ def told(result):
     return crack["broken_bonds"], crack["peak"], [output["tip"] for output in crack["tips"]]
 
 
-@pytest.mark.parametrize("force", ["bond-energy", "neo-hookean"])
-def test_equal_materials_break_as_one(force):
-    """Two entries for one rubber, and interfaces as strong as it: the figures of one material, to the last bit."""
-    data = {key: value for key, value in LAYERS.items() if key != "materials"}
-    expected = told(pds.simulate(pds.Scene.model_validate(data), force))
+def test_equal_materials_break_as_one():
+    """Two entries for one rubber, and an interface as strong as it: the figures of one material, to the last bit."""
+    faster = {"dynamics": {**LAYERS["dynamics"], "stretch_rate": 0.1}}
+    data = {key: value for key, value in LAYERS.items() if key != "materials"} | faster
+    expected = told(pds.simulate(pds.Scene.model_validate(data), "bond-energy"))
     assert expected[0] > 0
     same = {"critical_stretch": 2.0}
-    for layers in (scene(), scene(upper=same, interface=same)):
-        assert told(pds.simulate(layers, force)) == expected
+    assert told(pds.simulate(scene(upper=same, interface=same, **faster), "bond-energy")) == expected
 
 
 def limits(layers, force="bond-energy"):
@@ -110,9 +109,7 @@ QUICK = {"stretches": [1.02], "dynamics": {**LAYERS["dynamics"], "stretch": 1.4,
 """Tears of unequal layers in a few thousand steps."""
 
 
-@pytest.mark.parametrize(
-    ("plane", "stiffer"), [("stress", 3.0), ("stress", 10.0), ("strain", 3.0), pytest.param("strain", 10.0, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("plane", "stiffer"), [("stress", 10.0), ("strain", 3.0)])
 def test_the_energy_of_torn_layers_is_accounted_for(plane, stiffer):
     """A crack along the interface of unequal layers releases what the body loses: the account closes within 0.5 %."""
     # In plane strain the free ends bulge over the grips at greater stretches.
@@ -193,14 +190,13 @@ def test_two_threads_leave_the_same_bits():
     np.testing.assert_array_equal(one.displacement(), two.displacement())
 
 
-@pytest.mark.parametrize("stiffer", [3.0, 10.0])
-def test_resuming_leaves_the_same_bits(stiffer, tmp_path, monkeypatch):
-    layers = scene(stiffer, {"critical_stretch": 3.0}, {"critical_stretch": 1.4}, **QUICK)
+def test_resuming_leaves_the_same_bits(tmp_path, monkeypatch):
+    layers = scene(3.0, {"critical_stretch": 3.0}, {"critical_stretch": 1.4}, **QUICK)
     whole = pds.simulate(layers, "bond-energy")
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
     monkeypatch.setattr(checkpoints, "PAUSE_SHARE", 0.0)
-    with pytest.raises(Killed):
-        pds.simulate(layers, "bond-energy", progress=KilledWhileBondsBreak(5), folder=tmp_path)
+    with pytest.raises(Killed), while_bonds_break(5):
+        pds.simulate(layers, "bond-energy", folder=tmp_path)
     resumed = pds.simulate(layers, "bond-energy", folder=tmp_path, resume=True)
     assert resumed.history == whole.history
     assert resumed.summary["crack"] == whole.summary["crack"]

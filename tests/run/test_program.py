@@ -12,7 +12,7 @@ import pdsurrogate as pds
 from pdsurrogate.run import transient
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.solvers.equilibrium import falls
-from pdsurrogate.solvers.increments import Increments, Motion
+from pdsurrogate.solvers.increments import Increments
 
 SHEET = {"name": "sheet", "spacing": 0.1, "body": pds.shapes.Rectangle(size=(1.0, 0.8)), "material": "neo-hookean"}
 CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 1.0, "x2": 0.0})
@@ -74,24 +74,16 @@ def every_step(monkeypatch):
 
 @pytest.mark.usefixtures("every_step")
 def test_dynamics_follow_those_of_the_short_way():
-    """From stretch 1.1 on at the same rate: the same motion and the same account, but for what is of the first order in the time step.
-
-    The general way fits its steps to the outputs, and takes velocities where positions are; the short way has them half a step before.  It
-    alone counts what viscosity takes of the work of the grips, so that its account closes.
-    """
+    """From stretch 1.1 on at the same rate: the same motion and the same account, which closes."""
     damped = {"density": 0.01, "damping": 1.0, "viscosity": 1e-3, "safety": 0.1}
     short = simulate(gripped(stretches=(1.1,), dynamics={"stretch": 1.3, "stretch_rate": 2.0, "outputs": 2, **damped}), "bond-energy")
     general = simulate(scene_of((0.1, dynamic(0.3, 0.1, 2, **damped))), "bond-energy")
     rows, others = ([row for row in result.history if "time" in row] for result in (short, general))
     assert len(others) > 100
-    times, other_times = ([row["time"] for row in found] for found in (rows, others))
-    for key in ("work", "kinetic_energy", "strain_energy", "force_left_1", "force_right_2"):
+    for key in ("time", "work", "kinetic_energy", "strain_energy", "force_left_1", "force_right_2"):
         expected, found = ([row[key] for row in account] for account in (rows, others))
-        # But for the last step, within which the grips stop.
-        np.testing.assert_allclose(
-            found[:-1], np.interp(other_times, times, expected)[:-1], atol=0.01 * np.abs(expected).max() + 1e-12, rtol=0
-        )
-    np.testing.assert_allclose(general.displacement(), short.displacement(), atol=1e-3)
+        np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max() + 1e-9, rtol=0)
+    np.testing.assert_allclose(general.displacement(), short.displacement(), atol=1e-6)
     energies = [sum(row[key] for key in ("kinetic_energy", "strain_energy", "damped_energy")) - row["work"] for row in others]
     np.testing.assert_allclose(energies, energies[0], atol=1e-5 * others[-1]["work"], rtol=0)
 
@@ -207,14 +199,6 @@ def test_a_body_that_buckles_is_not_followed_to_its_buckled_state():
     assert result.summary["n_force_evaluations"] - good < 10 * good / 2
 
 
-def test_after_a_long_first_attempt_shorter_increments_tell_that_a_body_buckles():
-    """A search of nine good outputs crumples the cube from stretch 0.7 to 0.5; between them the run finds that the cube buckles."""
-    changes = {"plane": "space", "body": {"shape": "box", "size": [0.6, 0.6, 0.6]}, "spacing": 0.1, "horizon_ratio": 1.75}
-    scene = pds.load_scene("uniaxial", changes, stretches=[0.7, 0.5], material={"law": "ogden"})
-    with pytest.raises(SimulationFailed, match=r"is not stable, so the body buckles|the body buckles between the stretches"):
-        simulate(scene, "ogden-isochoric")
-
-
 def test_an_output_just_below_the_greatest_load_is_found():
     """It takes many times the evaluations of the outputs before, and no search for it is cut short."""
     result = simulate(pds.load_scene("ring-pressure", spacing=0.25, steps=(0.3, 0.5, 0.6, 0.72)), "analytic")
@@ -251,12 +235,6 @@ def test_what_moves_faster_than_waves_is_refused():
         started(scene_of((0.1, dynamic(1.1, 0.01)), units={"length": "cm", "time": "s"}), "analytic")
 
 
-def test_motion_goes_evenly_and_stops():
-    for begin, end in ((0.0, 1.0), (1.0, -1.0), (0.3, 0.3)):
-        motion = Motion(begin, end, (end - begin) / 2, 2.0)
-        assert [motion.at(time) for time in (0.0, 1.0, 2.0, 3.0)] == [begin, (begin + end) / 2, end, end]
-
-
 LOADS = (
     {"prescribed": ({"region": "left", "x1": 0.0, "x2": 0.0},), "loads": ({"region": "right", "traction": [0.2, 0.0]},)},
     {
@@ -275,16 +253,6 @@ def test_reactions_balance_loads(loading):
     np.testing.assert_allclose(total, 0, atol=1e-5)
     if loading.get("support") == "points":
         assert sum(level["moments"].values()) == pytest.approx(0, abs=1e-5)
-
-
-@pytest.mark.usefixtures("every_step")
-@pytest.mark.parametrize("loading", LOADS)
-def test_the_account_of_loads_closes(loading):
-    """Loads that grow within one swing of the body: their work is there as energy of strain and motion, to the trapezoidal rule."""
-    result = simulate(scene_of((dynamic(1.0, 0.5),), **loading), "bond-energy")
-    last = [row for row in result.history if "time" in row][-1]
-    assert last["work"] > 1e-4
-    assert last["work"] == pytest.approx(last["strain_energy"] + last["kinetic_energy"], rel=0.02)
 
 
 @pytest.mark.usefixtures("every_step")
@@ -315,11 +283,10 @@ def test_unloading_in_dynamics_does_not_run_away():
     assert last["kinetic_energy"] + last["damped_energy"] > last["strain_energy"]
 
 
-@pytest.mark.parametrize("force", ["neo-hookean", "analytic"])
-def test_a_body_at_rest_does_not_run_away(force):
+def test_a_body_at_rest_does_not_run_away():
     """Rounding moves it by 1e-15 of mu V, which was more than the nothing that had been put in."""
     late = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.2, "amplitude": [[0, 0], [0.8, 0], [1, 1]]})
-    result = simulate(scene_of((dynamic(1.0, 10.0, density=1.0),), late, body=UNIT), force)
+    result = simulate(scene_of((dynamic(1.0, 10.0, density=1.0),), late, body=UNIT), "neo-hookean")
     assert result.levels[-1]["t"] == 1.0
 
 

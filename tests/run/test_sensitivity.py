@@ -212,7 +212,7 @@ def test_derivatives_by_numbers_of_learned_models_are_those_of_converged_runs(na
     assert np.abs(found.derivatives[:, 0] - expected).max() < CLOSE * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("name", ["hole", "bonded-block", "disc-torsion"])
+@pytest.mark.parametrize("name", ["bonded-block", "disc-torsion"])
 def test_adjoint_solutions_give_the_derivatives_of_forward_ones(name):
     """With fewer measurements than parameters each measurement has a solution, else each parameter."""
     scene = pds.load_scene(name, spacing=0.25)
@@ -239,18 +239,6 @@ def test_jacobians_of_displacements_at_places_are_those_of_changed_equilibria():
     stiffer = [side.jacobian(at, found.displacements, outputs, ["stretch"]).values for side in stiffer]
     expected = np.array([(after - before) / (2 * step) for after, before in (pulled, stiffer)]).T
     assert np.abs(found.derivatives - expected).max() < CLOSE * np.abs(expected[1:]).max()
-
-
-def test_derivatives_of_displacements_are_those_of_the_fields_of_converged_runs():
-    scene = pds.load_scene("hole", {"spacing": 0.2, **CONVERGED})
-    moved = pds.simulate(scene, "bond-energy").sensitivity([], ["stretch"]).displacements[0]
-    value, step = scene.stretches[-1], 1e-4
-    after, before = (
-        pds.simulate(pds.load_scene("hole", {"spacing": 0.2, "stretches": [value + change], **CONVERGED}), "bond-energy").displacement()
-        for change in (step, -step)
-    )
-    expected = (after - before) / (2 * step)
-    assert np.abs(moved - expected).max() < CLOSE * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("name", ["uniaxial", "bonded-block"])
@@ -317,7 +305,7 @@ def pressed(**keys):
     """A sheet on rollers into which a disc is pressed."""
     rollers = [{"region": "bottom", "x2": 0.0}, {"region": "left", "x1": 0.0}]
     material = RUBBER | {"bulk_modulus": 10.0}
-    given = {"name": "pressed", "spacing": 0.125, "steps": [1.0], "body": {"size": (1.0, 1.0)}, "material": material}
+    given = {"name": "pressed", "spacing": 0.2, "steps": [1.0], "body": {"size": (1.0, 1.0)}, "material": material}
     return pds.Scene.model_validate(given | {"prescribed": rollers, "obstacles": [DISC]} | keys)
 
 
@@ -366,23 +354,15 @@ def by_settled(body, at, start, names, parameter):
 @pytest.mark.parametrize(
     ("scene", "outputs", "parameters"),
     [
-        (lambda: pds.load_scene("plane-strain-block", {"spacing": 0.1, "stretches": [1.3], "material": STIFF}), ["forces"], OF_STIFF),
-        (
-            lambda: pds.load_scene("plane-strain-block", {"spacing": 0.1, "stretches": [1.3], "material": STIFF}),
-            ["nominal_stress"],
-            OF_STIFF,
-        ),
-        (lambda: pds.load_scene("bonded-block", {"spacing": 0.25, "stretches": [1.3], "material": STIFF}), ["forces"], OF_STIFF),
+        (lambda: pds.load_scene("plane-strain-block", {"spacing": 0.2, "stretches": [1.3], "material": STIFF}), ["forces"], OF_STIFF),
         (lambda: pds.load_scene("bonded-block", {"spacing": 0.25, "stretches": [1.3], "material": STIFF}), ["nominal_stress"], OF_STIFF),
         (pressed, ["forces"], ["obstacles.0.x1", "obstacles.0.x2", "obstacles.0.disc.radius", "material.shear_modulus", "t"]),
-        (lambda: pressed(plane="strain"), ["forces"], ["obstacles.0.x1", "obstacles.0.x2", "material.bulk_modulus", "t"]),
         (lambda: cantilever(10.0, 2e-3), ["probes.end.displacement", "forces.left"], ["material.shear_modulus", "loads.0.force.1", "t"]),
-        (lambda: cantilever(10.0, 2e-3), ["probes.end.displacement"], ["material.shear_modulus", "loads.0.force.1", "t"]),
     ],
-    ids=["strain", "strain, adjoint", "solid", "solid, adjoint", "disc", "disc in plane strain", "cantilever", "cantilever, adjoint"],
+    ids=["strain", "solid, adjoint", "disc", "cantilever"],
 )
 def test_derivatives_at_large_bulk_moduli_in_contact_and_of_slender_bodies_are_those_of_converged_equilibria(scene, outputs, parameters):
-    """K/mu is 10,000 in the first four. The equilibria of the reference are converged to rounding."""
+    """K/mu is 10,000 in the first two. The equilibria of the reference are converged to rounding."""
     scene = scene()
     result = pds.simulate(scene, "bond-energy")
     found = result.sensitivity(outputs, parameters)

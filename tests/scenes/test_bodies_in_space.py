@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from pdsurrogate.body.local_fit import boundary_rows
 from pdsurrogate.discretization import discretize, grip_areas, surface_of
 from pdsurrogate.problem.regions import BodyRegions
 from pdsurrogate.scenes import Region, Scene, SceneError
@@ -103,34 +102,13 @@ def bore(radius, axis="x3"):
 # Body, holes, volume, centroid (None where symmetry does not give it), and area of each part of the boundary.
 BODIES = {
     "cylinder": (CYLINDER, [], PI / 4, (0, 0, 0.5), {"back": PI / 4, "front": PI / 4, "outline": PI}),
-    "cylinder along x2": (
-        {**CYLINDER, "axis": "x2", "base": [0.1, 0.2, 0.3]},
-        [],
-        PI / 4,
-        (0.1, 0.7, 0.3),
-        {"bottom": PI / 4, "top": PI / 4, "outline": PI},
-    ),
     "sphere": ({"shape": "sphere", "radius": 0.5}, [], PI / 6, (0, 0, 0), {"outline": PI}),
-    "thick sphere": (
-        {"shape": "sphere", "radius": 0.5},
-        [{"shape": "sphere", "radius": 0.25}],
-        PI / 6 * 7 / 8,
-        (0, 0, 0),
-        {"outline": PI, "holes.0": PI / 4},
-    ),
     "half of a sphere with a bubble in its face": (
         {"shape": "sphere", "radius": 0.5, "part": "half"},
         [{"shape": "sphere", "radius": 0.15, "center": [0.0, 0.1, -0.1]}],
         PI / 12 * (1 - 0.3**3),
         None,
         {"outline": PI / 2, "holes.0": PI * 0.045, "left": PI * (0.25 - 0.0225)},
-    ),
-    "quarter of a sphere": (
-        {"shape": "sphere", "radius": 0.5, "part": "quarter", "center": [0.1, 0.2, 0.3]},
-        [],
-        PI / 24,
-        None,
-        {"outline": PI / 4, "left": PI / 8, "bottom": PI / 8},
     ),
     "eighth of a thick sphere": (
         {"shape": "sphere", "radius": 0.5, "part": "eighth"},
@@ -203,12 +181,6 @@ def test_volumes(name):
     assert (body.points < upper).all()
 
 
-def test_volumes_converge():
-    for name in ("sphere", "tube", "angle with a hole"):
-        _, body, _, _, (volume, _, _) = free_body(name, 0.05)
-        assert body.volumes.sum() == pytest.approx(volume, rel=5e-4)
-
-
 def test_grips_have_the_area_of_the_face_that_they_hold():
     """But for chords of round faces that are shorter than 1/16 of a cell.  A sphere has no flat face to be held by."""
     for body, holes, area, tolerance in (
@@ -271,14 +243,6 @@ def test_precuts_that_cut_nothing_are_refused():
         discretize(scene_of(CUBE, precuts=[{**CUTS["disc"], "center": [0, 0, 2.0]}]))
 
 
-def test_cuts_that_cross_or_meet_are_no_overlap():
-    """Only cuts in one plane that cut the same bonds are refused."""
-    disc, across = CUTS["disc"], {**CUTS["disc"], "normal": [1, 0, 0]}
-    discretize(scene_of(CUBE, precuts=[disc, across]))
-    with pytest.raises(SceneError, match=r"precuts\.2: the precut lies on precuts\.0"):
-        discretize(scene_of(CUBE, precuts=[disc, across, {**disc, "radius": 0.5 * disc["radius"]}]))
-
-
 def test_no_bond_crosses_empty_space():
     """A slot one cell wide: no bond leads from one side to the other, and those around its end stay.  A bubble of two cells, likewise."""
     slot = {"shape": "box", "size": [0.7, 2.0, 0.1], "lower": [-0.5, -1.0, 0.0]}
@@ -292,22 +256,6 @@ def test_no_bond_crosses_empty_space():
     bubble = {"shape": "sphere", "radius": 0.2}
     body = discretize(scene_of(CUBE, holes=[bubble], horizon_ratio=3.0))[0]
     assert not (np.linalg.norm((body.all_points[body.bonds.first] + body.all_points[body.bonds.second]) / 2, axis=1) < 0.1).any()
-
-
-def test_bonds_are_those_within_the_horizon():
-    """Against all pairs of points, for a body with images in three planes."""
-    scene = scene_of(
-        {"shape": "box", "size": [0.5, 0.4, 0.3]},
-        prescribed=[{"region": "left", "x1": 0}, {"region": "bottom", "x2": 0}],
-        loads=[{"body_force": [1, 0, 0]}],
-        steps=1,
-    )
-    body = discretize(scene)[0]
-    distance = np.linalg.norm(body.all_points[:, None] - body.all_points, axis=2)
-    first, second = np.nonzero(np.triu(distance <= 0.175 * (1 + 1e-9), 1))
-    own = first < len(body)
-    np.testing.assert_array_equal(body.bonds.first, first[own])
-    np.testing.assert_array_equal(body.bonds.second, second[own])
 
 
 def check_boundary(surface, body, volume):
@@ -344,66 +292,6 @@ def test_boundaries(name):
     # The outermost points lie about half a cell inside, fewer of a cut cell's.
     distance = surface.distances(body.points, 0.2)
     assert 0.01 < distance.min() < 0.051
-
-
-def test_a_part_of_a_body_follows_its_points_as_the_whole_does():
-    """Beside planes of symmetry the boundary of an eighth moves along them as points and images say, as of the whole body.
-
-    The motion is that of a swelling hole.  Across a plane the eighth has its own points alone, so that within a cell of one the component
-    across it is another.
-    """
-
-    def moved(body, surface):
-        radius = np.linalg.norm(body.points, axis=1)[:, None]
-        return surface.interpolation @ (body.points * (1 + 0.01 / radius**3))
-
-    holes = [{"shape": "sphere", "radius": 0.5}]
-    prescribed = [{"region": face, f"x{axis}": 0.0} for axis, face in enumerate(("left", "bottom", "back"), 1)]
-    scene = scene_of({"shape": "sphere", "radius": 1.0, "part": "eighth"}, 0.125, holes=holes, prescribed=prescribed, steps=1)
-    eighth = discretize(scene)[0]
-    surface = surface_of(scene, *discretize(scene))
-    whole = discretize(scene_of({"shape": "sphere", "radius": 1.0}, 0.125, holes=holes, loads=[{"body_force": [0, 0, 1]}], steps=1))[0]
-    beside = np.flatnonzero(surface.nodes.min(axis=1) < 1e-9)
-    beside = beside[(surface.nodes[beside] < 1e-9).sum(axis=1) == 1]
-    beside = beside[np.isin(beside, surface.facets[np.char.startswith(surface.parts, "holes")])]
-    normals = -surface.nodes[beside] / np.linalg.norm(surface.nodes[beside], axis=1)[:, None]
-    normals = np.stack([normals, np.full_like(normals, np.nan), np.full_like(normals, np.nan)], axis=1)
-    (rows,) = boundary_rows(whole, surface.nodes[beside], normals)
-    radius = np.linalg.norm(whole.points, axis=1)[:, None]
-    expected, found = rows @ (whole.points * (1 + 0.01 / radius**3)), moved(eighth, surface)[beside]
-    along = surface.nodes[beside] > 0.125
-    assert along.sum() > 20
-    # The normals of the eighth's nodes are means over its own facets: what is left is their turn, h/2 a at most.
-    np.testing.assert_allclose((found - surface.nodes[beside])[along], (expected - surface.nodes[beside])[along], rtol=0.02)
-
-
-def test_distances_to_triangles():
-    """Beside a cube: to faces, edges and corners."""
-    scene = scene_of(CUBE)
-    surface = surface_of(scene, *discretize(scene))
-    places = np.random.default_rng(3).uniform(-0.8, 0.8, (200, 3))
-    outside = np.linalg.norm(np.maximum(np.abs(places) - 0.5, 0), axis=1)
-    inside = 0.5 - np.abs(places).max(axis=1)
-    np.testing.assert_allclose(surface.distances(places, 1.0), np.where(inside > 0, inside, outside), atol=1e-12)
-    np.testing.assert_array_equal(surface.encloses(places), inside > 0)
-    assert np.isinf(surface.distances(places, 0.1)[np.where(inside > 0, inside, outside) > 0.1]).all()
-
-
-def test_boundaries_follow_smooth_motions():
-    """Half the spacing gives a quarter of the error, at edges and corners too."""
-
-    def smooth(places):
-        x1, x2, x3 = places.T
-        return np.stack([np.sin(1.5 * x1 + 0.4) * np.cos(x2), x1 * x3 + x2**2, np.exp(0.5 * x3) * x1], axis=1)
-
-    errors = []
-    for spacing in (0.1, 0.05):
-        scene = scene_of(CUBE, spacing)
-        body, lower, upper = discretize(scene)
-        surface = surface_of(scene, body, lower, upper)
-        errors.append(np.abs(surface.interpolation @ smooth(body.points) - smooth(surface.nodes)).max())
-    assert errors[0] < 6 * 0.1**2
-    assert errors[1] < 0.35 * errors[0]
 
 
 def test_holes_whose_boundary_meets_another_have_bonds_but_no_boundary():

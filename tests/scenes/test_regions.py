@@ -1,7 +1,5 @@
 """Regions: what of a body they are, how they are combined, and what is said about those that make no sense."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 from meshes import write_plate
@@ -50,13 +48,10 @@ def x1_below(limit):
 
 POINTS = {
     "an edge": ("left", x1_below(0.1)),
-    "an edge, said on the spot": ({"edge": "top"}, lambda x: x[:, 1] > 0.9),
-    "the body": ("body", lambda x: x[:, 0] > 0),
     "a box": ({"box": [[0.1, 0.2], [0.5, 0.4]]}, lambda x: (x >= [0.1, 0.2]).all(axis=1) & (x <= [0.5, 0.4]).all(axis=1)),
     "a disc": ({"disc": {"center": [1, 0.5], "radius": 0.3}}, lambda x: np.linalg.norm(x - [1, 0.5], axis=1) <= 0.3 + 1e-9),
     "a half-plane": ({"half_plane": {"point": [1, 0.5], "normal": [3, 4]}}, lambda x: (x - [1, 0.5]) @ [3, 4] >= -1e-9),
     "all of several": ({"and": ["left", "bottom"]}, lambda x: (x < 0.1).all(axis=1)),
-    "one of several": ({"or": ["left", {"edge": "right"}]}, lambda x: np.abs(x[:, 0] - 1) > 0.9),
     "what is not in one": ({"not": "lower-half"}, lambda x: x[:, 1] > 0.5),
     "a name": ("quarter", lambda x: (x[:, 1] < 0.5) & (x[:, 0] < 1)),
     "combinations of combinations": (
@@ -127,33 +122,6 @@ def test_facets_of_regions(plate, case):
     _, regions = plate
     reference = said if isinstance(said, str) else Region(**said)
     np.testing.assert_array_equal(regions.facets(reference), np.flatnonzero(expected(regions.surface().midpoints())))
-
-
-def test_facets_of_holes(plate):
-    _, regions = plate
-    surface = regions.surface()
-    for hole, length in (("holes.0", 0.4 * np.pi), ("holes.1", 0.8)):
-        facets = regions.facets(hole)
-        assert surface.areas()[facets].sum() == pytest.approx(length, rel=3e-3)
-        np.testing.assert_allclose(surface.normals()[facets].sum(axis=0), 0, atol=1e-12)
-    assert len(regions.facets("holes")) == len(regions.facets("holes.0")) + 8
-    assert len(regions.facets("outline")) == 60
-
-
-def test_the_boundary_is_made_once_and_where_it_is_asked_for():
-    scene = scene_of()
-    body, lower, upper = discretize(scene)
-    made = []
-    surface = cache(lambda: made.append(1) or surface_of(scene, body, lower, upper))  # as the problem of a scene keeps it
-    regions = BodyRegions(scene, body, lower, upper, surface)
-    regions.points("left")
-    regions.points(Region(box=((0, 0), (1, 1))))
-    assert not made
-    regions.facets("left")
-    regions.facets("holes")
-    regions.points("holes.0")
-    assert regions.surface() is regions.surface()
-    assert len(made) == 1
 
 
 def test_names_and_edges(plate):

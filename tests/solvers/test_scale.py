@@ -8,7 +8,6 @@ import pytest
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem import compile_scene
-from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SinglePrecisionLeft
 from pdsurrogate.solvers import equilibrium
 
@@ -61,7 +60,7 @@ def simulate(scene, force=None):
         return pds.simulate(scene, force)
 
 
-@pytest.mark.parametrize(("spacing", "error"), [(0.2, None), (0.12, 0.2**2), (0.1, (1 / 6) ** 2)])
+@pytest.mark.parametrize(("spacing", "error"), [(0.2, None), (0.1, (1 / 6) ** 2)])
 def test_a_strip_bends_under_its_own_weight(spacing, error):
     """At a spacing of 0.1 it did not: its weight is below a millionth of the shear modulus over the spacing.
 
@@ -81,14 +80,14 @@ def test_a_strip_bends_under_its_own_weight(spacing, error):
     assert result.summary["n_force_evaluations"] < 400  # a method that gains is not given up: relaxation took 16,000 to 33,000
 
 
-@pytest.mark.parametrize("force", ["neo-hookean@1", "neo-hookean@2", "neo-hookean-energy", "analytic", "bond-energy", "nosb"])
+@pytest.mark.parametrize("force", ["neo-hookean@2", "bond-energy", "nosb"])
 def test_small_loads_bend_in_proportion(force):
     """Below 1e-6 shear moduli there was no displacement, and with it a clamp carried 0.63 to 0.78 of the load.
 
     Of a load s shear moduli the square of the deflection over the length, some (10 s)^2, is not linear; forces left may be 5e-4 of the
     load, which between two loads is twice that.
     """
-    loads = np.array([1e-9, 1e-8, 1e-7, 1e-6, 1e-5])
+    loads = np.array([1e-9, 1e-7, 1e-5])
     results = [simulate(cantilever(load), force) for load in loads]
     deflection = np.array([result.levels[0]["displacements"]["right"][1] for result in results]) / loads
     carried = np.array([result.levels[0]["forces"]["left"][1] for result in results]) / loads
@@ -133,45 +132,8 @@ def test_small_stretches_have_the_stress_of_linear_elasticity(force, strain):
     assert level["force_balance"] < PART
 
 
-def test_small_stretches_between_places():
-    """A sheet that is pulled between two places by 1e-7 is in balance; single precision does not resolve its strain."""
-    scene = pds.Scene(
-        name="places",
-        body={"size": [2.0, 1.0]},
-        spacing=0.25,
-        material={"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0},
-        prescribed=[{"region": {"near": [0.0, 0.5]}, "x1": 0, "x2": 0}, {"region": {"near": [2.0, 0.5]}, "x1": 1e-7, "x2": 0}],
-        steps=[1.0],
-    )
-    result = simulate(scene, "neo-hookean@2")
-    one, other = result.levels[0]["forces"].values()
-    assert other[0] > 1e-8
-    assert one[0] == pytest.approx(-other[0], rel=PART)
-    assert result.summary["precision"] == "float64"
-
-
-def test_a_load_on_stiff_plates_moves_a_soft_layer():
-    """The residual of a plate is in its own modulus: 8e4 times the layer's, it let all of the load pass."""
-    scene = pds.Scene(
-        name="plates",
-        body={"size": [1.0, 1.0]},
-        spacing=0.125,
-        material={"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0},
-        regions={"low": {"box": [[0, 0], [1, 0.25]]}, "high": {"box": [[0, 0.75], [1, 1]]}},
-        materials=[{"region": r, "material": {"law": "neo-hookean", "shear_modulus": 8e4, "bulk_modulus": 8e6}} for r in ("low", "high")],
-        prescribed=[{"region": "bottom", "x1": 0, "x2": 0}],
-        loads=[{"region": "top", "traction": [0.05, 0.0]}],
-        steps=[1.0],
-    )
-    level = simulate(scene, "bond-energy").levels[0]
-    assert level["forces"]["bottom"][0] == pytest.approx(-0.05, rel=PART)
-    # As stiff as the plates throughout it would move by 0.05/8e4 and more.
-    assert level["displacements"]["top"][0] > 0.05 / 8e4
-    assert level["force_balance"] < PART
-
-
-POWERS = [(2.0**-40, 1.0), (2.0**40, 1.0), (1.0, 2.0**-30), (1.0, 2.0**30)]
-DECIMALS = [(1e-12, 1e-9), (1e12, 1e-9), (1e-12, 1e9), (1e12, 1e9)]
+POWERS = [(2.0**-40, 2.0**30), (2.0**40, 2.0**-30)]
+DECIMALS = [(1e12, 1e-9), (1e-12, 1e9)]
 
 
 def told(result, modulus, length):
@@ -181,7 +143,7 @@ def told(result, modulus, length):
     return np.concatenate([forces, *(np.array(value) / length for value in level["displacements"].values())])
 
 
-@pytest.mark.parametrize("force", ["neo-hookean@2", "neo-hookean-energy", "bond-energy", "nosb"])
+@pytest.mark.parametrize("force", ["neo-hookean@2", "bond-energy"])
 def test_units_change_nothing_in_the_plane(force):
     """Powers of two change no digit of anything, so that no bit may differ; others change the last ones, within the tolerance."""
     expected = simulate(cantilever(0.01), force)
@@ -213,27 +175,6 @@ def test_single_precision_gives_way_to_double():
         pds.simulate(cantilever(1e-6, precision="float32"), "neo-hookean@2")
 
 
-class Killed(Silent):
-    """Ends a run before its second output."""
-
-    def level(self, number, parameter):
-        if number:
-            raise KeyboardInterrupt
-
-
-def test_a_run_in_double_is_resumed_in_double(tmp_path):
-    """Steps of a millionth of the modulus: a run that was killed after the first goes on to the same bits."""
-    scene = cantilever(1e-6, steps=[0.5, 1.0])
-    whole = simulate(scene, "neo-hookean@2")
-    with pytest.raises(KeyboardInterrupt), pytest.warns(SinglePrecisionLeft):
-        pds.simulate(scene, "neo-hookean@2", folder=tmp_path / "run", progress=Killed())
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", SinglePrecisionLeft)
-        rest = pds.simulate(scene, "neo-hookean@2", folder=tmp_path / "run", resume=True)
-    assert rest.summary["precision"] == "float64"
-    assert rest.levels == whole.levels
-
-
 def test_strains_beyond_double_precision_are_refused():
     with pytest.raises(pds.SimulationFailed, match="too small for double precision, which resolves"):
         pds.simulate(cantilever(1e-16), "bond-energy")
@@ -247,7 +188,7 @@ def bar(corner, strain, **changes):
     return pds.Scene(**(scene | changes))
 
 
-@pytest.mark.parametrize("force", ["neo-hookean@2", "analytic", "bond-energy"])
+@pytest.mark.parametrize("force", ["neo-hookean@2", "bond-energy"])
 def test_tiny_strains_are_right_or_refused_wherever_the_body_lies(force):
     """At 1e6 a strain of 1e-6 was 4 % and more off, one of 1e-9 gave any force, as at the origin one of 1e-12: all said to be converged."""
     law = bar(0.0, 1.0).law()
@@ -264,40 +205,6 @@ def test_tiny_strains_are_right_or_refused_wherever_the_body_lies(force):
         for corner, strain in [(0.0, 1e-15), (1e6, 1e-9), (1e6, 1e-12)]:
             with pytest.raises(pds.SceneError, match=r"prescribed: the greatest displacement, 2e-.*, is too small for double precision"):
                 pds.simulate(bar(corner, strain), force)
-
-
-CUT = {"precuts": [{"start": (0.55, 0.5), "end": (1.45, 0.5)}], "loads": [{"region": "top", "traction": [0.0, 0.2]}]}
-STIFFER = {"law": "neo-hookean", "shear_modulus": 3.0, "bulk_modulus": 60.0}
-INCLUSION = {"materials": [{"region": {"disc": {"center": (1.0, 0.5), "radius": 0.3}}, "material": STIFFER}]}
-
-
-@pytest.mark.parametrize(("force", "keys"), [("bond-energy", CUT), ("analytic", INCLUSION)], ids=["cut", "inclusion"])
-def test_a_sheet_has_the_same_displacements_far_from_the_origin(force, keys):
-    """Up to a million lengths away, where coordinates are rounded by a billionth of a spacing, and in other units of length.
-
-    Beside the cut and in the disc displacements were 0.03 and 0.02 % of the greatest off: points were divided by the spacing, and planes
-    between points lay where rounding decided between rows.
-    """
-
-    def displacements(length, corner):
-        def placed(value, key=None):
-            if isinstance(value, dict):
-                return {name: placed(part, name) for name, part in value.items()}
-            if isinstance(value, list):
-                return [placed(part, key) for part in value]
-            if key in ("start", "end", "center", "lower"):
-                return tuple(begin + length * part for begin, part in zip(corner, value, strict=True))
-            return length * value if key in ("radius", "spacing") else value
-
-        body = {"size": [2.0 * length, length], "lower": (0.0, 0.0)}
-        held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}]
-        scene = {"body": body, "spacing": 0.125, "prescribed": held, "loads": [{"region": "right", "traction": [0.3, 0.0]}]} | keys
-        scene = {"name": "far", "material": "neo-hookean", "steps": [1.0], "precision": "float64"} | placed(scene)
-        return simulate(pds.Scene(**scene), force).displacement() / length
-
-    expected = displacements(1.0, (0.0, 0.0))
-    for length, corner in [(1.0, (1000.1, -2000.3)), (1e-3, (1000.1, -1000 / 3)), (1e3, (1e6, -1e6 / 3))]:
-        np.testing.assert_allclose(displacements(length, corner), expected, atol=1e-6 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(
@@ -319,34 +226,11 @@ def test_solids_far_from_the_origin_have_the_same_boundary(body, place):
     np.testing.assert_allclose(outward((1e6 + 0.1, -1e6 / 3, 7e5)), outward((0.0, 0.0, 0.0)), atol=1e-5)
 
 
-def test_cells_of_relaxed_points_far_from_the_origin_are_the_same():
-    """Qhull has squares of coordinates: a million lengths away areas were wrong by more than that of a cell."""
-
-    def areas(corner):
-        body = {"shape": "rectangle", "size": [2.0, 1.0], "lower": corner, "arrangement": "relaxed"}
-        cells = compile_scene(pds.Scene(**(bar(0.0, 0.1, spacing=0.125).model_dump() | {"body": body}))).body.cells
-        first, second = (np.roll(cells.nodes[cells.blocks[0]] - cells.nodes[cells.blocks[0]][:, :1], turn, axis=1) for turn in (0, -1))
-        return (first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]).sum(axis=1) / 2
-
-    np.testing.assert_allclose(areas((1e6 + 0.1, -1e6 / 3)), areas((0.0, 0.0)), rtol=1e-6)
-
-
 def test_pressures_of_tiny_strains_need_more_digits():
     """An error of the volume counts K/mu times in the stress: with 10^4 a strain of 1e-10 was 0.3 % off."""
     stiff = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 1e4}
     with pytest.raises(pds.SimulationFailed, match="too small for double precision"):
         pds.simulate(bar(0.0, 1e-10, plane="strain", spacing=0.2, material=stiff), "bond-energy")
-
-
-@pytest.mark.parametrize("corner", [0.0, 1e6])
-def test_a_body_that_turns_as_a_whole_is_no_matter_of_precision(corner):
-    """By the ends about one place, or by a pin and a roller that leave no strain."""
-    turned = [{"region": end, "rotation": 90.0, "about": [corner + 1.0, 0.5]} for end in ("left", "right")]
-    pin, roller = {"near": [corner, 0.5]}, {"near": [corner + 2.0, 0.5]}
-    tilted = [{"region": pin, "x1": 0.0, "x2": 0.0}, {"region": roller, "x2": 0.5}]
-    for held in (turned, tilted):
-        level = simulate(bar(corner, 0.0, prescribed=held, spacing=0.25), "bond-energy").levels[-1]
-        assert level["force_balance"] is None
 
 
 def test_a_search_that_rounding_ends_names_the_distance_from_the_origin():

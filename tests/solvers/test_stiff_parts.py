@@ -5,16 +5,12 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from probes import assert_dilatation_is_linearized
-from stopping import InterruptedAtLevel
 
 import pdsurrogate as pds
-from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
+from pdsurrogate.forces import FORCES
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.scenes import Scene, SceneError
-from pdsurrogate.solvers.conditions import Loading
-from pdsurrogate.solvers.loads import Loads
-from pdsurrogate.stress_test.deformations import wavy
 
 RIGID = "rigid"
 
@@ -45,12 +41,11 @@ LAYERS = {("stress", 10.0): 0.031098, ("stress", 1e3): 0.019975, ("stress", 1e5)
 interfaces and the free sides, 32 across; they change by 0.06 % at most from 16 to 32."""
 
 
-@pytest.mark.parametrize(("cells", "most"), [(4, 0.05), pytest.param(8, 0.02, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("plane", "contrast"), sorted(LAYERS))
-def test_a_soft_layer_is_as_soft_as_it_is_beside_whatever_is_stiffer(plane, contrast, cells, most):
+def test_a_soft_layer_is_as_soft_as_it_is_beside_whatever_is_stiffer(plane, contrast):
     """It moved 30 to 98 % too little with 4 cells, less the stiffer the halves; the bounds are those asked for, the strain is 1e-3."""
-    moved = pds.simulate(layer(contrast, cells, plane), "bond-energy").levels[-1]["probes"]["top"]["displacement"][0]
-    assert abs(100 * moved / LAYERS[plane, contrast] - 1) < most
+    moved = pds.simulate(layer(contrast, 4, plane), "bond-energy").levels[-1]["probes"]["top"]["displacement"][0]
+    assert abs(100 * moved / LAYERS[plane, contrast] - 1) < 0.05
 
 
 def box(outside):
@@ -69,17 +64,13 @@ def box(outside):
     )
 
 
-STIFF = {"law": "neo-hookean", "shear_modulus": 1e3, "bulk_modulus": 2e3}
-
-
-@pytest.mark.parametrize("outside", [pytest.param(STIFF, id="stiff", marks=pytest.mark.slow), pytest.param(RIGID, id="rigid")])
-def test_rubber_between_stiff_blocks_is_as_between_clamps(outside):
+def test_rubber_between_rigid_blocks_is_as_between_clamps():
     """Its 4 cells beside finite elements (FElupe, triquadratic): 0.438 of shear at a contrast of 1e3; it was 0.480.
 
     Between clamped planes the same 4 cells give 0.4353 and a push of 0.2069, which come to 0.430 and 0.18 with finer ones.  The push was
     0.89 beside blocks 1e3 times as stiff, 23 beside such 8e4 times.  Either way of holding the rubber is within 3 % of the other.
     """
-    force = pds.simulate(box(outside)).levels[-1]["forces"]["right"]
+    force = pds.simulate(box(RIGID)).levels[-1]["forces"]["right"]
     assert force[1] == pytest.approx(0.4353, rel=0.02)
     assert force[1] == pytest.approx(0.438, rel=0.05)
     assert force[0] == pytest.approx(-0.2069, rel=0.03)
@@ -112,29 +103,6 @@ def test_a_free_rigid_region_is_the_limit_of_stiffer_and_stiffer_ones():
     assert -np.degrees(0.1) < told["rotation"] < -np.degrees(0.05)
 
 
-def test_a_finer_grid_changes_little_of_a_rigid_inclusion():
-    """Its corners too: 6 and 12 cells across are 3.7 and 1.4 % from what 24 come to, which they share with the sheet itself (1.5 %)."""
-    coarse, fine = (pds.simulate(sheet(RIGID, spacing=spacing)).levels[-1]["forces"]["top"][0] for spacing in (0.1, 0.05))
-    assert abs(coarse / fine - 1) < 0.03
-
-
-def test_what_a_rigid_region_bears_balances_its_loads():
-    """A plate of steel on a layer of rubber, loaded by a body force and turned over its edge: to the residual, 1e-8."""
-    scene = sheet(
-        RIGID,
-        regions={"plate": {"box": ((-1, 1.5), (3, 3))}},
-        materials=({"region": "plate", "material": RIGID},),
-        prescribed=({"region": "bottom", "x1": 0, "x2": 0},),
-        loads=({"region": "plate", "body_force": (0.02, -0.03)},),
-    )
-    level = pds.simulate(scene).levels[-1]
-    plate = level["rigid"]["plate"]
-    np.testing.assert_allclose(plate["force"], [-0.02, 0.03], atol=1e-6)
-    np.testing.assert_allclose(level["forces"]["bottom"], [-0.02, 0.03], atol=1e-6)
-    assert plate["moment"] == pytest.approx(-level["moments"]["plate"], abs=1e-6)
-    assert plate["rotation"] < -0.1
-
-
 def test_a_rigid_region_that_is_prescribed_turns_and_its_holder_bears_it():
     """A core turned by 40 degrees in a sheet whose rim is held: the moment of the holder is what the rubber resists with."""
     edges = {"either": ("left", "right", "bottom", "top")}
@@ -148,54 +116,6 @@ def test_a_rigid_region_that_is_prescribed_turns_and_its_holder_bears_it():
     assert level["moments"]["rim"] == pytest.approx(core["moment"], rel=1e-4)
     assert core["moment"] < -0.5
     assert "moment_inclusion_rigid" in result.history[-1]
-
-
-def test_a_rigid_region_in_space_goes_on_from_its_checkpoint(tmp_path):
-    """A block of steel in the upper half of a cube, free under a body force: the run that went on comes to the same bits."""
-    scene = Scene(
-        name="steel",
-        spacing=0.25,
-        body={"shape": "box", "size": (1.0, 1.0, 1.0)},
-        material=rubber(),
-        regions={"block": {"box": ((0.25, 0.25, 0.5), (2, 2, 2))}},
-        materials=({"region": "block", "material": RIGID},),
-        prescribed=({"region": "back", "x1": 0, "x2": 0, "x3": 0},),
-        loads=({"region": "block", "body_force": (0.3, 0.0, -0.1)},),
-        steps=(0.5, 1.0),
-    )
-    whole = pds.simulate(scene, folder=tmp_path / "whole")
-    with pytest.raises(pds.SimulationInterrupted):
-        pds.simulate(scene, folder=tmp_path / "cut", progress=InterruptedAtLevel(1))
-    resumed = pds.simulate(scene, folder=tmp_path / "cut", resume=True)
-    assert resumed.levels == whole.levels
-    block = whole.levels[-1]["rigid"]["block"]
-    volume = 0.75 * 0.75 * 0.5
-    np.testing.assert_allclose(block["force"], [-0.3 * volume, 0.0, 0.1 * volume], atol=1e-5)
-    assert block["rotation"][1] > 0.5
-    assert np.linalg.norm(np.subtract(block["moment"], whole.levels[-1]["moments"]["back"])) < 1e-4
-
-
-@pytest.mark.parametrize("plane", ["stress", "strain"])
-def test_forces_beside_much_stiffer_material_are_those_of_its_energy(plane, random):
-    """Fourth-order differences to 1e-7, pair by pair as well, with images at rollers that the interface ends in."""
-    planes = tuple(pds.body.ReflectionPlane(0, place, side, (-1, 1)) for place, side in ((0.0, -1), (1.2, 1)))
-    body = pds.Body.rectangle(1.2, 1.0, 0.1, 0.315, planes=planes)
-    model, upper = FORCES["bond-energy"](), body.points[:, 1] > 0.5
-    laws = NeoHookean(1.0, 100.0), NeoHookean(1e3, 1e3)
-    portions = [Portion(law, model, np.flatnonzero(upper == number)) for number, law in enumerate(laws)]
-    force = bind_portions(body, portions, ForceSettings(precision="float64", plane=plane))
-    y, out = body.points + 0.03 * (wavy(body.points) - body.points), np.empty_like(body.points)
-    force(y, out)
-    loading = Loading(body, "t", 0.0, (), [], [], Loads(body, []))
-    np.testing.assert_allclose(loading.internal_forces(force), out, atol=1e-12 * np.abs(out).max())
-    step = 2e-5
-    for direction in random.standard_normal((3, *y.shape)):
-        values = []
-        for times in (1, -1, 2, -2):
-            force(y + times * step * direction, np.empty_like(y))
-            values.append(force.energy())
-        expected = -(8 * (values[0] - values[1]) - (values[2] - values[3])) / (12 * step)
-        assert abs((out * direction).sum() - expected) < 1e-7 * np.abs(out).max() * np.linalg.norm(direction)
 
 
 def test_the_exact_energy_is_the_default_of_several_materials():

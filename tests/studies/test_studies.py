@@ -76,52 +76,39 @@ def test_random_samples_follow_their_distribution():
         ({"scen": "hole"}, "scen: unknown key; did you mean scene?"),
         ({"scene": "uniaxal"}, "unknown scene 'uniaxal'"),
         ({"scene": None}, "needs either a scene or a [fit]"),
-        ({"fit": {}}, "needs either a scene or a [fit]"),
         ({"derivatives": "stability"}, "derivatives: 'stability': it has no derivative"),
         ({"derivatives": "moments"}, "derivatives: 'moments': scenes with stretches have none: use forces"),
-        ({"derivatives": "contact.disc.area"}, "derivatives: 'contact.disc.area': the scene has no obstacles"),
-        ({"derivatives": "probes.tip.u2"}, "derivatives: 'probes.tip.u2': the scene has no probes"),
         ({"derivatives": "nominal_stress", "force": "ba-nosb"}, "the forces of ba-nosb have no energy: use bond-energy"),
         ({"derivatives": "forces.rigth.1"}, "derivatives: 'forces.rigth.1': no support or load has this name; did you mean right?"),
         (
             {"derivatives": "displacements.nowhere"},
             "derivatives: 'displacements.nowhere': no support or load has this name; there are left, right",
         ),
-        ({"derivatives": "energy", "force": "analytic"}, "derivatives: 'energy': the forces of analytic have no energy"),
-        ({"derivatives": "nominal_stres"}, "derivatives: no output has 'nominal_stres'; did you mean nominal_stress?"),
         (
             {"derivatives": "nominal_stress", "parameters": {"spacing": [0.5]}, "set": {}},
             "derivatives: none of the parameters (spacing) is a number of material, materials, loads, prescribed, obstacles, or stretches",
         ),
         ({"parameters": {}}, "parameters: there are none"),
         ({"parameters": {"spcing": [1]}}, "run 1 of 1 (spcing=1): scene uniaxial: spcing: unknown key; did you mean spacing?"),
-        ({"parameters": {"material.shear_modulus": []}}, "parameters.material.shear_modulus: must contain at least one value"),
         ({"parameters": {"material": {"shear_modulus": 1}}}, "parameters.material.shear_modulus: must be a list of values, such as [1]"),
         ({"parameters": {"material.stiffness": [1]}}, "neo-hookean has no parameter 'stiffness'"),
         (
             {"parameters": {"material.shear_modulus": [1, -2]}},
             "run 2 of 2 (material.shear_modulus=-2): scene uniaxial: material: neo-hookean: shear_modulus must",
         ),
-        ({"parameters": {"holds.0.travel": [1]}}, "the scene has no holds"),
         ({"parameters": {"spacing": [0.2]}}, "set.spacing: is also a parameter"),
-        ({"parameters": {"force": ["nosb"]}}, "force: is also a parameter"),
         ({"force": None, "parameters": {"force": ["nosb", "wizardry"]}}, "run 2 of 2 (force=wizardry): unknown force 'wizardry'"),
         ({"force": "bond-energy", "parameters": {"rotation": ["convected"]}}, "does not support rotation=convected"),
         ({"force": "neo-hookean", "parameters": {"material": ["gent"]}}, "run 1 of 1 (material=gent)"),
         ({"design": "lattice"}, "design: Input should be 'grid'"),
         ({"design": "random"}, "samples: design=random needs"),
-        ({"samples": 3}, "to draw samples, use design=random"),
         ({"parameters": {"a": [1, 2], "b": [1]}, "design": "zip"}, "design=zip needs lists of equal length, but a has 2, b has 1 values"),
         ({"parameters": {"a": {"distribution": "uniform"}}}, "parameters.a: a distribution needs design=random"),
         ({"parameters": {"a": {"distribution": "unifrm"}}}, "parameters.a: unknown distribution 'unifrm'; did you mean uniform?"),
-        ({"parameters": {"a": {"distribution": "uniform", "low": 1}}}, "parameters.a: uniform has no parameter 'low'; it has loc, scale"),
-        ({"parameters": {"a": {"distribution": "lognorm"}}}, "parameters.a: lognorm needs s"),
         ({"parameters": {"a": {"distribution": "norm", "scale": -1}}}, "parameters.a: norm is undefined for scale=-1"),
         ({"parameters": {"a": {"distribution": "norm", "scale": "x"}}}, "parameters.a: scale: Input should be a valid number"),
         ({"parameters": {"a": list(range(400)), "b": list(range(400))}}, "the grid has 160000 runs, more than the limit 100000"),
-        ({"quantities": []}, "quantities: needs at least 1 entries"),
         ({"quantities": ["converged", "nominal_stres"]}, "quantities: no run has 'nominal_stres'; did you mean nominal_stress?"),
-        ({"quantities": ["crack.broken_bond"]}, "quantities: no run has 'crack.broken_bond'; did you mean broken_bonds?"),
         (
             {"scene": None, "force": None, "set": {}, "fit": {}, "parameters": {"degree": [3]}, "quantities": ["nominal_stress"]},
             "quantities: no run has 'nominal_stress'; there are material",
@@ -135,7 +122,6 @@ def test_random_samples_follow_their_distribution():
             "fit: degre: unknown key; did you mean degree?",
         ),
         ({"scene": None, "force": None, "set": {}, "fit": {"units": 4}, "parameters": {"degree": [3]}}, "fit: degree sets a polynomial"),
-        ({"scene": None, "force": None, "fit": {}}, "set: applies to scenes only"),
     ],
 )
 def test_bad_input_is_told_before_anything_is_run(changes, message, tmp_path):
@@ -362,7 +348,7 @@ set.stretches = 1.2
 
 [parameters]
 spacing = [0.5, 0.05]
-material.shear_modulus = [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9, 2.0, 2.1]
+material.shear_modulus = [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7]
 """
 
 
@@ -388,18 +374,18 @@ def test_a_study_that_is_killed_half_way_and_started_again_does_the_rest_only(tm
     file, folder = tmp_path / "study.toml", tmp_path / "out"
     file.write_text(STUDY)
     process = begin(file, folder)
-    wait_for(6, folder, process)
+    wait_for(4, folder, process)
     process.kill()  # the study alone: its workers notice
     process.communicate(timeout=120)
     reached = outcomes_in(folder)
-    assert len(reached) < 24
+    assert len(reached) < 16
     done = pds.study(file, folder, jobs=1)
-    assert [row["failure"] for row in done.rows] == [None] * 24
+    assert [row["failure"] for row in done.rows] == [None] * 16
     final = outcomes_in(folder)
-    assert len(final) == 24
+    assert len(final) == 16
     assert all(final[path] == written for path, written in reached.items())
     assert not list(folder.glob("runs/*/.pdsurrogate-run"))
-    direct = pds.simulate(pds.load_scene("uniaxial", {"stretches": 1.2, "spacing": 0.05, "material.shear_modulus": 2.1}), "analytic")
+    direct = pds.simulate(pds.load_scene("uniaxial", {"stretches": 1.2, "spacing": 0.05, "material.shear_modulus": 1.7}), "analytic")
     assert done.rows[-1]["nominal_stress"] == direct.levels[-1]["nominal_stress"]
 
 
@@ -407,7 +393,7 @@ def test_a_study_that_is_killed_half_way_and_started_again_does_the_rest_only(tm
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_ctrl_c_keeps_what_was_reached(tmp_path):
     file, folder = tmp_path / "study.toml", tmp_path / "out"
-    file.write_text(STUDY.replace("0.05", "0.02"))  # twelve runs of 7,500 points outlast the signal on a loaded machine
+    file.write_text(STUDY.replace("0.05", "0.02"))  # eight runs of 7,500 points outlast the signal on a loaded machine
     process = begin(file, folder)
     wait_for(4, folder, process)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to all processes of the study
@@ -417,8 +403,8 @@ def test_ctrl_c_keeps_what_was_reached(tmp_path):
     assert "Traceback" not in told
     reached = outcomes_in(folder)
     table = list(csv.DictReader((folder / "study.csv").read_text().splitlines()))
-    assert len(table) == 24
-    assert sum(row["failure"] == "" for row in table) == len(reached) < 24
+    assert len(table) == 16
+    assert sum(row["failure"] == "" for row in table) == len(reached) < 16
     assert {row["failure"] for row in table} == {"", "not done yet"}
 
 

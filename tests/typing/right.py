@@ -109,7 +109,15 @@ free = pds.identification.EnergyRegressor(margin=0.1, bulk_modulus=1000.0)
 members: list = pds.identification.committee(free, np.ones((3, 2)), np.ones(3), n_members=4)
 deviation: np.ndarray = pds.identification.committee_spread(np.ones(3), np.ones((4, 3)))
 
+# Checks of models and laws of one's own
+known: tuple[pds.testing.Property, ...] = (*pds.testing.FORCE_MODEL_PROPERTIES, *pds.testing.LAW_PROPERTIES)
+of_model: tuple[pds.testing.Finding, ...] = pds.testing.check_force_model("analytic", tolerances={"angular_momentum": 0.1})
+of_law = pds.testing.check_law(laws[0], properties=["derivatives"])
+
 calibrated = pds.SceneRegressor("hole", "gent").fit([[1.0, 0.0, 0.0, 0.0]], [3.0], standard_deviation=[0.01])
 limit: float = float(calibrated.standard_errors_[1])
 uncertain: pds.materials.LawCovariance = calibrated.law_covariance()
 errors: dict[str, float] = result.standard_errors(["nominal_stress"], uncertain)
+
+with pds.progress.listening(lambda stage, done, total, **numbers: None):
+    pds.scene_names()

@@ -1,9 +1,10 @@
-"""Small bodies for tests and hard cases in two and three dimensions: regular, jittered, with holes, notches and reflection planes."""
+"""Small bodies of sheets and solids for tests, with holes, notches and planes of reflection, and deformations of them."""
 
 from collections.abc import Callable
-from itertools import permutations
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..body import Body, ReflectionPlane, grid
 from ..scenes.model import USUAL
@@ -30,15 +31,6 @@ def of_points(points: np.ndarray, ratio: float | None = None, **options) -> Body
     return Body(points, np.full(len(points), SPACING**dimension), (ratio or HORIZONS[dimension]) * SPACING, SPACING, **options)
 
 
-def regular(dimension: int, cells: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
-    """Return a square (`dimension` 2) or cube (3) with `cells` points a side; a tuple `cells` gives the number of points along each axis.
-
-    The horizon is `ratio` spacings, and `options` are further arguments of `Body`, as in `of_points`.
-    """
-    cells = (cells,) * dimension if isinstance(cells, int) else cells
-    return of_points(lattice(*(count * SPACING for count in cells)), ratio, **options)
-
-
 def sheet(spacing=SPACING, width=1.2, height=1.0, **options) -> Body:
     """Return a rectangular body in the plane with a horizon of 3.15 spacings; `options` are further arguments of `Body`."""
     return Body.rectangle(width, height, spacing, HORIZONS[2] * spacing, **options)
@@ -60,30 +52,6 @@ def gripped(dimension=2, parity=(-1, 1, 1)) -> Body:
     """
     ends = ((0.0, -1), (1.2, 1))
     return plain(dimension, planes=tuple(ReflectionPlane(0, place, side, parity[:dimension]) for place, side in ends))
-
-
-def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount=0.2) -> Body:
-    """Return a square or cube meshed with triangles or tetrahedra, with a point at the centroid of each, as from a mesh file.
-
-    The body is a regular grid with `cells` squares or cubes along each side. Every square is cut into two triangles, every cube into six
-    tetrahedra around its diagonal. Interior corners of the grid are moved at random by up to `amount` sides of a square along each axis, so
-    that no two triangles or tetrahedra are alike.
-    """
-    axes = np.meshgrid(*[np.arange(cells + 1)] * dimension, indexing="ij")
-    corners = np.stack(axes, axis=-1).reshape(-1, dimension)
-    within = ((corners > 0) & (corners < cells)).all(axis=1)
-    nodes = SPACING * (corners + amount * within[:, None] * random.uniform(-1, 1, corners.shape))
-    nodes = nodes.reshape(*axes[0].shape, dimension)
-    origins = corners[(corners < cells).all(axis=1)]
-    middles, volumes = [], []
-    for path in permutations(np.eye(dimension, dtype=int)):
-        steps = np.cumsum([np.zeros(dimension, dtype=int), *path], axis=0)
-        cell = np.stack([nodes[tuple((origins + step).T)] for step in steps], axis=1)
-        middles.append(cell.mean(axis=1))
-        volumes.append(np.abs(np.linalg.det(cell[:, 1:] - cell[:, :1])) / (2 if dimension == 2 else 6))
-    volumes = np.concatenate(volumes)
-    spacing = float(volumes.mean() ** (1 / dimension))
-    return Body(np.concatenate(middles), volumes, HORIZONS[dimension] * spacing, spacing)
 
 
 def jittered(random: np.random.Generator, amount=0.3, dimension=2, **options) -> Body:
@@ -128,12 +96,50 @@ def crack(height: float, length: float) -> Callable[[np.ndarray, np.ndarray], np
     return separates
 
 
-def inner_points(body: Body) -> np.ndarray:
-    """Return a mask, shape (n,), of the points that lie more than half a spacing inside the bounding box of all points."""
-    margin = np.minimum(body.points - body.points.min(axis=0), body.points.max(axis=0) - body.points).min(axis=1)
-    return margin > 0.5 * body.spacing
+TURNED_ABOUT = np.array([-2.0, 1.0, -2.0]) / 3
+"""Axis of rotations in three dimensions, parallel to no face of a block."""
 
 
-def middle_point(body: Body) -> int:
-    """Return the number of the point nearest to the middle of a body."""
-    return int(np.linalg.norm(body.points - body.points.mean(axis=0), axis=1).argmin())
+def turn(degrees: float, dimension: int = 2) -> np.ndarray:
+    """Return the matrix of a rotation by an angle in degrees, shape (d, d), in three dimensions about the axis `TURNED_ABOUT`."""
+    axis = TURNED_ABOUT if dimension == 3 else np.array([0.0, 0.0, 1.0])
+    return Rotation.from_rotvec(degrees * axis, degrees=True).as_matrix()[:dimension, :dimension]
+
+
+def wavy(points: np.ndarray) -> np.ndarray:
+    """Return the positions of points, shape (n, d), under a smooth inhomogeneous deformation with waves."""
+    x1, x2, *rest = points.T
+    across = [0.82 * x3 + 0.05 * x2 + 0.02 * np.sin(4 * x1) for x3 in rest]
+    return np.stack([1.3 * x1 + 0.02 * np.sin(4 * x2), 0.95 * x2 + 0.1 * x1 + 0.02 * np.cos(5 * x1), *across], axis=1)
+
+
+class Deformation(NamedTuple):
+    """Deformation for tests: first waves of random direction, then stretches along rotated axes, then a rotation of the body.
+
+    `first` and `second` are the stretches (in three dimensions the third keeps the volume); `axes` is the angle of their axes and
+    `rotation` that of the body, in degrees; `amplitude` is that of the waves, a length in the unit of the coordinates, and `seed` that of
+    the random generator for the waves.
+    """
+
+    first: float
+    second: float
+    rotation: float
+    axes: float
+    amplitude: float
+    seed: int
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Return the deformed positions of points; both have shape (n, d)."""
+        random, d = np.random.default_rng(self.seed), points.shape[1]
+        stretches = [self.first, self.second, 1 / (self.first * self.second)][:d]
+        F = turn(self.rotation, d) @ turn(self.axes, d) @ np.diag(stretches) @ turn(-self.axes, d)
+        waves = self.amplitude * np.sin(points @ random.uniform(-6, 6, (d, d)) + random.uniform(0, 6, d))
+        return (points + waves) @ F.T
+
+
+DEFORMATIONS = (
+    Deformation(1.3, 0.95, 0.0, 15.0, 0.01, 1),
+    Deformation(1.9, 0.75, 100.0, 70.0, 0.005, 2),
+    Deformation(0.8, 0.9, -170.0, 0.0, 0.01, 3),
+)
+"""Default deformations of the cases that accept others: stretched; strongly stretched and rotated; compressed and rotated."""
