@@ -78,9 +78,10 @@ def balanced_changes(binding: Binding, shares: BondShares) -> tuple[np.ndarray, 
         least = np.linalg.eigvalsh(factors + factors.transpose(0, 2, 1))[:, 0] / 2
         chosen &= np.isfinite(stiff) & (least >= DEFINITE * np.einsum("nii->n", factors) / d)
 
-    numbers = np.flatnonzero(chosen[owners])
+    changing = chosen[owners]
     if several:
-        numbers = np.setdiff1d(numbers, kinematics.interfaces.left_out)
+        changing[kinematics.interfaces.left_out] = False
+    numbers = np.flatnonzero(changing)
     owner, ends = owners[numbers], bonds.neighbors[numbers]
     vectors = (body.all_points[ends] - body.points[owner]) / body.spacing
     near = lengths_of(vectors) <= REACH
@@ -103,7 +104,9 @@ def balanced_changes(binding: Binding, shares: BondShares) -> tuple[np.ndarray, 
         arrays = tuple(share.joined(each, owner)[order] for each in arrays)
         whole = np.sort(np.concatenate(share.everywhere(places[share.own[owner]])))
         places = np.searchsorted(whole, places)
-    *of_points, points = [share.gather(values) for values in (factors, loads, stiff, body.points)]
+    at_ends = np.abs(body.outward).max(axis=1) > 0
+    at_ends[ghosts.source] = True
+    *of_points, points = [share.gather(values) for values in (factors, loads, stiff, at_ends, body.points)]
     # Far from the origin, points divided by the spacing would differ by other vectors than those between them.
     changes = _least_changes(*arrays, *of_points, (points - points[0]) / body.spacing) if share.leads else None
     changes = share.ranks.to_all(changes)[places]
@@ -214,14 +217,14 @@ def _through_jumps(binding: Binding, shares: BondShares, pairs: np.ndarray, fact
     return on_points + pulls[:n]
 
 
-def _least_changes(owners, ends, signs, vectors, factors, loads, stiff, points) -> np.ndarray:
+def _least_changes(owners, ends, signs, vectors, factors, loads, stiff, at_ends, points) -> np.ndarray:
     """Return the least changes (k, d) of bonds that exert the `loads` (n, d) on the points, where changes reach and loads are not NaN.
 
     The bonds from `owners` to `ends`, sorted by owner, have undeformed `vectors` (k, d) in spacings, beside interfaces with one more
     function that changes must not see; `signs` are the reflections of ends that are images. The change c of a bond exerts the force B c on
     its end, and the opposite force on its owner, where B (n, d, d) are the owners' `factors`. The changes have the least sum of squares
     of s B c/b, with the mean eigenvalue b of B and the owner's number s in `stiff`: each component of B c then has equations of its own,
-    and their matrices differ in the signs of images alone.
+    and their matrices differ in the signs of images alone. `at_ends` flags the points where interfaces may end.
     """
     n, d = loads.shape
     count, changes, functions = len(owners), np.zeros((len(owners), d)), range(vectors.shape[1])
@@ -230,6 +233,12 @@ def _least_changes(owners, ends, signs, vectors, factors, loads, stiff, points) 
     weights = np.where(thin, 0.0, means / means[~thin].mean()) / stiff
     roots = np.linalg.cholesky(np.linalg.inv(moments))
     of_owner, places = weights[owners], np.arange(count)
+    # Changes do not see kinks along straight interfaces, which end at the boundary; around a piece inside there is none.
+    within = ~vectors[:, d:].any(axis=1)
+    _, pieces = connected(n, owners[within], ends[within])
+    inside = ~np.isin(pieces, pieces[at_ends])
+    within |= inside[owners] | inside[ends]
+    _, pieces = connected(n, owners[within], ends[within])
     for components in _alike(signs):
         sign = signs[:, components[0]]
         entries = np.concatenate([of_owner * sign, -of_owner]), (np.tile(places, 2), np.concatenate([ends, owners]))
@@ -237,8 +246,6 @@ def _least_changes(owners, ends, signs, vectors, factors, loads, stiff, points) 
         affine = [scipy.sparse.csr_array((vectors[:, a], (owners, places)), shape=(n, count)) @ differences for a in functions]
         slopes = [sum(scipy.sparse.diags_array(roots[:, a, b]) @ affine[a] for a in functions) for b in functions]
         matrix = (differences.T @ differences - sum(each.T @ each for each in slopes)).tocsr()
-        within = ~vectors[:, d:].any(axis=1)
-        pieces = connected(n, owners[within], ends[within])[1]
         wanted = loads[:, components] / means[~thin].mean()
         found = solution_of(matrix, wanted, points, pieces)
         moved = differences @ found

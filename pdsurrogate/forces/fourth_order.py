@@ -46,7 +46,7 @@ def solution_of(matrix: scipy.sparse.csr_array, right: np.ndarray, points: np.nd
     precondition = _two_levels(matrix, diagonal, points, pieces)
 
     def without_free(values: np.ndarray) -> np.ndarray:
-        return values - free @ (free.T @ values)
+        return values - np.einsum("nm,mc->nc", free, np.einsum("nm,nc->mc", free, values))
 
     found[touched] = conjugate_gradients(matrix, without_free(right[touched]), lambda residual: without_free(precondition(residual)))
     return found
@@ -87,10 +87,10 @@ def _with_free_motions(free: np.ndarray, matrix, points: np.ndarray, pieces: np.
     motions = scipy.sparse.csr_array((values.ravel(), columns.ravel(), (d + 1) * np.arange(n + 1)), shape=(n, (d + 1) * len(counts)))
     stiffness, combined = np.linalg.eigh((motions.T @ (matrix @ motions)).toarray())
     found = motions @ combined[:, stiffness <= FREE * matrix.diagonal().max(initial=0.0)]
-    found = found - free @ (free.T @ found)
-    squares, combined = np.linalg.eigh(found.T @ found)
+    found = found - np.einsum("nm,mk->nk", free, np.einsum("nm,nk->mk", free, found))
+    squares, combined = np.linalg.eigh(np.einsum("nm,nk->mk", found, found))
     kept = squares > FREE
-    return np.hstack([free, found @ (combined[:, kept] / np.sqrt(squares[kept]))])
+    return np.hstack([free, np.einsum("nm,mk->nk", found, combined[:, kept] / np.sqrt(squares[kept]))])
 
 
 def _two_levels(matrix, diagonal: np.ndarray, points: np.ndarray, pieces: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
