@@ -108,7 +108,7 @@ def balanced_changes(binding: Binding, shares: BondShares) -> tuple[np.ndarray, 
     at_ends[ghosts.source] = True
     *of_points, points = [share.gather(values) for values in (factors, loads, stiff, at_ends, body.points)]
     # Far from the origin, points divided by the spacing would differ by other vectors than those between them.
-    changes = _least_changes(*arrays, *of_points, (points - points[0]) / body.spacing) if share.leads else None
+    changes = _least_changes(arrays, *of_points, (points - points[0]) / body.spacing) if share.leads else None
     changes = share.ranks.to_all(changes)[places]
     return numbers, changes, vectors
 
@@ -217,16 +217,16 @@ def _through_jumps(binding: Binding, shares: BondShares, pairs: np.ndarray, fact
     return on_points + pulls[:n]
 
 
-def _least_changes(owners, ends, signs, vectors, factors, loads, stiff, at_ends, points) -> np.ndarray:
+def _least_changes(bonds: tuple[np.ndarray, ...], factors, loads, stiff, at_ends, points) -> np.ndarray:
     """Return the least changes (k, d) of bonds that exert the `loads` (n, d) on the points, where changes reach and loads are not NaN.
 
-    The bonds from `owners` to `ends`, sorted by owner, have undeformed `vectors` (k, d) in spacings, beside interfaces with one more
-    function that changes must not see; `signs` are the reflections of ends that are images. The change c of a bond exerts the force B c on
+    The `bonds`, sorted by owner, are given by their owners and ends, the reflections of ends that are images, and their undeformed vectors
+    (k, d) in spacings, beside interfaces with one more function that changes must not see. The change c of a bond exerts the force B c on
     its end, and the opposite force on its owner, where B (n, d, d) are the owners' `factors`. The changes have the least sum of squares
     of s B c/b, with the mean eigenvalue b of B and the owner's number s in `stiff`: each component of B c then has equations of its own,
     and their matrices differ in the signs of images alone. `at_ends` flags the points where interfaces may end.
     """
-    n, d = loads.shape
+    (owners, ends, signs, vectors), (n, d) = bonds, loads.shape
     count, changes, functions = len(owners), np.zeros((len(owners), d)), range(vectors.shape[1])
     moments, thin = moments_of(owners, vectors, d, n)
     means = np.einsum("nii->n", factors) / d
