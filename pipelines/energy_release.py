@@ -83,7 +83,7 @@ def notch() -> str:
 
 def formula() -> str:
     """A short edge notch in a long sheet, and the formula of Rivlin and Thomas."""
-    scene = sheet((4.0, 8.0), 0.05, 0.405, "stress", 100.0, stretches=[1.1, 1.3, 1.5, 2.0], grips=SLIDING)
+    scene = sheet((4.0, 8.0), 0.04, 0.404, "stress", 100.0, stretches=[1.1, 1.3, 1.5, 2.0], grips=SLIDING)
     rows, law = [], scene.material.build()
     for level in pds.simulate(scene, "bond-energy").levels:
         stretch = level["stretch"]

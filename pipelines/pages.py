@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pdsurrogate.results.files import write_text
-
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 FIGURES, VALIDATION = DOCS / "figures", DOCS / "validation"
 
@@ -13,7 +11,7 @@ FIGURES, VALIDATION = DOCS / "figures", DOCS / "validation"
 def replace_block(name: str, text: str) -> None:
     """Put text between ``<!-- NAME -->`` and ``<!-- /NAME -->``, on the one page of ``docs/validation`` that has them."""
     page, head, _, tail = _parts(name)
-    write_text(page, f"{head}{text.strip()}\n{tail}")
+    page.write_text(f"{head}{text.strip()}\n{tail}", "utf-8")
 
 
 def block(name: str) -> str:

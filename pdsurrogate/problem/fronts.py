@@ -134,16 +134,27 @@ class Fronts:
     def reach(self, front: Front, fronts: Sequence[Front], nearest: Mapping[str, float]) -> tuple[float | None, str | None]:
         """Return the radius of the domain around a front, at most `MOST_REACH`, in which nothing else lies; and None.
 
-        `nearest` are the distances of points, such as held ones, of which the domain may contain no bond, by what they are. If the radius
-        would be below `LEAST_REACH`, so that no energy release rate can be computed, it is None, and the second value says in words why.
+        `nearest` are the distances of points, such as held ones, of which the domain may contain no bond, by what they are; the boundary is
+        another such place, except planes of symmetry, at which the domain may end. If the radius would be below `LEAST_REACH`, so that no
+        energy release rate can be computed, it is None, and the second value says in words why.
         """
         horizon = self._body.horizon
         places, outward = (rows[:: -(-len(rows) // MOST_RINGS)] for rows in (front.places, front.outward))
         angles = 2 * np.pi * np.arange(MOST_RINGS) / MOST_RINGS
         ring = np.cos(angles)[:, None] * outward[:, None] + np.sin(angles)[:, None] * front.normal
-        radii = horizon * np.arange(1, MOST_REACH * STEPS + 1) / STEPS
-        free = np.array([self._inside((places[:, None] + radius * ring).reshape(-1, len(front.normal))).all() for radius in radii])
-        rooms = {"the boundary of the body": float(radii[-1] if free.all() else radii[free.argmin()] - radii[0])}
+        radii = horizon * np.arange(1, (MOST_REACH + 1) * STEPS + 1) / STEPS
+        symmetric = [plane for plane in self._body.planes if max(plane.parity) > 0]
+
+        def within(around: np.ndarray) -> bool:
+            for plane in symmetric:
+                on_plane, depths = plane.mirrored(around)
+                around = np.where(depths[:, None] < 0, 2 * on_plane - around, around)
+            return bool(self._inside(around).all())
+
+        free = np.array([within((places[:, None] + radius * ring).reshape(-1, len(front.normal))) for radius in radii])
+        nearest = {"the boundary of the body": float(radii[-1] if free.all() else radii[free.argmin()] - radii[0])} | dict(nearest)
+        depths = [float(plane.mirrored(front.places)[1].min()) for plane in symmetric]
+        rooms = {"a plane of symmetry": min(depths, default=math.inf)}
         rooms["the other end of the crack"] = front.length if front.straight else front.length / 2
         for number, cut in enumerate(self._scene.precuts):
             if cut is not front.cut and np.abs((cut.edge(horizon)[0] - front.places[0]) @ front.normal).max() > 1e-6 * horizon:

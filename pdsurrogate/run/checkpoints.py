@@ -55,12 +55,10 @@ class State:
         Time that earlier stages in dynamics took.
     steps : int
         Steps in dynamics.
-    wasted : int
-        Number of force evaluations for the present planned increment of the loading since an attempt at it failed, with those for earlier
-        increments of the output that took many; 0 if none has failed. A long first attempt counts in part (`levels.FIRST`).
+    failed : int or None
+        Number of force evaluations of the run when an attempt at the present output had first failed; None if none has.
     begun : int
-        Number of force evaluations of the run when the search for the present output in equilibrium began, with the evaluations of first
-        attempts that do not count.
+        Number of force evaluations of the run when the search for the present output in equilibrium began.
     costs : list of int
         Force evaluations for every output in equilibrium so far.
     greatest_drive : float
@@ -83,7 +81,7 @@ class State:
     outputs: int = 0
     elapsed: float = 0.0
     steps: int = 0
-    wasted: int = 0
+    failed: int | None = None
     begun: int = 0
     greatest_drive: float = 0.0
     crack: dict | None = None

@@ -13,15 +13,11 @@ from ..solvers.equilibrium import (
     Equilibrium,
     EquilibriumSolver,
     NoEquilibrium,
-    NotConverged,
     OutOfPatience,
     RanAway,
     TooSmall,
     Unbalanced,
-    Unstable,
-    falls,
     note_of_modes,
-    window_of,
 )
 from ..solvers.increments import Increments
 from ..solvers.methods import SOLVERS
@@ -35,10 +31,6 @@ from .run import Run
 
 logger = logging.getLogger(__name__)
 
-HARD = 2.0
-"""Force evaluations of an increment, divided by the mean for earlier increments of the stage, beyond which the next increment is not
-lengthened. Chosen: an increment of twice the length that needs twice the evaluations gains nothing."""
-
 FARTHEST = 0.5
 """Greatest distance by which loads may carry a point from the first guess of an increment, divided by the extent of the body; beyond it the
 increment fails.
@@ -46,29 +38,12 @@ increment fails.
 Where no equilibrium exists, a solver moves points that far within some ten evaluations, and would need thousands to fail by itself;
 equilibria beyond this distance are found with shorter increments too."""
 
-NEAR, LEFT, LATEST = 1e-3, 20, 4
-"""Signs that a search has come near to an equilibrium that is not stable, and has left it: its least residual is less than the first number
-times its first one, and the latest residuals, so many as the third number, are greater than the second number times the least. Chosen:
-rounding changes residuals by less; a sheet that buckles gives these signs after 60 evaluations, and converges to its buckled state after
-200. Slender bodies under loads give them on the way to equilibria, and methods that step in time too, because their residuals oscillate."""
-
-PATIENCE, LEAST_PATIENCE, FIRST, MOST_SPENT, MOST = 6, 1.2, 4, 7, 8.5
-"""Force evaluations for an increment of which an attempt has failed, divided by the mean for an output of the run so far. A search whose
-residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more. The
-first attempt may take any number, but counts at most as much as the third number: a body that buckles may be crumpled into another
-equilibrium by a long search, and only shorter increments tell that it buckles. When the attempts have used the fourth number, the increment
-is halved no further. The fifth number bounds the searches after a failed attempt, so that with the search for the last equilibrium an
-output that fails costs about ten good ones if its first attempt costs at most four."""
-
-CARRIED = 2
-"""Force evaluations for a planned increment of which an attempt has failed, in the same unit, beyond which they count for the next planned
-increment too, although this one has ended well: otherwise an output of several planned increments could cost `MOST_SPENT` for each."""
+BUDGET = 7
+"""Force evaluations of an output after its first failed attempt, divided by the mean for an output of the run so far, from which on an
+increment that fails is halved no further. The first attempt may take any number: outputs just below a limit load do."""
 
 USUAL = 200
 """Force evaluations assumed for an output of a run that has none yet."""
-
-SHORT = 50
-"""Least number of evaluations of a search in which its residual must halve after a failed increment: the first ones are uneven."""
 
 FINE, COARSE = 1e-3, 1e-2
 """Tolerances of the solver in intermediate states, from which only the next increments start. Chosen: the error of the start is then small
@@ -125,10 +100,8 @@ class Equilibria:
     def __init__(self, run: Run, stage: Stage, solver: EquilibriumSolver) -> None:
         self.run, self.stage, self.solver = run, stage, solver
         self._path = ParameterPath(run, stage, solver) if stage.control is None else DisplacementPath(run, stage)
-        self._course = run.loading.course
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
-        self._evaluations: list[int] = []  # evaluations of every successful increment of the stage
         self._last_output = self._at_output()
         self._increments: Increments | None = None
         self._accepted: _Accepted | None = None  # start of the present increment
@@ -145,7 +118,7 @@ class Equilibria:
             run.target = self._path.parameter_at(goal)
             run.report("equilibrium", state.outputs / self.stage.outputs, run.target)
             if self._increments is None:
-                self._last_output, state.wasted, state.begun = self._at_output(), 0, run.force.evaluations
+                self._last_output, state.failed, state.begun = self._at_output(), None, run.force.evaluations
                 self._increments = self._path.increments_to(goal)
             equilibrium, self._increments = self._go_to_output(self._increments), None
             if equilibrium is None:
@@ -165,7 +138,7 @@ class Equilibria:
         run, kept, arrays = self.run, checkpoint.progress["way"], checkpoint.arrays
         self.solver.gave_up = bool(checkpoint.progress["gave_up"])
         if kept is not None:
-            self._iterate, self._evaluations = run.positions.copy(), list(kept["evaluations"])
+            self._iterate = run.positions.copy()
             self._last_output = {key: arrays[key].copy() for key in self._output_arrays()}, kept["last_output"]
             self._increments = Increments(end=self._outputs[run.state.outputs + 1], **kept["increments"])
             for key, array in run.arrays().items():
@@ -176,7 +149,7 @@ class Equilibria:
         """Write a checkpoint: at an output, or with `increments` between two outputs."""
         kept, arrays = None, {}
         if increments is not None:
-            kept = {"increments": increments.describe(), "evaluations": self._evaluations, "last_output": self._last_output[1]}
+            kept = {"increments": increments.describe(), "last_output": self._last_output[1]}
             arrays = {ACCEPTED + key: array for key, array in self._accepted.arrays.items()} | self._last_output[0]
         self.run.checkpoints.write({"gave_up": self.solver.gave_up, "way": kept}, arrays)
 
@@ -191,38 +164,25 @@ class Equilibria:
 
     def _go_to_output(self, increments: Increments) -> Equilibrium | None:
         """Return the equilibrium at the next output, reached in increments; None if a bond would break on the way."""
-        run, state, ran_away, told, usual = self.run, self.run.state, None, None, self._usual()
+        run, state, told, usual = self.run, self.run.state, None, self._usual()
         while not increments.finished:
             self._accepted, began = _Accepted(run, self.solver), run.force.evaluations
-            patience, most = np.inf, np.inf
-            if state.wasted:
-                patience = max(PATIENCE * usual - state.wasted, LEAST_PATIENCE * usual)
-                most = MOST * usual - (run.force.evaluations - state.begun)
+            left = np.inf if state.failed is None else BUDGET * usual + state.failed - began
             try:
-                equilibrium = self._follow(increments, patience, most)
+                equilibrium = self._follow(increments, max(left, usual))
             except TooSmall:
                 self._accepted.restore(run, self.solver)
                 raise
             except FAILURES as error:
-                before, cost = state.wasted, run.force.evaluations - began
-                uncounted = 0 if before else max(0, cost - round(FIRST * usual))
-                state.wasted, state.begun = before + cost - uncounted, state.begun + uncounted
-                if isinstance(error, RanAway) and ran_away is None:
-                    ran_away = error  # with short increments from just below a limit load solvers fail in other ways
-                vague = isinstance(error, OutOfPatience) or (isinstance(error, NotConverged) and isinstance(told, RanAway))
-                told = told if vague and told is not None else error
-                spent = state.wasted >= min(MOST_SPENT * usual, run.problem.scene.solver.most_evaluations)
-                self._take_back(increments, error, ran_away or told, spent and (increments.share < 1 or before > 0))
+                state.failed, spent = state.failed or run.force.evaluations, left < run.force.evaluations - began
+                # After loads that carry the body away, shorter increments just below a limit load fail in less telling ways.
+                told = told if isinstance(told, RanAway) or (told is not None and isinstance(error, OutOfPatience)) else error
+                self._take_back(increments, told, error, spent)
                 continue
             run.force.accept(run.positions)
-            ran_away, taken = None, run.force.evaluations - began
+            taken = run.force.evaluations - began
             run.earlier = self._accepted.parameter, self._accepted.arrays["positions"]
-            longer = increments.accept(not self._evaluations or taken <= HARD * np.mean(self._evaluations))
-            self._evaluations.append(taken)
-            state.wasted += taken if state.wasted else 0
-            if increments.whole:
-                state.wasted, told = state.wasted if state.wasted > CARRIED * usual else 0, None
-            if longer:
+            if increments.accept():
                 again = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
                 run.note(state.parameter, reason=again)
             if run.damage is not None and run.body.share.any(len(run.damage.overstretched(run.force.positions)) > 0):
@@ -233,8 +193,8 @@ class Equilibria:
         """Return the mean number of force evaluations for an output of the run so far, or `USUAL` before the first one."""
         return float(np.mean(self.run.state.costs or USUAL))
 
-    def _follow(self, increments: Increments, patience: float, most: float) -> Equilibrium:
-        """Find and return the equilibrium at the end of the present increment, within `patience` force evaluations (`_solve`).
+    def _follow(self, increments: Increments, most: float) -> Equilibrium:
+        """Find and return the equilibrium at the end of the present increment, within `most` force evaluations.
 
         Raise an error if the equilibrium is unstable or does not continue the last one (`check_branch`), or if, at an output, its strains
         are too small for the precision.
@@ -248,7 +208,7 @@ class Equilibria:
         start, self._iterate = guess if self._iterate is None else self._best([guess, self._iterate], target), None
         self._path.force_at(target, start)
         run.positions[:] = start
-        equilibrium = self._solve(target, tolerance, guess, patience, most, increments)
+        equilibrium = self._solve(target, tolerance, guess, most, increments)
         reached = self._path.reached(target)
         run.loads.check_path(state.parameter, reached, before, run.positions)
         self._path.check_branch(reached, guess)
@@ -273,12 +233,10 @@ class Equilibria:
 
         return guesses[0] if len(guesses) == 1 else min(guesses, key=residual)
 
-    def _take_back(self, increments: Increments, error: Exception, cause: Exception, spent: bool) -> None:
-        """Undo an increment that failed with an error, and shorten it for another attempt.
+    def _take_back(self, increments: Increments, cause: Exception, error: Exception, spent: bool) -> None:
+        """Undo an increment that failed with an error, and shorten it for another attempt unless the `BUDGET` is `spent`.
 
-        `spent` is True if failed attempts have used up the force evaluations allowed for them; the increment is not shortened then.
-        `cause` is the error to report: `error`, or the RanAway with which an earlier, longer increment failed, since after it short
-        increments just below a limit load fail in less telling ways.
+        `cause` is the error to report: `error`, or a more telling one of an earlier, longer increment.
 
         Raises
         ------
@@ -296,7 +254,7 @@ class Equilibria:
             self._record_reached()
         what = f"the last equilibrium was found at {self._path.last()}, and none beyond with increments down to {size:.2g}"
         if spent:
-            what += f" in the force evaluations of {MOST_SPENT} outputs (more outputs come closer to the limit)"
+            what += f" in the force evaluations of {BUDGET} outputs (more outputs come closer to the limit)"
         raise type(cause)(f"{cause}; {what} ({run.problem.reached(state.parameter)})") from cause
 
     def _record_reached(self) -> None:
@@ -310,30 +268,20 @@ class Equilibria:
         target, run.target = run.target, run.state.parameter
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
         with suppress(*FAILURES):
-            # A search from an accepted state may last as long as its residual halves again and again: it has a few times to do so.
             before = run.positions.copy()
-            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, patience=0.0, most=np.inf)
+            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, BUDGET * self._usual())
             run.loads.check_path(run.target, run.target, before, run.positions)
             self._path.check_branch(run.target, before)
             self._record(equilibrium)
         run.target = target
 
-    def _solve(
-        self,
-        target: float,
-        tolerance: float,
-        guess: np.ndarray,
-        patience: float,
-        most: float,
-        increments: Increments | None = None,
-    ) -> Equilibrium:
-        """Solve for equilibrium at the end `target` of an increment from the present positions, within `patience` force evaluations.
+    def _solve(self, target: float, tolerance: float, guess: np.ndarray, most: float, increments: Increments | None = None) -> Equilibrium:
+        """Solve for equilibrium at the end `target` of an increment from the present positions, within `most` force evaluations.
 
-        A search whose residual falls may take more than `patience`, but not more than `most`. Raise Unstable if a body that grips push
-        leaves an equilibrium (`_has_left`), and RanAway if loads carry a point farther than `FARTHEST` allows from `guess`, the first guess
-        of the increment. On the way write checkpoints and stop on request.
+        Raise RanAway if loads carry a point farther than `FARTHEST` allows from `guess`, the first guess of the increment. On the way
+        write checkpoints and stop on request.
         """
-        run, began, course, window = self.run, self.run.force.evaluations, [], window_of(self.run.body)
+        run, began = self.run, self.run.force.evaluations
         outputs, greatest = run.state.outputs, tolerance
 
         def report(evaluations: int, residual: float) -> None:
@@ -349,13 +297,7 @@ class Equilibria:
             run.report("equilibrium", done, run.target, residual=residual, evaluations=evaluations)
             self._keep_or_stop(increments)
             taken = run.force.evaluations - began
-            course.append((taken, residual))
-            watched = self._course.between_grips and not (self._path.solver.steps_in_time or run.force.zero_energy_modes)
-            if watched and _has_left(course) and self._course.pushes(run.loaded):
-                least = min(one for _, one in course)
-                near = f"came near to an equilibrium (residual {least:.2g} shear modulus / spacing) and left it"
-                raise Unstable(f"the body buckles: the search {near}, so that this equilibrium is not stable")
-            if taken >= most or (taken > patience and not falls(course, min(window, max(taken // 2, SHORT)))):
+            if taken >= most:
                 raise OutOfPatience(f"no equilibrium was found within {taken} force evaluations, after a longer increment had failed")
             moved = run.body.share.greatest(np.abs(run.positions - guess)) if len(run.loads) > len(run.loads.obstacles) else 0.0
             if moved > self._farthest:
@@ -411,12 +353,6 @@ class _Accepted:
         for key, array in run.arrays().items():
             array[:] = self.arrays[key]
         run.loading.apply(self.parameter, run.loaded, run.positions)
-
-
-def _has_left(course: list[tuple[int, float]]) -> bool:
-    """Return whether a search, given by evaluations and residuals, has come near to an equilibrium and has left it (`NEAR`)."""
-    least, latest = min(residual for _, residual in course), min(residual for _, residual in course[-LATEST:])
-    return least < NEAR * course[0][1] and latest > LEFT * least
 
 
 def _check_resolved(run: Run, target: float) -> None:

@@ -175,8 +175,7 @@ def crack_rows(run: Run) -> list[dict]:
 def _nearest(run: Run, front: Front, loads: np.ndarray) -> dict[str, float]:
     """Return how near to a front the held points come, and points under other `loads` (n, d) per volume than its surroundings.
 
-    The motion (75) must not move them: a body force moves with its material, a support or a load on a region does not. Nor may it move
-    bonds across a bonded edge, whose mirrored points have displacements opposite to those of the body.
+    The motion (75) must not move them: a body force moves with its material, a support or a load on a region does not.
     """
     body, share = run.body, run.body.share
     distances = np.where(share.own, scipy.spatial.cKDTree(front.places).query(body.points)[0], np.inf)
@@ -189,9 +188,7 @@ def _nearest(run: Run, front: Front, loads: np.ndarray) -> dict[str, float]:
         if part.plane is None:
             held = points.setdefault(f"a point that {part.name} holds", np.zeros(len(body), dtype=bool))
             held[part.every] = True
-    found = {what: -share.greatest(-float(distances[chosen].min(initial=np.inf))) for what, chosen in points.items()}
-    depths = [float(plane.mirrored(front.places)[1].min()) for plane in body.planes if max(plane.parity) < 0]
-    return found | ({"a bonded edge" if body.dimension == 2 else "a bonded face": min(depths)} if depths else {})
+    return {what: -share.greatest(-float(distances[chosen].min(initial=np.inf))) for what, chosen in points.items()}
 
 
 def _closed(run: Run, front: Front, F: np.ndarray) -> bool:

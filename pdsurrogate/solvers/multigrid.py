@@ -11,6 +11,7 @@ from ..engine.block_arrays import power_of_two
 from ..engine.passes import Chain
 from ..engine.threads import chunks_of
 from ..kernels.multigrid import passes_of
+from ..ranks import Share
 
 Operator = Callable[[np.ndarray], np.ndarray]
 InnerProduct = Callable[[np.ndarray, np.ndarray], float]
@@ -42,10 +43,14 @@ class Multigrid:
     precision. All boxes have equal sizes: a last layer of boxes only one point thick would leave errors there that are small in energy
     but large in strain.
 
+    In a body that is divided among ranks each rank smooths the errors of its own points, and the ranks exchange the halo after every step.
+    The next coarser level has a 27th of the points in three dimensions and a ninth in the plane, so that every rank solves on it, and on
+    all coarser ones, for itself: the same operator as in one process but for rounding.
+
     Parameters
     ----------
     matrix : sparse.csr_array, shape (n, n)
-        Symmetric and positive definite; only bonds to images may have positive off-diagonal entries.
+        Symmetric and positive definite; only bonds to images may have positive off-diagonal entries. Rows of the halo are not used.
     points : ndarray, shape (n, d)
     spacing : float
         Mean distance of neighboring points.
@@ -53,6 +58,8 @@ class Multigrid:
         False for held points, whose rows of the matrix have no off-diagonal entries.
     width : int
         Number of right-hand sides that are solved for at once.
+    share : Share, optional
+        Part of the body that this rank works on; by default the whole body.
 
     References
     ----------
@@ -66,106 +73,80 @@ class Multigrid:
         spacing: float,
         free: np.ndarray,
         width: int = 1,
+        share: Share | None = None,
     ) -> None:
+        self._share = share = share or Share.whole(len(points))
+        diagonal = matrix.diagonal()
         # Powers of two scale the values into the range of single precision, in any units, without rounding.
-        self._unit = power_of_two(matrix.diagonal().mean())
-        matrix = matrix / self._unit
-        # Rows of three are read as four.
-        self._width, held = width, {3: 4}.get(width, width)
-        self._levels = [_Level(matrix.shape[0], held)]
-        while matrix.shape[0] > FEW:
-            diagonal = matrix.diagonal()
-            # Gershgorin's bound of the spectrum of D^-1 A.
-            greatest = float((abs(matrix).sum(axis=1) / diagonal).max())
-            relaxation = JACOBI / greatest / diagonal
-            rows = np.flatnonzero(free)
-            boxes = boxes_of(points[rows], spacing, points[rows].min(axis=0), points[rows].max(axis=0))
-            kept, box = np.unique(boxes, return_inverse=True)
-            if 2 * len(kept) > len(rows):
-                break
-            constant = scipy.sparse.csr_array((np.ones(len(rows)), (rows, box)), shape=(len(points), len(kept)))
-            prolongation = (constant - scipy.sparse.diags_array(relaxation) @ (matrix @ constant)).tocsr()
-            self._levels.append(_Level(prolongation.shape[1], held))
-            self._levels[-2].bind(matrix, relaxation, prolongation, self._levels[-1])
-            matrix = (prolongation.T @ (matrix @ prolongation)).tocsr()
-            counts = np.bincount(box)
-            points = np.stack([np.bincount(box, column) / counts for column in points[rows].T], axis=1)
-            spacing, free = spacing * COARSENING, np.ones(len(kept), dtype=bool)
-        self._factor = factor_of(matrix)
-
-    def cycle(self, right: np.ndarray) -> np.ndarray:
-        """Return the approximate solution, by one W cycle, for a right-hand side (n,), or for several in the columns of (n, width)."""
-        if len(self._levels) == 1:
-            return self._factor.solve(right) / self._unit
-        finest, unit = self._levels[0], power_of_two(np.abs(right).max())
-        finest.right[:, : self._width] = right.reshape(-1, self._width) / unit
-        self._visit(0)
-        return finest.found[:, : self._width].reshape(right.shape) * (unit / self._unit)
-
-    def _visit(self, number: int) -> None:
-        """Compute the approximate solution `found` of a level from its right-hand side `right`, by visits to the coarser levels."""
-        level = self._levels[number]
-        if level.down is None:
-            level.found[:, : self._width] = self._factor.solve(level.right[:, : self._width].astype(float))
+        self._width, self._unit = width, power_of_two(share.sum(diagonal) / share.size)
+        matrix, diagonal = matrix / self._unit, diagonal / self._unit
+        rows, self._factor = np.flatnonzero(free), None
+        lower, upper = points[rows].min(axis=0, initial=np.inf), points[rows].max(axis=0, initial=-np.inf)
+        box = boxes_of(points[rows], spacing, np.min(share.everywhere(lower), axis=0), np.max(share.everywhere(upper), axis=0))
+        kept = np.unique(np.concatenate(share.everywhere(np.unique(box))))
+        if share.size <= FEW or 2 * len(kept) > share.total(int(np.count_nonzero(share.own[rows]))):
+            self._factor = factor_of(matrix)
             return
-        level.down()
-        coarser = self._levels[number + 1]
-        self._visit(number + 1)
-        if coarser.down is not None:
-            coarser.first[:] = coarser.found
-            coarser.take_rest()
-            coarser.right[:] = coarser.rest
-            self._visit(number + 1)
-            coarser.found += coarser.first
-        level.up()
+        # Gershgorin's bound of the spectrum of D^-1 A.
+        relaxation = JACOBI / share.greatest((abs(matrix).sum(axis=1) / diagonal)[share.own]) / diagonal
+        box = np.searchsorted(kept, box)
+        constant = scipy.sparse.csr_array((np.ones(len(rows)), (rows, box)), shape=(len(points), len(kept)))
+        prolongation = share.fill_sparse((constant - scipy.sparse.diags_array(relaxation) @ (matrix @ constant)).tocsr())
+        restriction = (prolongation.T @ scipy.sparse.diags_array(share.own.astype(float))).tocsr()
+        coarse = sum(share.everywhere((restriction @ (matrix @ prolongation)).tocsr())).tocsr()
+        owned = share.own[rows]
+        counts = share.total(np.bincount(box[owned], minlength=len(kept)).astype(float))
+        sums = (share.total(np.bincount(box[owned], column[owned], len(kept))) for column in points[rows].T)
+        centers = np.stack([total / counts for total in sums], axis=1)
+        self._coarse = Multigrid(coarse, centers, spacing * COARSENING, np.ones(len(kept), dtype=bool), width)
+        self._coarse_matrix = None if self._coarse._factor is not None else coarse
+        self._bind(matrix, relaxation, prolongation, restriction)
 
-
-class _Level:
-    """Arrays of one multigrid level, and the compiled passes over them.
-
-    Parameters
-    ----------
-    count : int
-        Number n of unknowns for each right-hand side.
-    held : int
-        Number of columns of the arrays, one for each right-hand side; three right-hand sides are stored in 4 columns.
-
-    Attributes
-    ----------
-    right, found, rest, first : ndarray of float32, shape (n, held)
-        Right-hand side; solution; residual or intermediate solution; and the solution after the first of the two visits of a W cycle.
-    down, up : Chain or None
-        Passes from `right` to the right-hand side of the next coarser level, and from the solution there to `found`; None on the coarsest.
-    take_rest : Chain or None
-        Pass that computes the residual `rest` of the solution `found`.
-    """
-
-    def __init__(self, count: int, held: int) -> None:
-        self.right, self.found, self.rest, self.first = np.zeros((4, count, held), dtype=np.float32)
-        self.down = self.up = self.take_rest = None
-
-    def bind(self, matrix: scipy.sparse.csr_array, relaxation: np.ndarray, prolongation: scipy.sparse.csr_array, coarser: _Level) -> None:
-        """Create the passes `down`, `up` and `take_rest` between this level and the next coarser one.
+    def _bind(self, matrix, relaxation, prolongation, restriction) -> None:
+        """Bind the passes of this level to its arrays, in single precision; rows of three right-hand sides are read as four.
 
         There are two steps with the factors `relaxation` (n,) on the residual before the coarser level, and two after it. The matrix
         `prolongation` maps a solution of the coarser level to this one.
         """
-        rows, restriction = rows_of_matrix(matrix), rows_of_matrix(prolongation.T.tocsr())
+        (count, few), held = prolongation.shape, {3: 4}.get(self._width, self._width)
+        self._right, self._found, self._rest = np.zeros((3, count, held), dtype=np.float32)
+        self._coarse_right, self._coarse_found, working = np.zeros((3, few, held), dtype=np.float32)
+        rows, passes, chunks = rows_of_matrix(matrix), passes_of(held), chunks_of(matrix.nnz)
         factors = relaxation.astype(np.float32)
-        right, found, rest = self.right, self.found, self.rest
-        passes, chunks = passes_of(right.shape[1]), chunks_of(matrix.nnz)
-        self.down = Chain(
-            passes.scale.bind(factors, right, rest, chunks=chunks),
-            passes.relax.bind(*rows, factors, right, rest, found, chunks=chunks),
+        right, found, rest = self._right, self._found, self._rest
+        self._scale = Chain(passes.scale.bind(factors, right, rest, chunks=chunks))
+        self._relax = Chain(passes.relax.bind(*rows, factors, right, rest, found, chunks=chunks))
+        self._restrict = Chain(
             passes.residual.bind(*rows, right, found, rest, chunks=chunks),
-            passes.add_product.bind(*restriction, rest, 0.0, coarser.found, coarser.right, chunks=chunks),
+            passes.add_product.bind(*rows_of_matrix(restriction), rest, 0.0, working, self._coarse_right, chunks=chunks),
         )
-        self.up = Chain(
-            passes.add_product.bind(*rows_of_matrix(prolongation), coarser.found, 1.0, rest, found, chunks=chunks),
+        self._prolong = Chain(
+            passes.add_product.bind(*rows_of_matrix(prolongation), self._coarse_found, 1.0, rest, found, chunks=chunks),
             passes.relax.bind(*rows, factors, right, found, rest, chunks=chunks),
-            passes.relax.bind(*rows, factors, right, rest, found, chunks=chunks),
         )
-        self.take_rest = Chain(passes.residual.bind(*rows, right, found, rest, chunks=chunks))
+
+    def cycle(self, right: np.ndarray) -> np.ndarray:
+        """Return the approximate solution on own points by one W cycle, for a right-hand side (n,), or several in columns (n, width)."""
+        if self._factor is not None:
+            return self._factor.solve(right) / self._unit
+        share, width = self._share, self._width
+        unit = power_of_two(share.greatest(np.abs(right[share.own] if share.divided else right)))
+        self._right[:, :width] = right.reshape(-1, width) / unit
+        share.clear(self._right)
+        self._scale()
+        share.fill(self._rest)
+        self._relax()
+        share.fill(self._found)
+        self._restrict()
+        coarse = share.total(self._coarse_right[:, :width].astype(float))
+        found = self._coarse.cycle(coarse)
+        if self._coarse_matrix is not None:
+            found += self._coarse.cycle(coarse - self._coarse_matrix @ found)
+        self._coarse_found[:, :width] = found
+        self._prolong()
+        share.fill(self._rest)
+        self._relax()
+        return self._found[:, :width].reshape(right.shape) * (unit / self._unit)
 
 
 def boxes_of(points: np.ndarray, spacing: float, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:

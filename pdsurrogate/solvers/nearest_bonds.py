@@ -17,7 +17,6 @@ from ..kernels.nearest_bonds import add_unspanned
 from ..kernels.steps import greatest_strain
 from ..ranks import Share
 from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
-from .shared_multigrid import SharedMultigrid
 
 REACH = 1.3
 """Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a plane grid, and about as many off a grid.
@@ -37,11 +36,6 @@ fit into memory.
 
 TOUCHING = 1e-6
 """Deviation from a right angle that may be rounding: on a grid, two sides of a cell span its diagonal at exactly 90 degrees."""
-
-BESIDE = 1.2
-"""Greatest distance, in spacings, of a point from its image beyond a held boundary of any shape at which `springs_beside_boundaries` keeps
-all bonds of the point. Chosen: the first guess of a bushing's torsion (40 points through its wall) then strains bonds by 0.32, with nearest
-bonds alone by 0.54, for which increments are halved; 2.0 and 3.2 make no difference."""
 
 ELONGATION = 6.0
 """Stiffness of a spring along its bond, in units of mu w V_i V_j/kappa: shear modulus mu, weight function w, volumes V_i and V_j of the
@@ -123,8 +117,6 @@ class NearestBonds:
         Shear modulus: one for all points, or one for each.
     along, across : float
         Stiffness of a spring against displacements along its bond and across it, in the units stated at `ELONGATION`, before scaling.
-    every : ndarray of bool, shape (n,), optional
-        Points of which all bonds have springs, without scaling.
     diagonal : bool
         Whether bonds up to `WIDE_REACH` have springs in any body, which holds a lattice together without stiffness across bonds.
 
@@ -143,7 +135,6 @@ class NearestBonds:
         shear_moduli: float | np.ndarray,
         along: float,
         across: float,
-        every: np.ndarray | None = None,
         diagonal: bool = False,
     ) -> None:
         bonds, points, share = body.bonds, body.all_points, body.share
@@ -162,11 +153,7 @@ class NearestBonds:
         add_unspanned(points, bonds.pointers, bonds.neighbors, bonds.first, bonds.second, sources, TOUCHING, near)
         moment = stiffness * length**2
         of_all = moment * share.own[bonds.first]
-        scaled = stiffness * share.total(of_all.sum()) / share.total(of_all[near].sum())
-        if every is not None:
-            unscaled = every[bonds.first] | every[sources]
-            scaled, near = np.where(unscaled, stiffness, scaled), near | unscaled
-        stiffness = scaled[near]
+        stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
         self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
         self.coupled = along != across
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
@@ -243,18 +230,6 @@ def springs_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     return NearestBonds(body, shear_moduli, ELONGATION, SHEAR_SHARE * ELONGATION)
 
 
-def springs_beside_boundaries(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
-    """Return the network `springs_of` a body with all bonds of points just inside held boundaries of any shape, for first guesses.
-
-    Images are close to such points (half a spacing or more), and nearest bonds alone strain the layer of these points too much. As a
-    preconditioner this network takes more steps.
-    """
-    ghosts, every = body.ghosts, np.zeros(len(body), dtype=bool)
-    near = np.linalg.norm(ghosts.points - body.points[ghosts.source], axis=1) < BESIDE * body.spacing
-    every[ghosts.source[near & ghosts.normal.any(axis=1)]] = True
-    return NearestBonds(body, shear_moduli, ELONGATION, SHEAR_SHARE * ELONGATION, every)
-
-
 def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     """Return the network of springs with the same stiffness, the constant `RAISED`, along and across bonds: a Laplacian per component.
 
@@ -325,7 +300,7 @@ def drift_remover(body: Body, free: np.ndarray) -> Operator:
 
 
 def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
-    """Return the inverse of the stiffness of a network in one process: a factorization or, for a large Laplacian, a multigrid cycle.
+    """Return the inverse of the stiffness of a network in one process by factorization.
 
     In smooth, long-wave displacements the ratio of the network's stiffness to that of the true tangent does not grow with the number of
     points. The factorization takes seconds for 10^5 points.
@@ -336,9 +311,7 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
         count = matrix.shape[0]
         column = free[:, components].reshape(count, -1)[:, 0]
         system = held_matrix(matrix, column)
-        if count == len(body) > MOST_FACTORIZED[body.dimension]:
-            inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components)).cycle
-        elif isinstance(system, np.ndarray):
+        if isinstance(system, np.ndarray):
             inverted = np.linalg.inv(system)
             inverse = ((inverted + inverted.T) / 2).__matmul__
         else:
@@ -379,14 +352,14 @@ def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
 
 
 def _inverse_by_multigrid(network: NearestBonds, free: np.ndarray) -> Operator:
-    """Return the inverse of the stiffness of a network divided among ranks by a multigrid cycle, the same as in one process."""
+    """Return the approximate inverse of the stiffness of a Laplacian by a multigrid cycle, the same on any number of ranks."""
     body, share, around, inverses = network.body, network.body.share, free.copy(), []
     share.fill(around)
     balanced = drift_remover(body, around)
     for components, matrix in network.systems(around):
         column = around[:, components[0]]
         system = scipy.sparse.csr_array(held_matrix(matrix, column, share.sum(matrix.diagonal()) / share.size))
-        cycle = SharedMultigrid(system, body.points, body.spacing, column > 0, len(components), share).cycle
+        cycle = Multigrid(system, body.points, body.spacing, column > 0, len(components), share).cycle
         inverses.append((components, len(body), cycle))
     return lambda forces: balanced(by_systems(inverses, balanced(forces * free))) * free
 
@@ -428,10 +401,9 @@ def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
         1 where a component may move, 0 where it is held and on the halo.
     """
     body = network.body
-    if not body.share.divided:
-        return _inverse_here(network, free)
-    large = not network.coupled and body.share.size > MOST_FACTORIZED[body.dimension]
-    return (_inverse_by_multigrid if large else _inverse_in_parts)(network, free)
+    if not network.coupled and body.share.size > MOST_FACTORIZED[body.dimension]:
+        return _inverse_by_multigrid(network, free)
+    return (_inverse_in_parts if body.share.divided else _inverse_here)(network, free)
 
 
 def spring_solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Operator:

@@ -143,14 +143,13 @@ def test_increments_are_chosen_by_what_the_first_guess_strains():
     assert taken == pytest.approx([0.3, 0.6, 0.9, 1.2])
 
 
-def test_increments_are_longer_only_after_easy_ones():
+def test_increments_are_longer_only_where_they_lead_to_planned_values():
     increments = Increments(0.0, 1.0, 1.0)
     for _ in range(2):
         assert increments.shorten()
     assert not increments.accept()  # a quarter of the way, from where a half does not lead to a planned value
-    assert not increments.accept(easy=False)
-    assert increments.share == 0.25
-    assert not increments.accept()
+    assert increments.accept()
+    assert increments.share == 0.5
     assert increments.accept()
     assert increments.finished
 
@@ -178,8 +177,8 @@ def test_a_load_beyond_its_maximum_ends_in_a_clear_failure():
 
 
 def test_an_output_that_does_not_exist_costs_at_most_fifteen_good_ones():
-    """It has a budget of seven, which the message names, and the last attempt may exceed it; then the last equilibrium is made as exact as
-    an output, which the budget cut short before."""
+    """From its first failure on it has a budget of seven, which the message names, and the last attempt may exceed it; then the last
+    equilibrium is made as exact as an output."""
     with pytest.raises(SimulationFailed, match=r"with increments down to .* in the force evaluations of 7 outputs") as caught:
         simulate(pds.load_scene("ring-pressure", spacing=0.25, steps=(0.2, 0.4, 0.6, 0.8)), "neo-hookean")
     result = caught.value.result
@@ -187,16 +186,16 @@ def test_an_output_that_does_not_exist_costs_at_most_fifteen_good_ones():
     assert result.summary["n_force_evaluations"] - good < 15 * good / 3
 
 
-def test_a_body_that_buckles_is_not_followed_to_its_buckled_state():
-    """Ways to the next output that buckle end as soon as they leave the equilibrium, which takes 200 evaluations to the buckled one."""
+def test_a_body_that_buckles_is_not_taken_for_one_that_follows_its_grips():
+    """Whatever it costs to follow it to its buckled state, the increments are halved within the budget."""
     scene = pds.load_scene("uniaxial", {"body.size": [4.0, 1.0], "reference": None}, spacing=0.1, stretches=(0.9, 0.8, 0.6))
-    with pytest.raises(SimulationFailed, match=r"came near to an equilibrium .* and left it") as caught:
+    with pytest.raises(SimulationFailed, match=r"the body buckles between the stretches") as caught:
         simulate(scene, "analytic")
     result = caught.value.result
     good = sum(level["evaluations"] for level in result.levels[:2])
     reached = re.search(r"the last equilibrium was found at stretch ([0-9.]+),", str(caught.value))
     assert 0.6 < float(reached[1]) < 0.8
-    assert result.summary["n_force_evaluations"] - good < 10 * good / 2
+    assert result.summary["n_force_evaluations"] - good < 25 * good / 2
 
 
 def test_an_output_just_below_the_greatest_load_is_found():

@@ -160,7 +160,7 @@ def test_derivatives_by_a_prescribed_rotation_and_the_modulus_of_an_inclusion_ar
 def test_a_body_with_a_precut_has_derivatives_until_a_bond_breaks():
     """Also of the energy release rate; bonds that the precut has cut are damage, but none that the load has done."""
     changes = {
-        "spacing": 0.2,
+        "spacing": 0.1,
         "stretches": [1.2],
         "dynamics.stretch": 1.201,
         "dynamics.outputs": 1,
