@@ -200,6 +200,6 @@ def test_torch_is_loaded_on_request_alone():
             assert not {name for name in loaded_with(module) if name.split(".")[0] in ("skorch", "torch")}, module
 
 
-def test_the_page_of_files_is_that_of_the_package():
-    page = runpy.run_path(str(ROOT / "pipelines" / "files.py"))["page"]()
-    assert (ROOT / "docs" / "development" / "files.md").read_text("utf-8") == page, "python pipelines/files.py makes it anew"
+def test_the_pages_of_files_and_examples_are_those_of_their_docstrings():
+    for path, page in runpy.run_path(str(ROOT / "pipelines" / "files.py"))["PAGES"].items():
+        assert path.read_text("utf-8") == page(), "python pipelines/files.py makes it anew"

@@ -12,7 +12,7 @@ from ..array_files import read_arrays
 from .contents import contents_in, differences_between
 from .files import replacing
 
-FORMAT = 11
+FORMAT = 12
 """Number of the format of checkpoints; it rises with every change that an older or newer version would misread, and other numbers are
 refused."""
 

@@ -31,10 +31,6 @@ from .run import Run
 
 logger = logging.getLogger(__name__)
 
-HARD = 2.0
-"""Force evaluations of an increment, divided by the mean for earlier increments of the stage, beyond which the next increment is not
-lengthened. Chosen: an increment of twice the length that needs twice the evaluations gains nothing."""
-
 FARTHEST = 0.5
 """Greatest distance by which loads may carry a point from the first guess of an increment, divided by the extent of the body; beyond it the
 increment fails.
@@ -106,7 +102,6 @@ class Equilibria:
         self._path = ParameterPath(run, stage, solver) if stage.control is None else DisplacementPath(run, stage)
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
-        self._evaluations: list[int] = []  # evaluations of every successful increment of the stage
         self._last_output = self._at_output()
         self._increments: Increments | None = None
         self._accepted: _Accepted | None = None  # start of the present increment
@@ -143,7 +138,7 @@ class Equilibria:
         run, kept, arrays = self.run, checkpoint.progress["way"], checkpoint.arrays
         self.solver.gave_up = bool(checkpoint.progress["gave_up"])
         if kept is not None:
-            self._iterate, self._evaluations = run.positions.copy(), list(kept["evaluations"])
+            self._iterate = run.positions.copy()
             self._last_output = {key: arrays[key].copy() for key in self._output_arrays()}, kept["last_output"]
             self._increments = Increments(end=self._outputs[run.state.outputs + 1], **kept["increments"])
             for key, array in run.arrays().items():
@@ -154,7 +149,7 @@ class Equilibria:
         """Write a checkpoint: at an output, or with `increments` between two outputs."""
         kept, arrays = None, {}
         if increments is not None:
-            kept = {"increments": increments.describe(), "evaluations": self._evaluations, "last_output": self._last_output[1]}
+            kept = {"increments": increments.describe(), "last_output": self._last_output[1]}
             arrays = {ACCEPTED + key: array for key, array in self._accepted.arrays.items()} | self._last_output[0]
         self.run.checkpoints.write({"gave_up": self.solver.gave_up, "way": kept}, arrays)
 
@@ -187,9 +182,7 @@ class Equilibria:
             run.force.accept(run.positions)
             taken = run.force.evaluations - began
             run.earlier = self._accepted.parameter, self._accepted.arrays["positions"]
-            longer = increments.accept(not self._evaluations or taken <= HARD * np.mean(self._evaluations))
-            self._evaluations.append(taken)
-            if longer:
+            if increments.accept():
                 again = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
                 run.note(state.parameter, reason=again)
             if run.damage is not None and run.body.share.any(len(run.damage.overstretched(run.force.positions)) > 0):

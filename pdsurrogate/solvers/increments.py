@@ -68,14 +68,14 @@ class Increments:
         """Size of the present increment of the loading parameter."""
         return float(abs(self._planned[-1] - self._planned[0]) * self.share / self._count)
 
-    def accept(self, easy: bool = True) -> bool:
+    def accept(self) -> bool:
         """Count the present increment as done, double the next one if possible, and return whether it was doubled.
 
-        The next increment is doubled if the present one was `easy` (took few force evaluations) and shorter than planned, and if the
-        increments done are a whole multiple of the doubled one.
+        The next increment is doubled if the present one was shorter than planned, and if the increments done are a whole multiple of the
+        doubled one.
         """
         self._done += self.share
-        longer = easy and self.share < 1 and (self._done / (2 * self.share)).is_integer()
+        longer = self.share < 1 and (self._done / (2 * self.share)).is_integer()
         if longer:
             self.share *= 2
         return longer

@@ -16,8 +16,8 @@ import numpy as np
 from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooSmall, check_growth, falls, no_report, window_of
-from .nearest_bonds import Preconditioner, strain_of_step
-from .preconditioner import SHORT, search_preconditioner, with_short_displacements
+from .nearest_bonds import strain_of_step
+from .preconditioner import SHORT, with_short_displacements
 from .stability import FrequencyEstimate
 from .tangent import TangentEquations
 
@@ -55,11 +55,9 @@ class QuasiNewton(EquilibriumSolver):
     PATIENCE, WINDOW = 250, 100
     IDLE = WINDOW
 
-    _searching: Preconditioner | None = None
-
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         tolerance, began = tolerance or self.tolerance, force.evaluations
-        self._searching = preconditioner = self._searching or search_preconditioner(self.preconditioner(force), force, self.free)
+        preconditioner = self.preconditioner(force)
         forces, trial = np.empty_like(positions), np.empty_like(positions)
         self.begin(force, least_drive)
         self.evaluate(force, positions, forces)

@@ -37,11 +37,6 @@ fit into memory.
 TOUCHING = 1e-6
 """Deviation from a right angle that may be rounding: on a grid, two sides of a cell span its diagonal at exactly 90 degrees."""
 
-BESIDE = 1.2
-"""Greatest distance, in spacings, of a point from its image beyond a held boundary of any shape at which `springs_beside_boundaries` keeps
-all bonds of the point. Chosen: the first guess of a bushing's torsion (40 points through its wall) then strains bonds by 0.32, with nearest
-bonds alone by 0.54, for which increments are halved; 2.0 and 3.2 make no difference."""
-
 ELONGATION = 6.0
 """Stiffness of a spring along its bond, in units of mu w V_i V_j/kappa: shear modulus mu, weight function w, volumes V_i and V_j of the
 bond's points, and kappa from the shape tensor kappa I of a full horizon. With `SHEAR_SHARE`, in the mean over all directions of bonds, the
@@ -122,8 +117,6 @@ class NearestBonds:
         Shear modulus: one for all points, or one for each.
     along, across : float
         Stiffness of a spring against displacements along its bond and across it, in the units stated at `ELONGATION`, before scaling.
-    every : ndarray of bool, shape (n,), optional
-        Points of which all bonds have springs, without scaling.
     diagonal : bool
         Whether bonds up to `WIDE_REACH` have springs in any body, which holds a lattice together without stiffness across bonds.
 
@@ -142,7 +135,6 @@ class NearestBonds:
         shear_moduli: float | np.ndarray,
         along: float,
         across: float,
-        every: np.ndarray | None = None,
         diagonal: bool = False,
     ) -> None:
         bonds, points, share = body.bonds, body.all_points, body.share
@@ -161,11 +153,7 @@ class NearestBonds:
         add_unspanned(points, bonds.pointers, bonds.neighbors, bonds.first, bonds.second, sources, TOUCHING, near)
         moment = stiffness * length**2
         of_all = moment * share.own[bonds.first]
-        scaled = stiffness * share.total(of_all.sum()) / share.total(of_all[near].sum())
-        if every is not None:
-            unscaled = every[bonds.first] | every[sources]
-            scaled, near = np.where(unscaled, stiffness, scaled), near | unscaled
-        stiffness = scaled[near]
+        stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
         self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
         self.coupled = along != across
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
@@ -240,18 +228,6 @@ class NearestBonds:
 def springs_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     """Return the network of springs of a body, along bonds and across them, that approximates its small-strain stiffness."""
     return NearestBonds(body, shear_moduli, ELONGATION, SHEAR_SHARE * ELONGATION)
-
-
-def springs_beside_boundaries(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
-    """Return the network `springs_of` a body with all bonds of points just inside held boundaries of any shape, for first guesses.
-
-    Images are close to such points (half a spacing or more), and nearest bonds alone strain the layer of these points too much. As a
-    preconditioner this network takes more steps.
-    """
-    ghosts, every = body.ghosts, np.zeros(len(body), dtype=bool)
-    near = np.linalg.norm(ghosts.points - body.points[ghosts.source], axis=1) < BESIDE * body.spacing
-    every[ghosts.source[near & ghosts.normal.any(axis=1)]] = True
-    return NearestBonds(body, shear_moduli, ELONGATION, SHEAR_SHARE * ELONGATION, every)
 
 
 def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:

@@ -5,12 +5,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..body import Body
-from ..body.body import lengths_of
 from ..forces import InternalForce
 from ..ranks import Share
 from .held import Support
 from .multigrid import conjugate_gradient_steps
-from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, spring_solver_of, springs_beside_boundaries, springs_of, struts_of
+from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, spring_solver_of, springs_of, struts_of
 from .obstacles import ContactStiffness, Obstacle
 from .rigid import inverse_with_regions
 
@@ -19,17 +18,7 @@ SHORT = 2.0
 that which the nearest bonds permit. Bodies of points with mean gradients resist such displacements some ten times less than their nearest
 bonds. Chosen: with 0, 1, 2 and 4, ten derivatives in a sheet with a hole need 290, 227, 222 and 247 evaluations.
 
-Quasi-Newton methods adapt to the tangent themselves and do without it, except in relaxed sheets (`SHORT_INSIDE`)."""
-
-SHORT_INSIDE = 0.5
-"""Such displacements at points with complete horizons of relaxed sheets, in quasi-Newton methods. The points of a cloud differ from each
-other, and so do the errors of a first guess. Chosen: with 0, 0.5 and 1 a sheet in tension (horizon of 2.2 spacings, `bond-energy`) needs
-43, 38 and 38 evaluations, a ring under pressure 45, 45 and 50. At other points, on which pressures and tractions act, they would be too
-long: with 0.5 at all points the ring needs 56. On a lattice, 0.5 inside changes evaluations by -21 to 13 %."""
-
-ONE_SIDED = 0.2
-"""Length of the mean bond of a point, divided by the mean length of its bonds, beyond which its horizon counts as incomplete. Chosen: the
-mean bond is half as long as the bonds at a free edge, and some hundredths inside a cloud."""
+Quasi-Newton methods adapt to the tangent themselves and do without it."""
 
 EXTENDED, SOLVED = 3e-4, 0.05
 """Permitted residuals, divided by the given forces in the energy norm, of conjugate gradients for the displacements of springs: in first
@@ -133,7 +122,7 @@ def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray)
         0 in free components, and each reflection plane by u(X) = displacement + turn X, with rows of `planes` (planes, d) as
         displacements and of `turns` (planes, d, d), Q - I for a rotation Q, as turns; None for no turns.
     """
-    network = (springs_beside_boundaries if body.dimension == 2 else laplacian_of)(body, shear_moduli)
+    network = (springs_of if body.dimension == 2 else laplacian_of)(body, shear_moduli)
     solve = spring_solver_of(network, free, EXTENDED)
 
     def response(held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
@@ -228,13 +217,6 @@ def with_short_displacements(inner: Preconditioner, force: InternalForce, amount
     return Preconditioner(lambda forces: inner.solve(forces) + short * forces, inner.update)
 
 
-def search_preconditioner(inner: Preconditioner, force: InternalForce, free: np.ndarray) -> Preconditioner:
-    """Return the preconditioner of a quasi-Newton search: `inner`, in relaxed sheets with `SHORT_INSIDE` displacements inside."""
-    if not force.body.relaxed or force.body.dimension == 3:
-        return inner
-    return with_short_displacements(inner, force, SHORT_INSIDE * complete_horizons(force.body)[:, None] * free)
-
-
 def supported(inner: Preconditioner, supports: Sequence[Support], share: Share) -> Preconditioner:
     """Return the preconditioner R M R^T of a body that has supports at places between points; M is the one without these supports.
 
@@ -252,17 +234,3 @@ def supported(inner: Preconditioner, supports: Sequence[Support], share: Share) 
         return moved
 
     return Preconditioner(solve, inner.update)
-
-
-def complete_horizons(body: Body) -> np.ndarray:
-    """Return flags of the points (n,) with complete horizons that no curved held boundary continues."""
-    owners, neighbors, n = body.bond_owners, body.bonds.neighbors, len(body)
-    vectors = body.all_points[neighbors] - body.points[owners]
-    length = lengths_of(vectors)
-    weights = body.weigh(length) * body.all_volumes[neighbors]
-    means = lengths_of(np.stack([np.bincount(owners, weights * column, n) for column in vectors.T], axis=1))
-    curved = np.array([*(plane.axis is None for plane in body.planes), False])
-    beside = np.concatenate([np.zeros(n, dtype=bool), curved[body.ghosts.plane]])[neighbors]
-    inside = means <= ONE_SIDED * np.bincount(owners, weights * length, n)
-    inside[owners[beside]] = False
-    return inside

@@ -143,14 +143,13 @@ def test_increments_are_chosen_by_what_the_first_guess_strains():
     assert taken == pytest.approx([0.3, 0.6, 0.9, 1.2])
 
 
-def test_increments_are_longer_only_after_easy_ones():
+def test_increments_are_longer_only_where_they_lead_to_planned_values():
     increments = Increments(0.0, 1.0, 1.0)
     for _ in range(2):
         assert increments.shorten()
     assert not increments.accept()  # a quarter of the way, from where a half does not lead to a planned value
-    assert not increments.accept(easy=False)
-    assert increments.share == 0.25
-    assert not increments.accept()
+    assert increments.accept()
+    assert increments.share == 0.5
     assert increments.accept()
     assert increments.finished
 
