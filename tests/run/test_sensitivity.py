@@ -134,13 +134,13 @@ def test_components_of_a_probe_have_short_names():
 @pytest.mark.parametrize("force", ["bond-energy", "analytic"])
 def test_derivatives_of_a_sheet_with_a_hole_are_those_of_converged_runs(force):
     """Bond forces have no energy, so their tangent is not symmetric."""
-    scene = pds.load_scene("hole", spacing=0.2)
+    scene = pds.load_scene("hole", spacing=0.4)
     compare(scene, force, ["nominal_stress", "forces.top"], ["material.shear_modulus", "material.bulk_modulus", "stretch"])
 
 
 def test_derivatives_of_a_nearly_incompressible_solid_are_those_of_converged_runs():
     scene = pds.load_scene("bonded-block", spacing=0.25)
-    compare(scene, "bond-energy", ["nominal_stress", "energy", "probes.side.displacement"], ["material.shear_modulus", "stretch"])
+    compare(scene, "bond-energy", ["nominal_stress", "energy", "probes.side.displacement"], ["material.shear_modulus"])
 
 
 def test_derivatives_by_a_pressure_that_follows_the_boundary_are_those_of_converged_runs():
@@ -160,7 +160,8 @@ def test_derivatives_by_a_prescribed_rotation_and_the_modulus_of_an_inclusion_ar
 def test_a_body_with_a_precut_has_derivatives_until_a_bond_breaks():
     """Also of the energy release rate; bonds that the precut has cut are damage, but none that the load has done."""
     changes = {
-        "spacing": 0.1,
+        "spacing": 0.2,
+        "horizon_ratio": 2.2,
         "stretches": [1.2],
         "dynamics.stretch": 1.201,
         "dynamics.outputs": 1,
@@ -190,9 +191,9 @@ def scene_changes(scene):
 @pytest.mark.parametrize(
     ("name", "spacing", "artifact", "array", "place"),
     [
-        ("hole", 0.25, "neo-hookean-energy", "output_weights", (3,)),
+        ("hole", 0.5, "neo-hookean-energy", "output_weights", (3,)),
         ("bonded-block", 0.25, "neo-hookean-isochoric", "output_weights", (3,)),
-        ("hole", 0.25, "gent", "coefficients", (1, 2, 1)),
+        ("hole", 0.5, "gent", "coefficients", (1, 2, 1)),
     ],
 )
 def test_derivatives_by_numbers_of_learned_models_are_those_of_converged_runs(name, spacing, artifact, array, place):
@@ -355,9 +356,9 @@ def by_settled(body, at, start, names, parameter):
     ("scene", "outputs", "parameters"),
     [
         (lambda: pds.load_scene("plane-strain-block", {"spacing": 0.2, "stretches": [1.3], "material": STIFF}), ["forces"], OF_STIFF),
-        (lambda: pds.load_scene("bonded-block", {"spacing": 0.25, "stretches": [1.3], "material": STIFF}), ["nominal_stress"], OF_STIFF),
+        (lambda: pds.load_scene("bonded-block", {"spacing": 1 / 3, "stretches": [1.3], "material": STIFF}), ["nominal_stress"], OF_STIFF),
         (pressed, ["forces"], ["obstacles.0.x1", "obstacles.0.x2", "obstacles.0.disc.radius", "material.shear_modulus", "t"]),
-        (lambda: cantilever(10.0, 2e-3), ["probes.end.displacement", "forces.left"], ["material.shear_modulus", "loads.0.force.1", "t"]),
+        (lambda: cantilever(6.0, 6e-3), ["probes.end.displacement", "forces.left"], ["loads.0.force.1", "t"]),
     ],
     ids=["strain", "solid, adjoint", "disc", "cantilever"],
 )
