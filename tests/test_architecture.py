@@ -133,8 +133,6 @@ def test_no_file_imports_itself_in_a_circle():
 IN_CIRCLES = (
     "results.drawings",
     "results.result",
-    "run.checkpoints",
-    "run.run",
     "scenes.consistency",
     "scenes.model",
     "scenes.tip_diameter",

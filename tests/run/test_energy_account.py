@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.run import transient
+from pdsurrogate.run.checkpoints import Checkpoints
 from pdsurrogate.run.cracks import Cracks, starts_of_cracks
 from pdsurrogate.run.damage import Damage
 
@@ -129,7 +130,7 @@ def viscosity_of(scene):
     run = started(scene, "analytic")
     run.state.stage = len(run.stages) - 1
     run.damage = None if scene.fracture is None else Damage(run.body, scene.fracture.critical_stretch)
-    return transient.Transient(run, run.stages[run.state.stage]).viscosity
+    return transient.Transient(run, run.stages[run.state.stage], Checkpoints(run)).viscosity
 
 
 def test_viscosity_where_none_is_said():
