@@ -18,6 +18,7 @@ from pathlib import Path
 import kawabata
 import numpy as np
 import torch
+from clock import bench_positions, sheet
 from pages import markdown_table, replace_block
 from rich.console import Console
 from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
@@ -38,7 +39,6 @@ from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.identification import committee_spread, nominal_stress
 from pdsurrogate.learning.bond_force import stiffness_slopes
 from pdsurrogate.learning.settings import FitSettings
-from pdsurrogate.reports.speed import bench_positions, sheet
 
 LAW = pds.materials.Ogden()
 SAMPLES = 2000
