@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from clock import bench_positions, sheet
 from pages import markdown_table, report
 from rich.console import Console
 from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
@@ -35,7 +36,6 @@ import pdsurrogate as pds
 from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.identification import fitted_laws
 from pdsurrogate.learning.bond_force import stiffness_slopes
-from pdsurrogate.reports.speed import bench_positions, sheet
 
 LAW = pds.materials.Ogden()
 SAMPLES = 2000
