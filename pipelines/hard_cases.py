@@ -22,6 +22,7 @@ from itertools import pairwise, permutations, product
 from typing import NamedTuple
 
 import numpy as np
+from clock import sheet
 from pages import markdown_table, replace_block
 from rich.console import Console
 from scipy.integrate import fixed_quad, simpson
@@ -38,7 +39,6 @@ from pdsurrogate.forces.settings import WHERE
 from pdsurrogate.kernels.steps import central_difference_step
 from pdsurrogate.learning import surrogate_of
 from pdsurrogate.materials import PLANES, Gent, Law, NeoHookean, homogeneous, plane_stress
-from pdsurrogate.reports.speed import sheet
 from pdsurrogate.solvers.equilibrium import Diverging, NotConverged, Unstable
 from pdsurrogate.solvers.methods import Automatic
 from pdsurrogate.solvers.stability import FrequencyEstimate

@@ -9,7 +9,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import comparison
 import numpy as np
+from clock import TimedModel, bench_positions, measure_speed, sheet
 from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 from rich.table import Table
@@ -18,8 +20,6 @@ import pdsurrogate as pds
 from pdsurrogate.identification import figure, fitted_laws, held_out_modes, report
 from pdsurrogate.learning import surrogate_of
 from pdsurrogate.materials import plane_stress
-from pdsurrogate.reports import compare
-from pdsurrogate.reports.speed import TimedModel, bench_positions, measure_speed, sheet
 from pdsurrogate.results import figures
 from pdsurrogate.results.files import write_json
 from pdsurrogate.results.provenance import processor
@@ -194,7 +194,7 @@ def speed(quick: bool) -> tuple[list[dict], str]:
         )
         console.print(f"{law.name}: {ratio:.2f}")
     show(f"Whole force evaluation, one thread, {processor()}", rows)
-    caution = compare.caution(costs)
+    caution = comparison.caution(costs)
     console.print(caution)
     return rows, caution
 
