@@ -28,8 +28,9 @@ from ..results import Result, checkpoint, load_result
 from ..results.contents import digest_of_mesh
 from ..results.files import write_json
 from ..results.folder import LOCK, SUMMARY, occupied
+from ..run.derivatives import differentiate
+from ..run.parameters import PLACES, numbers_in
 from ..run.reopened import check_models
-from ..run.sensitivity import PLACES, differentiate, numbers_in
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import MaterialSpec, Mesh, Scene, SceneError, load_scene
 from ..scenes.reading import apply_change
