@@ -30,7 +30,7 @@ from pdsurrogate.forces import InternalForce
 from pdsurrogate.materials.homogeneous import uniaxial
 from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.results.provenance import processor
-from pdsurrogate.run.sensitivity import array_of, numbers_in, with_numbers
+from pdsurrogate.run.parameters import array_of, numbers_in, with_numbers
 from pdsurrogate.scenes.reading import apply_change, leaves
 
 CHANGE, CHANGE_OF_K = 1e-3, 1e-2

@@ -97,6 +97,8 @@ class Body:
         Circles or spheres on which the material changes; elsewhere interfaces between materials follow from the points.
     boundary : callable, optional
         ``boundary(body)`` returns `outward` of the body, None if it is unknown; called where a force first needs it.
+    loaded : bool, optional
+        Whether tractions or pressures act on the boundary: gradients beside interfaces between materials are then balanced, too.
     share : Share
         Share of a larger body to which these points belong, if several ranks (parallel processes) divide a run; by default the points are
         the whole body.
@@ -133,6 +135,7 @@ class Body:
     tessellate: Callable[[np.ndarray, np.ndarray], CellMesh] | None = None
     rounds: Sequence[Round] = ()
     boundary: Callable[[Body], np.ndarray | None] | None = None
+    loaded: bool = False
     share: Share = None  # type: ignore[assignment]  # of all points, once there are points
     ghosts: Ghosts = field(init=False)
 

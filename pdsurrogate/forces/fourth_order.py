@@ -20,7 +20,7 @@ MOST_STEPS = 300
 """Number of conjugate-gradient steps that small systems may take, for which the number of unknowns is not enough with rounding; larger ones
 may take as many as they have unknowns. Some ten or twenty are usual on two levels."""
 
-FREE = 1e-9
+FREE = 1e-12
 """Stiffness, relative to that of motions that alternate from point to point, that counts as none. Chosen far above rounding, and far below
 the stiffness of the longest waves."""
 
@@ -39,9 +39,16 @@ def solution_of(matrix: scipy.sparse.csr_array, right: np.ndarray, points: np.nd
     diagonal, found = matrix.diagonal(), np.zeros(right.shape)
     touched = np.flatnonzero((diagonal > FREE * diagonal.max()) & np.isfinite(right).all(axis=1))
     matrix, diagonal, points = matrix[touched][:, touched].tocsr(), diagonal[touched], points[touched]
-    pieces = np.unique(pieces[touched], return_inverse=True)[1]
-    residual = right[touched] - _work(matrix, right[touched], points, pieces)
-    found[touched] = conjugate_gradients(matrix, residual, _two_levels(matrix, diagonal, points))
+    pieces, free = np.unique(pieces[touched], return_inverse=True)[1], np.empty((len(touched), 0))
+    # Those of whole bodies first, which others with little stiffness would blur.
+    for each in (scipy.sparse.csgraph.connected_components(matrix, directed=False)[1], pieces):
+        free = _with_free_motions(free, matrix, points, each)
+    precondition = _two_levels(matrix, diagonal, points, pieces)
+
+    def without_free(values: np.ndarray) -> np.ndarray:
+        return values - np.einsum("nm,mc->nc", free, np.einsum("nm,nc->mc", free, values))
+
+    found[touched] = conjugate_gradients(matrix, without_free(right[touched]), lambda residual: without_free(precondition(residual)))
     return found
 
 
@@ -68,27 +75,25 @@ def conjugate_gradients(matrix, right: np.ndarray, precondition: Callable[[np.nd
     return solution
 
 
-def _work(matrix, right: np.ndarray, points: np.ndarray, pieces: np.ndarray) -> np.ndarray:
-    """Return the part of `right` (n, c) that does work in the affine motions without stiffness of the `pieces` (n,) of the points."""
-    count = int(pieces.max(initial=-1)) + 1
-
-    def sums(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        columns = [np.bincount(pieces, a * b, count) for a in one.T for b in other.T]
-        return np.stack(columns, axis=1).reshape(count, one.shape[1], other.shape[1])
-
-    ones = np.ones((len(points), 1))
-    middles = sums(ones, points)[:, 0] / sums(ones, ones)[:, 0]
-    motions = np.hstack([ones, points - middles[pieces]])
-    sizes = np.sqrt(np.einsum("pmm->pm", sums(motions, motions)))
-    motions /= np.where(sizes > 0, sizes, 1.0)[pieces]
-    stiffness, combined = np.linalg.eigh(sums(motions, matrix @ motions))
-    combined *= (stiffness <= FREE * matrix.diagonal().max(initial=0.0))[:, None]
-    free = np.einsum("nm,nmk->nk", motions, combined[pieces])
-    amounts = np.linalg.pinv(sums(free, free), rcond=FREE, hermitian=True) @ sums(free, right)
-    return np.einsum("nm,nmc->nc", free, amounts[pieces])
+def _with_free_motions(free: np.ndarray, matrix, points: np.ndarray, pieces: np.ndarray) -> np.ndarray:
+    """Return orthonormal motions (n, m): `free`, and further ones without stiffness that are affine on each of the `pieces` (n,)."""
+    n, d = points.shape
+    counts = np.bincount(pieces)
+    middles = np.stack([np.bincount(pieces, column) for column in points.T], axis=1) / counts[:, None]
+    values = np.column_stack([np.ones(n), points - middles[pieces]])
+    sizes = np.sqrt(np.stack([np.bincount(pieces, column**2) for column in values.T], axis=1))
+    values /= np.where(sizes > 0, sizes, 1.0)[pieces]
+    columns = (d + 1) * pieces[:, None] + np.arange(d + 1)
+    motions = scipy.sparse.csr_array((values.ravel(), columns.ravel(), (d + 1) * np.arange(n + 1)), shape=(n, (d + 1) * len(counts)))
+    stiffness, combined = np.linalg.eigh((motions.T @ (matrix @ motions)).toarray())
+    found = motions @ combined[:, stiffness <= FREE * matrix.diagonal().max(initial=0.0)]
+    found = found - np.einsum("nm,mk->nk", free, np.einsum("nm,nk->mk", free, found))
+    squares, combined = np.linalg.eigh(np.einsum("nm,nk->mk", found, found))
+    kept = squares > FREE
+    return np.hstack([free, np.einsum("nm,mk->nk", found, combined[:, kept] / np.sqrt(squares[kept]))])
 
 
-def _two_levels(matrix, diagonal: np.ndarray, points: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+def _two_levels(matrix, diagonal: np.ndarray, points: np.ndarray, pieces: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """Return a function near the inverse of a matrix (n, n), symmetric and positive definite, that multiplies arrays (n, c)."""
     n, d = points.shape
     wave = np.random.default_rng(0).normal(size=n)
@@ -96,10 +101,10 @@ def _two_levels(matrix, diagonal: np.ndarray, points: np.ndarray) -> Callable[[n
         wave = matrix @ (wave / np.sqrt(np.einsum("n,n->", wave, wave))) / diagonal
     damping = 4 / 3 / np.sqrt(np.einsum("n,n->", wave, wave)) / diagonal[:, None]
 
-    # Points in one box that only others connect, as on both sides of a cut, have functions of their own.
+    # Points in one box that only others connect, as on both sides of a cut, have functions of their own, and so have the pieces.
     boxes = np.unique(np.floor((points - points.min(axis=0)) / BOX + FREE), axis=0, return_inverse=True)[1].ravel()
     entries = matrix.tocoo()
-    within = boxes[entries.row] == boxes[entries.col]
+    within = (boxes[entries.row] == boxes[entries.col]) & (pieces[entries.row] == pieces[entries.col])
     count, boxes = connected(n, entries.row[within], entries.col[within])
     middles = np.stack([np.bincount(boxes, column, count) for column in points.T], axis=1) / np.bincount(boxes, minlength=count)[:, None]
     values = np.column_stack([np.ones(n), (points - middles[boxes]) / BOX])

@@ -166,14 +166,15 @@ class Kinematics:
         form = deformation_gradients[self.body.dimension].bind(positions, *arrays, unsupported, gradients, chunks=self.chunks)
         return [form] if self.changed is None else [form, *self.changed.gradient_steps(positions, gradients)]
 
-    def change_weights(self, numbers: np.ndarray, changes: np.ndarray) -> None:
+    def change_weights(self, numbers: np.ndarray, changes: np.ndarray, functions: np.ndarray) -> None:
         """Add `changes` (k, d) to the weights of directed bonds in the gradients of their first points, before any steps are made.
 
-        The sum of x (x) c over the bonds of a point must vanish for its changes c, so that gradients of affine motions stay as they are.
+        The sums of f c over the bonds of a point must vanish for its changes c and each of the `functions` f (k, d or d + 1). They begin
+        with the undeformed bonds, so that gradients of affine motions stay as they are.
         """
         if self._has_steps:
             raise ValueError("the first term of a force must be one with an energy if others have one: it balances the gradients of all")
-        self.changed = ChangedWeights(self, numbers, changes)
+        self.changed = ChangedWeights(self, numbers, changes, functions)
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
         """Displace a reflection plane by u(X) = displacement + turn X; its images follow when positions are next set.
@@ -264,6 +265,21 @@ def sums_of_products(places: np.ndarray, one: np.ndarray, other: np.ndarray, cou
     return np.stack([np.bincount(places, one[:, a] * other[:, b], count) for a, b in np.ndindex(shape)], axis=1).reshape(count, *shape)
 
 
+def moments_of(places: np.ndarray, functions: np.ndarray, dimension: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sums of products of functions (k, c) in each of `count` places, as regular matrices, and flags of places that are thin.
+
+    The first functions are the vectors of bonds; a further one may be zero. In thin places, where bonds do not tell functions apart, the
+    matrices are the identity.
+    """
+    moments = sums_of_products(places, functions, functions, count)
+    sizes = np.trace(moments, axis1=1, axis2=2)
+    for further in range(dimension, functions.shape[1]):
+        moments[:, further, further] += np.where(moments[:, further, further] == 0, sizes / dimension, 0.0)
+    thin = np.linalg.eigvalsh(moments)[:, 0] <= THINNEST * sizes
+    moments[thin] = np.eye(functions.shape[1])
+    return moments, thin
+
+
 def entries_of(pointers: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return the indices of all entries of the given rows, row by row; row i extends from ``pointers[i]`` to ``pointers[i + 1]``."""
     starts = pointers[rows].astype(np.int64)
@@ -295,6 +311,8 @@ class ChangedWeights:
     numbers : ndarray of int, shape (k,)
         Numbers of the bonds, rising.
     changes : ndarray, shape (k, d)
+    functions : ndarray, shape (k, d) or (k, d + 1)
+        See `Kinematics.change_weights`.
 
     Attributes
     ----------
@@ -303,12 +321,12 @@ class ChangedWeights:
     numbers, changes
     """
 
-    def __init__(self, kinematics: Kinematics, numbers: np.ndarray, changes: np.ndarray) -> None:
+    def __init__(self, kinematics: Kinematics, numbers: np.ndarray, changes: np.ndarray, functions: np.ndarray) -> None:
         # Not the kinematics themselves, which have these changes: a cycle would keep both in memory.
         self._body, self._chunks = kinematics.body, kinematics.chunks
         self._weighted_bonds, self._supported = kinematics.weighted_bonds, kinematics.supported
         # Those of a whole body: what is left of them follows from the bonds that are broken, in whatever order they broke.
-        self._whole, self.numbers, self.changes = changes, numbers, changes.copy()
+        self._whole, self._functions, self.numbers, self.changes = changes, functions, numbers, changes.copy()
         body, d = kinematics.body, kinematics.body.dimension
         self.owners = body.bond_owners[numbers]
         self._points, self._places = np.unique(self.owners, return_inverse=True)
@@ -349,15 +367,12 @@ class ChangedWeights:
         found = np.flatnonzero(chosen[self.owners])
         owners, numbers = self.owners[found], self.numbers[found]
         whole = self._weighted_bonds[numbers].any(axis=1)
-        x = (body.all_points[body.bonds.neighbors[numbers]] - body.points[owners]) / body.spacing * whole[:, None]
-        changes = self._whole[found] * whole[:, None]
-
+        functions, changes = (each[found] * whole[:, None] for each in (self._functions, self._whole))
         places = np.searchsorted(touched, owners)
-        moments, of_changes = (sums_of_products(places, x, vectors, len(touched)) for vectors in (x, changes))
-        left = self._supported[touched] > 0
-        left &= np.linalg.eigvalsh(moments)[:, 0] > THINNEST * np.trace(moments, axis1=1, axis2=2)
-        moments[~left] = np.eye(d)
-        changes -= np.einsum("bi,bij->bj", x, np.linalg.solve(moments, of_changes)[places])
+        moments, thin = moments_of(places, functions, d, len(touched))
+        left = (self._supported[touched] > 0) & ~thin
+        of_changes = sums_of_products(places, functions, changes, len(touched))
+        changes -= np.einsum("bi,bij->bj", functions, np.linalg.solve(moments, of_changes)[places])
         self.changes[found] = np.where(left[places, None], changes, 0.0)
         if body.share.divided:
             every = np.zeros((len(body.bonds.neighbors), d))

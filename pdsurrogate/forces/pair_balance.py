@@ -40,7 +40,7 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
     uneven = np.abs(left).max(axis=1) > rounding
     # In corners of clamps and free sides no state is homogeneous. A pair depends on the gradients of both ends, so that the force on a
     # point depends on images beyond a clamp if one of its neighbors sees them.
-    unknown = beside(body, np.abs(body.outward).max(axis=1) > 0) & beside(body, sees_clamps(body)) | ends_of_unknown(body, None)
+    unknown = beside(body, np.abs(body.outward).max(axis=1) > 0) & beside(body, sees_clamps(body)) | ends_of_unknown(body)
     uneven |= unknown
     curved = np.array([*(plane.axis is None for plane in body.planes), False])
     curved = np.concatenate([np.zeros(n, dtype=bool), curved[body.ghosts.plane]])[bonds.second]

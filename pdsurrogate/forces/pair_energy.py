@@ -51,7 +51,7 @@ class PairEnergy(MaterialTerm):
             self.selective = binding.settings.plane != "stress"
         self.shares = BondShares(self.kinematics, binding.precision)
         if self.kinematics.changed is None:  # they do not depend on the energy, and two terms have them in common
-            changes = balanced_changes(self.kinematics, self.shares, binding.portion_of)
+            changes = balanced_changes(binding, self.shares)
             if changes is not None:
                 self.kinematics.change_weights(*changes)
         self._model, models = binding.portions[0].model, [portion.model for portion in binding.portions]

@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from dataclasses import fields
 
 import numpy as np
-import scipy
 
 from .. import artifacts
 from ..body import Body
@@ -96,26 +95,6 @@ def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[st
         beside = "a material with shear modulus {:.4g} lies next to a softer one with bulk modulus {:.4g}".format(*confined[0])
         trouble = "the softer one is too soft where it is confined (by 6 to 14 % in a layer of 4 cells, by 3 % in a layer of 8)"
         _warn(scene, f'{beside}, and {trouble}; use a smaller spacing, or material = "rigid" for the stiff part')
-
-
-def warn_of_loads_beside_interfaces(scene: Scene, force: InternalForce, regions: BodyRegions) -> None:
-    """Warn of tractions and pressures within two horizons of another material, where gradients are not balanced (theory, section 26)."""
-    body, bonds, portion_of = force.body, force.body.bonds, force.portion_of
-    loads = [(f"loads.{number}", load) for number, load in enumerate(scene.loads) if load.kind in ("traction", "pressure")]
-    if not loads or not force.has_energy or portion_of is None:
-        return
-    across = portion_of[bonds.first] != portion_of[bonds.second]
-    meeting = np.unique(np.concatenate([bonds.first[across], bonds.second[across]]))
-    places = body.all_points[meeting]
-    for key, load in loads:
-        facets = regions.surface().midpoints()[regions.facets(load.region, key)]
-        near = len(places) > 0 and len(facets) > 0 and scipy.spatial.cKDTree(places).query(facets)[0].min() < 2 * body.horizon
-        if body.share.any(near):
-            trouble = (
-                "by up to 13 % of its displacement with 10 points across and moduli 3 to 10 times as large, in plane strain and solids more"
-            )
-            off = f"{key} acts within two horizons of another material, where an edge under a {load.kind} moves wrongly: {trouble}"
-            _warn(scene, f"{off}; hold that edge, or use a smaller spacing")
 
 
 def _check_rigid_thickness(scene: Scene, cells: float, names: str) -> None:

@@ -28,7 +28,6 @@ from .materials import (
     scene_errors,
     settings_of,
     warn_of_bulk_moduli,
-    warn_of_loads_beside_interfaces,
     warn_of_parts,
 )
 from .obstacles import bar_rigid_regions
@@ -129,7 +128,6 @@ class Problem:
             loaded = LoadedForce(force, self.loading.loads, self.loading.supports, rigid)
             if force.portion_of is not None:
                 warn_of_parts(self.scene, force, self.models[0].name, list(self.rigid))
-                warn_of_loads_beside_interfaces(self.scene, force, self.regions)
             self._check_support(force)
         return force, loaded
 
@@ -267,6 +265,7 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
         portions, rigid, of_points = portions_of(scene, body, models, regions) if models else ([], {}, np.zeros(len(body), np.int64))
         if rigid and ranks.size > 1:
             raise ValueError("materials: rigid regions are supported on one rank only; run without mpiexec, or give the regions a law")
+        vars(body)["loaded"] = any(load.kind in ("traction", "pressure") for load in scene.loads)
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages, parameter_of(scene)[1])
         measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))

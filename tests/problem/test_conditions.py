@@ -7,9 +7,7 @@ from force_models import TABLE
 from runs import started
 
 import pdsurrogate as pds
-from pdsurrogate.forces import FORCES
 from pdsurrogate.materials import homogeneous
-from pdsurrogate.problem import compile_scene
 from pdsurrogate.run.simulate import simulate
 
 ROLLERS = (
@@ -143,15 +141,3 @@ def test_what_later_entries_hold_too_is_not_reported_as_zero(second):
     scene = pds.Scene(name="twice", spacing=0.25, body=body, material="neo-hookean", prescribed=held, support=support, steps=(1.0,))
     with pytest.raises(pds.SceneError, match=r"prescribed\.1: later entries hold .* x1 as well; remove one of the entries"):
         pds.simulate(scene)
-
-
-def test_tractions_beside_another_material_are_told(recwarn):
-    """Gradients are not balanced there: with K = 100 mu in plane strain the loaded edge moves by a multiple of its displacement."""
-    disc = [{"region": {"disc": {"center": [0.5, 0.5], "radius": 0.27}}, "material": {"law": "neo-hookean", "shear_modulus": 3.0}}]
-    fields = {"name": "disc", "body": {"size": [1.0, 1.0]}, "material": "neo-hookean", "materials": disc, "steps": [1.0]}
-    fields |= {"prescribed": [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}]}
-    for spacing, told in ((0.1, True), (1 / 35, False)):
-        pulled = pds.Scene(**fields, spacing=spacing, loads=[{"region": "right", "traction": [0.1, 0.0]}])
-        compile_scene(pulled, [FORCES["bond-energy"]()] * 2).bind()
-        assert any("loads.0 acts within two horizons of another material" in str(one.message) for one in recwarn.list) == told
-        recwarn.clear()

@@ -3,6 +3,7 @@
 import hashlib
 
 import numpy as np
+from every_model import pulled
 
 import pdsurrogate as pds
 from pdsurrogate.body import Body, ReflectionPlane, Round, divided
@@ -49,17 +50,21 @@ def torn_pairs(body, across, middle):
     return np.flatnonzero(np.where(first[:, 1] < 0, across, through))
 
 
-def digests(name, plane, ranks, disc=False, torn=False):
+def digests(name, plane, ranks, disc=False, torn=False, loaded=False):
     """Of forces and volume ratios in a strip whose right part, or a disc, is five times as stiff.
 
-    If `torn`, the interface has parted in the lower half of the strip, and a crack has grown through the stiff part.
+    If `torn`, the interface has parted in the lower half of the strip, and a crack has grown through the stiff part. If `loaded`, gradients
+    are balanced for a tension on the sides.
     """
     d = 3 if plane == "space" else 2
     body = strip(d)
+    outward = pulled(body)
     middle = (body.points.min(axis=0) + body.points.max(axis=0)) / 2
     if ranks.size > 1:
         body = divided(body, ranks, SIGHT)
         assert len(body) < body.share.size
+    if loaded:
+        vars(body).update(outward=outward[body.share.numbers], loaded=True)
     # A slanted interface, which cuts are not along.
     stiff = (body.points - middle) @ np.array([0.8, 0.6, 0.2])[:d] > 0.1 * body.spacing
     if disc:
@@ -76,7 +81,7 @@ def digests(name, plane, ranks, disc=False, torn=False):
     force(positions, forces)
     energy = body.share.total(force.energy()) if force.has_energy else None
     jumps = int(body.share.total(int((across * body.share.own[bonds.first]).sum())))
-    found = {"case": f"{name}, {plane}, {disc}, {torn}", "energy": energy, "beside": jumps}
+    found = {"case": f"{name}, {plane}, {disc}, {torn}, {loaded}", "energy": energy, "beside": jumps}
     fields = {"forces": forces, "ratios": force.volume_ratios()}
     if force.nearly_incompressible:
         dilatation = force.linearized_dilatation()
@@ -91,7 +96,8 @@ def digests(name, plane, ranks, disc=False, torn=False):
 
 def digests_of_cases():
     ranks = communicator()
-    return [*(digests(*case, ranks, torn=torn) for case in CASES for torn in (False, True)), digests(*CASES[1], ranks, disc=True)]
+    whole = [digests(*case, ranks, torn=torn) for case in CASES for torn in (False, True)]
+    return [*whole, digests(*CASES[1], ranks, disc=True), *(digests(*case, ranks, torn=True, loaded=True) for case in CASES[2:])]
 
 
 def torn_layers():
