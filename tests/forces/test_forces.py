@@ -1,4 +1,4 @@
-"""What single force models are: corrections, rotations, domains, BA-NOSB; what all have in common is in tests/testing/test_force_models.py."""
+"""What single force models are: corrections, rotations, domains, BA-NOSB; what all have in common is in tests/testing."""
 
 import numpy as np
 import pytest
