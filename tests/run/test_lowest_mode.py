@@ -115,7 +115,7 @@ def bar(length, **keys):
     return pds.Scene.model_validate(given | keys)
 
 
-@pytest.mark.parametrize("length", [8.0, 20.0, 40.0])
+@pytest.mark.parametrize("length", [8.0, 20.0])
 def test_a_slender_solid_cantilever_vibrates_as_a_beam_of_its_own_flexibility(length):
     """From the static deflection 1/c under a force F = 1 the stiffness against bending is c L^3/3, with which a beam has the eigenvalue
     1.875104^4/3 c/(L A). Shear and rotary inertia (Timoshenko) lower it by 0.9/L^2; the force acts on the last layer of points, whose
