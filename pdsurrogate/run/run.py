@@ -154,11 +154,15 @@ class Run:
 
     def beside(self, scene: Scene, models: Sequence[ForceModel], parameter: float) -> "Run":
         """Return a run on the same body, in double precision, at a value of the loading parameter, for a scene as in `Problem.changed`."""
-        other = copy.copy(self)
-        other.problem, other.positions = self.problem.changed(scene, models), self.positions.copy()
-        other.loading, other.loads = other.problem.loading, other.problem.loading.loads
+        other = self._of(self.problem.changed(scene, models), parameter)
         other.force, other.loaded = other.problem.bind("float64")
-        other.state = State(parameter, parameter)
+        return other
+
+    def _of(self, problem: Problem, parameter: float) -> "Run":
+        """Return a run of another problem on the same body, at the positions of this one, with its force still to be bound."""
+        other = copy.copy(self)
+        other.problem, other.positions, other.state = problem, self.positions.copy(), State(parameter, parameter)
+        other.loading, other.loads = problem.loading, problem.loading.loads
         return other
 
     @contextmanager
@@ -167,16 +171,14 @@ class Run:
 
         The run binds a force of its own if the points of the materials differ, as where a change makes two like materials different.
         """
-        problem, numbers = self.problem.changed(scene, models), np.arange(len(self.body))
-        theirs, ours = ([numbers[portion.points] for portion in portions] for portions in (problem.portions, self.force.portions))
+        other, numbers = self._of(self.problem.changed(scene, models), parameter), np.arange(len(self.body))
+        theirs, ours = ([numbers[portion.points] for portion in portions] for portions in (other.problem.portions, self.force.portions))
         if len(theirs) != len(ours) or not all(map(np.array_equal, theirs, ours)):
-            yield self.beside(scene, models, parameter)
+            other.force, other.loaded = other.problem.bind("float64")
+            yield other
             return
-        other = copy.copy(self)
-        other.problem, other.positions, other.state = problem, self.positions.copy(), State(parameter, parameter)
-        other.loading, other.loads = problem.loading, problem.loading.loads
         other.loaded = LoadedForce(self.force, other.loads, other.loading.supports, self.loaded.rigid)
-        with numbers_in_place(self.force, [(portion.law, portion.model) for portion in problem.portions]):
+        with numbers_in_place(self.force, [(portion.law, portion.model) for portion in other.problem.portions]):
             yield other
 
     def break_again(self) -> None:

@@ -46,10 +46,10 @@ from ..solvers.equilibrium import Diverging, NotConverged, RanAway, TooFar, TooS
 from ..solvers.obstacles import Obstructed
 from .checkpoints import Record
 from .cracks import crack_path
+from .derivatives import differentiate
 from .interruption import Interrupted, Interruption
 from .lowest_mode import lowest_mode_of
 from .run import Run
-from .sensitivity import differentiate
 from .stages import SinglePrecisionLeft, go
 from .standard_errors import standard_errors
 from .waiting import RanksWait, note_of_waiting, working_ranks
