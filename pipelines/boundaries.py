@@ -1,8 +1,9 @@
 """Errors at boundaries and interfaces against closed solutions and finite elements, at three spacings each.
 
-python pipelines/boundaries.py                            all rows
-python pipelines/boundaries.py --row bushing --row disc   some of them
-python pipelines/boundaries.py --row torsion --coarse     their two coarser spacings alone; the third keeps its figure
+python pipelines/boundaries.py                    all rows
+python pipelines/boundaries.py bushing disc       those with such a word in their names
+python pipelines/boundaries.py torsion --coarse   their two coarser spacings alone; the third keeps its figure
+python pipelines/boundaries.py --docs             puts the table of the stored figures into the documentation
 
 Figures go to docs/figures/boundaries.json, so that rows can be run one by one, and from there into the table of
 docs/validation/boundaries.md.
@@ -14,69 +15,30 @@ equilibrium. All bodies are neo-Hookean with mu = 1 and K = 100 unless said, in 
 
 from __future__ import annotations
 
-import argparse
-import json
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
-from pages import FIGURES, markdown_table, replace_block
-from rich.console import Console
+from cases import Case, Errors, compare, percent
+from references import sphere
 from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
-from solid_report import sphere
 
 import pdsurrogate as pds
-from pdsurrogate.results.files import write_json
 
-TABLE = FIGURES / "boundaries.json"
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
 ENERGY = "bond-energy"
 
-console = Console()
-
-Errors = Iterator[tuple[str, float, float]]
-"""Names of quantities with their error in percent, and the number of force evaluations of the run."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """A case at three spacings.
-
-    Attributes
-    ----------
-    title : str
-    spacings : tuple of float
-        From coarse to fine.
-    aims : dict of str
-        By quantity: the greatest error aimed at, in percent, and the spacing.
-    measure : callable
-        Of a spacing; gives `Errors`.
-    """
-
-    title: str
-    spacings: tuple[float, ...]
-    aims: dict[str, str]
-    measure: Callable[[float], Errors]
-
-
-ROWS: dict[str, Row] = {}
+ROWS: dict[str, Case] = {}
 
 
 def row(title: str, spacings: tuple[float, ...], **aims: str) -> Callable:
     """Enter a function of a spacing as a row, by its name."""
 
     def enter(measure: Callable[[float], Errors]) -> Callable[[float], Errors]:
-        ROWS[measure.__name__.replace("_", "-")] = Row(title, spacings, {key.replace("_", " "): aim for key, aim in aims.items()}, measure)
+        ROWS[measure.__name__.replace("_", "-")] = Case(measure, spacings, title, {key.replace("_", " "): aim for key, aim in aims.items()})
         return measure
 
     return enter
-
-
-def percent(found: float, expected: float) -> float:
-    """By how much a value is off."""
-    return 100 * (found / expected - 1)
 
 
 def ran(force=ENERGY, **keys) -> tuple[pds.Result, dict, int]:
@@ -375,45 +337,5 @@ def edges_plane_strain(spacing: float) -> Errors:
     return edges("strain", spacing)
 
 
-HEADER = ["case", "quantity", "aim (%)", "spacing", "error (%)", "evaluations"]
-
-
-def table(found: dict[str, dict]) -> str:
-    """The table of all rows that have figures."""
-    lines = []
-    for name, case in ROWS.items():
-        for quantity, points in found.get(name, {}).items():
-            entries = [points.get(f"{spacing:.4g}") for spacing in case.spacings]
-            errors = " / ".join("none" if entry is None else f"{entry['error']:+.2f}" for entry in entries)
-            evaluations = " / ".join("none" if entry is None else str(entry["evaluations"]) for entry in entries)
-            spacings = " / ".join(f"{spacing:.4g}" for spacing in case.spacings)
-            title = "" if any(line[0].endswith(f"(`{name}`)") for line in lines) else f"{case.title} (`{name}`)"
-            lines.append([title, quantity, case.aims.get(quantity, ""), spacings, errors, evaluations])
-    return markdown_table(HEADER, lines)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--row", action="append", choices=ROWS, help="a row to measure; may be repeated, all by default")
-    parser.add_argument("--coarse", action="store_true", help="the two coarser spacings alone")
-    arguments = parser.parse_args()
-    found = json.loads(TABLE.read_text("utf-8")) if TABLE.exists() else {}
-    for name in arguments.row or ROWS:
-        case = ROWS[name]
-        for spacing in case.spacings[: 2 if arguments.coarse else None]:
-            began, key = time.perf_counter(), f"{spacing:.4g}"
-            with console.status(f"{name}, spacing {key}"):
-                try:
-                    for quantity, error, count in case.measure(spacing):
-                        entry = {"error": round(error, 3), "evaluations": count}
-                        found.setdefault(name, {}).setdefault(quantity, {})[key] = entry
-                        console.print(f"{name}, {quantity}, spacing {key}: {error:+.3f} %, {count} evaluations", soft_wrap=True)
-                except pds.SimulationFailed as failure:
-                    console.print(f"{name}, spacing {key}: {failure}", soft_wrap=True)
-            console.print(f"{name}, spacing {key}: {time.perf_counter() - began:.0f} s")
-        write_json(TABLE, {name: found[name] for name in ROWS if name in found})
-    replace_block("boundaries", table(found))
-
-
 if __name__ == "__main__":
-    main()
+    compare(__doc__, {"boundaries": ROWS})

@@ -1,8 +1,7 @@
 """Calibration of a law by fields and forces of a sheet with two holes from finite elements.
 
-python pipelines/calibration.py            print the table
-python pipelines/calibration.py --docs     and put it into docs/validation/calibration.md, with the figure of the residuals
-python pipelines/calibration.py --free [--docs]  the errors of energies without a law
+python pipelines/calibration.py [calibration] [energies]   print the tables, of a law and of energies without one
+python pipelines/calibration.py --docs                     and put them into docs/validation/calibration.md
 
 The data in pipelines/data/two_holes.npz are solutions by FElupe 11 (9-node quadrilaterals, plane stress; 22,975 nodes, which differ from
 9,239 nodes by 2e-5 cm rms and 1e-4 of the force): sheet 2 x 3 cm, circular holes of radius 0.4 at (0.7, 1.9) and 0.25 at (1.4, 1.0), bottom
@@ -12,20 +11,18 @@ Carroll, 0.15 (I1bar - 3) + 3.1e-4 (I1bar^4 - 81) + 0.095 (sqrt I2bar - sqrt 3) 
 sheets of these laws in the states of `states`. The noise is drawn here.
 """
 
-import argparse
 import logging
 import time
 from pathlib import Path
 
 import numpy as np
-from pages import markdown_table, replace_block
+from pages import FIGURES, markdown_table, report
 
 import pdsurrogate as pds
 from pdsurrogate.calibration.reporting import figures
 from pdsurrogate.identification import MODES, nominal_stress
 from pdsurrogate.results.figures import save
 
-ROOT = Path(__file__).parents[1]
 DATA = np.load(Path(__file__).with_name("data") / "two_holes.npz")
 TRUTH = pds.materials.Gent(0.4, 4000.0, 30.0)
 FORCE_NOISE = 0.005
@@ -62,7 +59,8 @@ def row(what: str, model: pds.SceneRegressor) -> list[str]:
     return [what, *cells, f"{100 * np.sqrt((off**2).mean()):.2f}", f"{100 * within:.0f}", f"{model.lack_of_fit_:.2f}"]
 
 
-def table() -> tuple[str, object]:
+def table() -> str:
+    """Laws from fields and forces; the residuals are drawn."""
     rows, drawn = [["true values", "0.4", "30", "", "", ""]], None
     for noise in (3e-4, 3e-3):
         X, y, deviation = measurements("gent", noise, seed=1)
@@ -75,7 +73,8 @@ def table() -> tuple[str, object]:
     model = pds.SceneRegressor(scene(0.1), "gent", refine=4, bulk_ratio=1e4).fit(X[forces], y[forces], standard_deviation=deviation[forces])
     rows.append(row("forces alone, corrected by 0.025", model))
     heads = ["measurements", "μ (kPa)", "chain limit", "stresses off, rms (%)", "within two standard errors (%)", "lack of fit"]
-    return markdown_table(heads, rows), drawn
+    save(drawn, FIGURES / "guide" / "calibration.png")
+    return markdown_table(heads, rows)
 
 
 def _terms(model: pds.SceneRegressor) -> str:
@@ -104,20 +103,6 @@ def energies() -> str:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--docs", action="store_true")
-    parser.add_argument("--free", action="store_true")
-    given = parser.parse_args()
     logging.basicConfig(format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     logging.getLogger(pds.SceneRegressor.__module__).setLevel(logging.INFO)
-    if given.free:
-        text = energies()
-        print(text)
-        if given.docs:
-            replace_block("energies", text)
-    else:
-        text, residuals = table()
-        print(text)
-        if given.docs:
-            replace_block("calibration", text)
-            save(residuals, ROOT / "docs" / "figures" / "guide" / "calibration.png")
+    report(__doc__, {"calibration": table, "energies": energies})

@@ -4,30 +4,26 @@ python pipelines/crack_directions.py                   tears what docs/figures/c
 python pipelines/crack_directions.py --only space 15   the tears alone that have all of these words in their names
 python pipelines/crack_directions.py --docs            and puts the tables of all stored tears into the documentation
 python pipelines/crack_directions.py --table           puts them there without a tear
-python pipelines/crack_directions.py --costs           compares accuracy and cost of relaxed clouds and lattices where
-                                                        docs/figures/relaxed-costs.json lacks it, and puts that table there
 
 The strip, its grips and its rate are those of `tip_diameters.py`, with more spacings. The tears in the plane take some two and a half hours
-of processor time on a core of 2 GHz, those in space some 8 minutes; so does the comparison of costs.
+of processor time on a core of 2 GHz, those in space some 8 minutes.
 """
 
 import argparse
 import json
 import time
 import warnings
-from collections.abc import Callable
-from functools import partial
 
 import joblib
 import numpy as np
 from pages import FIGURES, markdown_table, replace_block
-from tip_diameters import BULK, ENERGY, FAMILIES, LONG, PRECUT, law_of, layers_of, name_of, repeated, strip
+from tip_diameters import ENERGY, LONG, PRECUT, law_of, layers_of, name_of, repeated, strip
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.scenes.tip_diameter import tip_diameters
 
-TEARS, COSTS = FIGURES / "crack-directions.json", FIGURES / "relaxed-costs.json"
+TEARS = FIGURES / "crack-directions.json"
 
 ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
 """Of strips in the plane: points per height, horizon in spacings, angles to the axes in degrees, clouds."""
@@ -57,29 +53,6 @@ STARTED = 4
 """Advance in spacings from which on the energy is counted, so that the start of the crack is left out."""
 
 OUTPUTS = 120
-
-SPACING, BAR_SPACING, LASTING = 0.05, 0.125, 10.0
-"""In the comparison of costs: spacing of sheets, and of the bar in space; time over which steps are counted."""
-
-SCENES = {
-    (what, scene, model): family
-    for what, scene in (("uniaxial", "uniaxial"), ("pure shear", "pure-shear"), ("hole", "hole"))
-    for model, family in FAMILIES.items()
-}
-BARS = {
-    "sheet, horizon 3.15": ({"size": [3.0, 1.0]}, RATIO),
-    "sheet, horizon 2.2": ({"size": [3.0, 1.0]}, 2.2),
-    "bar in space, horizon 2.2": ({"shape": "box", "size": [3.0, 1.0, 1.0]}, 2.2),
-}
-REQUIRED = {
-    "stress": "0.997 to 1.003",
-    "evaluations": "at most 2",
-    "time step": "at least 0.8",
-    "seconds of a tear in the plane": "at most 1.5",
-    "seconds of a tear in space": "at most 2.2",
-    "steps of a tear": "",
-}
-"""Quantities in the order of the table, and the ratios required of them."""
 
 
 def cases() -> list[dict]:
@@ -227,82 +200,6 @@ def table_of(plane: str, relaxed: bool, rows: int) -> str:
     return markdown_table(head, [*lines, row_of("all", tears)])
 
 
-def bar(size: dict, ratio: float, cloud: dict, step: dict, end: float) -> pds.Scene:
-    """A bar or sheet that slides on two or three faces, of which the right end moves by `end`."""
-    solid = "shape" in size
-    held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}, *([{"region": "back", "x3": 0.0}] if solid else [])]
-    held.append({"region": "right", "name": "right", "x1": end})
-    material = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": BULK}
-    points = {"spacing": BAR_SPACING if solid else SPACING, "horizon_ratio": ratio}
-    return pds.Scene(name="bar", body=size | cloud, material=material, prescribed=held, steps=[{"to": 1.0} | step], **points)
-
-
-def costs_of_scene(name: str, model: str, cloud: dict) -> dict[str, float]:
-    """Stress at the last output of a built-in scene, and the force evaluations of all outputs."""
-    changes = {"spacing": SPACING} | {f"body.{key}": value for key, value in cloud.items()}
-    levels = pds.simulate(pds.load_scene(name, changes), model, threads=1).levels
-    return {"stress": levels[-1]["nominal_stress"], "evaluations": sum(level["evaluations"] for level in levels)}
-
-
-def costs_of_bar(size: dict, ratio: float, cloud: dict) -> dict[str, float]:
-    """The same of a bar that is stretched to 2.5 in two outputs, with its force."""
-    levels = pds.simulate(bar(size, ratio, cloud, {"outputs": 2}, 1.5 * size["size"][0]), "bond-energy", threads=1).levels
-    return {"stress": levels[-1]["forces"]["right"][0], "evaluations": sum(level["evaluations"] for level in levels)}
-
-
-def costs_of_steps(size: dict, ratio: float, cloud: dict) -> dict[str, float]:
-    """The mean time step of a bar that hardly moves."""
-    scene = bar(size, ratio, cloud, {"dynamics": {"duration": LASTING, "density": 1.0}}, 1e-3)
-    return {"time step": LASTING / pds.simulate(scene, "bond-energy", threads=1).summary["n_steps"]}
-
-
-def costs_of_tear(case: dict, cloud: dict) -> dict[str, float]:
-    """Time steps of a tear, and its time on one processor."""
-    began = time.process_time()
-    steps = pds.simulate(scene_of(case | cloud), case["model"], threads=1).summary["n_steps"]
-    where = "in space" if case["plane"] == "space" else "in the plane"
-    return {"steps of a tear": steps, f"seconds of a tear {where}": time.process_time() - began}
-
-
-def compared() -> list[tuple[str, Callable[[dict], dict[str, float]]]]:
-    """What is compared: a description, and the function that returns the figures of a cloud."""
-    found = [(f"{what}, {family}", partial(costs_of_scene, *names)) for (what, *names), family in SCENES.items()]
-    found += [(f"uniaxial, {what}", partial(costs_of_bar, *case)) for what, case in BARS.items() if case != BARS["sheet, horizon 3.15"]]
-    found += [(what, partial(costs_of_steps, *case)) for what, case in BARS.items()]
-    flat = {"plane": "stress", "rows": 12, "angle": 0}
-    tears = [flat | {"model": "neo-hookean", "ratio": RATIO}, *(flat | {"model": "bond-energy", "ratio": ratio} for ratio in (RATIO, 2.2))]
-    for case in (*tears, SOLID | {"model": "bond-energy", "rows": 8, "angle": 0}):
-        strips = "strip in space" if case["plane"] == "space" else "strip"
-        found.append((f"{strips}, {FAMILIES[case['model']]}, horizon {case['ratio']}", partial(costs_of_tear, case)))
-    return found
-
-
-def measure_costs() -> None:
-    """Compare what is not stored yet: each cloud with a lattice that is computed just before it."""
-    for label, costs in compared():
-        found = json.loads(COSTS.read_text("utf-8")) if COSTS.exists() else {}
-        if label not in found:
-            costs({})  # compiled before it is timed
-            found[label] = [(costs({}), costs({"arrangement": "relaxed", "seed": seed})) for seed in SEEDS]
-            COSTS.write_text(json.dumps(found, indent=1) + "\n", "utf-8")
-            print(label, found[label], flush=True)
-
-
-def costs_table() -> str:
-    """Accuracy and cost of relaxed clouds."""
-    rows = []
-    for label, pairs in json.loads(COSTS.read_text("utf-8")).items():
-        for key in pairs[0][0]:
-            lattice, relaxed = (np.array([pair[number][key] for pair in pairs]) for number in (0, 1))
-            ratios, figures = relaxed / lattice, ".4f" if key == "stress" else ".2f"
-            worst = ratios[np.abs(ratios - 1).argmax()] if key == "stress" else ratios.min() if key == "time step" else ratios.max()
-            means = (f"{values.mean():.4g}" for values in (lattice, relaxed))
-            rows.append([key, label, *means, f"{ratios.mean():{figures}}", f"{worst:{figures}}", REQUIRED[key]])
-    order = list(REQUIRED)
-    rows.sort(key=lambda row: order.index(row[0]))
-    return markdown_table(["quantity", "case", "lattice", "relaxed, mean", "ratio, mean", "ratio, worst", "required"], rows)
-
-
 def write_page() -> None:
     """Put the tables into the documentation."""
     for plane, relaxed, rows in sorted({(tear["plane"], "seed" in tear, tear["rows"]) for tear in stored().values()}):
@@ -314,15 +211,11 @@ if __name__ == "__main__":
     parser.add_argument("--only", nargs="+", default=[], metavar="WORD")
     parser.add_argument("--jobs", type=int, default=2, metavar="N")
     parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
-    parser.add_argument("--costs", action="store_true", help="compare accuracy and cost of clouds and lattices, without a tear of a strip")
     parser.add_argument("--table", action="store_true", help="put the tables of the stored tears there, without a tear")
     arguments = parser.parse_args()
     lacking = [case for case in cases() if name_of(case) not in stored() and all(word in name_of(case) for word in arguments.only)]
-    if arguments.table or arguments.costs:
+    if arguments.table:
         lacking = []
-    if arguments.costs:
-        measure_costs()
-        replace_block("relaxed-costs", costs_table())
     outcomes = joblib.Parallel(arguments.jobs, return_as="generator")(joblib.delayed(tried)(case) for case in lacking)
     for case, figures in zip(lacking, outcomes, strict=True):
         print(name_of(case), figures, flush=True)

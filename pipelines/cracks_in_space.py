@@ -7,13 +7,11 @@ python pipelines/cracks_in_space.py --docs                and put their tables i
 On one core of 2 GHz all parts take some 25 minutes: the strips 5, the modes 4, the tears 13, the disc crack 3.
 """
 
-import argparse
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from disc_crack import opened_volume
-from pages import markdown_table, replace_block
+from pages import markdown_table, report
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -278,6 +276,11 @@ def trousers() -> str:
     return markdown_table(head, [tear_row(tear) for tear in TEARS])
 
 
+OPENED = 1.0350
+"""Volume of the opened disc of the scene `penny` over Sneddon's in an endless body at the same mean stress, by axisymmetric finite elements
+of nine nodes on half of the cylinder, graded toward the edge of the crack: 1.0315, 1.0344 and 1.0350 on finer and finer meshes."""
+
+
 def penny_row(spacing: float) -> list[str]:
     """Volume of the opened disc, by what it takes off the force, over that of a disc in a cylinder of this radius and no end."""
     result = pds.simulate(pds.load_scene("penny", {"spacing": spacing}))
@@ -288,7 +291,7 @@ def penny_row(spacing: float) -> list[str]:
     young = 9 * law.bulk_modulus * law.shear_modulus / (3 * law.bulk_modulus + law.shear_modulus)
     poisson = young / (2 * law.shear_modulus) - 1
     free = 16 * (1 - poisson**2) * stress * radius**3 / (3 * young)
-    expected = free * opened_volume(radius, outer, length, poisson, 20, 4e-4)
+    expected = free * OPENED
     grown = ((volume / expected) ** (1 / 3) - 1) * radius / spacing
     return _told([f"{spacing:.3g}", f"{stress / uncut:.4f}", f"{volume / free:.3f}", f"{volume / expected:.3f}", f"{grown:+.2f}"])
 
@@ -300,18 +303,5 @@ def penny() -> str:
     return markdown_table(head, [penny_row(spacing) for spacing in (0.1, 1 / 15, 0.05)])
 
 
-PARTS = {part.__name__: part for part in (turned, modes, trousers, penny)}
-
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
-    parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
-    arguments = parser.parse_args()
-    for part in arguments.parts:
-        if part not in PARTS:
-            parser.error(f"there is no part {part!r}; there are {', '.join(PARTS)}")
-    for part in arguments.parts or PARTS:
-        table = PARTS[part]()
-        print(table)
-        if arguments.docs:
-            replace_block(part, table)
+    report(__doc__, {part.__name__: part for part in (turned, modes, trousers, penny)})

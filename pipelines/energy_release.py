@@ -1,16 +1,14 @@
 """Energy release rates of cracks against theory: strip in pure shear, central crack, edge notch and trouser tear.
 
 python pipelines/energy_release.py                       all parts
-python pipelines/energy_release.py strip plate notch     some of them
+python pipelines/energy_release.py rate-strip rate-plate  some of them
 python pipelines/energy_release.py --docs                and put their tables into docs/validation/energy-release.md
 
 On one core of 2 GHz all parts take some 10 minutes, half of them the trouser tear.
 """
 
-import argparse
-
 import numpy as np
-from pages import markdown_table, replace_block
+from pages import markdown_table, report
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -108,18 +106,5 @@ def trousers() -> str:
     return markdown_table(head, rows)
 
 
-PARTS = {part.__name__: part for part in (strip, plate, notch, formula, trousers)}
-
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
-    parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
-    arguments = parser.parse_args()
-    for part in arguments.parts:
-        if part not in PARTS:
-            parser.error(f"there is no part {part!r}; there are {', '.join(PARTS)}")
-    for part in arguments.parts or PARTS:
-        table = PARTS[part]()
-        print(table, flush=True)
-        if arguments.docs:
-            replace_block(f"rate-{part}", table)
+    report(__doc__, {f"rate-{part.__name__}": part for part in (strip, plate, notch, formula, trousers)})

@@ -1,17 +1,15 @@
 """What an energy buys: figures of the energy surrogate beside those of the other force models.
 
 python pipelines/energy_report.py                  all tables, some ten minutes
-python pipelines/energy_report.py --table drift    one of: scenes, modes, drift, solvers, tear
+python pipelines/energy_report.py drift            one of: scenes, modes, drift, isochoric_drift, solvers, tear
 """
 
 from __future__ import annotations
 
-import argparse
 import time
 
 import numpy as np
-from pages import markdown_table
-from rich.console import Console
+from pages import markdown_table, report
 
 import pdsurrogate as pds
 from pdsurrogate.forces import ForceSettings
@@ -21,8 +19,6 @@ from pdsurrogate.results import measures
 from pdsurrogate.run.run import Run
 from pdsurrogate.solvers.methods import SOLVERS
 from pdsurrogate.solvers.stability import FrequencyEstimate
-
-console = Console(width=160)
 
 DOUBLE = ForceSettings(precision="float64")
 
@@ -124,7 +120,7 @@ def _drifts(cases: list[tuple]) -> str:
         totals = np.array(totals) / first - 1
         change = failure or f"{totals[-500:].mean() - totals[:500].mean():+.1e}"
         rows.append([name, precision, change, f"{np.abs(totals).max():.1e}"])
-        console.print(rows[-1])
+        print(rows[-1], flush=True)
     return markdown_table(["force model", "precision", f"drift of the energy in {STEPS:,} steps", "largest difference"], rows)
 
 
@@ -146,7 +142,7 @@ def solvers() -> str:
                 seconds.append(time.perf_counter() - began)
             points = f"{len(run.body):,}"
             rows.append([scene, points, method, run.force.precision, str(found.evaluations), f"{np.median(seconds):.2f}"])
-            console.print(rows[-1])
+            print(rows[-1], flush=True)
     return markdown_table(["scene", "points", "method", "precision", "evaluations", "seconds"], rows)
 
 
@@ -165,16 +161,5 @@ def tear() -> str:
     return markdown_table(["spacing", "stored at first", "work", "stored", "kinetic", "damped", "released", "energy error (%)"], rows)
 
 
-TABLES = {function.__name__: function for function in (scenes, modes, drift, isochoric_drift, solvers, tear)}
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--table", choices=list(TABLES), action="append", help="one table only; may be repeated")
-    for name in parser.parse_args().table or TABLES:
-        console.rule(name)
-        console.print(TABLES[name](), soft_wrap=True)
-
-
 if __name__ == "__main__":
-    main()
+    report(__doc__, {function.__name__: function for function in (scenes, modes, drift, isochoric_drift, solvers, tear)})

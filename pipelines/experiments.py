@@ -1,8 +1,8 @@
 """A sheet of silicone with holes, and sheets of a printed rubber that tear from notches, predicted and held against measurements.
 
-python pipelines/experiments.py                  prints the tables, in some minutes
-python pipelines/experiments.py holes            those of one experiment: holes or notches
-python pipelines/experiments.py --docs           and puts them into docs/validation/experiments.md, and the figures into docs/figures
+python pipelines/experiments.py                  prints the tables, in some minutes, and draws the figures
+python pipelines/experiments.py notched-sheets   those of one experiment: experiments (the holes) or notched-sheets
+python pipelines/experiments.py --docs           and puts them into docs/validation/experiments.md
 
 Holes: Meunier, Chagnon, Favier, Orgeas, Vacher, Polym. Test. 27 (2008) 765. The three tests of the material are those collected in
 Chongran-Zhao/Calibration-Hyperelasticity (MIT licence); the 29 stretches along a line of the sheet were read by
@@ -12,14 +12,13 @@ Notches: V. Slesarenko, "Preliminary experiments", 2019, https://github.com/slsl
 figures of that page for this comparison.
 """
 
-import argparse
 import time
 
 import numpy as np
 import shapely
 from joblib import Parallel, delayed
 from matplotlib.figure import Figure
-from pages import FIGURES, markdown_table, replace_block
+from pages import FIGURES, markdown_table, report
 from scipy.interpolate import CubicSpline, LinearNDInterpolator, NearestNDInterpolator
 
 import pdsurrogate as pds
@@ -169,7 +168,7 @@ def figure(energy: dict, spread: np.ndarray, ogden: dict) -> Figure:
     return drawing
 
 
-def holes_found(docs: bool) -> None:
+def holes_found() -> str:
     """Tables and figure of the sheet with holes."""
     fitted = {"energy": pds.identification.EnergyRegressor(), "Ogden's law": pds.identification.LawRegressor("ogden")}
     for model in fitted.values():
@@ -202,11 +201,8 @@ def holes_found(docs: bool) -> None:
         f"{SPACINGS[0]:g} mm: {spread.mean():.3f} on average over the stretches and {spread.max():.3f} at most, and {of_grip:.1f} mm for "
         f"the displacement of the grip. {inside.sum()} of the 29 measured stretches lie within twice the spread."
     )
-    text = "\n\n".join(tables)
-    print(text)
-    if docs:
-        replace_block("experiments", text)
-        figure(coarse, spread, found["Ogden's law", SPACINGS[0]]).savefig(FIGURES / "experiments.png", dpi=150)
+    figure(coarse, spread, found["Ogden's law", SPACINGS[0]]).savefig(FIGURES / "experiments.png", dpi=150)
+    return "\n\n".join(tables)
 
 
 def notched(notch: float, law, steps: list[dict], **more) -> pds.Scene:
@@ -259,7 +255,7 @@ def torn(notch: float, law, energy: float) -> dict:
     return {"stroke": peak["t"], "force": 2 * DEEP * peak["force_tab_2"], **shown}
 
 
-def notches_found(docs: bool) -> None:
+def notches_found() -> str:
     """Table and figure of the sheets with notches."""
     law, rows, drawing, energy = fitted_law(), [], Figure(figsize=(7, 4), layout="constrained"), None
     axes = drawing.subplots()
@@ -287,22 +283,9 @@ def notches_found(docs: bool) -> None:
     axes.legend(fontsize="small")
     head = ["notches (mm)", "rms error of the force before the tear (% of the peak)", "G at the force of the peak (N/mm)"]
     head += ["G at the stroke of the peak (N/mm)", "peak, measured (N)", "simulated (N)", "stroke at the peak, measured (mm)"]
-    text = markdown_table([*head, "simulated (mm)"], rows)
-    print(text)
-    if docs:
-        replace_block("notched-sheets", text)
-        drawing.savefig(FIGURES / "notched-sheets.png", dpi=150)
+    drawing.savefig(FIGURES / "notched-sheets.png", dpi=150)
+    return markdown_table([*head, "simulated (mm)"], rows)
 
-
-PARTS = {"holes": holes_found, "notches": notches_found}
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
-    parser.add_argument("--docs", action="store_true", help="put the tables and figures into the documentation")
-    arguments = parser.parse_args()
-    for part in arguments.parts:
-        if part not in PARTS:
-            parser.error(f"there is no part {part!r}; there are {', '.join(PARTS)}")
-    for part in arguments.parts or PARTS:
-        PARTS[part](arguments.docs)
+    report(__doc__, {"experiments": holes_found, "notched-sheets": notches_found})

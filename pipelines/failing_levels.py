@@ -6,10 +6,8 @@ python pipelines/failing_levels.py --docs   and put them into the documentation
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
-from pages import markdown_table, replace_block
+from pages import markdown_table, report
 
 import pdsurrogate as pds
 
@@ -122,8 +120,4 @@ def good() -> str:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
-    text = f"{failing()}\n\n{good()}"
-    if parser.parse_args().docs:
-        replace_block("failing-levels", text)
+    report(__doc__, {"failing-levels": lambda: f"{failing()}\n\n{good()}"})

@@ -10,10 +10,8 @@ the same traction, so that G is the energy W h of the strip there, by the laws a
 On one core of 2 GHz all tears take some 10 minutes.
 """
 
-import argparse
-
 import scipy
-from pages import markdown_table, replace_block
+from pages import markdown_table, report
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -103,11 +101,4 @@ def different() -> str:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
-    arguments = parser.parse_args()
-    for part in (equal, different):
-        table = part()
-        print(table, flush=True)
-        if arguments.docs:
-            replace_block(f"interface-{part.__name__}", table)
+    report(__doc__, {f"interface-{part.__name__}": part for part in (equal, different)})

@@ -1,7 +1,7 @@
 """Contact with obstacles against finite elements and Hertz, and the picture of a seal for the guide.
 
-python pipelines/obstacles.py            prints both tables, in some minutes
-python pipelines/obstacles.py --docs     and puts them into docs/validation/obstacles.md, and the picture into docs/figures/guide
+python pipelines/obstacles.py            prints both tables, in some minutes, and draws the picture
+python pipelines/obstacles.py --docs     and puts them into docs/validation/obstacles.md
 
 Finite elements of the block: FElupe 11.3, nine-node quadrilaterals in plane strain, displacements only, half of the block by symmetry,
 uniform meshes of 28, 40 and 50 elements along each side of the half; node-to-plane contact by a penalty of 1e5 kPa/cm (FElupe's
@@ -9,12 +9,10 @@ uniform meshes of 28, 40 and 50 elements along each side of the half; node-to-pl
 (60 on 40 elements). Neo-Hookean, mu = 1, K = 100, with the volumetric energy K/8 (J - 1/J)^2.
 """
 
-import sys
-
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-from pages import FIGURES, markdown_table, replace_block
+from pages import FIGURES, markdown_table, report
 
 import pdsurrogate as pds
 from pdsurrogate.results import figures
@@ -125,21 +123,19 @@ def seal() -> Figure:
     return figure
 
 
+def of_block() -> str:
+    """The table of the block."""
+    head = ["spacing", "force", "error of the force (%)", "error of the contact width (%)", "penetration / spacing", "evaluations"]
+    return markdown_table(head, pressed_block())
+
+
+def of_ball() -> str:
+    """The table of the ball, and the picture of the seal."""
+    with matplotlib.rc_context(figures.STYLE):
+        figures.save(seal(), FIGURES / "guide" / "seal.png")
+    head = ["cells in the radius of contact", "force", "Hertz", "Hertz, layer", "error (%)", "area / Hertz's", "penetration / spacing"]
+    return markdown_table(head, [indented(cells) for cells in (2, 3, 4)])
+
+
 if __name__ == "__main__":
-    tables = {
-        "pressed-block": markdown_table(
-            ["spacing", "force", "error of the force (%)", "error of the contact width (%)", "penetration / spacing", "evaluations"],
-            pressed_block(),
-        ),
-        "indented": markdown_table(
-            ["cells in the radius of contact", "force", "Hertz", "Hertz, layer", "error (%)", "area / Hertz's", "penetration / spacing"],
-            [indented(cells) for cells in (2, 3, 4)],
-        ),
-    }
-    for name, table in tables.items():
-        print(table)
-        if "--docs" in sys.argv:
-            replace_block(name, table)
-    if "--docs" in sys.argv:
-        with matplotlib.rc_context(figures.STYLE):
-            figures.save(seal(), FIGURES / "guide" / "seal.png")
+    report(__doc__, {"pressed-block": of_block, "indented": of_ball})

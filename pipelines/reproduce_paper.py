@@ -15,12 +15,12 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+from clock import TimedModel, measure_speed, sheet
 from matplotlib.figure import Figure
 from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pds
-from pdsurrogate.reports.speed import TimedModel, measure_speed, sheet
 from pdsurrogate.results.figures import STYLE, colors_of, draw_cells, limits_of, save
 from pdsurrogate.results.files import write_json
 from pdsurrogate.results.measures import edge_displacements

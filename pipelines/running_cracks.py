@@ -1,7 +1,7 @@
 """Running cracks in stretched sheets: speed and fronts, against the speeds of waves in the stretched rubber.
 
-python pipelines/running_cracks.py            prints the table
-python pipelines/running_cracks.py --docs     and puts it into docs/validation/experiments.md, and the figure into docs/figures
+python pipelines/running_cracks.py            prints the table, and draws the figure
+python pipelines/running_cracks.py --docs     and puts it into docs/validation/experiments.md
 
 A sheet of 2 x 2.4 is stretched by l2 across the crack and by l1 along it, homogeneously and in equilibrium. A slit of 0.3 at its left edge
 then opens at once, and the crack from it runs between the rows of points. Speeds are measured in the undeformed body, in units of
@@ -10,12 +10,11 @@ sqrt(mu/rho).
 On one core of 2 GHz all runs take about half a minute.
 """
 
-import argparse
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from pages import FIGURES, markdown_table, replace_block
+from pages import FIGURES, markdown_table, report
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -200,28 +199,14 @@ def figure(found: list[dict]) -> Figure:
     return drawing
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--docs", action="store_true", help="put the table and the figure into the documentation")
-    arguments = parser.parse_args()
-    head = [
-        "stretch across",
-        "speed v",
-        "first / second half",
-        "v / shear waves",
-        "v / longitudinal waves",
-        "v sin(angle) / c",
-        "energy error (%)",
-        "points",
-    ]
+def ladder() -> str:
+    """All sheets, and the figure."""
+    head = ["stretch across", "speed v", "first / second half", "v / shear waves", "v / longitudinal waves", "v sin(angle) / c"]
     found = [measured(sheet) for sheet in LADDER]
+    figure(found).savefig(FIGURES / "running-cracks.png", dpi=150)
     rows = [row(sheet, one) for sheet, one in zip(LADDER, found, strict=True)]
-    text = markdown_table(head, rows)
-    print(text)
-    if arguments.docs:
-        replace_block("running-cracks", text)
-        figure(found).savefig(FIGURES / "running-cracks.png", dpi=150)
+    return markdown_table([*head, "energy error (%)", "points"], rows)
 
 
 if __name__ == "__main__":
-    main()
+    report(__doc__, {"running-cracks": ladder})

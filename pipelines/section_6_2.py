@@ -6,17 +6,12 @@ python pipelines/section_6_2.py --docs   and put both into the documentation
 
 from __future__ import annotations
 
-import argparse
-
 import matplotlib
 from matplotlib.figure import Figure
-from pages import FIGURES, markdown_table, replace_block
-from rich.console import Console
+from pages import FIGURES, markdown_table, report
 
 import pdsurrogate as pds
 from pdsurrogate.results.figures import STYLE, draw_cells, save
-
-console = Console()
 
 PAPERS_OPTIONS = ["support=points", "correction=scalar", "outside=extrapolate"]
 """One held column of points at each end, the factor (24)-(25), and a network that is used wherever it is asked."""
@@ -75,22 +70,14 @@ def zero_energy_figure(smooth, rough) -> Figure:
         return figure
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--docs", action="store_true", help="put the table and the figures into the documentation")
-    arguments = parser.parse_args()
-    results = []
-    for title, force, changes in RUNS:
-        with console.status(title):
-            results.append((title, pds.simulate(pds.load_scene("uniaxial", changes), force)))
-    text = table(results, results[0][1].levels)
-    console.print(text, soft_wrap=True)
+def section() -> str:
+    """Run all, and draw the figures."""
+    results = [(title, pds.simulate(pds.load_scene("uniaxial", changes), force)) for title, force, changes in RUNS]
     named = dict(results)
     save(named["surrogate, isochoric features (default)"].figure(), FIGURES / "uniaxial.png")
     save(zero_energy_figure(named["surrogate, held columns"], named["NOSB, held columns"]), FIGURES / "zero-energy.png")
-    if arguments.docs:
-        replace_block("section-6.2", text)
+    return table(results, results[0][1].levels)
 
 
 if __name__ == "__main__":
-    main()
+    report(__doc__, {"section-6.2": section})

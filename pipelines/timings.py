@@ -42,7 +42,11 @@ from pathlib import Path
 import numpy as np
 import pdsurrogate as pds
 from pdsurrogate.engine.threads import thread_count
-from pdsurrogate.reports.speed import bench_positions
+try:
+    from pdsurrogate.reports.speed import bench_positions  # of commits in which it was part of the package
+except ImportError:
+    sys.path.insert(0, "pipelines")
+    from clock import bench_positions
 def lattice(sides, d):
     return np.stack(np.meshgrid(*[(np.arange(sides) + 0.5) / sides] * d, indexing="ij"), axis=-1).reshape(-1, d)
 def bind(name, width, precision=None):
@@ -305,7 +309,6 @@ COSTS = SECTIONS | {
     "refused": command("run", "uniaxial", "--set", "spacings=0.1", status=2),
     "small-run": command(*SMALL_RUN),
     "pictures": command(*SMALL_RUN, "--out", "small-run", "--overwrite"),
-    "compare": command("compare", "--quick", turns=3),
     "compile": Cost(("-c", COMPILE), empty=True),
     "three": command(*SMALL_RUN, together=3, empty=True, turns=3),
     "one-rank": run("bonded-block", SMALL, ranks=1),
@@ -392,22 +395,23 @@ def costs(names: list[str], paths: list[Path], turns: int | None) -> None:
 
 def of_speed() -> str:
     """Force models of sheets: cost, error and effort, and the figure of the documentation."""
-    from pdsurrogate.reports import compare
+    import comparison
+
     from pdsurrogate.results import tables
     from pdsurrogate.results.figures import save
     from pdsurrogate.results.files import write_text
 
-    report = compare.compare()
-    save(compare.pareto_figure(report), FIGURES / "speed.png")
+    report = comparison.compare()
+    save(comparison.pareto_figure(report), FIGURES / "speed.png")
     write_text(FIGURES / "speed.csv", tables.as_csv(report["models"]))
     where = "Processor: {processor}, {threads} threads, numba {numba}.".format(**report["machine"])
-    shown = [f"{title}:\n\n{markdown_table(*compare.table(report, title))}" for title in compare.TABLES]
-    return "\n\n".join([f"{where} {compare.caution(report['models'])}".strip(), *shown])
+    shown = [f"{title}:\n\n{markdown_table(*comparison.table(report, title))}" for title in comparison.TABLES]
+    return "\n\n".join([f"{where} {comparison.caution(report['models'])}".strip(), *shown])
 
 
 def of_sizes() -> str:
     """Cost per directed bond, setup and memory of the default surrogate by the size of a sheet."""
-    from pdsurrogate.reports.speed import TimedModel, measure_speed
+    from clock import TimedModel, measure_speed
 
     widths = (18, 58, 183, 577)
     bodies = [pds.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width) for width in widths]

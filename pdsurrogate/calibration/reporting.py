@@ -19,6 +19,9 @@ from .regressor import SceneRegressor
 STRETCHES = {"uniaxial": (0.8, 1.2, 1.5, 2.0), "equibiaxial": (1.1, 1.2, 1.5, 2.0), "pure-shear": (1.2, 1.5, 2.0)}
 """Stretches of homogeneous tests in which a report states the stress of the law with its standard error."""
 
+POOR = 1.5
+"""Lack of fit above which a report says that the law does not describe the test."""
+
 MOST_MAPS = 5
 """Greatest number of steps whose residuals are drawn, evenly chosen with the last one: maps of more would be too small to read."""
 
@@ -168,6 +171,19 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
         for name, here in quantities.items()
         if name != "fields"
     }
+    remarks, worst = [], _worst(model, X, columns)
+    if model.undetermined_:
+        names = ", ".join(model.undetermined_)
+        remarks.append(f"The test does not determine {names}: a combination has a standard error above a half of its value.")
+    if model.at_bound_:
+        other = "another law may fit better, or a unit of the data is not that of the scene"
+        remarks.append(f"{', '.join(model.at_bound_)} reached a bound of the search: {other}.")
+    if model.lack_of_fit_ > POOR:
+        remarks.append(
+            f"The law leaves residuals of {model.lack_of_fit_**0.5:.2g} standard deviations: the law, the scene, its spacing, the "
+            "units of the data or the stated noise are not those of the test. Standard errors are increased by this factor. The greatest "
+            f"residual, of {worst['standard_deviations']:.2g} standard deviations, is that of {worst['measured']} in step {worst['step']}."
+        )
     return {
         **parameters_of(model),
         "correlation": model.correlation_.tolist(),
@@ -175,11 +191,12 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
         "lack_of_fit": plain(model.lack_of_fit_),
         "p_value": plain(model.p_value_),
         "measurements": fits,
-        "worst": _worst(model, X, columns),
+        "worst": worst,
         "outputs": outputs,
         "stresses": stresses,
         "start": model.start_,
         "simulations": model.n_simulations_,
+        "remarks": remarks,
     }
 
 

@@ -17,7 +17,6 @@ from .. import __version__
 from .terminal import FAILED, HELP_OPTIONS, INTERRUPTED, WARNING, complain, end_soon_after_interrupts, ended, error_as_json, out, settings
 
 COMMANDS = {
-    "compare": ("measure", "Measure speed and error of force models, next to NOSB and BA-NOSB, on one thread and on all."),
     "materials": ("lists", "List the material laws with their parameters."),
     "identify": ("fit", "Identify the parameters of material laws from test data."),
     "calibrate": ("calibrate", "Fit a law to displacement fields and forces measured on a body that a scene describes."),

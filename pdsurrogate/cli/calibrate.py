@@ -11,7 +11,6 @@ from ..artifacts.store import new_artifact, next_version
 from ..calibration import SceneRegressor, reporting
 from ..calibration.measured import DISPLACEMENTS, FORCES
 from ..forces.identity import digest_of
-from ..identification import fitted_laws
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
 from ..learning.fitting import TooInexact
@@ -22,9 +21,8 @@ from ..results.files import write_json
 from ..scenes import load_scene
 from ..scenes.reading import parse_change
 from .command import SCENE_HELP, Overwrite, SetScene, check_folder
-from .completion import scenes
 from .fit import BulkModulus, Terms, print_parameters
-from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, warn, writing
+from .terminal import FAILED, Bar, bad_input, note, print_json, print_rows, warn, writing
 
 FIELDS_HELP = "CSV file of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3)."
 FORCES_HELP = (
@@ -33,12 +31,12 @@ FORCES_HELP = (
 
 
 def calibrate(
-    scene: Annotated[str, Argument(metavar="SCENE", autocompletion=scenes, help=f"{SCENE_HELP}. Step k is its k-th output.")],
+    scene: Annotated[str, Argument(metavar="SCENE", help=f"{SCENE_HELP}. Step k is its k-th output.")],
     name: Annotated[str, Argument(metavar="NAME", help="Name of the new artifact.")],
     *,
     fields: Annotated[Path | None, Option("--fields", metavar="F.csv", help=FIELDS_HELP)] = None,
     forces: Annotated[Path | None, Option("--forces", metavar="G.csv", help=FORCES_HELP)] = None,
-    law: Annotated[str | None, Option(metavar="LAW", autocompletion=fitted_laws, help="Law whose parameters are fitted.")] = None,
+    law: Annotated[str | None, Option(metavar="LAW", help="Law whose parameters are fitted.")] = None,
     free: Annotated[bool, Option("--free", help="Find an energy of few terms instead of a law.")] = False,
     terms: Terms = None,
     field_noise: Annotated[float | None, Option(help="Standard deviation of the displacements (default: estimated).")] = None,
@@ -99,26 +97,7 @@ def calibrate(
 def print_calibrated(found: dict) -> None:
     """Print the parameters of a calibrated law with their standard errors, the residuals, and what the test leaves open."""
     print_parameters(f"{found['law']['law']}, calibrated", found)
-    columns = {"rows": "rows", "noise": "standard_deviation", "RMS residual": "rms_residual", "lack of fit": "lack_of_fit"}
-    columns |= {"discretization": "rms_discretization"}
-    rows = ((kind, *(f"{row[key]:.3g}" for key in columns.values())) for kind, row in found["measurements"].items())
-    print_table("Measurements: residuals in their units", ("measured", *columns), rows, left=1)
-    for mode, rows in found["stresses"].items():
-        shown = [
-            f"{row['nominal_stress']:.4g} ± {row['standard_error']:.1g} at {row['stretch']:g}" for row in rows if row["standard_error"]
-        ]
-        out.print(f"{mode}: {', '.join(shown)}", highlight=False)
-    if found["undetermined"]:
-        warn(
-            f"The test does not determine {', '.join(found['undetermined'])}: a combination has a standard error above a half of its value."
-        )
-    if found["at_bound"]:
-        names = ", ".join(found["at_bound"])
-        warn(f"{names} reached a bound of the search: another law may fit better, or a unit of the data is not that of the scene.")
-    if found["lack_of_fit"] is not None and found["lack_of_fit"] > 1.5:
-        worst = found["worst"]
-        warn(
-            f"The law leaves residuals of {found['lack_of_fit'] ** 0.5:.2g} standard deviations: the law, the scene, its spacing, the "
-            "units of the data or the stated noise are not those of the test. Standard errors are increased by this factor. The greatest "
-            f"residual, of {worst['standard_deviations']:.2g} standard deviations, is that of {worst['measured']} in step {worst['step']}."
-        )
+    print_rows("Measurements: residuals in their units", [{"measured": kind, **row} for kind, row in found["measurements"].items()])
+    print_rows("Nominal stresses of the law", [{"mode": mode, **row} for mode, rows in found["stresses"].items() for row in rows])
+    for text in found["remarks"]:
+        warn(text)

@@ -20,7 +20,6 @@ from ..ranks import NotUnderMPI
 from ..run.interruption import heard
 from ..scenes import MaterialSpec
 from ..scenes.reading import parse_change
-from .completion import forces, laws
 from .terminal import HELP_OPTIONS, WARNING, bad_input, complain, on_standard_error, out, settings
 
 Overwrite = Annotated[bool, Option("--overwrite", help="Overwrite existing results in DIR, even if they come from a different run.")]
@@ -29,11 +28,9 @@ SetScene = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help
 SetLaw = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a parameter of the law; may be repeated.")]
 ReportFolder = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the report (default: none is written).")]
 PictureFolder = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the pictures (default: the current one).")]
-Threads = Annotated[int | None, Option(help="Greatest number of threads (default: all cores).")]
-OneLaw = Annotated[str | None, Option(metavar="LAW", autocompletion=laws, help="Material law (default: neo-hookean).")]
+OneLaw = Annotated[str | None, Option(metavar="LAW", help="Material law (default: neo-hookean).")]
 SCENE_HELP = "Name of a built-in scene, or path of a scene file (.toml)"
 REF_HELP = "Force model: NAME (pdsurrogate artifacts lists them), NAME@VERSION of an artifact, or its path"
-Forces = Annotated[list[str] | None, Option(metavar="REF", autocompletion=forces, help=f"{REF_HELP}; may be repeated (default: all).")]
 
 
 def command(function: Callable, text: str) -> typer.core.TyperCommand:

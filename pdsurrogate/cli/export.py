@@ -9,16 +9,11 @@ from ..export import exported, file_name, source_of_artifact, source_of_law
 from ..materials import LAWS
 from ..results.files import write_text
 from .command import SetLaw, check_folder, law_of
-from .completion import artifacts, laws
 from .terminal import note, print_json, writing
 
 
-def _names() -> list[str]:
-    return [*laws(), *artifacts()]
-
-
 def export(
-    name: Annotated[str, Argument(metavar="NAME", autocompletion=_names, help="Law, or artifact: NAME, NAME@VERSION or a path.")],
+    name: Annotated[str, Argument(metavar="NAME", help="Law, or artifact: NAME, NAME@VERSION or a path.")],
     *,
     to: Annotated[Literal["felupe", "umat", "ufl", "c"], Option("--to", help="Program or language.")],
     change: SetLaw = None,

@@ -25,24 +25,15 @@ from ..learning.target import REPORT_SEED, REPORTED_STATES
 from ..results import figures
 from ..results.files import write_json
 from .command import OneLaw, Overwrite, ReportFolder, SetLaw, check_folder, law_of
-from .completion import artifacts, laws
-from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, warn, writing
+from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_rows, print_table, warn, writing
 
 DIGITS = 16
 """Number of hexadecimal digits of the digest by which a report identifies its test data: two tests do not share sixteen by chance."""
 
-LARGE_GROWTH = 1.05
-"""Greatest volume ratio that an identified law may give in the tests without a warning: the volume of rubber grows by a percent or so.
-Chosen just above the 4 % to which the default bulk modulus leads at Treloar's greatest stretch (`BULK_RATIO`)."""
-
 FOLDER_HELP = "Folder of artifacts (default: $PDSURROGATE_ARTIFACTS, or the folder artifacts; in a checkout own-artifacts)."
 
-STIFFNESS = {
-    "least_slope": "least slope of the force over the bond stretch",
-    "least_acoustic": "least acoustic stiffness",
-    "least_curvature": "least curvature of the energy over the log-stretches",
-}
-"""Titles of the stiffnesses in a report of `learning.evaluate`, which has them for the model and, as ``KEY_exact``, for the law."""
+STIFFNESS = ("at_rest", "shear_modulus", "least_slope", "least_acoustic", "least_curvature")
+"""Entries of a report of `learning.evaluate` on the state at rest and on stiffness, with those of the law as ``KEY_exact``."""
 
 DATA_HELP = "Test data: treloar, kawabata, or a CSV file with the columns mode, stretch and nominal_stress."
 
@@ -57,7 +48,7 @@ Loading = Annotated[bool, Option("--loading", help="Take the rows of first loadi
 def identify(
     data: Annotated[Path, Argument(metavar="DATA", help=DATA_HELP)],
     *,
-    law: Annotated[list[str] | None, Option(metavar="LAW", autocompletion=fitted_laws, help="Law; may be repeated (default: all).")] = None,
+    law: Annotated[list[str] | None, Option(metavar="LAW", help="Law; may be repeated (default: all).")] = None,
     terms: Terms = None,
     stretch: Annotated[float | None, Option("--up-to", help="Leave out rows with a greater stretch.")] = None,
     loading: Loading = False,
@@ -87,12 +78,12 @@ def identify(
     for text in dict.fromkeys(text for report in reports for text in (*report["refusals"], *report["remarks"])):
         warn(text)
     print_json({"laws": reports, "held_out": held_out})
-    if held_out:
-        cells = []
-        for row in held_out:
-            scores = ", ".join(f"{mode} {value:.3f}" for mode, value in row["held_out"].items())
-            cells.append((row["law"], ", ".join(row["fitted_to"]), scores, f"{row['relative_rms']:.3f}"))
-        print_table("Prediction of held-out modes", ("law", "fitted to", "R^2 of the held-out mode", "relative RMS error"), cells)
+    predicted = [
+        {"law": row["law"], "held out": mode, "R^2": score, "relative RMS error": row["relative_rms"]}
+        for row in held_out
+        for mode, score in row["held_out"].items()
+    ]
+    print_rows("Prediction of held-out modes", predicted)
     if folder is not None:
         with writing(folder):
             write_json(folder / "identify.json", {"asked": asked, "laws": reports})
@@ -101,24 +92,11 @@ def identify(
 
 
 def print_identified(report: dict) -> None:
-    """Print identified parameters with standard errors, and for each deformation mode R^2 and the greatest difference from the data."""
-    form = report.get("form", report["law"]["law"])
-    title = f"{form} fitted to {report['data']}, {report['rows']} rows"
+    """Print a report of an identification: parameters, differences from the tests, and modes that were not measured."""
+    title = f"{report.get('form', report['law']['law'])} fitted to {report['data']}, {report['rows']} rows"
     print_parameters(title, report)
     _print_differences(f"{title}: fit compared with the tests", report["differences"], report["r_squared"])
-    if report["at_bound"]:
-        at_bound = ", ".join(report["at_bound"])
-        warn(f"{form}: {at_bound} reached a bound of the search range: the data do not determine it, or another law would fit better.")
-    if report["volume_ratio"] and report["volume_ratio"] > LARGE_GROWTH:
-        growth = f"the volume grows by {100 * (report['volume_ratio'] - 1):.0f} % in the tests, more than that of rubber"
-        warn(f"{form}: with this bulk modulus {growth}; set a greater one with --bulk-modulus.")
-    if rows := report.get("unmeasured"):
-        cells = [(row["mode"], f"{row['stretch']:g}", *map(_number, (row["nominal_stress"], row["standard_deviation"]))) for row in rows]
-        print_table(f"{title}: modes that were not measured", ("mode", "stretch", "nominal stress", "standard deviation"), cells, left=1)
-
-
-def _number(value: float | None) -> str:
-    return "none" if value is None else f"{value:.3g}"
+    print_rows(f"{title}: modes that were not measured", report.get("unmeasured", []))
 
 
 def print_parameters(title: str, report: dict) -> None:
@@ -132,15 +110,8 @@ def print_parameters(title: str, report: dict) -> None:
 
 
 def _print_differences(title: str, differences: dict, scores: dict | None = None) -> None:
-    """Print, for each deformation mode, the greatest difference of a law or a simulation from the tests, and `scores` (R^2) if given.
-
-    `differences` are those of `reporting.differences`, relative to the greatest stress of the mode; the table gives percent.
-    """
-    cells = []
-    for mode, row in differences.items():
-        found = ("no stress", "") if row["difference"] is None else (f"{100 * row['difference']:+.2g}", f"{row['stretch']:g}")
-        cells.append((mode, *([f"{scores[mode]:.4f}"] if scores else []), *found))
-    print_table(title, ("mode", *(["R^2"] if scores else []), "greatest difference (%)", "at stretch"), cells, left=1)
+    """Print, by mode, `scores` (R^2) if given, and the greatest difference from the tests relative to the greatest stress."""
+    print_rows(title, [{"mode": mode, **({"R^2": scores.get(mode)} if scores else {}), **row} for mode, row in differences.items()])
 
 
 def _with_settings(command: Callable[..., None]) -> Callable[..., None]:
@@ -267,17 +238,13 @@ EVALUATED = [name for name, kind in FORCES.items() if issubclass(kind, ForceSurr
 EVALUATED_HELP = f"{', '.join(EVALUATED)}, or an artifact (NAME, NAME@VERSION or a path)"
 
 
-def _evaluated() -> list[str]:
-    return [*EVALUATED, *artifacts()]
-
-
 def evaluate(
-    reference: Annotated[str, Argument(metavar="REF", autocompletion=_evaluated, help=f"Force model: {EVALUATED_HELP}.")],
+    reference: Annotated[str, Argument(metavar="REF", help=f"Force model: {EVALUATED_HELP}.")],
     least: Annotated[float | None, Option(help="Least principal stretch (default: that of the artifact's domain).")] = None,
     greatest: Annotated[float | None, Option(help="Greatest principal stretch (default: that of the artifact's domain).")] = None,
     samples: Annotated[int, Option(help="Number of states in each set.", min=100)] = REPORTED_STATES,
     seed: Annotated[int, Option(help="Seed of the random states.", min=0)] = REPORT_SEED + 1_000_000,
-    law: Annotated[str | None, Option(metavar="LAW", autocompletion=laws, help="Law of an exact model (default: neo-hookean).")] = None,
+    law: Annotated[str | None, Option(metavar="LAW", help="Law of an exact model (default: neo-hookean).")] = None,
 ) -> None:
     """Print the errors of an artifact against the law on its card, or of an exact force model against a law."""
     if reference in EVALUATED:
@@ -299,19 +266,14 @@ def evaluate(
 
 
 def print_errors(report: dict) -> None:
-    """Print, from a report of `learning.evaluate`, a table of the errors of a bond force or an energy, and a line on its stiffness."""
+    """Print, from a report of `learning.evaluate`, the errors of a bond force or an energy, and its state at rest and stiffness."""
     low, high = report["stretch_range"]
-    which = f"stretches {low:g} to {high:g}, {report['n_samples']} states"
-    force, rows = "off_surface" in report, {"all": report["on_surface"]}
-    if force:
+    rows = {"all": report["on_surface"]}
+    if "off_surface" in report:
         rows = {"in plane stress": report["on_surface"], "not in plane stress": report["off_surface"]}
     rows |= {f"strain {row['strain'][0]:g} to {row['strain'][1]:g}": row for row in report["by_strain"]}
-    columns = {"RMS": "rms", "greatest": "max"}
-    if not force:
-        columns = {"stress, RMS": "rms", "stress, greatest": "max", "energy, RMS": "energy_rms"}
-    cells = ([title, *(f"{row[key]:.1e}" for key in columns.values())] for title, row in rows.items())
-    print_table(f"Relative {'errors of the force' if force else 'errors'}, {which}", ("states", *columns), cells, left=1)
-    cells = [("force at rest" if force else "energy and stress at rest", f"{report['at_rest']:.1e}", "0")]
-    cells += [("shear modulus at rest", f"{report['shear_modulus']:.7g}", "1")] if "shear_modulus" in report else []
-    cells += [(title, *(f"{report[name]:.3g}" for name in (key, f"{key}_exact"))) for key, title in STIFFNESS.items() if key in report]
-    print_table("State at rest, and stiffness", ("quantity", "model", "exact"), cells, left=1)
+    errors = [{"states": title, **{key: value for key, value in row.items() if key != "strain"}} for title, row in rows.items()]
+    print_rows(f"Relative errors, stretches {low:g} to {high:g}, {report['n_samples']} states", errors)
+    of_law = {"at_rest_exact": 0.0, "shear_modulus_exact": 1.0, **report}
+    rest = [{"quantity": key, "model": report[key], "exact": of_law[f"{key}_exact"]} for key in STIFFNESS if key in report]
+    print_rows("State at rest, and stiffness", rest)

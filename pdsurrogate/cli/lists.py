@@ -18,7 +18,6 @@ from ..materials import LAWS, Law
 from ..results.contents import leaves_of
 from ..results.files import write_text
 from ..scenes import load_scene, scene_names
-from . import completion
 from .command import SCENE_HELP, PictureFolder, SetScene, check_folder
 from .terminal import note, print_json, print_table, warn, writing
 
@@ -47,7 +46,7 @@ CARD = "Artifact whose card is printed as JSON: NAME, NAME@VERSION or a path (de
 
 
 def artifacts(
-    reference: Annotated[str | None, Argument(metavar="REF", autocompletion=completion.artifacts, help=CARD)] = None,
+    reference: Annotated[str | None, Argument(metavar="REF", help=CARD)] = None,
 ) -> None:
     """Print tables of the exact force models and the artifacts, or the card of an artifact as JSON."""
     if reference is not None:
@@ -69,12 +68,12 @@ def artifacts(
     exact = ((name, model().family, ", ".join(model().honors["plane"])) for name, model in FORCES.items())
     print_table("Exact force models, which need no artifact", ("name", "family", "plane"), exact)
     for root, found in rows.items():
-        print_table(f"Artifacts in {root}", ("artifact", "law", "features", "RMS error"), found, folds=("artifact",))
+        print_table(f"Artifacts in {root}", ("artifact", "law", "features", "RMS error"), found)
     print_json(known)
 
 
 def scenes(
-    name: Annotated[str | None, Argument(metavar="SCENE", autocompletion=completion.scenes, help=f"{SCENE_HELP} (default: all).")] = None,
+    name: Annotated[str | None, Argument(metavar="SCENE", help=f"{SCENE_HELP} (default: all).")] = None,
     plot: Annotated[bool, Option("--plot", help="Plot the scene with its regions, grips, loads and probes, without running it.")] = False,
     change: SetScene = None,
     pictures: PictureFolder = None,
@@ -94,7 +93,7 @@ def scenes(
     given = scene.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude_none=True)
     print_json(given)
     rows = ((key, escape(value if isinstance(value, str) else json.dumps(value))) for key, value in leaves_of(given).items())
-    print_table(f"Scene {scene.name}", ("key", "value"), rows, folds=("value",), show_header=False)
+    print_table(f"Scene {scene.name}", ("key", "value"), rows, show_header=False)
     if plot:
         # Imported here, since only pictures need matplotlib.
         from ..results import figures

@@ -6,17 +6,16 @@ from typer import Argument, Option
 
 from ..ranks import communicator
 from ..scenes import load_scene
-from . import completion
 from .command import REF_HELP, SCENE_HELP, MaxTime, Overwrite, SetScene
-from .terminal import share
+from .terminal import use_ranks
 
 FORCE_HELP = f"{REF_HELP} (default: depends on the scene)."
 
 
 def run(
-    scene: Annotated[str, Argument(metavar="SCENE", autocompletion=completion.scenes, help=f"{SCENE_HELP}.")],
+    scene: Annotated[str, Argument(metavar="SCENE", help=f"{SCENE_HELP}.")],
     *,
-    force: Annotated[str | None, Option(metavar="REF", autocompletion=completion.forces, help=FORCE_HELP)] = None,
+    force: Annotated[str | None, Option(metavar="REF", help=FORCE_HELP)] = None,
     change: SetScene = None,
     out_folder: Annotated[str | None, Option("--out", metavar="DIR", help="Folder for the results (default: none are written).")] = None,
     threads: Annotated[int | None, Option(help="Number of threads (default: as many as speed it up); results do not depend on it.")] = None,
@@ -26,7 +25,7 @@ def run(
 ) -> None:
     """Run a scene on one process or several ranks, print its result, and write it to a folder, if given."""
     ranks = communicator()
-    share(ranks)
+    use_ranks(ranks)
     asked = load_scene(scene, change or [])
     from .simulation import simulated  # here, because a scene that is refused needs neither numba nor forces
 

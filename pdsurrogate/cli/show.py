@@ -12,7 +12,6 @@ from ..results.folder import RUNNING
 from ..results.loading_curve import SHOWN_SHARE
 from ..results.tables import column_unit
 from ..scenes.model import with_unit
-from . import completion
 from .command import PictureFolder, check_folder
 from .terminal import WARNING, Bar, bad_input, complain, note, out, print_json, print_table, warn, writing
 
@@ -24,7 +23,7 @@ MARK = b'content="pdsurrogate show"'
 
 def show(
     folder: Annotated[Path, Argument(metavar="DIR", help="Folder with results of a run (its --out DIR).")],
-    field: Annotated[list[str] | None, Option(metavar="FIELD", autocompletion=completion.fields, help=FIELD_HELP)] = None,
+    field: Annotated[list[str] | None, Option(metavar="FIELD", help=FIELD_HELP)] = None,
     level: Annotated[int | None, Option(help="Number of the output, from 0, or from the end: -1 is the last one (default: -1).")] = None,
     pictures: PictureFolder = None,
     html: Annotated[Path | None, Option(metavar="FILE", help="Write one HTML page with all outputs, curves and tables instead.")] = None,

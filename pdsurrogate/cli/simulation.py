@@ -20,13 +20,9 @@ from ..scenes import Scene
 from .command import check_folder
 from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, note, out, print_json, print_table, warn, writing
 
-LEAST_SHARE = 0.01
-"""Force on a region of a sheet, divided by its moment per distance of the body from the origin, below which the moments are printed: the
-region is turned, not pulled. Chosen: with a smaller ratio regions that are turned go unnoticed, with a greater one pulled ones count."""
-
 LEAST_SHOWN = 5e-6
-"""Size of a component, relative to the greatest one of the table, up to which it is printed as 0. Forces and moments are compared with each
-other, too, through the body's distance from the origin. Chosen: the forces in equilibrium are not more accurate."""
+"""Size of a number, relative to the greatest one of the table, up to which it is printed as 0: equilibria are not more accurate. Forces and
+moments are compared with each other, too, through the body's distance from the origin."""
 
 
 def simulated(ranks: Communicator, asked: Scene, force: str | None, threads: int | None, options: dict) -> None:
@@ -55,7 +51,7 @@ def simulated(ranks: Communicator, asked: Scene, force: str | None, threads: int
                 with writing(writes):
                     result.save(writes)
             note(f"Results in {writes}")
-            if result.in_pieces:
+            if result.states.in_pieces:
                 note(f"Each rank wrote its own part of the fields, so no picture is drawn; open {described.name}.pvd in ParaView")
         print_json(result.summary)
         ranks.barrier()  # a rank that is alone with an error ends the others
@@ -161,52 +157,39 @@ def print_grip(result: Result) -> None:
 
 
 def _print_outputs(result: Result) -> None:
-    """Print the forces on each region and its moments at every output, and the displacements of the probes.
+    """Print the forces on each region at every output, the displacements of the probes, and contact with obstacles.
 
-    The moments are printed in three dimensions, and in the plane if the forces on a region are negligible compared with its moment.
+    Moments are printed in space, and in the plane where a region is turned.
     """
-    forces, moments, probes = (_by_name(result.levels, kind) for kind in ("forces", "moments", "probes"))
-    distance = float(np.abs(result.body.points).max())
-    force, moment = (max((float(np.abs(values).max()) for values in named.values()), default=0.0) for named in (forces, moments))
+    units, levels = result.scene.units, result.levels
     out.print(_title(result), style="bold", highlight=False)
-    _print_named(result, "Forces on the body", "force", forces, max(force, moment / distance))
-    turned = any(np.abs(forces[name]).max() * distance < LEAST_SHARE * np.abs(moments[name]).max() for name in forces)
-    if result.body.dimension == 3 or turned:
-        _print_named(result, "Moments about the origin", "energy", moments, max(moment, force * distance))
-    if probes:
-        greatest = max(float(np.abs(values).max()) for values in probes.values())
-        _print_named(result, "Displacements of the probes", "length", probes, greatest)
-    contacts = [level["contact"] for level in result.levels if "contact" in level]
-    if contacts:
-        by_name = {name: np.array([[*contact[name].values()] for contact in contacts]) for name in contacts[0]}
-        quantities = [result.scene.units.label("area", "area"), result.scene.units.label("penetration", "length")]
-        _print_named(result, "Contact with obstacles", None, by_name, 0.0, quantities)
-
-
-def _by_name(levels: Sequence[dict], kind: str) -> dict[str, np.ndarray]:
-    """Return the forces, moments or displacements of probes by name, as arrays with a row for each output and a column per component."""
-    rows = [{name: value["displacement"] if kind == "probes" else value for name, value in level.get(kind, {}).items()} for level in levels]
-    return {name: np.array([np.atleast_1d(row[name]) for row in rows]) for name in dict.fromkeys(name for row in rows for name in row)}
-
-
-def _print_named(
-    result: Result, title: str, unit: str | None, named: dict[str, np.ndarray], greatest: float, components: Sequence[str] = ()
-) -> None:
-    """Print a table of vectors by name, a row for each output; components up to `LEAST_SHOWN` times `greatest` are printed as 0.
-
-    `components` are the headings of the components, by default the axes.
-    """
-    levels, rows = result.levels, []
-    timed = any("time" in level for level in levels)
-    for name, values in named.items():
-        for number, (level, vector) in enumerate(zip(levels, values, strict=True)):
-            when = [f"{level['t']:g}", *([f"{level['time']:.4g}" if "time" in level else ""] if timed else [])]
-            rows.append([*(["" if number else name]), *when, *("0" if abs(x) <= LEAST_SHOWN * greatest else f"{x:.5g}" for x in vector)])
-        rows += [None] * (len(levels) > 1)
-    headings = ["name", "t", *([result.scene.units.label("time", "time")] if timed else [])]
-    count = len(next(iter(named.values()))[0]) if named else 0
-    components = components or ([f"x{axis}" for axis in range(1, count + 1)] if count > 1 else ["counter-clockwise"])
-    print_table(result.scene.units.label(title, unit) if unit else title, [*headings, *components], rows, left=1)
+    distance = np.abs(result.body.points).max()
+    force, moment = (
+        max((np.abs(value).max() for level in levels for value in level[key].values()), default=0.0) for key in ("forces", "moments")
+    )
+    scales = {"forces": max(force, moment / distance), "moments": max(moment, force * distance)}
+    axes, contact = ("x1", "x2", "x3"), (units.label("area", "area"), units.label("penetration", "length"))
+    for title, key, components in (
+        (units.label("Forces on the body", "force"), "forces", axes),
+        (units.label("Moments about the origin", "energy"), "moments", axes),
+        (units.label("Displacements of the probes", "length"), "probes", axes),
+        ("Contact with obstacles", "contact", contact),
+    ):
+        if key == "moments" and result.scene.dimension == 2 and not any(entry.rotation for entry in result.scene.prescribed):
+            continue
+        rows: list = []
+        for name in dict.fromkeys(name for level in levels for name in level.get(key, ())):
+            for number, level in enumerate(levels):
+                found, at = level[key][name], f"{level['t']:g}"
+                found = found["displacement"] if key == "probes" else [*found.values()] if key == "contact" else np.atleast_1d(found)
+                at += f", {units.amount(level['time'], 'time', '.4g')}" if "time" in level else ""
+                rows.append((name if number == 0 else "", at, np.array(found)))
+            rows += [None] * (len(levels) > 1)
+        if rows:
+            least = LEAST_SHOWN * scales.get(key, max(np.abs(row[2]).max() for row in rows if row))
+            cells = (row and [*row[:2], *("0" if abs(x) <= least else f"{x:.5g}" for x in row[2])] for row in rows)
+            headings = components[: len(rows[0][2])] if len(rows[0][2]) > 1 else ["counter-clockwise"]
+            print_table(title, ("name", "t", *headings), cells, left=1)
 
 
 def _print_rates(result: Result) -> None:

@@ -29,9 +29,6 @@ from ..run.interruption import heard
 HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
 """Settings of every command, and of the group of commands, by which both options print help."""
 
-GAP = 2
-"""Number of characters between two columns of a table."""
-
 SECONDS_BETWEEN_LINES = 30.0
 """Seconds between two lines about the progress of a task where standard error is not a terminal. Chosen: a minute tells something, and the
 log of an hour has some hundred lines."""
@@ -54,6 +51,9 @@ _INTERRUPTED_IN_A_CALL = b"pdsurrogate: interrupted during a calculation; result
 
 _ranks = None
 """Communicator of the ranks that share the command; None for a command that one process carries out."""
+
+GAP = 2
+"""Number of characters between two columns of a table."""
 
 out = Console()
 err = Console(stderr=True)
@@ -98,13 +98,8 @@ def on_standard_error(text: str) -> None:
     err.print(text, soft_wrap=not err.is_terminal, highlight=False)
 
 
-def print_table(
-    title: str, columns: Sequence[str], rows: Iterable[Sequence[str] | None], left: int | None = None, folds: Sequence[str] = (), **options
-) -> None:
-    """Print a title and a table of text on standard output, without cutting any word or number.
-
-    In a narrow terminal cells break between words; columns that do not fit even so follow in further tables, each of which begins with the
-    first column.
+def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str] | None], left: int | None = None, **options) -> None:
+    """Print a title and a table of text on standard output; cells break between words, and a table that is too wide for that is wider.
 
     Parameters
     ----------
@@ -115,49 +110,38 @@ def print_table(
         Cells of each row; None leaves a line free.
     left : int, optional
         Number of columns, from the first, that are left-aligned, while the others are right-aligned; by default all.
-    folds : sequence of str
-        Headings of columns whose cells may break at any character, such as columns of paths.
     **options
         See `rich.table.Table`.
     """
     rows = list(rows)
-    columns, cells = [escape(heading) for heading in columns], list(zip(columns, *filter(None, rows), strict=True))
-    measured = [[Measurement.get(out, out.options, text) for text in column] for column in cells]
-    least = [1 if column[0] in folds else max(text.minimum for text in texts) for column, texts in zip(cells, measured, strict=True)]
+    table = Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0), pad_edge=False, **options)
+    columns, measured = list(map(escape, columns)), []
+    for cells in zip(columns, *filter(None, rows), strict=True):
+        least, natural = zip(*(Measurement.get(out, out.options, cell) for cell in cells), strict=True)
+        measured.append((max(least), max(natural)))
+    widths = [least for least, _ in measured]
+    for number in sorted(range(len(widths)), key=lambda number: measured[number][1] - widths[number]):  # who wants little gets it
+        spare = max(out.width - sum(widths) - GAP * (len(widths) - 1), 0)
+        widths[number] = min(measured[number][1], widths[number] + spare)
+    for number, width in enumerate(widths):
+        justify = "right" if left is not None and number >= left else "left"
+        table.add_column(columns[number], justify=justify, overflow="fold", width=width)
+    table.width = sum(widths) + GAP * (len(widths) - 1)
+    for row in rows:
+        if row is None:
+            table.add_section()
+        else:
+            table.add_row(*row)
     out.print(title, style="bold", markup=False, highlight=False)
-    for shown in _parts(least):
-        table = Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0), pad_edge=False, **options)
-        widths = [least[number] for number in shown]
-        # Spare room is for cells first, then for headings.
-        for texts in (slice(1, None), slice(0, 1)):
-            spare = out.width - sum(widths) - GAP * (len(shown) - 1)
-            natural = [max((text.maximum for text in measured[number][texts]), default=0) for number in shown]
-            wanted = [max(pair) for pair in zip(natural, widths, strict=True)]
-            missing = sum(wanted) - sum(widths)
-            share = max(min(spare / missing, 1.0), 0.0) if missing else 0.0
-            widths = [width + int(share * (most - width)) for width, most in zip(widths, wanted, strict=True)]
-        for number, width in zip(shown, widths, strict=True):
-            justify = "right" if left is not None and number >= left else "left"
-            table.add_column(columns[number], justify=justify, overflow="fold", width=width)
-        for row in rows:
-            if row is None:
-                table.add_section()
-            else:
-                table.add_row(*(row[number] for number in shown))
-        table.width = sum(widths) + GAP * (len(shown) - 1)
-        out.print(table, crop=False)
-        out.print()
+    out.print(table, crop=False)
+    out.print()
 
 
-def _parts(widths: Sequence[int]) -> Iterator[list[int]]:
-    """Yield lists of the numbers of columns of given least widths that fit side by side; each list begins with the first column."""
-    shown = [0]
-    for number in range(1, len(widths)):
-        if len(shown) > 1 and sum(widths[one] for one in (*shown, number)) + GAP * len(shown) > out.width:
-            yield shown
-            shown = [0]
-        shown.append(number)
-    yield shown
+def print_rows(title: str, rows: Sequence[dict]) -> None:
+    """Print a table of dictionaries with equal keys, which are the headings: text, numbers, and None; without rows print nothing."""
+    if rows:
+        cells = [["none" if one is None else f"{one:.4g}" if isinstance(one, float) else str(one) for one in row.values()] for row in rows]
+        print_table(title, list(rows[0]), cells, sum(isinstance(one, str) for one in rows[0].values()))
 
 
 class Bar(Progress):
@@ -209,7 +193,7 @@ class Bar(Progress):
         if not err.is_terminal and time.monotonic() - self._told > SECONDS_BETWEEN_LINES:
             self._told, left = time.monotonic(), self.tasks[0].time_remaining
             rest = "" if left is None else f", about {timedelta(seconds=int(left))} left"
-            note(f"{title}: {100 * done / total:.0f} % done{rest}; {state}")
+            note(f"{title}: {100 * done / total:.0f} % done{rest}{state and f'; {state}'}")
 
     def _in_words(self, name: str, number: float | str) -> str:
         """Return a number with its name, and for a whole one, which counts something, its growth per second."""
@@ -223,7 +207,7 @@ class Bar(Progress):
         return f"{number} {name}" + (f" ({(number - first) / elapsed:.3g}/s)" if elapsed > 0 and number > first else "")
 
 
-def share(ranks) -> None:
+def use_ranks(ranks) -> None:
     """Register the communicator whose ranks share this command: from now on only the first rank prints, and all ranks end together."""
     global _ranks
     _ranks = ranks

@@ -1,7 +1,6 @@
 """Examination of test data and of fits to them: bad rows, modes in other units, laws that do not describe the data."""
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -10,8 +9,6 @@ import numpy as np
 from ..materials.dictionary import Term
 from .averaging import columns_of, isochoric, nonnegative
 from .data import BIAXIAL, MODES, TestData
-from .energy import EnergyRegressor
-from .regressor import LawRegressor
 from .stress_regressor import StressRegressor
 
 NOISE = 0.01
@@ -33,17 +30,8 @@ NEAR_REST = 2 * NOISE
 Chosen: twice the scatter `NOISE`.
 """
 
-AT_REST = NOISE / 10
-"""Log-stretch up to which a state counts as undeformed, and stress in such a state, divided by the greatest stress of its mode, above which
-the stress is reported. Chosen: a smaller offset is lost in the scatter."""
-
-BETTER, MENDED, MENDED_IF_POOR = 5.0, 3.0, 2.0
-"""Least factors by which residuals fall if a remark says that another law (`BETTER`) or changed data (`MENDED`) would fit better.
-
-A change of the data, such as of the unit of a mode, needs only the factor `MENDED_IF_POOR` if the law describes a mode poorly (`POOR`), or
-if several outliers are of one mode. Chosen: a more flexible law always fits somewhat better, so `BETTER` is the greatest; smaller factors
-name faults where there are none, greater ones leave faults unnamed.
-"""
+MENDED = 2.0
+"""Least factor by which residuals fall if a remark says that changed data, such as those of a mode in another unit, would fit better."""
 
 MOST_ROWS = 3
 """Most rows of the data that a message names for one fault. Chosen: three show the pattern, and the message stays one line."""
@@ -119,9 +107,8 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     Warns
     -----
     TestDataWarning
-        If the stress of a row stands out, or is below that at a smaller stretch; if the stresses of a mode look like those in another unit,
-        like Cauchy stresses or like stresses with a shifted zero; if a mode has an R^2 below 0.9; or if an energy without a law describes
-        the data five times better.
+        If the stress of a row stands out; if the stresses of a mode look like those in another unit or like Cauchy stresses; if stretches
+        look like strains, or rows are of unloading; or if a mode has an R^2 below 0.9.
 
     See Also
     --------
@@ -148,21 +135,10 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     return regressor
 
 
-def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegressor] = ()) -> Examination:
-    """Return refusals and remarks on errors in test data, or in a fit to the test data.
-
-    Parameters
-    ----------
-    model : StressRegressor
-        Regressor fitted to the data.
-    data : TestData
-    others : sequence of StressRegressor
-        Other fitted regressors, of which a remark names the best if it is much better than `model`; an `EnergyRegressor` and Ogden's law
-        are fitted for this comparison if they are not among them.
-    """
+def examine(model: StressRegressor, data: TestData) -> Examination:
+    """Return refusals and remarks on errors in test data, or in the fit of a regressor to the test data."""
     scores = data.r_squared(model.predict(data.stretches))
-    poor = not min(scores.values(), default=1.0) >= POOR
-    refusals, remarks = [*wrong_signs(data), *changes_of_volume(data)], suspicions(data, MENDED_IF_POOR if poor else MENDED)
+    refusals, remarks = [*wrong_signs(data), *changes_of_volume(data)], suspicions(data)
     poorly = []
     for mode, value in scores.items():
         if value < 0:
@@ -170,8 +146,7 @@ def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegre
             refusals.append(f"{worse}: use another law, or correct the data")
         elif not value >= POOR:
             poorly.append(f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}")
-    # Laws cannot be compared by data that contradict each other.
-    return Examination(refusals, [*remarks, *poorly, *([] if remarks else _better(model, data, others))])
+    return Examination(refusals, [*remarks, *poorly])
 
 
 def wrong_signs(data: TestData) -> list[str]:
@@ -210,43 +185,30 @@ def _some(found: list[str]) -> list[str]:
     return found if len(found) <= MOST_ROWS else [*found[:MOST_ROWS], f"and {len(found) - MOST_ROWS} more rows"]
 
 
-def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
+def suspicions(data: TestData) -> list[str]:
     """Return remarks on test data that look wrong for any law.
 
     The data are compared with an energy that stands for all that physics allows (`TERMS`), fitted so that single rows count little. Remarks
-    name changes of the stresses of a mode that reduce the residuals by the factor `enough`, and rows that stand out after the best change.
-    If no row of the unchanged data stands out, changes are tried only where the residuals exceed `enough` times `NOISE`. If rows stand out,
-    changes are tried where the residuals exceed `NOISE`; and if at least two of these rows have the same mode, `MENDED_IF_POOR` takes the
-    place of `enough`.
+    name changes of the stresses of a mode that reduce the residuals by the factor `MENDED`, and rows that stand out after the best change.
+    Changes are tried only where the residuals exceed `NOISE`.
     """
-    best, predicted = data, _robust(data)[0]
-    before, least = _size(data, predicted), enough * NOISE
-    outliers = np.abs(_standing(data, predicted)) > OUTLIER
-    if outliers.any():
-        several = len(set(data.mode[outliers].tolist())) < outliers.sum()
-        enough, least = MENDED_IF_POOR if several else enough, NOISE
-    changes = _changes(data) if before > least or data.stretches.max() > MOST_STRETCH else []
+    best, predicted = data, _robust(data)
+    before = _size(data, predicted)
+    changes = _changes(data) if before > NOISE or data.stretches.max() > MOST_STRETCH else []
     # The changes after which residuals are small enough, and at most twice those after the best change.
-    explained = [one for one in changes if one.size <= min(before / (one.enough or enough), 2 * changes[0].size)]
+    explained = [one for one in changes if one.size <= min(before / (one.enough or MENDED), 2 * changes[0].size)]
     if explained:
         best, predicted = explained[0].data, explained[0].predicted
     mended = {one.mode: one.words for one in reversed(explained)}  # the best change of each mode
     remarks = [f"{mode}: {words}" for mode, words in mended.items()]
     known = np.isin(best.mode, list(mended)) | ("all modes" in mended)
-    resting = (np.abs(np.log(best.stretches)).max(axis=1) < AT_REST) & ~known
-    resting &= np.abs(best.nominal_stress) > AT_REST * _greatest_of_mode(best)
-    if resting.any():
-        at_rest = ", ".join(_some([best.row_in_words(row) for row in np.flatnonzero(resting).tolist()]))
-        remarks.append(f"{at_rest}: rubber has no stress at a stretch of 1: check its zero, and that stretches are not strains")
     standing = np.abs(_standing(best, predicted))
-    rows = [row for row in np.argsort(-standing).tolist() if standing[row] > OUTLIER and not known[row] and not resting[row]]
+    rows = [row for row in np.argsort(-standing).tolist() if standing[row] > OUTLIER and not known[row]]
     if len(rows) > max(1, len(best) / 4):
         together = "no physically possible energy describes these tests together"
         checks = "have the same unit, are nominal, and are zero at a stretch of 1; foams, whose volume changes, are not described"
         return [*remarks, f"{together}: check that all stresses {checks}"]
-    remarks += [f"{best.row_in_words(row)} deviates by {standing[row]:.0f} standard deviations from the other rows" for row in rows]
-    named = {*rows, *np.flatnonzero(resting), *np.flatnonzero(known)}
-    return remarks + _some([text for row, text in _falling(best) if not named & {row, row - 1}])
+    return remarks + [f"{best.row_in_words(row)} deviates by {standing[row]:.0f} standard deviations from the other rows" for row in rows]
 
 
 def standardized(model: StressRegressor, data: TestData, most: int = 5) -> list[dict]:
@@ -267,11 +229,7 @@ def standardized(model: StressRegressor, data: TestData, most: int = 5) -> list[
     ]
 
 
-NOT_TOLD = "check that the stresses are nominal (force per undeformed area); Cauchy (true) stresses would have the same effect"
-"""Caution added to the remark that another law or energy describes the data better: it would also do so if they were Cauchy stresses."""
-
 CAUCHY = "the stresses look like Cauchy (true) stresses; divide them by the stretch to obtain nominal stresses"
-SHIFTED = "the stresses look shifted by {shift:.3g}; they should be zero at a stretch of 1"
 STRAINS = "the stretches, {:g} to {:g}, look like strains{}; a stretch is 1 + strain{}"
 HYSTERESIS = (
     "{} of {} rows are of unloading or of loading again, with other stresses than those of first loading (hysteresis), which no elastic "
@@ -296,17 +254,15 @@ class _Change(NamedTuple):
 
 
 def _changes(data: TestData) -> list[_Change]:
-    """Return possible corrections of faulty data, the best first: of stress measure, unit or zero, of strains, and of unloading."""
+    """Return possible corrections of faulty data, the best first: of stress measure or unit, of strains, and of unloading."""
     stress, first, found = data.nominal_stress, data.stretches[:, 0], []
 
-    def add(mode: str, words: str, mended: TestData = data, shifted: np.ndarray | None = None, enough: float | None = None) -> None:
-        predicted, shift = _robust(mended, shifted)
-        found.append(_Change(_size(mended, predicted), mode, words.format(shift=shift), mended, predicted, enough))
+    def add(mode: str, words: str, mended: TestData, enough: float | None = None) -> None:
+        predicted = _robust(mended)
+        found.append(_Change(_size(mended, predicted), mode, words, mended, predicted, enough))
 
     for mode in data.modes:
         rows = data.mode == mode
-        if mode != BIAXIAL:
-            add(mode, SHIFTED, shifted=rows)
         if rows.all():
             break
         add(mode, CAUCHY, replace(data, nominal_stress=np.where(rows, stress / first, stress)))
@@ -319,7 +275,6 @@ def _changes(data: TestData) -> list[_Change]:
             words = f"the stresses look {size} compared with the other modes; check their unit"
             add(mode, words, replace(data, nominal_stress=np.where(rows, stress / factor, stress)))
     else:
-        add("all modes", SHIFTED, shifted=np.ones(len(data), dtype=bool))
         add("all modes", CAUCHY, replace(data, nominal_stress=stress / first))
     for whole, unit, share in ((100.0, " in per cent", "/100"), (1.0, "", "")):
         stretches = 1 + data.stretches / whole
@@ -340,22 +295,15 @@ def _columns(data: TestData) -> np.ndarray:
     return columns_of(isochoric(data.stretches, np.ones(len(data))), data.stretches[:, 0], TERMS)
 
 
-def _robust(data: TestData, shifted: np.ndarray | None = None) -> tuple[np.ndarray, float]:
-    """Fit the energy terms `TERMS` to stresses, with little weight on outliers.
-
-    Return the fitted stresses (with the offset), and the constant stress offset found for the rows that the mask `shifted` marks; 0.0
-    without a mask.
-    """
+def _robust(data: TestData) -> np.ndarray:
+    """Return the stresses of the energy terms `TERMS` fitted to measured ones, with little weight on outliers."""
     columns, stress = _columns(data), data.nominal_stress
-    if shifted is not None:
-        columns = np.column_stack([columns, shifted, -1.0 * shifted])
     size, weight = np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300, np.ones(len(data))
     for _ in range(REWEIGHTINGS):
-        weights = nonnegative(columns, stress, np.sqrt(weight) / size)
-        predicted = columns @ weights
+        predicted = columns @ nonnegative(columns, stress, np.sqrt(weight) / size)
         residuals = _relative(data, predicted, FLOOR)
         weight = 1 / (1 + (residuals / (2 * _scale(residuals))) ** 2)  # Cauchy's
-    return predicted, float(weights[-2] - weights[-1]) if shifted is not None else 0.0
+    return predicted
 
 
 def _relative(data: TestData, predicted, share: float) -> np.ndarray:
@@ -391,42 +339,3 @@ def _greatest_of_mode(data: TestData) -> np.ndarray:
     greatest = np.zeros(len(modes))
     np.maximum.at(greatest, mode, np.abs(data.nominal_stress))
     return greatest[mode]
-
-
-def _falling(data: TestData):
-    """Yield (row index, message) for each row whose stress is below the stress at the next smaller stretch of the same mode."""
-    for mode in data.modes:
-        if mode == BIAXIAL:
-            continue
-        rows = np.flatnonzero(data.mode == mode)
-        rows = rows[np.argsort(data.stretches[rows, 0], kind="stable")]
-        stress, stretch = data.nominal_stress[rows], data.stretches[rows, 0]
-        for k in np.flatnonzero((np.diff(stress) < -2 * NOISE * np.abs(stress[:-1])) & (np.diff(stretch) > 1e-3 * stretch[:-1])):
-            row = rows[k + 1]
-            yield row, f"{data.row_in_words(row)} is below the stress {stress[k]:g} at the smaller stretch {stretch[k]:g}"
-
-
-def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegressor]):
-    """Yield a remark if the best among `others`, an energy and Ogden's law has an error below the error of `model` divided by `BETTER`.
-
-    The error is the square root of the mean of 1 - R^2 over the modes. The energy and Ogden's law are fitted here if they are not given.
-    """
-
-    def off(one: StressRegressor) -> float:
-        missing = [1 - value for value in data.r_squared(one.predict(data.stretches)).values()]
-        return float(np.sqrt(np.mean(missing))) if missing else 0.0
-
-    own = off(model)
-    if own < NOISE:
-        return
-    candidates = [model, *others]
-    for other in (EnergyRegressor(), LawRegressor("ogden")):
-        if other.law not in [one.law for one in candidates]:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                candidates.append(other.fit(data.stretches, data.nominal_stress, data.balanced_weights()))
-    best = min(candidates, key=off)
-    if off(best) < own / BETTER:
-        name = "an energy without a law (--free, EnergyRegressor)" if isinstance(best, EnergyRegressor) else best.law
-        better = f"{name} describes these data {own / max(off(best), 1e-9):.0f} times better than {model.law}"
-        yield f"{better}; {NOT_TOLD}"

@@ -1,7 +1,6 @@
 """Identification of laws from test data for the command line, with reports as dictionaries and figures."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from typing import NamedTuple
 
 import matplotlib
@@ -22,6 +21,10 @@ from .stress_regressor import LawEstimator, StressRegressor, committee, nominal_
 
 EDGE = 1e-6
 """Least distance in log-stretch of a test from the domain of a force model at which the test counts as outside: less may be rounding."""
+
+LARGE_GROWTH = 1.05
+"""Greatest volume ratio that an identified law may give in the tests without a warning: the volume of rubber grows by a percent or so.
+Chosen just above the 4 % to which the default bulk modulus leads at Treloar's greatest stretch (`BULK_RATIO`)."""
 
 UNMEASURED = 1.5, 2.0, 3.0
 """Stretches at which a report states what an energy foretells in modes of loading without data. Chosen: those of most bodies of rubber."""
@@ -191,15 +194,23 @@ def identify(
         if hold_out:
             event("fitting", number + 0.5, len(laws), law=f"{law}, each mode held out in turn")
             held_out += held_out_modes([clone(models[-1])], data)
-    return models, [examined(model, data, models) for model in models], held_out
+    return models, [examined(model, data) for model in models], held_out
 
 
-def examined(model: StressRegressor, data: TestData, others: Sequence[StressRegressor] = ()) -> dict:
+def examined(model: StressRegressor, data: TestData) -> dict:
     """Return the `report` of a fitted regressor, with the ``refusals`` and ``remarks`` of the examination of fit and data (`examine`)."""
-    found = report(model, data)
+    found, form, examination = report(model, data), model.law, examine(model, data)
     if isinstance(model, EnergyRegressor):
-        found |= {"form": "energy without a law", "unmeasured": unmeasured(model, data)}
-    return {**found, **asdict(examine(model, data, others))}
+        form = "energy without a law"
+        found |= {"form": form, "unmeasured": unmeasured(model, data)}
+    remarks = list(examination.remarks)
+    if model.at_bound_:
+        at_bound = f"{form}: {', '.join(model.at_bound_)}"
+        remarks.append(f"{at_bound} reached a bound of the search range: the data do not determine it, or another law would fit better.")
+    if found["volume_ratio"] and found["volume_ratio"] > LARGE_GROWTH:
+        growth = f"the volume grows by {100 * (found['volume_ratio'] - 1):.0f} % in the tests, more than that of rubber"
+        remarks.append(f"{form}: with this bulk modulus {growth}; set a greater one with --bulk-modulus")
+    return {**found, "refusals": examination.refusals, "remarks": remarks}
 
 
 def unmeasured(model: EnergyRegressor, data: TestData) -> list[dict]:

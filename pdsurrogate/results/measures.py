@@ -339,15 +339,11 @@ class Probes:
             For the name of each probe: ``displacement`` (d components), ``stress`` (first Piola-Kirchhoff, 3 by 3) and ``F`` (3 by 3).
         """
         stress, gradient = (field.reshape(len(field), 9) for field in (state.stress, state.deformation_gradient))
-        return {
-            name: {
-                # The weights of a row sum to 1 and reproduce the place, so they apply to displacements as to positions.
-                "displacement": self._displacement(moved, state.displacement).tolist(),
-                "stress": self._share.total(_read(tensors, stress)).reshape(3, 3).tolist(),
-                "F": self._share.total(_read(tensors, gradient)).reshape(3, 3).tolist(),
-            }
-            for name, (moved, tensors) in zip(self._names, self._rows, strict=True)
-        }
+        read = self.displacements(state.displacement)
+        for name, (_, tensors) in zip(self._names, self._rows, strict=True):
+            for key, field in (("stress", stress), ("F", gradient)):
+                read[name][key] = self._share.total(_read(tensors, field)).reshape(3, 3).tolist()
+        return read
 
     def weights(self, name: str) -> list[scipy.sparse.csr_array]:
         """Return, for each component of the displacement at a probe, the weights of the points, shape (1, n)."""
@@ -355,19 +351,14 @@ class Probes:
 
     def displacements(self, displacements: np.ndarray) -> dict[str, dict[str, list]]:
         """Return the entries of `read` that are displacements, from the displacements of the points, shape (n, d)."""
+        # The weights of a row sum to 1 and reproduce the place, so they apply to displacements as to positions.
         rows = zip(self._names, self._rows, strict=True)
-        return {name: {"displacement": self._displacement(moved, displacements).tolist()} for name, (moved, _) in rows}
-
-    def _displacement(self, rows: Sequence[scipy.sparse.csr_array], displacements: np.ndarray) -> np.ndarray:
-        return self._share.total(_read(rows, displacements))
+        return {name: {"displacement": self._share.total(_read(moved, displacements)).tolist()} for name, (moved, _) in rows}
 
     def columns(self, displacements: np.ndarray) -> dict[str, float]:
         """Return the displacements at the probes as columns of the history, from the displacements of the points, shape (n, d)."""
-        return {
-            f"{name}_displacement_{component}": float(value)
-            for name, (moved, _) in zip(self._names, self._rows, strict=True)
-            for component, value in enumerate(self._displacement(moved, displacements), 1)
-        }
+        read = self.displacements(displacements).items()
+        return {f"{name}_displacement_{axis}": value for name, row in read for axis, value in enumerate(row["displacement"], 1)}
 
 
 def _read(rows: Sequence[scipy.sparse.csr_array], values: np.ndarray) -> np.ndarray:

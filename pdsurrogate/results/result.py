@@ -12,16 +12,15 @@ import numpy as np
 
 from ..arguments import check_path
 from ..body import Body, CellMesh
-from ..html_tables import html_facts
 from ..materials.covariance import LawCovariance
 from ..scenes import Scene
 from .contents import contents_in
 from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, read_summary
 from .lowest_mode import LowestMode
-from .measures import label_of, values_of
+from .measures import values_of
 from .sensitivity import Sensitivities
 from .states import States, StatesInFiles, deformed_cells
-from .tables import column_unit, html_history, read_table, write_tables
+from .tables import column_unit, facts, html_history, read_table, write_tables
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -101,18 +100,6 @@ class Result:
         'done'
         """
         return self.summary.get("status", DONE if self.summary.get("converged", True) else FAILED)
-
-    @property
-    def in_pieces(self) -> bool:
-        """True if several ranks wrote the fields in pieces, each rank for its own points; `save` then draws no pictures of the fields.
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean").in_pieces
-        False
-        """
-        return isinstance(self.states, StatesInFiles) and self.states.in_pieces
 
     def displacement(self, level: int = -1) -> np.ndarray:
         """Return the displacements of the points in one state.
@@ -323,7 +310,7 @@ class Result:
     def figure(self) -> Figure:
         """Return a figure of the deformed body at every level, colored by the displacement across the loaded direction.
 
-        Runs with loading steps or dynamics are shown at a few outputs, see `chosen_states`; steps are colored by the magnitude of the
+        Runs with loading steps or dynamics are shown at a few outputs; steps are colored by the magnitude of the
         displacement, and dynamics with fracture by damage.  A solid is shown from outside and in a section through its middle.
 
         Returns
@@ -337,14 +324,7 @@ class Result:
         >>> type(result.figure()).__name__
         'Figure'
         """
-        chosen = self.chosen_states(6 if self.scene.dimension == 2 and self.scene.fracture is None else 4)
-        if self.scene.fracture is not None and chosen[-1] in self.in_dynamics():
-            field = "damage"
-        elif not self.scene.stretched:
-            field = "displacement"
-        else:
-            field = f"displacement_{(self.scene.loaded_axis + 1) % self.scene.dimension + 1}"
-        return _drawings().states_figure(self, field, chosen)
+        return _drawings().whole_figure(self)
 
     def cells(self, level: int = -1) -> tuple[CellMesh, np.ndarray]:
         """Return the cells of the body in one state.
@@ -469,27 +449,6 @@ class Result:
         self._fields(level)
         return _drawings().states_figure(self, field, [range(len(self.states))[level]], limits)
 
-    def label(self, field: str) -> str:
-        """Return the label of a field or a component in pictures: symbol or words, and the unit, such as "u₂ (cm)".
-
-        Parameters
-        ----------
-        field : str
-            Field or component as for `field`.
-
-        Returns
-        -------
-        str
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
-        >>> result.label("displacement_2")
-        'u₂ (cm)'
-        """
-        return label_of(field, self.scene.units)
-
     def table(self):
         """Return the history as a table: steps, loading parameter, forces and displacements where the body is held or loaded, energies.
 
@@ -520,109 +479,7 @@ class Result:
         return f"<Result of {summary['scene']} with {summary['force']}: {summary['n_points']} points, {states}{end}>"
 
     def _repr_html_(self) -> str:
-        return self.facts() + html_history(self.history[-5:], self.scene.units, without="moment_")
-
-    def facts(self) -> str:
-        """Return the run's force, material, size, cost and ending as a table, for notebooks and the HTML page of `html_page`.
-
-        Returns
-        -------
-        str
-            HTML.
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
-        >>> "neo-hookean@2" in result.facts()
-        True
-        """
-        summary = self.summary
-        facts = {
-            "force": summary["force"],
-            "material": ", ".join(f"{key} {value}" for key, value in summary["material"].items()),
-            "points, bonds": f"{summary['n_points']:,}, {summary['n_bonds']:,}",
-            "spacing, horizon": f"{summary['spacing']:g}, {self.scene.units.amount(summary['horizon'], 'length', 'g')}",
-            "states": len(self.states),
-            "evaluations": f"{summary['n_force_evaluations']:,} in {summary['seconds_total']:.3g} s",
-            "ended": "as asked" if summary["converged"] else summary["failure"],
-        }
-        return html_facts(f"Result of {summary['scene']}", facts)
-
-    def in_dynamics(self) -> list[int]:
-        """Return the numbers of the states that were recorded in dynamics.
-
-        Returns
-        -------
-        list of int
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean").in_dynamics()
-        []
-        """
-        if self.scene.stretched:
-            return list(range(len(self.levels), len(self.states)))
-        return [number for number, level in enumerate(self.levels) if "time" in level]
-
-    def chosen_states(self, most: int = 4) -> list[int]:
-        """Return the numbers of the states that `figure` shows: all if grips load the body without dynamics, otherwise at most `most`.
-
-        These are spread evenly over all outputs, or, with grips or fracture, over the outputs from the first one in dynamics on. If bonds
-        break in dynamics, the states are spread evenly over the number of broken bonds.
-
-        Parameters
-        ----------
-        most : int
-            Most states of a run with loading steps or dynamics.
-
-        Returns
-        -------
-        list of int
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.2, 1.5]), "neo-hookean").chosen_states()
-        [0, 1]
-        """
-        moving, count, stretched = self.in_dynamics(), len(self.states), self.scene.stretched
-        if not count or (stretched and self.scene.dynamics is None):
-            return list(range(count))
-        cracks = bool(moving) and self.scene.fracture is not None
-        chosen = np.linspace(moving[0] if moving and (stretched or cracks) else 0, count - 1, min(most, count))
-        if cracks:
-            broken = np.array([entry["broken_bonds"] for entry in self.summary["crack"]["tips"]])
-            if broken[-1] > 0:
-                # Frames are distributed evenly over the growth of the crack, which is a small part of the time.
-                chosen = np.array(moving)[np.searchsorted(broken, np.linspace(0.1, 1.0, most) * broken[-1])]
-        return sorted(set(chosen.round().astype(int).tolist()))
-
-    def title(self, number: int) -> str:
-        """Return the title of a state for figures: its stretch or loading parameter, and in dynamics the time.
-
-        Parameters
-        ----------
-        number : int
-            Number of the state, from 0.
-
-        Returns
-        -------
-        str
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean").title(0)
-        'stretch 1.5'
-        """
-        moment, moving = self.states.moments[number], number in self.in_dynamics()
-        if self.scene.stretched:
-            at = f"stretch {moment.stretch:.3f}" if moving else f"stretch {moment.stretch:g}"
-        else:
-            at = f"t = {moment.t:.3g}"
-        return f"{at}, {self.scene.units.amount(moment.time, 'time', '.4g')}" if moving else at
+        return facts(self) + html_history(self.history[-5:], self.scene.units, without="moment_")
 
     def loading_figure(self) -> Figure:
         """Return a figure of nominal stress against stretch if grips load the body, otherwise of forces against the loading parameter t.

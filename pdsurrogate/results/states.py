@@ -50,6 +50,9 @@ class States:
         self.moments = list(moments or [])
         self._kept: list[Fields | Path] = [{} for _ in self.moments]
 
+    in_pieces = False
+    """Whether several ranks wrote the fields in pieces, each for its own points."""
+
     def append(self, moment: Moment, fields: Fields | Path) -> None:
         """Record a state: its moment, and its fields on the points, or the path of the file that holds them.
 

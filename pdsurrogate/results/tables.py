@@ -8,7 +8,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from ..html_tables import html_table
+from ..html_tables import html_facts, html_table
 from ..scenes import Units
 from .files import write_json, write_text
 from .folder import CONVERGENCE, HISTORY, SUMMARY
@@ -87,3 +87,18 @@ def html_history(rows: Sequence[dict], units: Units, without: str = "", digits: 
     columns = [column for column in columns_of(rows) if not (without and column.startswith(without))]
     cells = [[f"{row[column]:.{digits}g}" if column in row else "" for column in columns] for row in rows]
     return html_table([column_title(column, units) for column in columns], cells) if rows else ""
+
+
+def facts(result) -> str:
+    """Return a run's force, material, size, cost and ending as a table in HTML, for notebooks and for `html_page`."""
+    summary = result.summary
+    found = {
+        "force": summary["force"],
+        "material": ", ".join(f"{key} {value}" for key, value in summary["material"].items()),
+        "points, bonds": f"{summary['n_points']:,}, {summary['n_bonds']:,}",
+        "spacing, horizon": f"{summary['spacing']:g}, {result.scene.units.amount(summary['horizon'], 'length', 'g')}",
+        "states": len(result.states),
+        "evaluations": f"{summary['n_force_evaluations']:,} in {summary['seconds_total']:.3g} s",
+        "ended": "as asked" if summary["converged"] else summary["failure"],
+    }
+    return html_facts(f"Result of {summary['scene']}", found)

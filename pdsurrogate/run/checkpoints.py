@@ -1,12 +1,9 @@
-"""State of a run, and the files that it writes while it runs: checkpoints to resume from, and tables of results so far."""
-
-from __future__ import annotations
+"""Files that a run writes while it runs: checkpoints to resume from, and tables of results so far."""
 
 import time
 import weakref
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple
 from functools import cache, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +12,8 @@ from ..ranks import Rows
 from ..results.checkpoint import Checkpoint
 from ..results.states import Moment
 from ..results.tables import write_tables
-
-if TYPE_CHECKING:
-    from .run import Run
+from .run import Run
+from .state import State
 
 SECONDS_BETWEEN_CHECKPOINTS = 30.0
 """Least time between two checkpoints in seconds, which bounds the work that is lost when a run is killed. Chosen: half a minute is little
@@ -37,60 +33,6 @@ ACCEPTED = "accepted_"
 
 LAST_OUTPUT = "last_output"
 """Beginning of the names of arrays in a checkpoint to which a stage in equilibrium returns if a bond would break."""
-
-
-@dataclass
-class State:
-    """Numbers and text that describe the progress of a run, in addition to its arrays.
-
-    Attributes
-    ----------
-    parameter : float
-        Loading parameter at the present positions.
-    begin : float
-        Loading parameter at which the present stage began, or the displacement that the stage controls.
-    stage, outputs : int
-        Number of the present stage, and number of its outputs so far.
-    elapsed : float
-        Time that earlier stages in dynamics took.
-    steps : int
-        Steps in dynamics.
-    failed : int or None
-        Number of force evaluations of the run when an attempt at the present output had first failed; None if none has.
-    begun : int
-        Number of force evaluations of the run when the search for the present output in equilibrium began.
-    costs : list of int
-        Force evaluations for every output in equilibrium so far.
-    greatest_drive : float
-        Greatest sum of the magnitudes of loads or reactions (`Equilibrium.drive`) of the outputs so far.
-    crack : dict or None
-        Entry of the summary about cracks; None without fracture or before dynamics.
-    dynamics : list of dict
-        Entries of the summary about the stages in dynamics.
-    levels, history, convergence : list of dict
-        Rows of ``summary["levels"]``, the measurements at outputs; rows of the history; rows of the table of convergence, about the search
-        for equilibrium.
-    beyond_data : list of dict
-        With a force learned from test data, a row for every recorded state: the fraction of bonds or points beyond these data, and their
-        greatest distance from the data.
-    """
-
-    parameter: float
-    begin: float
-    stage: int = 0
-    outputs: int = 0
-    elapsed: float = 0.0
-    steps: int = 0
-    failed: int | None = None
-    begun: int = 0
-    greatest_drive: float = 0.0
-    crack: dict | None = None
-    costs: list[int] = field(default_factory=list)
-    dynamics: list[dict] = field(default_factory=list)
-    levels: list[dict] = field(default_factory=list)
-    history: list[dict] = field(default_factory=list)
-    convergence: list[dict] = field(default_factory=list)
-    beyond_data: list[dict] = field(default_factory=list)
 
 
 class Checkpoints:
@@ -197,15 +139,13 @@ class Record:
     Parameters
     ----------
     run : Run
+    summary : dict
+        Summary of the run at its start, of which later tables contain updated copies.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, summary: dict) -> None:
         # With a circle of references the body would stay in memory until a collection of garbage.
-        self._run, self._summary, self._began, self._earliest = weakref.proxy(run), None, 0.0, 0.0
-
-    def begin(self, summary: dict) -> None:
-        """Set the summary of the run at its start, of which later tables contain updated copies; before this call nothing is written."""
-        self._summary, self._began = summary, time.monotonic()
+        self._run, self._summary, self._began, self._earliest = weakref.proxy(run), summary, time.monotonic(), 0.0
 
     def keep_if_due(self, rest: float = SECONDS_BETWEEN_TABLES) -> None:
         """Write the tables if they are due.
@@ -213,7 +153,7 @@ class Record:
         They are due after a pause of `PAUSE_SHARE` times the time that their last writing took, and `rest` seconds more.
         """
         run, state, began = self._run, self._run.state, time.monotonic()
-        if self._summary is None or began < self._earliest + rest:
+        if began < self._earliest + rest:
             return
         reached = {
             "n_force_evaluations": run.force.evaluations,

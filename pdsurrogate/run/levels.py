@@ -22,7 +22,7 @@ from ..solvers.equilibrium import (
 from ..solvers.increments import Increments
 from ..solvers.methods import SOLVERS
 from ..solvers.nearest_bonds import RESOLVED, is_rigid, strain_of, strain_rounding
-from .checkpoints import ACCEPTED, LAST_OUTPUT
+from .checkpoints import ACCEPTED, LAST_OUTPUT, Checkpoints
 from .controlled import DisplacementPath
 from .interruption import Interrupted
 from .paths import ParameterPath
@@ -95,10 +95,11 @@ class Equilibria:
     stage : Stage
     solver : EquilibriumSolver
         Solver of stages that prescribe the loading parameter.
+    checkpoints : Checkpoints
     """
 
-    def __init__(self, run: Run, stage: Stage, solver: EquilibriumSolver) -> None:
-        self.run, self.stage, self.solver = run, stage, solver
+    def __init__(self, run: Run, stage: Stage, solver: EquilibriumSolver, checkpoints: Checkpoints) -> None:
+        self.run, self.stage, self.solver, self._checkpoints = run, stage, solver, checkpoints
         self._path = ParameterPath(run, stage, solver) if stage.control is None else DisplacementPath(run, stage)
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
@@ -151,7 +152,7 @@ class Equilibria:
         if increments is not None:
             kept = {"increments": increments.describe(), "last_output": self._last_output[1]}
             arrays = {ACCEPTED + key: array for key, array in self._accepted.arrays.items()} | self._last_output[0]
-        self.run.checkpoints.write({"gave_up": self.solver.gave_up, "way": kept}, arrays)
+        self._checkpoints.write({"gave_up": self.solver.gave_up, "way": kept}, arrays)
 
     def _output_arrays(self) -> dict[str, np.ndarray]:
         """Return the positions and the history of the force, by the names that they have in a checkpoint as those of the last output."""
@@ -314,7 +315,7 @@ class Equilibria:
         """
         run = self.run
         asked = run.interruption.asked
-        due = run.checkpoints.late or (asked and (run.interruption.out_of_time or not run.checkpoints.resumable))
+        due = self._checkpoints.late or (asked and (run.interruption.out_of_time or not self._checkpoints.resumable))
         asked, due = run.body.share.total((int(asked), int(due)))
         if due and increments is not None:
             self.checkpoint(increments)

@@ -3,7 +3,7 @@
 import copy
 import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -24,9 +24,9 @@ from ..results.contents import contents_of
 from ..results.states import Moment, States, StatesInFiles
 from ..scenes import Mesh, Scene
 from ..solvers.loads import LoadedForce
-from .checkpoints import Checkpoints, Record, State
 from .damage import Damage
 from .interruption import Interruption
+from .state import State
 
 MOST_GATHERED = 500_000
 """Number of points of a body on several ranks (parallel processes) beyond which each rank writes its own piece of a state.
@@ -79,9 +79,8 @@ class Run:
     residual : float or None
         Latest residual of the search for equilibrium.
     states : States
-    checkpoints : Checkpoints
-    tables : Record
-        Writer of the tables in the folder.
+    keep_tables : callable
+        ``keep_tables(rest)`` writes the tables in the folder if they are due, see `checkpoints.Record`; by default it does nothing.
     """
 
     def __init__(
@@ -120,8 +119,7 @@ class Run:
         critical = self.problem.critical_stretches
         self.damage = None if critical is None else Damage(self.body, critical.of_pairs())
         self.states = self.states_of()
-        self.checkpoints = Checkpoints(self)
-        self.tables = Record(self)
+        self.keep_tables: Callable[..., None] = lambda *_: None
 
     @property
     def measures_cracks(self) -> bool:
@@ -156,11 +154,15 @@ class Run:
 
     def beside(self, scene: Scene, models: Sequence[ForceModel], parameter: float) -> "Run":
         """Return a run on the same body, in double precision, at a value of the loading parameter, for a scene as in `Problem.changed`."""
-        other = copy.copy(self)
-        other.problem, other.positions = self.problem.changed(scene, models), self.positions.copy()
-        other.loading, other.loads = other.problem.loading, other.problem.loading.loads
+        other = self._of(self.problem.changed(scene, models), parameter)
         other.force, other.loaded = other.problem.bind("float64")
-        other.state = State(parameter, parameter)
+        return other
+
+    def _of(self, problem: Problem, parameter: float) -> "Run":
+        """Return a run of another problem on the same body, at the positions of this one, with its force still to be bound."""
+        other = copy.copy(self)
+        other.problem, other.positions, other.state = problem, self.positions.copy(), State(parameter, parameter)
+        other.loading, other.loads = problem.loading, problem.loading.loads
         return other
 
     @contextmanager
@@ -169,16 +171,14 @@ class Run:
 
         The run binds a force of its own if the points of the materials differ, as where a change makes two like materials different.
         """
-        problem, numbers = self.problem.changed(scene, models), np.arange(len(self.body))
-        theirs, ours = ([numbers[portion.points] for portion in portions] for portions in (problem.portions, self.force.portions))
+        other, numbers = self._of(self.problem.changed(scene, models), parameter), np.arange(len(self.body))
+        theirs, ours = ([numbers[portion.points] for portion in portions] for portions in (other.problem.portions, self.force.portions))
         if len(theirs) != len(ours) or not all(map(np.array_equal, theirs, ours)):
-            yield self.beside(scene, models, parameter)
+            other.force, other.loaded = other.problem.bind("float64")
+            yield other
             return
-        other = copy.copy(self)
-        other.problem, other.positions, other.state = problem, self.positions.copy(), State(parameter, parameter)
-        other.loading, other.loads = problem.loading, problem.loading.loads
         other.loaded = LoadedForce(self.force, other.loads, other.loading.supports, self.loaded.rigid)
-        with numbers_in_place(self.force, [(portion.law, portion.model) for portion in problem.portions]):
+        with numbers_in_place(self.force, [(portion.law, portion.model) for portion in other.problem.portions]):
             yield other
 
     def break_again(self) -> None:
@@ -204,7 +204,7 @@ class Run:
         if not self.ranks.rank:
             numbers = {self.loading.parameter: parameter, **numbers}
             event(stage, self.state.stage + min(share, 1.0), len(self.stages), **numbers)
-        self.tables.keep_if_due()
+        self.keep_tables()
 
     def note(self, increment: float, **entries) -> None:
         """Add a row to the table of convergence, with the given entries.
@@ -224,7 +224,7 @@ class Run:
         moment = Moment(**{"run_time": equilibria + since, "time": since, self.loading.parameter: self.state.parameter})
         self._count_beyond_data(moment)
         self.states.append(moment, fields)
-        self.tables.keep_if_due(0.0 if len(self.states) > 1 else -np.inf)
+        self.keep_tables(0.0 if len(self.states) > 1 else -np.inf)
 
     def _count_beyond_data(self, moment: Moment) -> None:
         """Add a row to ``state.beyond_data``: the fraction of bonds beyond the test data, and the greatest distance from these data.

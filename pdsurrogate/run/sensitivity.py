@@ -2,10 +2,9 @@
 
 import copy
 import re
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -13,29 +12,20 @@ from threadpoolctl import threadpool_limits
 from ..body import fields_at
 from ..engine.threads import thread_count
 from ..forces import ForceModel
-from ..forces.learned import Learned
-from ..materials import Law
-from ..materials.covariance import numbers_of, with_numbers_of
-from ..problem.materials import scene_errors
-from ..problem.program import stages_of
-from ..results import Result
-from ..results.sensitivity import Sensitivities
+from ..materials.covariance import with_numbers_of
 from ..scenes import Scene
-from ..scenes.amplitudes import amplitude_of
 from ..scenes.problems import suggestion
-from ..scenes.reading import apply_change, leaves
+from ..scenes.reading import leaves
 from ..solvers.control import ControlledForce, DisplacementControl
-from ..solvers.equilibrium import NoEquilibrium, NotConverged
+from ..solvers.equilibrium import NotConverged
 from ..solvers.methods import Newton
 from ..solvers.nearest_bonds import strain_rounding
 from ..solvers.tangent import COARSE, FINE, TangentEquations, central_difference
 from .controlled import control_of
-from .reopened import check_intact, number_of_output, place, run_in_double
+from .parameters import array_of, laws_of, numbers_in, with_numbers
+from .reopened import place, run_in_double
 from .rows import output_row
 from .run import Run
-
-PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
-"""Keys of a scene below which numbers can be parameters of sensitivities: they change neither the points nor which of them are held."""
 
 STEP, STEP_OF_LAWS = 1e-6, 1e-4
 """Changes of parameters in central differences, relative to the value or to the greatest number of a list or an array; the second one of
@@ -44,9 +34,6 @@ a network far below the greatest one changes, curvature leaves relative errors b
 are linear or weakly curved: the second step leaves 2e-8 for an exponent of 5, and 1e-6 at nine tenths of the limit of a Gent law. Rounding
 leaves errors of 1e-12 times the forces over those that the number causes: K/mu for a bulk modulus, 1e4 for a term with 1e-4 of the
 stress."""
-
-MODULI = ("shear_modulus", "bulk_modulus")
-"""Numbers of a law that are no part of its `Law.shape`."""
 
 LEAST_STEP = 1e-8
 """Least change of the coefficient of a term, relative to the greatest one: rounding and curvature leave relative errors of this size."""
@@ -506,180 +493,6 @@ class Differentiated:
         found = -central_difference(forces_at, self.width * run.body.spacing, self.fine)
         loading.hold(run.state.parameter, run.loaded, run.positions)
         return found
-
-
-def differentiate(
-    scene: Scene, models: Sequence[ForceModel], result: Result, outputs: Sequence[str], parameters: Sequence[str], level: int
-) -> Sensitivities:
-    """Return the derivatives of measurements of a result in equilibrium, see `Result.sensitivity`; `models` are those of its run."""
-    loading = "stretch" if scene.stretched else "t"
-    for what, names in (("outputs", outputs), ("parameters", parameters)):
-        if isinstance(names, str) or not all(isinstance(name, str) for name in names):
-            raise ValueError(f"{what}: must be a list of names such as ['nominal_stress'] or ['material.shear_modulus'], not {names!r}")
-    number = number_of_output(scene, models, result, level, "sensitivity", "derivatives")
-    control = [stage.control for stage in stages_of(scene) for _ in range(stage.outputs)][number]
-    _check(scene, models, result, parameters, loading, control, number)
-    body, at = Differentiated(scene, models), result.levels[number][loading]
-    check_intact(body.run, result, number, "derivatives")
-    try:
-        found = body.jacobian(at, result.displacement(number), outputs, parameters, control)
-    except NoEquilibrium as error:
-        why = "" if body.run.force.has_energy else f"; the forces of {models[0].name} have no energy: use bond-energy"
-        raise ValueError(f"sensitivity at {loading} {at:g}: {error}{why}") from None
-    row = dict(leaves(result.levels[number]))
-    values = body.numbers | {loading: at} | ({} if control is None else {control: row[control]})
-    _warn_of_errors(found, row, [values[name] for name in parameters], parameters)
-    return Sensitivities(found.names, tuple(parameters), found.values, found.derivatives, found.moved, found.errors)
-
-
-def _warn_of_errors(found: Jacobian, row: Mapping[str, float], values: Sequence[float], parameters: Sequence[str]) -> None:
-    """Warn of parameters whose derivatives have estimated errors above `LEAST_EXACT` of the greatest one.
-
-    Errors that would change measurements by less than `TINY` of the greatest one of their kind, where the parameter doubles, are rounding,
-    as in measurements that vanish by symmetry. `row` has all measurements of the output, and `values` are those of the parameters.
-    """
-    sizes: dict[str, float] = {}
-    for key, size in row.items():
-        if isinstance(size, float):
-            kind = key.split(".")[0]
-            sizes[kind] = max(sizes.get(kind, 0.0), abs(size))
-    rounding = TINY * np.array([sizes.get(name.split(".")[0], 0.0) for name in found.names])
-    poor = []
-    for name, value, column, errors in zip(parameters, values, found.derivatives.T, found.errors.T, strict=True):
-        greatest = float(np.abs(column).max(initial=0.0))
-        off = errors[errors * abs(value) > rounding].max(initial=0.0)
-        if off > LEAST_EXACT * greatest:
-            poor.append(f"{name} ({off / greatest:.0e})" if greatest else name)
-    if poor:
-        bound = f"{LEAST_EXACT:g} of the greatest derivative"
-        warnings.warn(f"sensitivity: errors of the derivatives are estimated as more than {bound} by {', '.join(poor)}", stacklevel=4)
-
-
-def _check(
-    scene: Scene, models: Sequence[ForceModel], result: Result, parameters: Sequence[str], loading: str, control: str | None, number: int
-) -> None:
-    """Check the parameters of `Result.sensitivity` at an output of a step with the key `control` of a displacement, or None."""
-    if control is not None and loading in parameters:
-        raise ValueError(
-            f"parameters: {loading} is an unknown of a step that controls {control}: differentiate by {control!r}, and name {loading!r} as "
-            "an output"
-        )
-    if not scene.stretched and loading in parameters:
-        _check_smooth(scene, result.levels[number][loading])
-    known, ours = numbers_in(scene, models), loading if control is None else control
-    if control is not None:  # what else moves with t is refused by the scene
-        known = {name: value for name, value in known.items() if not name.startswith("prescribed")}
-    if not parameters:
-        raise ValueError(f"parameters: name at least one number to differentiate by, such as {ours!r} or 'material.shear_modulus'")
-    for name in parameters:
-        if name not in known and name != ours:
-            _check_of_laws(scene, models, name)
-            raise ValueError(f"parameters: there is no number {name!r} to differentiate by; {suggestion(name, [*known, ours])}")
-
-
-def _check_smooth(scene: Scene, t: float) -> None:
-    """Raise ValueError if an amplitude has different derivatives before and after t, which is not the end of the scene."""
-    step = STEP * max(t, 1.0)
-    if t + step > scene.steps[-1].to:
-        return
-    for kind in ("prescribed", "loads", "obstacles"):
-        for number, entry in enumerate(getattr(scene, kind)):
-            behind, here, ahead = (amplitude_of(entry.amplitude)(time) for time in (t - step, t, t + step))
-            before, after = (here - behind) / step, (ahead - here) / step
-            if abs(after - before) > 1e-3 * max(abs(before), abs(after), 1e-3):
-                raise ValueError(
-                    f"parameters: {kind}.{number}.amplitude has a kink at t = {t:g}, with the derivatives {before:.4g} before and "
-                    f"{after:.4g} after it, so that there is no derivative by t: take an output at another t"
-                )
-
-
-def _check_of_laws(scene: Scene, models: Sequence[ForceModel], name: str) -> None:
-    """Raise ValueError if a name is that of a number of a law, which is no parameter."""
-    for key, law in laws_of(scene).items():
-        model, number = by_key(models, "material")[key], name.removeprefix(f"{key}.")
-        if name == f"{key}.{number}" and number in numbers_of(law):
-            learned = f"{model.name} describes one value of {number} alone: for derivatives by {name} run the scene with force="
-            why = f"{learned}{model.exact}" if isinstance(model, Learned) else f"{name} is 0, so that {law.name} has no such term"
-            raise ValueError(f"parameters: {why}")
-
-
-def laws_of(scene: Scene) -> dict[str, Law]:
-    """Return the laws of a scene by key: ``"material"``, and ``"materials.0.material"`` and so on for regions that are not rigid."""
-    parts = {f"materials.{number}.material": part.material for number, part in enumerate(scene.materials)}
-    return {"material": scene.law()} | {key: material.build() for key, material in parts.items() if not material.rigid}
-
-
-def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
-    """Return, by dotted key, the numbers that can be parameters: of a scene, of its laws and of the arrays of its learned models.
-
-    Numbers of a law are parameters whether they are stated or have their default, except coefficients of terms that the law does not have.
-    A learned model holds for one `Law.shape`: with it, the moduli alone are parameters.
-    """
-    laws, by_law, found = laws_of(scene), by_key(models, "material"), {}
-    for key, value in leaves(scene.model_dump(mode="json")):
-        if key.split(".")[0] in PLACES and ".region." not in key and not any(key.startswith(f"{law}.") for law in laws):
-            found[key] = value
-    for key, law in laws.items():
-        for name, value in numbers_of(law).items():
-            fixed = isinstance(by_law.get(key), Learned) and name not in MODULI
-            missing = False
-            if "." in name and not value:  # a coefficient: with any other value a missing term would add parameters to the law
-                missing = len(with_numbers_of(law, {name: law.shear_modulus}).parameters) > len(law.parameters)
-            if not (fixed or missing):
-                found[f"{key}.{name}"] = value
-    for key, model in _learned(models).items():
-        arrays = {name: values.tolist() for name, values in model.payload().items() if isinstance(values, np.ndarray)}
-        found |= dict(leaves(arrays, key=key))
-    return {key: float(value) for key, value in found.items() if isinstance(value, float | int) and not isinstance(value, bool)}
-
-
-def _learned(models: Sequence[ForceModel]) -> dict[str, Learned]:
-    """Return the learned models by the key of the scene that names them; a model that regions share has the key of the first."""
-    keys = {id(model): key for key, model in reversed(by_key(models, "force").items())}
-    return {keys[id(model)]: model for model in models if isinstance(model, Learned)}
-
-
-def by_key(models: Sequence[ForceModel], last: str) -> dict[str, ForceModel]:
-    """Return force models by the keys of a scene that name them, or those of their laws; `last` is ``"force"`` or ``"material"``."""
-    return {last if not number else f"materials.{number - 1}.{last}": model for number, model in enumerate(models)}
-
-
-def array_of(name: str, models: Sequence[ForceModel]) -> np.ndarray | None:
-    """Return the array of a learned model in which a parameter is a number; None for a number of the scene."""
-    for key, model in _learned(models).items():
-        if name.startswith(f"{key}."):
-            return model.payload()[name.removeprefix(f"{key}.").split(".")[0]]
-    return None
-
-
-def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str, float]) -> tuple[Scene, list[ForceModel]]:
-    """Return a scene and its force models with other values of the numbers that `numbers_in` names."""
-    data, changed, learned = scene.model_dump(mode="json"), by_key(models, "force"), _learned(models)
-    others = dict(values)
-    for key, law in laws_of(scene).items():
-        own = {name.removeprefix(f"{key}."): others.pop(name) for name in values if name.startswith(f"{key}.")}
-        if own:
-            apply_change(data, key, with_numbers_of(law, own).describe())
-    for name, value in others.items():
-        owner = next((key for key in learned if name.startswith(f"{key}.")), None)
-        if owner is None:
-            apply_change(data, name, value)
-            continue
-        before = changed[owner]
-        array, *place = name.removeprefix(f"{owner}.").split(".")
-        payload = before.payload()
-        payload[array] = payload[array].copy()
-        payload[array][tuple(map(int, place))] = value
-        new = type(before).from_payload(before.name, payload, before.domain, before.law, before.shape)
-        new = replace(new, stated=before.stated, members=before.members)
-        changed = {key: new if model is before else model for key, model in changed.items()}
-    if any(name in dict(leaves(data)) for name in values):
-        scene = Scene.model_validate(data)
-        by_law = by_key(list(changed.values()), "material")
-        with scene_errors(scene):
-            for key, law in laws_of(scene).items():
-                by_law[key].check_material(law)
-    return scene, list(changed.values())
 
 
 def _forces(run: Run, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -44,11 +44,12 @@ from ..scenes import Scene, SceneError, load_scene
 from ..solvers.conditions import FoldedOver
 from ..solvers.equilibrium import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from ..solvers.obstacles import Obstructed
+from .checkpoints import Record
 from .cracks import crack_path
+from .derivatives import differentiate
 from .interruption import Interrupted, Interruption
 from .lowest_mode import lowest_mode_of
 from .run import Run
-from .sensitivity import differentiate
 from .stages import SinglePrecisionLeft, go
 from .standard_errors import standard_errors
 from .waiting import RanksWait, note_of_waiting, working_ranks
@@ -291,7 +292,7 @@ def _on_these_ranks(
         if folder is not None:
             begun = _result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
             if own:
-                run.tables.begin(begun.summary)
+                run.keep_tables = Record(run, begun.summary).keep_if_due
 
         def ended(message: str | None, status: str) -> Result:
             result = _result_of(run, clock.seconds, began, message, status)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..results.checkpoint import CheckpointError
 from ..solvers.equilibrium import EquilibriumSolver, TooSmall, Unstable
+from .checkpoints import Checkpoints
 from .controlled import displacement_of, prepare
 from .levels import Equilibria, solver_of
 from .run import Run
@@ -28,12 +29,13 @@ def go(run: Run, resume: bool) -> None:
     """Run the remaining stages of the program; with `resume` begin from the checkpoint of the run."""
     prepare(run)
     solver = solver_of(run)
-    current = _resumed(run, solver) if resume else None
+    checkpoints = Checkpoints(run)
+    current = _resumed(run, solver, checkpoints) if resume else None
     state = run.state
-    run.tables.keep_if_due(-np.inf)
+    run.keep_tables(-np.inf)
     while state.stage < len(run.stages) and not (state.crack is not None and state.crack["through"]):
         if current is None:
-            current = _stage_of(run, solver)
+            current = _stage_of(run, solver, checkpoints)
             if isinstance(current, Transient):
                 current.begin()
         try:
@@ -53,10 +55,10 @@ def go(run: Run, resume: bool) -> None:
         state.begin = _begin(run)
 
 
-def _stage_of(run: Run, solver: EquilibriumSolver) -> Equilibria | Transient:
+def _stage_of(run: Run, solver: EquilibriumSolver, checkpoints: Checkpoints) -> Equilibria | Transient:
     """Return a new object for the present stage of a run, in equilibrium or in dynamics."""
     stage = run.stages[run.state.stage]
-    return Equilibria(run, stage, solver) if stage.inertia is None else Transient(run, stage)
+    return Equilibria(run, stage, solver, checkpoints) if stage.inertia is None else Transient(run, stage, checkpoints)
 
 
 def _begin(run: Run) -> float:
@@ -96,11 +98,11 @@ def _dynamics_after(run: Run) -> int:
     return following[0]
 
 
-def _resumed(run: Run, solver: EquilibriumSolver) -> Equilibria | Transient | None:
+def _resumed(run: Run, solver: EquilibriumSolver, checkpoints: Checkpoints) -> Equilibria | Transient | None:
     """Restore a run and its present stage from its checkpoint, and return the stage; raise CheckpointError for a damaged checkpoint."""
     try:
-        checkpoint = run.checkpoints.restore()
-        stage = _stage_of(run, solver)
+        checkpoint = checkpoints.restore()
+        stage = _stage_of(run, solver, checkpoints)
         stage.resume(checkpoint)
         return stage
     except CheckpointError:

@@ -10,7 +10,8 @@ from ..materials import Law
 from ..materials.covariance import LawCovariance
 from ..results import Result
 from ..scenes import Scene
-from .sensitivity import by_key, differentiate, laws_of
+from .derivatives import differentiate
+from .parameters import by_key, laws_of
 
 
 def standard_errors(

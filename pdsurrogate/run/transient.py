@@ -16,6 +16,7 @@ from ..solvers.dynamics import ExplicitDynamics
 from ..solvers.equilibrium import Diverging
 from ..solvers.increments import Motion
 from .account import STEPS_PER_ROW, Bookkeeping
+from .checkpoints import Checkpoints
 from .cracks import Cracks
 from .interruption import Interrupted
 from .rows import component_columns, crack_rows, forces_by_name, moments_by_name, output_row, place_columns, state_columns
@@ -41,10 +42,11 @@ class Transient:
     run : Run
         Run with the positions of the end of the last stage, or of a checkpoint.
     stage : Stage
+    checkpoints : Checkpoints
     """
 
-    def __init__(self, run: Run, stage: Stage) -> None:
-        self.run, self.stage, self.most_outputs, spec = run, stage, stage.outputs, stage.inertia
+    def __init__(self, run: Run, stage: Stage, checkpoints: Checkpoints) -> None:
+        self.run, self.stage, self.most_outputs, self._checkpoints, spec = run, stage, stage.outputs, checkpoints, stage.inertia
         self.motion, self.viscosity = stage.motion(run.state.begin), spec.viscosity
         if self.viscosity is None:
             softest = min(law.shear_modulus for law, _ in run.force.laws)
@@ -129,10 +131,10 @@ class Transient:
                 through = self.output()
                 self._books.check()
             # A checkpoint includes the row and the output of its step, but not the row that an interruption adds.
-            asked, late = run.body.share.total((int(run.interruption.asked), int(run.checkpoints.late)))
+            asked, late = run.body.share.total((int(run.interruption.asked), int(self._checkpoints.late)))
             if not through and (due or asked or late):
                 kept = {key: getattr(integrator, key) for key in INTEGRATOR} | {"account": asdict(account)}
-                run.checkpoints.write({"transient": kept}, self.arrays())
+                self._checkpoints.write({"transient": kept}, self.arrays())
             if not through and asked:
                 self._last_row()
                 raise Interrupted

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import joblib
 import numba
@@ -28,8 +28,9 @@ from ..results import Result, checkpoint, load_result
 from ..results.contents import digest_of_mesh
 from ..results.files import write_json
 from ..results.folder import LOCK, SUMMARY, occupied
+from ..run.derivatives import differentiate
+from ..run.parameters import PLACES, numbers_in
 from ..run.reopened import check_models
-from ..run.sensitivity import PLACES, differentiate, numbers_in
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import MaterialSpec, Mesh, Scene, SceneError, load_scene
 from ..scenes.reading import apply_change
@@ -298,19 +299,8 @@ def _fit_task(study: Study, parameters: dict[str, Any]) -> FitTask:
     return FitTask(fit.material, settings, digest_of(described))
 
 
-class Outcome(NamedTuple):
-    """Outcome of one run of a study.
-
-    Attributes
-    ----------
-    place : str
-        Name of the run's folder.
-    failure : str or None
-        Reason of a failure; None if the run succeeded; `NOT_DONE` if its `max_time` was over, after which a repeated study resumes it.
-    """
-
-    place: str
-    failure: str | None
+Outcome = tuple[str, str | None]
+"""Name of a run's folder, and the reason of its failure; None if it succeeded; `NOT_DONE` if its `max_time` was over."""
 
 
 @dataclass(frozen=True)
@@ -352,20 +342,6 @@ class Workers:
             jobs = max(1, min(runs, cores // (threads or 1)))
         return cls(jobs, threads or max(1, cores // jobs))
 
-    @property
-    def caution(self) -> str | None:
-        """Text of a warning if several local runs together have more threads than the machine has cores, otherwise None."""
-        cores = joblib.cpu_count()
-        if self.scheduler is None and self.jobs * self.threads > max(cores, self.threads):
-            return f"{self.jobs} jobs of {self.threads} threads share {cores} cores and will slow each other down"
-        return None
-
-    @property
-    def where(self) -> str:
-        """Where the runs are carried out, in words."""
-        here = f"{self.jobs} at a time on {self.threads} thread{'s' * (self.threads > 1)} each"
-        return f"on the workers of {self.scheduler}" if self.scheduler else here
-
     def carry_out(self, tasks: dict[str, SceneTask | FitTask], folder: Path, max_time: float | None = None) -> Iterator[Outcome]:
         """Carry out the tasks, in parallel and for at most `max_time` seconds each, and yield the outcome of every run as it ends.
 
@@ -382,16 +358,16 @@ class Workers:
                     parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
                 calls = [joblib.delayed(carry_out)(task, folder / place, self.threads, study, max_time) for place, task in left.items()]
                 try:
-                    for outcome in parallel(calls):
-                        del left[outcome.place]
-                        yield outcome
+                    for place, failure in parallel(calls):
+                        del left[place]
+                        yield place, failure
                 except lost:
                     begun = [place for place in left if (folder / place / LOCK).exists()]
                     for place in begun or list(left):
                         ends[place] += 1
                         if ends[place] >= MOST_ENDS:
                             del left[place]
-                            yield Outcome(place, f"its process was killed {MOST_ENDS} times, possibly for lack of memory")
+                            yield place, f"its process was killed {MOST_ENDS} times, possibly for lack of memory"
 
     @contextmanager
     def _backend(self, folder: Path) -> Iterator[tuple[int | None, dict[str, Any], type[Exception]]]:
@@ -451,7 +427,7 @@ def carry_out(task: SceneTask | FitTask, folder: Path, threads: int, study: int 
         failure = f"could not write {error.filename or folder}: {error.strerror or error}"
     except Exception as error:  # a failed run must not stop the others
         failure = f"{type(error).__name__}: {error}"
-    return Outcome(folder.name, failure)
+    return folder.name, failure
 
 
 @cache

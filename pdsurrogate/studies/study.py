@@ -3,7 +3,6 @@
 import logging
 import math
 import time
-import warnings
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -304,18 +303,16 @@ def study(
             rows = [_row(folder / RUNS, place, run, ended, described) for place, run in zip(places, runs, strict=True)]
             return StudyResult(described, folder, rows)
 
-        if workers.caution:
-            warnings.warn(workers.caution, stacklevel=2)
         count, failed = len(by_place), 0
-        logger.info("%d runs, %d of them finished earlier; the others run %s", count, len(ended), workers.where)
+        logger.info("%d runs, %d of them finished earlier; jobs: %d, threads: %d", count, len(ended), workers.jobs, workers.threads)
         event("runs", len(ended), count)
         written = time.monotonic()
         try:
-            for outcome in workers.carry_out(left, folder / RUNS, max_time):
-                if outcome.failure == NOT_DONE:
+            for place, failure in workers.carry_out(left, folder / RUNS, max_time):
+                if failure == NOT_DONE:
                     continue
-                ended[outcome.place] = outcome.failure
-                failed += outcome.failure is not None
+                ended[place] = failure
+                failed += failure is not None
                 event("runs", len(ended), count, failed=failed)
                 if time.monotonic() - written > SECONDS_BETWEEN_TABLES:
                     _write(result())

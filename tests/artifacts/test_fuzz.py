@@ -21,6 +21,7 @@ from pdsurrogate.artifacts import ArtifactError, load_card, load_surrogate
 from pdsurrogate.artifacts.store import payload_of
 from pdsurrogate.cli import app
 from pdsurrogate.results.checkpoint import Checkpoint, CheckpointError
+from pdsurrogate.run.checkpoints import Checkpoints
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.scenes import Scene, SceneError, load_scene, scene_names
 from pdsurrogate.scenes.reading import _place_of
@@ -280,7 +281,7 @@ def test_300_corrupted_checkpoints(checkpointed, tmp_path):
         (tmp_path / "checkpoint.npz").write_bytes(data)
         began = time.process_time()
         try:
-            found = Checkpoint.read(tmp_path, run.checkpoints.identity, shapes)
+            found = Checkpoint.read(tmp_path, Checkpoints(run).identity, shapes)
             assert all(np.isfinite(array).all() for array in found.arrays.values())
         except CheckpointError:
             refused += 1
@@ -315,7 +316,7 @@ def test_a_checkpoint_cannot_fill_the_memory(checkpointed, tmp_path):
     for data in (file.getvalue(), claims):
         (tmp_path / "checkpoint.npz").write_bytes(data)
         with pytest.raises(CheckpointError):
-            Checkpoint.read(tmp_path, run.checkpoints.identity, {})
+            Checkpoint.read(tmp_path, Checkpoints(run).identity, {})
 
 
 LITERALS = (

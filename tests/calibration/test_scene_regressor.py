@@ -49,7 +49,7 @@ def measured(law, scene=None, rows=X):
 @pytest.fixture
 def same_body():
     """Measurements simulated at the spacing of the scene have no discretization error: its estimate from twice the spacing vanishes."""
-    with patch("pdsurrogate.calibration.regressor.ORDER", 60.0):
+    with patch("pdsurrogate.calibration.fitting.ORDER", 60.0):
         yield
 
 
@@ -136,7 +136,7 @@ def test_without_a_correction_the_standard_errors_contain_the_discretization_err
     The error from twice the spacing is that of an order of 1.5; with the errors of this estimate, three of them contain the truth.
     """
     _, fine, model = halved
-    with patch("pdsurrogate.calibration.regressor.ORDER", 60.0):
+    with patch("pdsurrogate.calibration.fitting.ORDER", 60.0):
         noise = clone(model).fit(LAST, fine, standard_deviation=LAST_DEVIATION).standard_errors_
     off = np.abs(model.parameters_ - [0.8, 12.0])
     assert (off > 5 * noise).any()
@@ -186,7 +186,7 @@ def test_stresses_have_the_errors_of_the_parameters():
 def test_the_spread_of_members_is_the_standard_error_of_stresses(exact, random):
     """The spread of 400 members has an error of 4 %; the curvature of stresses over the chain limit adds a few percent."""
     y, model = exact + DEVIATION * random.standard_normal(len(X)), pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1)
-    with patch("pdsurrogate.calibration.regressor.MEMBERS", 400):
+    with patch("pdsurrogate.calibration.fitting.MEMBERS", 400):
         model.fit(X, y, standard_deviation=DEVIATION)
     states = np.array([[at, MODES[mode](at)] for mode in MODES for at in (1.2, 2.0)])
     stress, error = model.nominal_stress(states)

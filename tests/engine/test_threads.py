@@ -16,7 +16,7 @@ from pdsurrogate.engine.threads import SPIN_COUNT, Chunks, thread_count, threads
 USE = """
 import os, sys
 import pdsurrogate as pds
-from pdsurrogate.reports.speed import arithmetic
+from clock import arithmetic
 from pdsurrogate.engine.block_arrays import aligned_rows
 {first}
 before = dict(os.environ)
@@ -31,7 +31,7 @@ print(before == dict(os.environ), numba.threading_layer() if "numba" in globals(
 def _used(first="", **variables):
     """Standard error of a process that uses a parallel kernel, with what GNU OpenMP says of its settings when it is loaded."""
     inherited = {key: value for key, value in os.environ.items() if key not in ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")}
-    environment = {**inherited, "NUMBA_NUM_THREADS": "2", "OMP_DISPLAY_ENV": "verbose", **variables}
+    environment = {**inherited, "NUMBA_NUM_THREADS": "2", "OMP_DISPLAY_ENV": "verbose", "PYTHONPATH": os.pathsep.join(sys.path)} | variables
     done = subprocess.run([sys.executable, "-c", USE.format(first=first)], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.split()[0] == "True", "the environment was changed"
     if "GOMP_SPINCOUNT" not in done.stderr:

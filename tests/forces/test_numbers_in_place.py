@@ -10,7 +10,7 @@ from pdsurrogate.forces.internal_force import numbers_in_place
 from pdsurrogate.forces.learned import Learned
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.problem.materials import checked_models
-from pdsurrogate.run.sensitivity import numbers_in, with_numbers
+from pdsurrogate.run.parameters import numbers_in, with_numbers
 
 OGDEN = {"law": "ogden", "moduli": [1.4911, 0.00284, -0.02367], "exponents": [1.3, 5.0, -2.0], "bulk_modulus": 100.0}
 SHEET, BLOCK, STRAIN = {"spacing": 0.25}, {"spacing": 0.25}, {"spacing": 0.1}

@@ -208,7 +208,7 @@ def checkerboard(values, body):
 def test_the_pressure_of_a_bonded_block_is_smooth():
     """16 points a side, bonded, pulled by 30 %: the force near finite elements, and no pressure that changes sign from point to point.
 
-    The force is 0.1 % off there; all energy at the bonds locks (pipelines/plane_strain_report.py).
+    The force is 0.1 % off there; all energy at the bonds locks (pipelines/references.py).
     """
     scene = pds.load_scene("plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 1.3, "spacing": 1 / 16})
     result = pds.simulate(scene, "bond-energy")

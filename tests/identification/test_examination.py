@@ -44,9 +44,6 @@ PURE_SHEAR = np.arange(24) >= 16
 
 CHANGES = {
     "one stress times 5": (4, lambda stress, stretch: 5 * stress, ["row 5 (uniaxial, stretch 2.18571", "poorly: R^2 is 0.0"]),
-    "one below its neighbors": (5, lambda stress, stretch: 0.75 * stress, ["row 6 (uniaxial, stretch 2.45714"]),
-    "a shift": (slice(None), lambda stress, stretch: stress + 0.1, ["all modes: the stresses look shifted by 0."]),
-    "a shift of one mode": (PURE_SHEAR, lambda stress, stretch: stress + 0.1, ["pure-shear: the stresses look shifted by 0."]),
     "Cauchy stresses": (PURE_SHEAR, lambda stress, stretch: stress * stretch, ["pure-shear: the stresses look like Cauchy"]),
     "Cauchy stresses everywhere": (slice(None), lambda stress, stretch: stress * stretch, ["all modes: the stresses look like Cauchy"]),
     "another unit": (PURE_SHEAR, lambda stress, stretch: 9.81 * stress, ["pure-shear: the stresses look 9.8 times too large"]),
@@ -66,38 +63,22 @@ def test_what_is_wrong_with_data_is_told(good, name):
     said = " ".join([*found.remarks, *found.refusals])
     for words in told:
         assert words in said
-    # No row or mode but those that were changed is accused; of the law nothing is said that data so wrong cannot tell.
-    assert said.count("standard deviations") == said.count("row 5 (") + said.count("row 6 (")
-    assert "times better" not in said
+    # No row or mode but those that were changed is accused.
+    assert said.count("standard deviations") == said.count("row 5 (")
     assert bool(found.refusals) == (name in ("Cauchy stresses", "another unit"))  # R^2 of -0.2 and -3.7
 
 
-def test_a_shift_of_the_mode_that_reaches_least_is_no_fault_of_its_rows():
-    """An energy takes the shift for the greater part, and leaves the first two rows of the mode standing out."""
+def test_cauchy_stresses_of_one_mode_accuse_no_row_of_another():
+    """They draw the energy with them, and a sound row of another mode stands out until they are set right."""
     common = [1.1, 1.3, 1.6, 2, 2.5, 3]
     stretch = {"uniaxial": [*common, 4, 5], "equibiaxial": [*common, 3.5], "pure-shear": [*common, 4]}
     mode = np.repeat(list(stretch), [len(values) for values in stretch.values()])
     X = np.vstack([np.stack([np.array(values), MODES[name](np.array(values))], axis=1) for name, values in stretch.items()])
     data = TestData("made", mode, X, nominal_stress(pds.materials.Gent(0.4, 400.0, 60.0), X), np.ones(len(X)))
     assert not suspicions(data)
-    shifted = mode == "equibiaxial"
-    (said,) = suspicions(changed(data, shifted, data.nominal_stress[shifted] + 0.1))
-    assert said.startswith("equibiaxial: the stresses look shifted by 0.1;")
-    # Cauchy stresses of one mode draw the energy with them, and a sound row of another mode stands out until they are set right.
     uniaxial = mode == "uniaxial"
     (said,) = suspicions(changed(data, uniaxial, data.nominal_stress[uniaxial] * X[uniaxial, 0]))
     assert said.startswith("uniaxial: the stresses look like Cauchy")
-
-
-@pytest.mark.parametrize("stress", [0.05, -0.1, 5.0])
-def test_a_stress_at_rest_is_named(good, stress):
-    rest = TestData("made", np.array(["uniaxial"]), np.ones((1, 2)), np.array([stress]), np.ones(1))
-    with_rest = TestData(
-        "made", *(np.concatenate([getattr(one, key) for one in (rest, good)]) for key in ("mode", "stretches", "nominal_stress", "weight"))
-    )
-    (said,) = suspicions(with_rest)
-    assert f"row 1 (uniaxial, stretch 1, nominal stress {stress:g}): rubber has no stress at a stretch of 1" in said
-    assert not suspicions(changed(with_rest, 0, 0.0))
 
 
 def test_the_sign_of_a_stress_is_that_of_rubber(good):
@@ -119,15 +100,6 @@ def test_shipped_data_are_let_alone():
         found = examined(data, "ogden")
         assert not found.refusals
         assert not found.remarks
-
-
-def test_another_law_that_is_five_times_better_is_named():
-    data = load_test_data("treloar")
-    said = " ".join(examined(data, "neo-hookean").remarks)
-    assert "an energy without a law" in said
-    assert "times better than neo-hookean" in said
-    models = [pds.identification.LawRegressor(name).fit(data.stretches, data.nominal_stress) for name in ("mooney-rivlin", "ogden")]
-    assert "times better than mooney-rivlin" in examine(models[0], data, models).remarks[-1]
 
 
 def test_fits_are_refused_unless_forced(good):
@@ -202,7 +174,7 @@ def test_commands_tell_and_refuse(good, written, tmp_path):
     assert forced.exit_code == 0, forced.output
     assert "row 5 (uniaxial" in forced.stderr
     printed = " ".join(forced.output.replace("─", "").split())
-    assert "Tests simulated with the artifact, compared with the data mode greatest difference (%) at stretch uniaxial" in printed
+    assert "Tests simulated with the artifact, compared with the data mode difference stretch uniaxial" in printed
     identification = pds.load_card(tmp_path / "artifacts" / "x").training["identification"]
     assert "row 5" in identification["refusals"][0]
     assert identification["residuals"][0]["row"] == 5

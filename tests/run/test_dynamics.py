@@ -17,6 +17,7 @@ from pdsurrogate.cli import app
 from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.results.checkpoint import NAME, CheckpointError
+from pdsurrogate.results.drawings import title_of
 from pdsurrogate.run import account, checkpoints, transient
 from pdsurrogate.run.cracks import Cracks, crack_path
 from pdsurrogate.run.damage import Damage
@@ -208,9 +209,9 @@ def test_one_axis_of_time_for_the_whole_run(torn):
     assert damage[0] == damage[1] == result.field("damage", level=0).max() == pytest.approx(0.4, abs=0.1)
     assert result.field("damage", level=0).min() == 0
     assert (np.diff(damage) >= 0).all()
-    assert result.title(0) == "stretch 1.1"
+    assert title_of(result, 0) == "stretch 1.1"
     last = result.summary["crack"]["tips"][-1]
-    assert result.title(len(times) - 1) == f"stretch {last['stretch']:.3f}, {last['time']:.4g} s"
+    assert title_of(result, len(times) - 1) == f"stretch {last['stretch']:.3f}, {last['time']:.4g} s"
 
 
 def test_the_history_has_the_forces_of_the_grips(torn):

@@ -9,7 +9,9 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
+from pdsurrogate.results.drawings import in_dynamics
 from pdsurrogate.run import transient
+from pdsurrogate.run.checkpoints import Checkpoints
 from pdsurrogate.run.cracks import Cracks, starts_of_cracks
 from pdsurrogate.run.damage import Damage
 
@@ -129,7 +131,7 @@ def viscosity_of(scene):
     run = started(scene, "analytic")
     run.state.stage = len(run.stages) - 1
     run.damage = None if scene.fracture is None else Damage(run.body, scene.fracture.critical_stretch)
-    return transient.Transient(run, run.stages[run.state.stage]).viscosity
+    return transient.Transient(run, run.stages[run.state.stage], Checkpoints(run)).viscosity
 
 
 def test_viscosity_where_none_is_said():
@@ -172,7 +174,7 @@ def test_the_history_has_a_row_at_every_output(scene, force):
     """There was one for every twenty steps alone: 11 for 100 outputs."""
     result = pds.simulate(scene, force)
     moving = {row["time"] for row in result.history if "time" in row}
-    outputs = [moment.time for number, moment in enumerate(result.states.moments) if number in result.in_dynamics()] or [
+    outputs = [moment.time for number, moment in enumerate(result.states.moments) if number in in_dynamics(result)] or [
         level["time"] for level in result.levels
     ]
     assert len(outputs) >= 5

@@ -10,8 +10,9 @@ from pdsurrogate.materials import LAWS, MooneyRivlin, NeoHookean, Yeoh
 from pdsurrogate.materials.covariance import numbers_of, with_numbers_of
 from pdsurrogate.materials.homogeneous import uniaxial
 from pdsurrogate.problem.materials import checked_models
+from pdsurrogate.run.parameters import numbers_in
 from pdsurrogate.run.reopened import place
-from pdsurrogate.run.sensitivity import Differentiated, numbers_in
+from pdsurrogate.run.sensitivity import Differentiated
 from pdsurrogate.scenes.reading import apply_change, leaves
 
 CONVERGED = {"solver.method": "newton", "solver.tolerance": 1e-10, "precision": "float64"}

@@ -12,6 +12,7 @@ import pdsurrogate as pds
 from pdsurrogate.cli import simulation as run_tables
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.results.drawings import html_page
+from pdsurrogate.results.measures import label_of
 from pdsurrogate.scenes import Grip, MaterialSpec, SceneError, Units, load_scene, scene_names
 from pdsurrogate.scenes.reading import parse_change
 
@@ -302,7 +303,7 @@ def test_what_has_no_units_claims_none(tmp_path, monkeypatch):
     assert repr(scene) == "<Scene plain: rectangle, spacing 0.25, neo-hookean, 1 stretch>"
     result = pds.simulate(scene, "analytic")
     result.save(tmp_path)
-    texts = [path.read_text() for path in tmp_path.glob("*.csv")] + [html_page(result, ["stress_11"]), result.label("stress_11")]
+    texts = [path.read_text() for path in tmp_path.glob("*.csv")] + [html_page(result, ["stress_11"]), label_of("stress_11", scene.units)]
     for printed in (run_tables.print_levels, run_tables.print_cells, run_tables.print_grip):
         with run_tables.out.capture() as said:
             printed(result)

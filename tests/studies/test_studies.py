@@ -331,7 +331,7 @@ class Ended:
 @pytest.mark.slow  # workers are started three times
 def test_a_run_that_loses_its_process_is_tried_once_more_and_the_others_go_on(tmp_path):
     tasks = {f"run-{number}": Ended(str(number), times) for number, times in enumerate([0, 1, 9, 0, 0])}
-    outcomes = {found.place: found.failure for found in Workers(2, 1).carry_out(tasks, tmp_path)}
+    outcomes = dict(Workers(2, 1).carry_out(tasks, tmp_path))
     assert sorted(outcomes) == sorted(tasks)
     assert outcomes["run-2"].startswith("its process was killed")
     assert len(list((tmp_path / "run-2").glob("life-*"))) == 2

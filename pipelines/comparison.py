@@ -1,5 +1,11 @@
-"""Speed and error of every force model, timed in turns of milliseconds, with a table and a figure of the comparison."""
+"""Speed and error of every force model, timed in turns of milliseconds, with a table and a figure of the comparison.
 
+python pipelines/comparison.py                     all models, in some minutes
+python pipelines/comparison.py --quick --law gent  fewer models and shorter timings, not for publication, for a law
+python pipelines/comparison.py --force mine        chosen models, as for `pdsurrogate run`, next to NOSB and BA-NOSB
+"""
+
+import argparse
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -8,22 +14,23 @@ from typing import NamedTuple
 import matplotlib
 import numba
 import numpy as np
+from clock import UNDISTURBED, TimedModel, measure_speed, sheet
 from matplotlib.figure import Figure
+from pages import markdown_table
 
-from .. import learning
-from ..artifacts import load_surrogate
-from ..body import Body
-from ..engine.threads import most_threads, thread_count
-from ..forces import FORCES, BANOSBForce, EnergySurrogate, ForceModel, ForceSurrogate, NOSBForce
-from ..forces.kernel_values import kernel_bond_force, kernel_energy
-from ..learning.sobolev import SobolevRegressor
-from ..materials import Law, NeoHookean
-from ..progress import part
-from ..results.figures import STYLE
-from ..results.provenance import processor
-from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
-from ..scenes import load_scene
-from .speed import UNDISTURBED, TimedModel, measure_speed, sheet
+from pdsurrogate import learning
+from pdsurrogate.artifacts import load_surrogate
+from pdsurrogate.body import Body
+from pdsurrogate.engine.threads import most_threads, thread_count
+from pdsurrogate.forces import FORCES, BANOSBForce, EnergySurrogate, ForceModel, ForceSurrogate, NOSBForce
+from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_energy
+from pdsurrogate.learning.sobolev import SobolevRegressor
+from pdsurrogate.materials import LAWS, Law, NeoHookean
+from pdsurrogate.progress import part
+from pdsurrogate.results.figures import STYLE
+from pdsurrogate.results.provenance import processor
+from pdsurrogate.run.simulate import SimulationFailed, SimulationInterrupted, simulate
+from pdsurrogate.scenes import load_scene
 
 RIVAL, REFERENCE = BANOSBForce.name, NOSBForce.name
 """Names of the two models with which the cost of every model is compared."""
@@ -294,3 +301,20 @@ def pareto_figure(report: dict) -> Figure:
         axis.set_xticks([], minor=True)
         axis.grid(alpha=0.3)
         return figure
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="fewer models and shorter timings")
+    parser.add_argument("--law", default="neo-hookean", choices=sorted(LAWS), help="law, with its default parameters")
+    parser.add_argument("--force", action="append", help="force model; may be repeated (default: all)")
+    parser.add_argument("--threads", type=int, help="greatest number of threads (default: all)")
+    arguments = parser.parse_args()
+    report = compare(LAWS[arguments.law](), arguments.quick, arguments.threads, arguments.force)
+    for title in TABLES:
+        print(f"{title}:\n\n{markdown_table(*table(report, title))}\n")
+    print(caution(report["models"]))
+
+
+if __name__ == "__main__":
+    main()

@@ -8,14 +8,14 @@ from functools import partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..body import Body
-from ..engine.block_arrays import BLOCK, aligned_rows, block_rows
-from ..engine.compile import widest_vectors
-from ..engine.passes import Pass, share_of
-from ..engine.threads import most_threads, thread_count
-from ..forces import ForceModel, ForceSettings
-from ..materials import Law, homogeneous
-from ..progress import event
+from pdsurrogate.body import Body
+from pdsurrogate.engine.block_arrays import BLOCK, aligned_rows, block_rows
+from pdsurrogate.engine.compile import widest_vectors
+from pdsurrogate.engine.passes import Pass, share_of
+from pdsurrogate.engine.threads import most_threads, thread_count
+from pdsurrogate.forces import ForceModel, ForceSettings
+from pdsurrogate.materials import Law, homogeneous
+from pdsurrogate.progress import event
 
 ENOUGH = 12
 """Number of undisturbed timings (see `UNDISTURBED`) required for every model and number of threads. Chosen: the median of twelve hardly

@@ -1,0 +1,106 @@
+"""Search for the law of measurements: its variables, weighted residuals and their Jacobian."""
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..materials import Law
+from ..materials.covariance import derivatives_of_numbers
+from ..progress import event
+from .measured import FAILURES
+
+logger = logging.getLogger(__name__)
+
+DIFFERENCE = 1e-6
+"""Change of a search variable in central differences of the numbers of a law; of a coefficient of an energy, relative to it. Chosen:
+the error by rounding is then 1e-10, and that by curvature less."""
+
+
+@dataclass(frozen=True)
+class Space:
+    """Variables of a search: parameters or, where flags say so, their logarithms, between bounds; each of shape (n_parameters,)."""
+
+    low: np.ndarray
+    high: np.ndarray
+    logarithmic: np.ndarray
+
+    def of(self, kept: np.ndarray) -> "Space":
+        """Return the variables that a mask chooses."""
+        return Space(self.low[kept], self.high[kept], self.logarithmic[kept])
+
+    def parameters(self, x: np.ndarray) -> np.ndarray:
+        return np.exp(x, out=x.copy(), where=self.logarithmic)
+
+    def sizes(self, x: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the parameters by the variables."""
+        return np.where(self.logarithmic, self.parameters(x), 1.0)
+
+
+class Search:
+    """Weighted residuals of a law at the measurements and their Jacobian by the variables of a `space`, for `scipy.optimize.least_squares`.
+
+    If `held`, the measurements do not depend on a common factor of all moduli, and the first one keeps its value.
+    """
+
+    def __init__(self, tests: list, law_of, space: Space, y: np.ndarray, root: np.ndarray, linear: bool, held: bool) -> None:
+        self.tests, self.law_of, self.space, self.y, self.root, self.linear, self.held = tests, law_of, space, y, root, linear, held
+        self.count = 0
+        self.known: dict[bytes, np.ndarray] = {}
+        self.differentiated: dict[bytes, np.ndarray] = {}
+
+    def forget(self) -> None:
+        """Delete what is known of laws with other unknowns."""
+        self.known, self.differentiated = {}, {}
+
+    def law_at(self, x: np.ndarray) -> Law:
+        return self.law_of(self.space.parameters(x))
+
+    def values(self, x: np.ndarray) -> np.ndarray:
+        """Return the measurements at the search variables; raise one of `FAILURES` where a scene has no equilibrium."""
+        key = x.tobytes()
+        if key not in self.known:
+            self.known[key] = self._differentiated(x, [])[0]
+        return self.known[key]
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        try:
+            return self.root * (self.values(x) - self.y)
+        except (*FAILURES, ValueError):
+            return np.full(len(self.y), np.inf)  # the search then turns back
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        key = x.tobytes()
+        if key not in self.differentiated:
+            numbers, chain = derivatives_of_numbers(self.law_at, x, DIFFERENCE * (np.abs(x) if self.linear else np.ones(len(x))))
+            self.known[key], derivatives = self._differentiated(x, [f"material.{name}" for name in numbers])
+            if self.held:
+                chain[:, 0] = 0.0
+            self.differentiated[key] = derivatives @ chain
+        return self.root[:, None] * self.differentiated[key]
+
+    def _differentiated(self, x: np.ndarray, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
+        law, values, derivatives = self.law_at(x), np.empty(len(self.y)), np.empty((len(self.y), len(names)))
+        for test, here in self.tests:
+            self.count += test.count
+            values[here], derivatives[here] = test.differentiate(law, names)
+        squares = ((self.root * (values - self.y)) ** 2).sum()
+        logger.info("%d equilibria, sum of squared residuals %.4g for %d measurements", self.count, squares, len(values))
+        event("calibrating", 0, 1, equilibria=self.count, sum_of_squared_residuals=squares)
+        return values, derivatives
+
+
+def errors_of(jacobian: np.ndarray) -> np.ndarray:
+    """Return the standard errors of search variables by the noise, from the derivatives of weighted measurements by them."""
+    return np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True)))
+
+
+@contextmanager
+def failing(what: str) -> Iterator[None]:
+    """Raise a ValueError that says what fails, during a context, where a law has no equilibrium."""
+    try:
+        yield
+    except FAILURES as error:
+        raise ValueError(f"{what}: {error}") from None

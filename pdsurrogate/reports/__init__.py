@@ -1,1 +1,0 @@
-"""Speed and error of every force model, measured and tabulated."""

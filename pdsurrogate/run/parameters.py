@@ -1,0 +1,99 @@
+"""Numbers of a scene, of its laws and of its learned models that can be parameters of sensitivities."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..forces import ForceModel
+from ..forces.learned import Learned
+from ..materials import Law
+from ..materials.covariance import numbers_of, with_numbers_of
+from ..problem.materials import scene_errors
+from ..scenes import Scene
+from ..scenes.reading import apply_change, leaves
+
+PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
+"""Keys of a scene below which numbers can be parameters of sensitivities: they change neither the points nor which of them are held."""
+
+MODULI = ("shear_modulus", "bulk_modulus")
+"""Numbers of a law that are no part of its `Law.shape`."""
+
+
+def laws_of(scene: Scene) -> dict[str, Law]:
+    """Return the laws of a scene by key: ``"material"``, and ``"materials.0.material"`` and so on for regions that are not rigid."""
+    parts = {f"materials.{number}.material": part.material for number, part in enumerate(scene.materials)}
+    return {"material": scene.law()} | {key: material.build() for key, material in parts.items() if not material.rigid}
+
+
+def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
+    """Return, by dotted key, the numbers that can be parameters: of a scene, of its laws and of the arrays of its learned models.
+
+    Numbers of a law are parameters whether they are stated or have their default, except coefficients of terms that the law does not have.
+    A learned model holds for one `Law.shape`: with it, the moduli alone are parameters.
+    """
+    laws, by_law, found = laws_of(scene), by_key(models, "material"), {}
+    for key, value in leaves(scene.model_dump(mode="json")):
+        if key.split(".")[0] in PLACES and ".region." not in key and not any(key.startswith(f"{law}.") for law in laws):
+            found[key] = value
+    for key, law in laws.items():
+        for name, value in numbers_of(law).items():
+            fixed = isinstance(by_law.get(key), Learned) and name not in MODULI
+            missing = False
+            if "." in name and not value:  # a coefficient: with any other value a missing term would add parameters to the law
+                missing = len(with_numbers_of(law, {name: law.shear_modulus}).parameters) > len(law.parameters)
+            if not (fixed or missing):
+                found[f"{key}.{name}"] = value
+    for key, model in _learned(models).items():
+        arrays = {name: values.tolist() for name, values in model.payload().items() if isinstance(values, np.ndarray)}
+        found |= dict(leaves(arrays, key=key))
+    return {key: float(value) for key, value in found.items() if isinstance(value, float | int) and not isinstance(value, bool)}
+
+
+def _learned(models: Sequence[ForceModel]) -> dict[str, Learned]:
+    """Return the learned models by the key of the scene that names them; a model that regions share has the key of the first."""
+    keys = {id(model): key for key, model in reversed(by_key(models, "force").items())}
+    return {keys[id(model)]: model for model in models if isinstance(model, Learned)}
+
+
+def by_key(models: Sequence[ForceModel], last: str) -> dict[str, ForceModel]:
+    """Return force models by the keys of a scene that name them, or those of their laws; `last` is ``"force"`` or ``"material"``."""
+    return {last if not number else f"materials.{number - 1}.{last}": model for number, model in enumerate(models)}
+
+
+def array_of(name: str, models: Sequence[ForceModel]) -> np.ndarray | None:
+    """Return the array of a learned model in which a parameter is a number; None for a number of the scene."""
+    for key, model in _learned(models).items():
+        if name.startswith(f"{key}."):
+            return model.payload()[name.removeprefix(f"{key}.").split(".")[0]]
+    return None
+
+
+def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str, float]) -> tuple[Scene, list[ForceModel]]:
+    """Return a scene and its force models with other values of the numbers that `numbers_in` names."""
+    data, changed, learned = scene.model_dump(mode="json"), by_key(models, "force"), _learned(models)
+    others = dict(values)
+    for key, law in laws_of(scene).items():
+        own = {name.removeprefix(f"{key}."): others.pop(name) for name in values if name.startswith(f"{key}.")}
+        if own:
+            apply_change(data, key, with_numbers_of(law, own).describe())
+    for name, value in others.items():
+        owner = next((key for key in learned if name.startswith(f"{key}.")), None)
+        if owner is None:
+            apply_change(data, name, value)
+            continue
+        before = changed[owner]
+        array, *place = name.removeprefix(f"{owner}.").split(".")
+        payload = before.payload()
+        payload[array] = payload[array].copy()
+        payload[array][tuple(map(int, place))] = value
+        new = type(before).from_payload(before.name, payload, before.domain, before.law, before.shape)
+        new = replace(new, stated=before.stated, members=before.members)
+        changed = {key: new if model is before else model for key, model in changed.items()}
+    if any(name in dict(leaves(data)) for name in values):
+        scene = Scene.model_validate(data)
+        by_law = by_key(list(changed.values()), "material")
+        with scene_errors(scene):
+            for key, law in laws_of(scene).items():
+                by_law[key].check_material(law)
+    return scene, list(changed.values())

@@ -1,0 +1,57 @@
+"""Numbers and rows that describe how far a run has come, as checkpoints keep them."""
+
+from dataclasses import dataclass, field
+
+
+@dataclass
+class State:
+    """Numbers and text that describe the progress of a run, in addition to its arrays.
+
+    Attributes
+    ----------
+    parameter : float
+        Loading parameter at the present positions.
+    begin : float
+        Loading parameter at which the present stage began, or the displacement that the stage controls.
+    stage, outputs : int
+        Number of the present stage, and number of its outputs so far.
+    elapsed : float
+        Time that earlier stages in dynamics took.
+    steps : int
+        Steps in dynamics.
+    failed : int or None
+        Number of force evaluations of the run when an attempt at the present output had first failed; None if none has.
+    begun : int
+        Number of force evaluations of the run when the search for the present output in equilibrium began.
+    costs : list of int
+        Force evaluations for every output in equilibrium so far.
+    greatest_drive : float
+        Greatest sum of the magnitudes of loads or reactions (`Equilibrium.drive`) of the outputs so far.
+    crack : dict or None
+        Entry of the summary about cracks; None without fracture or before dynamics.
+    dynamics : list of dict
+        Entries of the summary about the stages in dynamics.
+    levels, history, convergence : list of dict
+        Rows of ``summary["levels"]``, the measurements at outputs; rows of the history; rows of the table of convergence, about the search
+        for equilibrium.
+    beyond_data : list of dict
+        With a force learned from test data, a row for every recorded state: the fraction of bonds or points beyond these data, and their
+        greatest distance from the data.
+    """
+
+    parameter: float
+    begin: float
+    stage: int = 0
+    outputs: int = 0
+    elapsed: float = 0.0
+    steps: int = 0
+    failed: int | None = None
+    begun: int = 0
+    greatest_drive: float = 0.0
+    crack: dict | None = None
+    costs: list[int] = field(default_factory=list)
+    dynamics: list[dict] = field(default_factory=list)
+    levels: list[dict] = field(default_factory=list)
+    history: list[dict] = field(default_factory=list)
+    convergence: list[dict] = field(default_factory=list)
+    beyond_data: list[dict] = field(default_factory=list)
