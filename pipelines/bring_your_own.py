@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from clock import bench_positions, sheet
+from clock import TimedModel, measure_speed, sheet
 from pages import markdown_table, report
 from rich.console import Console
 from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
@@ -33,14 +33,13 @@ from sklearn.svm import SVR
 from skorch import NeuralNetRegressor
 
 import pdsurrogate as pds
-from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.identification import fitted_laws
 from pdsurrogate.learning.bond_force import stiffness_slopes
 
 LAW = pds.materials.Ogden()
 SAMPLES = 2000
 PATIENCE = 20.0
-"""Seconds of timing of all models, in turn."""
+"""Seconds of waiting for undisturbed timings of all models."""
 console = Console()
 
 
@@ -96,25 +95,6 @@ def least_slope(force) -> float:
     return float(stiffness_slopes(force, states).min())
 
 
-def costs(models: list[tuple[object, str]]) -> list[float]:
-    """Nanoseconds a directed bond of whole evaluations on one thread: of each model the least of many timings, taken in turn.
-
-    Other work on the machine only ever adds to a timing.
-    """
-    body = sheet()
-    with thread_count(1):
-        positions, out = bench_positions(body, LAW), np.empty_like(body.points)
-        bound = [model.bind(body, LAW, pds.ForceSettings(precision=precision)) for model, precision in models]
-        least, began = np.full(len(bound), np.inf), time.perf_counter()
-        while time.perf_counter() - began < PATIENCE:
-            for number, force in enumerate(bound):
-                for _ in range(5):
-                    start = time.perf_counter()
-                    force(positions, out)
-                    least[number] = min(least[number], time.perf_counter() - start)
-    return (1e9 * least / body.bonds.n_directed).tolist()
-
-
 def percent(value: float) -> str:
     return f"{100 * value:.2g} %"
 
@@ -144,11 +124,11 @@ def of_ten(folder: Path) -> str:
                 percent(stress_error(path)),
             ]
         )
-        cases.append((force, "float32"))
+        cases.append(TimedModel(force, "float32", sheet()))
     exact = pds.AnalyticBondForce(LAW)
     names.append("exact bond force")
     rows.append(["", "", "", "", "0", f"{least_slope(exact.bond_force):.3f}", percent(stress_error("analytic"))])
-    cases.append((exact, "float64"))
+    cases.append(TimedModel(exact, "float64", sheet()))
     header = [
         "regressor",
         "fit (s)",
@@ -160,7 +140,8 @@ def of_ten(folder: Path) -> str:
         "stress error at stretch 2",
         "cost (ns)",
     ]
-    table = [[name, *row, f"{cost:.0f}"] for name, row, cost in zip(names, rows, costs(cases), strict=True)]
+    costs = [found["ns_per_directed_bond_1"] for found in measure_speed(cases, LAW, PATIENCE)]
+    table = [[name, *row, f"{cost:.0f}"] for name, row, cost in zip(names, rows, costs, strict=True)]
     return markdown_table(header, table)
 
 

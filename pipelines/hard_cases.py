@@ -10,9 +10,7 @@ The properties that every force model must have are in `pdsurrogate.testing`.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import operator
-import statistics
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -22,7 +20,6 @@ from itertools import pairwise, permutations, product
 from typing import NamedTuple
 
 import numpy as np
-from clock import sheet
 from pages import markdown_table, replace_block
 from rich.console import Console
 from scipy.integrate import fixed_quad, simpson
@@ -33,11 +30,9 @@ import pdsurrogate as pds
 from pdsurrogate.artifacts import list_artifacts, load_surrogate
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.body.ghosts import WITH_ROUNDING
-from pdsurrogate.engine.threads import thread_count
-from pdsurrogate.forces import FORCES, Domain, ForceSettings, ForceSurrogate, InternalForce, InvalidState, LearnedEnergy
+from pdsurrogate.forces import FORCES, ForceSurrogate, InternalForce, InvalidState, LearnedEnergy
 from pdsurrogate.forces.settings import WHERE
 from pdsurrogate.kernels.steps import central_difference_step
-from pdsurrogate.learning import surrogate_of
 from pdsurrogate.materials import PLANES, Gent, Law, NeoHookean, homogeneous, plane_stress
 from pdsurrogate.solvers.equilibrium import Diverging, NotConverged, Unstable
 from pdsurrogate.solvers.methods import Automatic
@@ -1131,71 +1126,6 @@ def cell(outcome: Outcome) -> str:
     return forms.get(outcome.verdict, f"{outcome.verdict} {figure}".strip())
 
 
-def fallback() -> str:
-    """Section 6.2 with a surrogate trained to stretch 1.5 only, against the analytic bond force."""
-    law = pds.materials.NeoHookean()
-    samples = pds.training_samples(law, 8000, (0.8, 1.5), random_state=0)
-    network = pds.LevenbergMarquardtRegressor((20,), "algebraic", max_iter=600, n_iter_no_change=100, random_state=0)
-    with console.status("Fitting a surrogate to stretch 1.5"):
-        model = pds.surrogate_pipeline(network).fit(samples.X, samples.y)
-    small = surrogate_of(model, law, samples)
-    with console.status("Section 6.2"):
-        mine, exact = (pds.simulate(pds.load_scene("uniaxial"), force) for force in (small, "analytic"))
-    rows = []
-    for level, reference in zip(mine.levels, exact.levels, strict=True):
-        errors = [100 * (level[key] / reference[key] - 1) for key in ("nominal_stress", "lateral_displacement")]
-        rows.append([f"{level['stretch']:g}", *(f"{error:+.5f}" for error in errors), str(level["evaluations"])])
-    text = markdown_table(["stretch", "nominal stress (%)", "lateral displacement (%)", "evaluations"], rows)
-    return f"{text}\n\n{100 * mine.summary['fallback_fraction']:.0f} % of the bond evaluations used the exact bond force."
-
-
-def overhead() -> str:
-    """Cost of the guard where no bond is outside: the whole evaluation with and without, interleaved, on one thread."""
-    body = sheet()
-    model, law = pds.load_surrogate("neo-hookean"), pds.materials.NeoHookean()
-    positions, out = body.points @ np.diag([1.5, 0.82]), np.empty_like(body.points)
-    lines = []
-    for precision in ("float32", "float64"):
-        with thread_count(1):
-            guarded = model.bind(body, law, ForceSettings(precision=precision))
-            free = dataclasses.replace(model, domain=None).bind(body, law, ForceSettings(precision=precision))
-            ratios = []
-            for _ in range(200):
-                seconds = []
-                for force in (guarded, free, free, guarded):
-                    began = time.perf_counter()
-                    for _ in range(4):
-                        force(positions, out)
-                    seconds.append(time.perf_counter() - began)
-                ratios.append((seconds[0] + seconds[3]) / (seconds[1] + seconds[2]))
-        assert guarded.fraction_outside == 0
-        lines.append(f"{precision}: {100 * (statistics.median(ratios) - 1):+.1f} %")
-    return "The check of the domain adds to the time of an evaluation, with all bonds inside: " + ", ".join(lines) + "."
-
-
-def jump() -> str:
-    """Evaluations with the paper's network where its box ends within the body, with the band and with a jump in its place."""
-    rows = []
-    interior = Domain.interior
-    scenes = (
-        ("pure-shear", ["spacing=0.04", "stretches=1.5,2.0"]),
-        ("uniaxial", ["spacing=0.04", "support=points", "stretches=1.45,1.56,1.6"]),
-    )
-    for name, changes in scenes:
-        cells = []
-        for band in (False, True):
-            Domain.interior = interior if band else property(lambda domain: domain)
-            try:
-                result = pds.simulate(pds.load_scene(name, [*changes, "solver.most_evaluations=8000"]), "neo-hookean-paper")
-                cells.append(" / ".join(str(level["evaluations"]) for level in result.levels))
-            except pds.SimulationFailed as error:
-                cells.append(f"not converged: {str(error).split(';')[0]}")
-            finally:
-                Domain.interior = interior
-        rows.append([f"{name}, {', '.join(changes)}", *cells])
-    return markdown_table(["scene", "without a band", "with a band"], rows)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
@@ -1203,14 +1133,11 @@ def main() -> None:
     parser.add_argument("--full", action="store_true", help="all models, and all steps of the dynamic cases")
     parser.add_argument("--plane", choices=list(BODIES), help="the cases of these bodies alone")
     arguments = parser.parse_args()
-    surrogates = {"guard": overhead, "jump": jump, "fallback": fallback} if arguments.docs and arguments.plane is None else {}
     for plane in [arguments.plane] if arguments.plane else BODIES:
-        surrogates[f"hard-cases-{plane}"] = lambda plane=plane: hard_cases(plane, arguments.force, arguments.full)
-    for mark, make in surrogates.items():
-        text = make()
-        console.print(f"{mark}\n{text}\n", soft_wrap=True, markup=False)
+        text = hard_cases(plane, arguments.force, arguments.full)
+        console.print(text, soft_wrap=True, markup=False)
         if arguments.docs:
-            replace_block(mark, text)
+            replace_block(f"hard-cases-{plane}", text)
 
 
 if __name__ == "__main__":

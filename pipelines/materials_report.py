@@ -30,9 +30,6 @@ DEGREES = ((1, 0), (4, 2), (5, 2), (6, 3), (7, 3), (8, 3), (9, 3), (10, 3), (12,
 TOLERANCE = 2e-3
 """Relative RMS force error, on and off the surface, that a surrogate must keep."""
 
-LIMITS = (30.0, 60.0, 120.0, 240.0)
-"""Chain limits, evenly spaced in their logarithm, between which one artifact would have to serve."""
-
 INCOMPRESSIBLE = 1e7
 """K/mu at which constants are compared with published ones, which are of rubber that keeps its volume."""
 
@@ -199,28 +196,6 @@ def speed(quick: bool) -> tuple[list[dict], str]:
     return rows, caution
 
 
-def chain_limit_as_input() -> list[dict]:
-    """Error of one polynomial with Gent's chain limit as a third feature, on limits between those it was fitted to."""
-    from pdsurrogate.learning.pipeline import feature_values, force_of_outputs, outputs_of_force
-
-    def states(limits, seed):
-        found = [pds.training_samples(pds.materials.Gent(chain_limit=limit), 3000, (0.6, 2.8), random_state=seed) for limit in limits]
-        X, y = np.vstack([samples.X for samples in found]), np.vstack([samples.y for samples in found])
-        return X, y, np.column_stack([feature_values(X, "isochoric"), np.repeat(1 / np.asarray(limits), 3000)])
-
-    middles = np.sqrt(np.array(LIMITS[:-1]) * np.array(LIMITS[1:]))
-    X, y, features = states(np.geomspace(LIMITS[0], LIMITS[-1], 13), 0)
-    test_X, test_y, test_features = states(middles, 1)
-    rows = []
-    for degree in ((8, 4, 3), (10, 4, 4), (10, 6, 6), (12, 8, 8)):
-        model = pds.learning.ChebyshevRegressor(degree).fit(features, outputs_of_force(X, y, "isochoric"))
-        error = force_of_outputs(test_X, model.predict(test_features), "isochoric") - test_y
-        rms = float(np.sqrt((error**2).sum() / (test_y**2).sum()))
-        rows.append({"degrees in log Jbar, tr Cbar, 1/Jm": str(degree), "terms": len(model.powers_), "RMS": f"{rms:.1e}"})
-    show("One polynomial for chain limits from 30 to 240, stretches 0.6 to 2.8", rows)
-    return rows
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
@@ -230,7 +205,6 @@ def main() -> None:
     found = {
         "identification": identification(FIGURES),
         "published": beside_published(),
-        "chain_limit_as_input": chain_limit_as_input(),
         "speed": costs,
     }
     write_json(FIGURES / "materials.json", found)

@@ -1,8 +1,7 @@
 """Sensitivities of equilibria: agreement with differences of converged runs, and cost, into docs/validation/sensitivities.md.
 
-python pipelines/sensitivities.py [NAME ...]           print the rows of the tables, by default all, each measured in a process of its own
-python pipelines/sensitivities.py --docs [NAME ...]    and put complete tables into the documentation
-python pipelines/sensitivities.py newton [--docs]      the residuals of Newton's method
+python pipelines/sensitivities.py [newton] [sensitivities] [torch-fem]   print tables, of cases in processes of their own
+python pipelines/sensitivities.py --docs                                 and put them into the documentation
 
 Times are processor times of one thread, without compilation. Memory is the greatest resident size of the process, libraries included.
 Differences are central ones of runs converged to 1e-10, over one and two changes of a parameter, extrapolated (Richardson), so that their
@@ -11,7 +10,6 @@ own error is of fourth order. They are taken on coarser bodies than the costs.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -23,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pages import markdown_table, replace_block
+from pages import markdown_table, report
 
 import pdsurrogate as pds
 from pdsurrogate.forces import InternalForce
@@ -258,7 +256,7 @@ def exact_reaction(case: Case, scene: pds.Scene, parameter: str) -> float:
     return (8 * (after - near) - (beyond - far)) / (12e-2 * value)
 
 
-def measure(name: str, compared: bool) -> None:
+def measure(name: str) -> None:
     """Measure a case, and print what was found."""
     case = CASES[name]
     small = pds.simulate(case.load(spacing=case.coarse), case.force)
@@ -274,19 +272,19 @@ def measure(name: str, compared: bool) -> None:
         "sensitivity": [more_seconds, more_evaluations, most_memory()],
     }
     off = []
-    for number, parameter in enumerate(case.parameters if compared else ()):
+    for number, parameter in enumerate(case.parameters):
         if name in BOXES:
             mine, expected = found.derivatives[:, number], np.array([exact_reaction(case, result.scene, parameter)])
         else:
             mine, expected = of_small.derivatives[:, number], by_runs(case, small.scene, of_small.outputs, parameter)
         off.append(float(np.abs(mine - expected).max() / np.abs(expected).max()))
         print(f"{parameter}: {off[-1]:.1e}", file=sys.stderr, flush=True)
-    print("FOUND " + json.dumps(row | {"off": max(off, default=None)}))
+    print("FOUND " + json.dumps(row | {"off": max(off)}))
 
 
-def measured(name: str, compared: bool) -> dict:
+def measured(name: str) -> dict:
     """What `measure` finds in a process of its own, with one thread."""
-    command = [sys.executable, "-W", "ignore", __file__, "--measure", name, *["--quick"] * (not compared)]
+    command = [sys.executable, "-W", "ignore", __file__, "--measure", name]
     environment = {**os.environ, "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=environment)
     return json.loads(next(line for line in done.stdout.splitlines() if line.startswith("FOUND")).removeprefix("FOUND "))
@@ -298,15 +296,15 @@ HEADER = [
 ]
 
 
-def row_of(name: str, compared: bool) -> list[str]:
+def row_of(name: str) -> list[str]:
     """Row of the table for a case."""
-    found = measured(name, compared)
+    found = measured(name)
     (seconds, evaluations, held), (more_seconds, more_evaluations, most) = found["equilibrium"], found["sensitivity"]
     return [
         CASES[name].what,
         f"{found['points']:,}",
         f"{found['outputs']} x {len(CASES[name].parameters)}",
-        "" if found["off"] is None else f"{found['off']:.0e}",
+        f"{found['off']:.0e}",
         f"{evaluations}, {more_evaluations}",
         *(f"{number:.2f}" for number in (seconds, more_seconds, more_seconds / seconds)),
         *(f"{held:.0f}", f"{most:.0f}", f"{most / held:.2f}"),
@@ -338,33 +336,17 @@ def newton() -> str:
     return markdown_table(["scene, bond-energy", "points", "residuals from 1e-3 on", "iterations"], rows)
 
 
-def main(names: list[str], docs: bool, compared: bool) -> None:
-    """Measure cases one after another, and print the table or put it into the documentation."""
-    if "newton" in names or not names:
-        text = newton()
-        print(text)
-        if docs:
-            replace_block("newton", text)
-    for block, chosen in (("sensitivities", list(COMPARED)), ("torch-fem", list(BOXES))):
-        wanted = [name for name in chosen if not names or name in names]
-        rows = []
-        for name in wanted:
-            rows.append(row_of(name, compared))
-            print(*rows[-1], sep=" | ", flush=True)
-        if docs and wanted == chosen:
-            replace_block(block, f"Processor: {processor()}.\n\n{markdown_table(HEADER, rows)}")
+def of_cases(cases: dict[str, Case]) -> str:
+    """The table of some cases, each measured in a process of its own."""
+    rows = []
+    for name in cases:
+        rows.append(row_of(name))
+        print(*rows[-1], sep=" | ", flush=True)
+    return f"Processor: {processor()}.\n\n{markdown_table(HEADER, rows)}"
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of newton, {', '.join(CASES)}; by default all")
-    parser.add_argument("--docs", action="store_true", help="put complete tables into the documentation")
-    parser.add_argument("--quick", action="store_true", help="leave out the differences of runs")
-    parser.add_argument("--measure", help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if unknown := set(given.names) - {"newton", *CASES}:
-        parser.error(f"there is no case {', '.join(unknown)}; there are newton, {', '.join(CASES)}")
-    if given.measure:
-        measure(given.measure, not given.quick)
+    if len(sys.argv) == 3 and sys.argv[1] == "--measure":
+        measure(sys.argv[2])
     else:
-        main(given.names, given.docs, not given.quick)
+        report(__doc__, {"newton": newton, "sensitivities": lambda: of_cases(COMPARED), "torch-fem": lambda: of_cases(BOXES)})

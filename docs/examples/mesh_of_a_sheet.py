@@ -30,4 +30,4 @@ with tempfile.TemporaryDirectory() as folder:
 
 exact = 1.5 - 1.5**-2  # incompressible: mu (l - l^-2) on a side of 1
 print(f"force {level['forces']['right'][0]:.5f}, exact {exact:.5f}")
-assert abs(level["forces"]["right"][0] / exact - 1) < 5e-3
+assert abs(level["forces"]["right"][0] / exact - 1) < 5e-3  # no exact balance on triangles

@@ -274,14 +274,6 @@ def test_the_preview_refuses_what_a_run_refuses(changes, message):
     assert message in told[0]
 
 
-def test_where_a_mesh_is_too_coarse_nobody_is_told_to_take_a_smaller_spacing(tmp_path):
-    """Four squares in a row: their points lie on one line."""
-    mesh = {"shape": "mesh", "file": str(write_triangles(tmp_path / "coarse.vtu", 1, (1.0, 1.0)))}
-    with pytest.raises(pds.SceneError, match="use a finer mesh, of cells of about one size") as caught:
-        run_of(body=mesh, prescribed=({"region": "left", **CLAMPED}, {"region": "right", "x1": 0.1}))
-    assert "smaller spacing" not in str(caught.value)
-
-
 @pytest.mark.parametrize("unit", [1e-6, 3.7])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_bonds_that_a_precut_breaks_do_not_depend_on_the_unit_of_length(dimension, unit):

@@ -1,4 +1,4 @@
-"""What single force models are: corrections, rotations, domains, BA-NOSB; what all have in common is in test_conformance.py."""
+"""What single force models are: corrections, rotations, domains, BA-NOSB; what all have in common is in tests/testing."""
 
 import numpy as np
 import pytest
@@ -138,23 +138,6 @@ def test_bonds_outside_the_domain():
         evaluate(name, body, positions, outside="raise")
     force, _ = evaluate(name, body, body.points @ np.diag([2.0, 0.8]))
     assert force.fraction_outside == 0.0
-
-
-def test_the_domain_is_told_from_its_eigenvalues(random):
-    from pdsurrogate.kernels.domain import is_outside
-
-    domain = MODELS["neo-hookean"].domain
-    stretch, rotation_, C33, J = (random.uniform(*bounds, 3000) for bounds in ((0.3, 5), (-0.8, 0.8), (0.02, 4), (0.2, 8)))
-    a, b = stretch * np.cos(rotation_), stretch * np.sin(rotation_)
-    constants = tuple(domain.limits(np.float64))
-    inside = np.array([is_outside(*values, constants) == 0 for values in zip(a, b, (J + b * b) / a, J, C33, strict=True)])
-    assert 0.01 < inside.mean() < 0.99
-    # Against the eigenvalues that the test avoids.
-    U = np.stack([np.stack([a, b], -1), np.stack([b, (J + b * b) / a], -1)], -1)
-    eigenvalues = np.linalg.eigvalsh(U)
-    by_eigenvalues = (eigenvalues[:, 0] >= domain.least_stretch) & (eigenvalues[:, 1] <= domain.greatest_stretch)
-    by_eigenvalues &= (domain.least_bulk <= J * J * C33) & (domain.greatest_bulk >= J * J * C33)
-    assert (inside == by_eigenvalues).all()
 
 
 def test_settings_are_checked():

@@ -4,7 +4,6 @@ import csv
 import errno
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -12,14 +11,11 @@ import sys
 import meshio
 import numpy as np
 import pytest
-from bodies import sheet
 from stopping import at_level, interrupt
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
-from pdsurrogate.results import measures
-from pdsurrogate.results.contents import MESH, contents_of, differences_between, digest_of_mesh
 from pdsurrogate.results.folder import LOCK, FolderTaken, is_marked, occupied
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 
@@ -162,23 +158,6 @@ def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
     assert len(simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path).states) == 2  # now that it has come to its end
 
 
-def test_differences_of_scenes_in_words(tmp_path):
-    first, other = uniaxial(1.1), pds.load_scene("ring-pressure", {"name": "uniaxial"})
-    model = pds.load_surrogate("analytic")
-    told = differences_between(contents_of(first, [model]), contents_of(other, [model]))
-    assert re.fullmatch(r"(\S+ is .+ there and .+ here; ){2}\S+ is .+ there and .+ here, and \d+ more", told)
-    assert "title" not in told  # which changes no result
-    assert differences_between(contents_of(first, [model]), contents_of(first, [model])) == ""
-    # A mesh is told by what its file holds.
-    mesh = pds.shapes.Mesh(file=str(tmp_path / "sheet.vtk"))
-    digests = []
-    for text in ("one", "other"):
-        (tmp_path / "sheet.vtk").write_text(text)
-        digests.append({MESH: digest_of_mesh(mesh)})
-    one, another = ({"scene_as_run": {}, "force": "analytic", "digests": digest} for digest in digests)
-    assert differences_between(one, another) == "the file of the mesh has changed"
-
-
 @pytest.mark.parametrize(
     ("name", "content"),
     [("summary.json", "{}"), ("summary.json", '{"scene": "../x", "levels": []}'), ("history.csv", "year,price\n"), ("checkpoint.npz", "x")],
@@ -246,15 +225,6 @@ def test_the_same_folder_by_another_path_is_not_cleared(tmp_path, monkeypatch):
     result = simulate(uniaxial(1.1), "analytic", folder="out")
     result.save(tmp_path / "out")
     assert np.isfinite(result.displacement()).all()
-
-
-def test_edge_displacements_are_extrapolated_to_the_edge():
-    body = sheet(0.1, 1.2, 1.0)
-    displacements = np.stack([0 * body.points[:, 0], 0.3 * (body.points[:, 1] - 0.5) + 0.1 * body.points[:, 0]], axis=1)
-    along, low, high = measures.edge_displacements(body, displacements, 1)
-    np.testing.assert_allclose(along, 0.05 + 0.1 * np.arange(12))
-    np.testing.assert_allclose(low, -0.15 + 0.1 * along)
-    np.testing.assert_allclose(high, 0.15 + 0.1 * along)
 
 
 def test_a_folder_holds_one_run_at_a_time(tmp_path):
