@@ -24,4 +24,4 @@ force = pds.simulate(scene, model).levels[-1]["forces"]["right"][0]
 x = 1.5**2 + 1.5**-2 - 2
 exact = (1 + 2 * 0.02 * x + 3 * 1e-4 * x**2) * (1.5 - 1.5**-3)
 print(f"force {force:.5f}, exact {exact:.5f}")
-assert abs(force / exact - 1) < 1e-3
+assert abs(force / exact - 1) < 1e-3  # mu/K

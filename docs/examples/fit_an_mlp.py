@@ -15,4 +15,4 @@ stress = pds.simulate(scene, model).levels[-1]["nominal_stress"]
 # Incompressible, with the share s of C01: P = mu ((1 - s) + s/l) (l - l^-2).
 exact = (0.8 + 0.2 / 2.0) * (2.0 - 2.0**-2)
 print(f"stress {stress:.5f}, exact {exact:.5f}")
-assert abs(stress / exact - 1) < 0.01
+assert abs(stress / exact - 1) < 0.01  # the error of the network, of the order of 1e-3

@@ -10,8 +10,8 @@ from scipy.spatial import Delaunay
 import pdsurrogate as pds
 
 x1, x2 = np.meshgrid(np.linspace(0, 2, 33), np.linspace(0, 1, 17))
-corners = np.column_stack([x1.ravel(), x2.ravel()])
-triangles = Delaunay(corners).simplices
+corners = np.column_stack([x1.ravel(), x2.ravel(), np.zeros(x1.size)])
+triangles = Delaunay(corners[:, :2]).simplices
 with tempfile.TemporaryDirectory() as folder:
     file = Path(folder) / "sheet.vtk"
     meshio.write_points_cells(file, corners, [("triangle", triangles)])
@@ -30,4 +30,4 @@ with tempfile.TemporaryDirectory() as folder:
 
 exact = 1.5 - 1.5**-2  # incompressible: mu (l - l^-2) on a side of 1
 print(f"force {level['forces']['right'][0]:.5f}, exact {exact:.5f}")
-assert abs(level["forces"]["right"][0] / exact - 1) < 5e-3
+assert abs(level["forces"]["right"][0] / exact - 1) < 1e-3  # mu/K, and the solver

@@ -22,4 +22,4 @@ with tempfile.TemporaryDirectory() as folder:
 exact = 3 * (1.5**2 + 2 / 1.5 - 3) / 2
 energy = cells.cell_data["energy_density"][0] @ cells.cell_data["volume"][0]
 print(f"cells {energy:.5f}, history {row['strain_energy [kPa cm^2]']}, exact {exact:.5f}")
-assert abs(energy / exact - 1) < 1e-3
+assert abs(energy / exact - 1) < 1e-3  # mu/K, and single precision in files

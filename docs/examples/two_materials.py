@@ -25,4 +25,4 @@ force = pds.simulate(scene).levels[-1]["forces"]["right"][0]
 # Both layers become thinner alike, and each is in uniaxial tension: F = (mu1 + mu2)/2 (l - l^-2).
 exact = (1.0 + 5.0) / 2 * (1.5 - 1.5**-2)
 print(f"force {force:.5f}, exact {exact:.5f}")
-assert abs(force / exact - 1) < 1e-3
+assert abs(force / exact - 1) < 1e-3  # mu/K, and points beside two laws

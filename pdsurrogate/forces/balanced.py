@@ -65,8 +65,6 @@ def balanced_changes(binding: Binding, shares: BondShares) -> tuple[np.ndarray, 
     share.fill(left_out)
     chosen = at_sides if regular else np.ones(n, dtype=bool)
     chosen &= (kinematics.supported[:n] > 0) & ~left_out
-    if not share.any(chosen.any()):
-        return None
     factors, loads = _factors_and_loads(binding, shares, beside(body, chosen | at_sides), pairs if several else None)
     loads[left_out] = np.nan
     stiff = np.ones(n)
@@ -82,6 +80,8 @@ def balanced_changes(binding: Binding, shares: BondShares) -> tuple[np.ndarray, 
     if several:
         changing[kinematics.interfaces.left_out] = False
     numbers = np.flatnonzero(changing)
+    if not share.any(len(numbers) > 0):
+        return None
     owner, ends = owners[numbers], bonds.neighbors[numbers]
     vectors = (body.all_points[ends] - body.points[owner]) / body.spacing
     near = lengths_of(vectors) <= REACH

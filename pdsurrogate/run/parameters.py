@@ -1,5 +1,6 @@
-"""Numbers of a scene, of its laws and of its learned models that can be parameters of sensitivities."""
+"""Names of sensitivities: numbers of a scene, its laws and learned models that can be parameters, and measurements of an output."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -11,6 +12,7 @@ from ..materials import Law
 from ..materials.covariance import numbers_of, with_numbers_of
 from ..problem.materials import scene_errors
 from ..scenes import Scene
+from ..scenes.problems import suggestion
 from ..scenes.reading import apply_change, leaves
 
 PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
@@ -97,3 +99,19 @@ def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str
             for key, law in laws_of(scene).items():
                 by_law[key].check_material(law)
     return scene, list(changed.values())
+
+
+def names_below(outputs: Sequence[str], measured: dict[str, float]) -> list[str]:
+    """Return the names of all measurements that `outputs` names, each with all below it; raise ValueError for a name without any.
+
+    ``"probes.tip.u2"`` names the same measurement as ``"probes.tip.displacement.1"``.
+    """
+    found: list[str] = []
+    for output in outputs:
+        component = re.fullmatch(r"(probes\..+)\.u([123])", output)
+        key = f"{component[1]}.displacement.{int(component[2]) - 1}" if component else output
+        below = [name for name in measured if name == key or name.startswith(f"{key}.")]
+        if not below:
+            raise ValueError(f"outputs: the result has no {output!r}; {suggestion(output, measured)}")
+        found += below
+    return found

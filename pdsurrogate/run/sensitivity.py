@@ -14,7 +14,6 @@ from ..engine.threads import thread_count
 from ..forces import ForceModel
 from ..materials.covariance import with_numbers_of
 from ..scenes import Scene
-from ..scenes.problems import suggestion
 from ..scenes.reading import leaves
 from ..solvers.control import ControlledForce, DisplacementControl
 from ..solvers.equilibrium import NotConverged
@@ -22,7 +21,7 @@ from ..solvers.methods import Newton
 from ..solvers.nearest_bonds import strain_rounding
 from ..solvers.tangent import COARSE, FINE, TangentEquations, central_difference
 from .controlled import control_of
-from .parameters import array_of, laws_of, numbers_in, with_numbers
+from .parameters import array_of, laws_of, names_below, numbers_in, with_numbers
 from .reopened import place, run_in_double
 from .rows import output_row
 from .run import Run
@@ -216,7 +215,7 @@ class Differentiated:
             solver = Newton(loading.free, run.body.volumes, tolerance)
             solver.solve(run.loaded, run.positions)
             measured = self.measured(run.positions)
-            names = [*_named(outputs, measured), *(name for name in measured if name.startswith("places."))]
+            names = [*names_below(outputs, measured), *(name for name in measured if name.startswith("places."))]
             few = 0 < len(names) < len(parameters) and self.contrast <= MOST_CONTRAST
             gradients = self._gradients(names) if few else None
             moved = None if gradients else np.empty((len(parameters), *run.positions.shape))
@@ -244,7 +243,7 @@ class Differentiated:
         body.control, body.run, run.loaded = control, run, solver.controlled(run.loaded)
         measured = body.measured(run.positions)
         body.numbers = self.numbers | {control: measured[control]}
-        return body.jacobian_at_control(control, measured, _named(outputs, measured), parameters)
+        return body.jacobian_at_control(control, measured, names_below(outputs, measured), parameters)
 
     def jacobian_at_control(self, control: str, measured: dict[str, float], names: list[str], parameters: Sequence[str]) -> Jacobian:
         """Return measurements and derivatives, where the force of the run has the factor of the loads as an unknown."""
@@ -503,19 +502,3 @@ def _forces(run: Run, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(run.loaded, ControlledForce):
         run.state.parameter = run.loaded.factor
     return run.positions.copy(), forces
-
-
-def _named(outputs: Sequence[str], measured: dict[str, float]) -> list[str]:
-    """Return the names of all measurements that `outputs` names, each with all below it; raise ValueError for a name without any.
-
-    ``"probes.tip.u2"`` names the same measurement as ``"probes.tip.displacement.1"``.
-    """
-    found: list[str] = []
-    for output in outputs:
-        component = re.fullmatch(r"(probes\..+)\.u([123])", output)
-        key = f"{component[1]}.displacement.{int(component[2]) - 1}" if component else output
-        below = [name for name in measured if name == key or name.startswith(f"{key}.")]
-        if not below:
-            raise ValueError(f"outputs: the result has no {output!r}; {suggestion(output, measured)}")
-        found += below
-    return found

@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from .. import artifacts
@@ -37,7 +36,6 @@ from ..results import Result
 from ..results.contents import contents_of
 from ..results.files import remove_leftovers
 from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, check_room, make_room, occupied
-from ..results.provenance import provenance
 from ..results.states import States
 from ..results.tables import write_tables
 from ..scenes import Scene, SceneError, load_scene
@@ -45,13 +43,10 @@ from ..solvers.conditions import FoldedOver
 from ..solvers.equilibrium import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from ..solvers.obstacles import Obstructed
 from .checkpoints import Record
-from .cracks import crack_path
-from .derivatives import differentiate
 from .interruption import Interrupted, Interruption
-from .lowest_mode import lowest_mode_of
+from .outcome import methods_of, result_of
 from .run import Run
 from .stages import SinglePrecisionLeft, go
-from .standard_errors import standard_errors
 from .waiting import RanksWait, note_of_waiting, working_ranks
 
 if TYPE_CHECKING:
@@ -290,12 +285,12 @@ def _on_these_ranks(
         if own and not resume:
             make_room(own, run.contents, overwrite)
         if folder is not None:
-            begun = _result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
+            begun = result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
             if own:
                 run.keep_tables = Record(run, begun.summary).keep_if_due
 
         def ended(message: str | None, status: str) -> Result:
-            result = _result_of(run, clock.seconds, began, message, status)
+            result = result_of(run, clock.seconds, began, message, status)
             if own:
                 write_tables(own, result.summary, result.history, result.convergence, scene.units)
             _warn_of_domain(run, result.summary["fraction_outside_domain"])
@@ -333,75 +328,10 @@ def _elsewhere(ranks: Communicator, scene: Scene, models: Sequence[ForceModel]) 
     if numbers is None:
         raise kind(message)
     summary, history, moments, convergence = numbers
-    result = Result(scene, compile_scene(scene, models).body, summary, history, States(moments), convergence, **_derived(scene, models))
+    result = Result(scene, compile_scene(scene, models).body, summary, history, States(moments), convergence, **methods_of(scene, models))
     if kind is None:
         return result
     raise kind(message, result, *([] if out_of_time is None else [out_of_time]))
-
-
-def _peak(history: list[dict]) -> dict | None:
-    """Return the history's greatest nominal stress, which a cracked body bears at most, with its time and stretch; None without history."""
-    highest = max(history, key=lambda row: row["nominal_stress"], default=None)
-    return highest and {key: highest[key] for key in ("time", "stretch", "nominal_stress") if key in highest}
-
-
-def _result_of(run: Run, seconds_compile: float, began: float, failure: str | None, status: str) -> Result:
-    """Return the result of a run, complete or as far as it was reached, with its summary.
-
-    `began` is the start of the run by `time.perf_counter`, `failure` the message of the error that ended the run, or None.
-    """
-    force, state = run.force, run.state
-    residuals = [level["residual"] for level in state.levels if "residual" in level]
-    if failure is not None and run.residual is not None and np.isfinite(run.residual):
-        residuals.append(run.residual)
-    outside, started = force.fraction_outside, communicator().size
-    total, stress = run.body.share.total, run.problem.measures.nominal_stress
-    directed = total(run.directed_bonds())
-    summary = {
-        **run.problem.describe(),
-        "force": run.contents["force"],
-        "plane": force.plane,
-        "thickness": 1.0,
-        "n_points": run.body.share.size,
-        "n_bonds": total(run.counted_pairs()),
-        "n_directed_bonds": directed,
-        "n_ghost_points": total(int(run.body.share.own[run.body.ghosts.source].sum())),
-        "spacing": run.body.spacing,
-        "cell_size": np.asarray(run.body.cell).tolist(),
-        "horizon": run.body.horizon,
-        "precision": force.precision,
-        "correction": force.correction,
-        **({"ranks": run.ranks.size} if started > 1 else {}),
-        **({"ranks_waiting": started - run.ranks.size} if started > run.ranks.size else {}),
-        "threads": run.threads,
-        "status": status,
-        "converged": failure is None,
-        "interrupted": status == INTERRUPTED,
-        "failure": failure,
-        "residual": max(residuals, default=None),
-        "n_force_evaluations": force.evaluations,
-        "seconds_total": time.perf_counter() - began,
-        "seconds_compile": seconds_compile,
-        "ns_per_directed_bond": 1e9 * force.seconds / max(1, force.timed * directed),
-        "fallback_fraction": outside if run.problem.settings.outside in (None, "fallback") else 0.0,
-        "fraction_outside_domain": outside,
-        **({"beyond_data": state.beyond_data} if state.beyond_data else {}),
-        "unsupported_points": run.unsupported_points(),
-        "levels": state.levels,
-        **run.contents,
-        "provenance": provenance(),
-    }
-    if any(stage.inertia is not None for stage in run.stages):
-        if stress is not None:
-            stresses = [row["nominal_stress"] for row in [*state.levels, *state.history] if "nominal_stress" in row]
-            summary["peak_nominal_stress"] = max(stresses, default=None)
-        summary["n_steps"] = state.steps
-        summary["dynamics"] = state.dynamics
-    if state.crack is not None:
-        summary |= {} if run.problem.critical_stretches is None else run.problem.critical_stretches.summary
-        summary["crack"] = state.crack | {"path": crack_path(state.crack["tips"]), "peak": None if stress is None else _peak(state.history)}
-    scene, body = run.problem.scene, run.body if run.whole is None else run.whole
-    return Result(scene, body, summary, state.history, run.states, state.convergence, **_derived(scene, run.problem.models))
 
 
 def _warn_of_domain(run: Run, share: float) -> None:
@@ -414,15 +344,6 @@ def _warn_of_domain(run: Run, share: float) -> None:
             instead = f"the exact {'energy' if run.force.has_energy else 'bond force'} was used instead"
         what = f"{100 * share:.2g} % of the bond evaluations were outside the surrogate's domain, where {instead}"
         warnings.warn(f"{what} (at most {most} bonds at once)", OutsideDomainWarning, stacklevel=5)
-
-
-def _derived(scene: Scene, models: Sequence[ForceModel]) -> dict[str, partial]:
-    """Return the functions behind methods of `Result`, such as `Result.sensitivity`, with the scene and the force models of the run."""
-    return {
-        "differentiated": partial(differentiate, scene, models),
-        "uncertain": partial(standard_errors, scene, models),
-        "resisting": partial(lowest_mode_of, scene, models),
-    }
 
 
 def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:
