@@ -1,14 +1,18 @@
-"""pdsurrogate: learned bond forces of rubber-like materials, and a peridynamic solver that runs on them."""
+"""pdsurrogate: learned bond forces of rubber-like materials, and a peridynamic solver that runs
+on them.
+"""
 
 import logging
 from importlib import import_module
 
 __version__ = "0.2.0"
 
-# The package logs only if a program enables it: `logging.getLogger("pdsurrogate").setLevel("INFO")` with a handler, or `-v`.
+# The package logs only if a program enables it: `logging.getLogger("pdsurrogate").setLevel("INFO")`
+# with a handler, or `-v`.
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 
-# Names are imported where they are first used: a simulation loads no scikit-learn, and training no solver.
+# Names are imported where they are first used: a simulation loads no scikit-learn, and training no
+# solver.
 _NAMES = {
     "artifacts": "ArtifactError load_card load_pipeline load_surrogate",
     "body": "Body",
@@ -16,28 +20,42 @@ _NAMES = {
     "forces": "AnalyticBondForce BondEnergyForce ForceSettings",
     "identification": "fit_to_tests load_test_data",
     "learning": (
-        "CardText LevenbergMarquardtRegressor Samples TorchMLPRegressor cross_validate evaluate store surrogate_pipeline training_samples"
+        "CardText LevenbergMarquardtRegressor Samples TorchMLPRegressor cross_validate evaluate"
+        " store surrogate_pipeline training_samples"
     ),
     "problem.fracture": "critical_stretch_of tearing_energy",
     "results": "Result load_result",
     "run.damage": "greatest_bond_stretch",
     "run.preview": "preview",
     "run.simulate": "SimulationFailed SimulationInterrupted simulate",
-    "scenes": "Load Obstacle Part Prescribed Probe Region Scene SceneError Step StepDynamics load_scene scene_names",
+    "scenes": (
+        "Load Obstacle Part Prescribed Probe Region Scene SceneError Step StepDynamics load_scene"
+        " scene_names"
+    ),
     "studies": "Study StudyInterrupted study",
 }
 
 # Public names that are found in a subpackage or module alone, as `pdsurrogate.shapes.Rectangle`.
 _IN_ROOMS = {
     "forces": (
-        "BANOSBForce EnergyNetwork EnergySurrogate ForceModel ForceSurrogate InvalidState IsochoricNetwork NOSBForce NetworkForce "
-        "OutsideDomain OutsideDomainWarning OwnBondForce PolynomialForce SplineForce"
+        "BANOSBForce EnergyNetwork EnergySurrogate ForceModel ForceSurrogate InvalidState"
+        " IsochoricNetwork NOSBForce NetworkForce OutsideDomain OutsideDomainWarning OwnBondForce"
+        " PolynomialForce SplineForce"
     ),
     "identification": "EnergyRegressor LawRegressor committee committee_spread",
-    "learning": "ChebyshevRegressor InputAwareTargetRegressor SobolevRegressor algorithm_1 reachable_stretches surrogate_of",
-    "materials": "LAWS ArrudaBoyce FullNetwork Gent LawCovariance MooneyRivlin NeoHookean Ogden Polyconvex Yeoh",
+    "learning": (
+        "ChebyshevRegressor InputAwareTargetRegressor SobolevRegressor algorithm_1"
+        " reachable_stretches surrogate_of"
+    ),
+    "materials": (
+        "LAWS ArrudaBoyce FullNetwork Gent LawCovariance MooneyRivlin NeoHookean Ogden Polyconvex"
+        " Yeoh"
+    ),
     "progress": "listening",
-    "shapes": "Box Circle Cylinder DiscCut Ellipse Extrusion Mesh ParallelogramCut Polygon Precut Rectangle Sphere Tube",
+    "shapes": (
+        "Box Circle Cylinder DiscCut Ellipse Extrusion Mesh ParallelogramCut Polygon Precut"
+        " Rectangle Sphere Tube"
+    ),
     "studies": "Distribution StudyResult",
     "testing": "Finding Property check_force_model check_law",
 }
@@ -53,7 +71,11 @@ def __getattr__(name: str):
         return import_module(f".{name}", __name__)
     if name in _HOMES:
         return getattr(import_module(f".{_HOMES[name]}", __name__), name)
-    where = [f"; it is {__name__}.{room}.{name}" for room, names in _IN_ROOMS.items() if name in names.split()]
+    where = [
+        f"; it is {__name__}.{room}.{name}"
+        for room, names in _IN_ROOMS.items()
+        if name in names.split()
+    ]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{''.join(where)}")
 
 

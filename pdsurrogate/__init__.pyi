@@ -1,4 +1,7 @@
-"""The types of the names that `pdsurrogate/__init__.py` loads on first use: `tests/test_public_types.py` holds the two together."""
+"""The types of the names that `pdsurrogate/__init__.py` loads on first use.
+
+`tests/test_public_types.py` holds the two together.
+"""
 
 from . import artifacts as artifacts
 from . import body as body

@@ -5,8 +5,11 @@ import sys
 
 
 def main() -> None:
-    """Run the command line; end with status 130 if Ctrl-C comes during the second that loading the commands takes."""
-    gc.disable()  # until the command is loaded: what is loaded stays, and a search for unused objects finds none
+    """Run the command line; end with status 130 if Ctrl-C comes during the second that loading
+    the commands takes.
+    """
+    # until the command is loaded: what is loaded stays, and a search for unused objects finds none
+    gc.disable()
     try:
         from .cli import main as command
 

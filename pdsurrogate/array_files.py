@@ -1,4 +1,6 @@
-"""Safe reading of files of plain arrays from untrusted sources, without running code from a file, or expanding compressed arrays."""
+"""Safe reading of files of plain arrays from untrusted sources, without running code from a
+file, or expanding compressed arrays.
+"""
 
 import zipfile
 from collections.abc import Collection
@@ -12,12 +14,14 @@ class DamagedFile(ValueError):
 
 
 def read_arrays(file: BinaryIO, names: Collection[str] | None = None) -> dict[str, np.ndarray]:
-    """Return the arrays in a file that ``numpy.savez`` wrote, by name: all arrays, or only those listed in `names`.
+    """Return the arrays in a file that ``numpy.savez`` wrote, by name: all arrays, or only those
+    listed in `names`.
 
     Raises
     ------
     DamagedFile
-        If the file is damaged or compressed, or holds arrays of objects, whose pickles could run code.
+        If the file is damaged or compressed, or holds arrays of objects, whose pickles could run
+        code.
     """
     try:
         with np.load(file, allow_pickle=False) as archive:
@@ -28,7 +32,10 @@ def read_arrays(file: BinaryIO, names: Collection[str] | None = None) -> dict[st
     except DamagedFile:
         raise
     except Exception as error:  # any error of NumPy and zipfile about damaged files
-        raise DamagedFile(f"the file is damaged, or not an .npz file of plain arrays: {type(error).__name__}: {error}") from None
+        raise DamagedFile(
+            f"the file is damaged, or not an .npz file of plain arrays: {type(error).__name__}:"
+            f" {error}"
+        ) from None
     # NumPy returns members without the header of an array as bytes.
     if not all(isinstance(array, np.ndarray) for array in arrays.values()):
         raise DamagedFile("the file is damaged: the header of an array is missing")

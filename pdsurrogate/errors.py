@@ -1,12 +1,17 @@
-"""Errors and warnings of force models and their compilation, which commands handle before they load any force model."""
+"""Errors and warnings of force models and their compilation, which commands handle before they
+load any force model.
+"""
 
 
 class CompilerSwitchedOff(RuntimeError):
-    """Error raised because numba does not compile: the environment variable NUMBA_DISABLE_JIT switches it off."""
+    """Error raised because numba does not compile: the environment variable NUMBA_DISABLE_JIT
+    switches it off.
+    """
 
 
 class OutsideDomain(RuntimeError):
-    """Error: bonds are outside the training domain of a surrogate, and the policy ``outside="raise"`` is to stop.
+    """Error: bonds are outside the training domain of a surrogate, and the policy
+    ``outside="raise"`` is to stop.
 
     See Also
     --------
@@ -25,7 +30,8 @@ class OutsideDomain(RuntimeError):
 
 
 class OutsideDomainWarning(RuntimeWarning):
-    """Warning: bonds are outside the training domain of a surrogate, whose values there are extrapolated.
+    """Warning: bonds are outside the training domain of a surrogate, whose values there are
+    extrapolated.
 
     See Also
     --------
@@ -39,7 +45,8 @@ class OutsideDomainWarning(RuntimeWarning):
 
 
 class InvalidState(RuntimeError):
-    """Error: a deformation has no force, because of det F <= 0, a limit of the material law passed, or numbers that are not finite.
+    """Error: a deformation has no force, because of det F <= 0, a limit of the material law passed,
+    or numbers that are not finite.
 
     Examples
     --------

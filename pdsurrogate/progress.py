@@ -1,6 +1,8 @@
-"""Progress of long work: simulations, fits, calibrations, comparisons and studies report events to the function that listens to them.
+"""Progress of long work: simulations, fits, calibrations, comparisons and studies report events to
+the function that listens to them.
 
-The listener is a context variable, since scikit-learn's pipelines and searches pass nothing on to their regressors.
+The listener is a context variable, since scikit-learn's pipelines and searches pass nothing on to
+their regressors.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,7 +18,9 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 
 def event(stage: str, done: float, total: float, **numbers: float | str) -> None:
-    """Report that `done` of `total` parts of a stage are done, with numbers by name, such as a residual."""
+    """Report that `done` of `total` parts of a stage are done, with numbers by name, such as a
+    residual.
+    """
     if (listener := _listener.get()) is not None:
         listener(stage, done, total, **numbers)
 
@@ -28,8 +32,9 @@ def listening(listener: Listener | None) -> Iterator[None]:
     Parameters
     ----------
     listener : callable or None
-        ``listener(stage, done, total, **numbers)``: what is done, such as "equilibrium" or "training", how many of how many parts of it
-        are done, and numbers by name, such as ``residual``; text may be among them. An error that it raises ends the work. None listens to
+        ``listener(stage, done, total, **numbers)``: what is done, such as "equilibrium" or
+        "training", how many of how many parts of it are done, and numbers by name, such as
+        ``residual``; text may be among them. An error that it raises ends the work. None listens to
         nothing.
 
     Examples
@@ -37,7 +42,9 @@ def listening(listener: Listener | None) -> Iterator[None]:
     >>> import pdsurrogate as pds
     >>> stages = set()
     >>> with pds.progress.listening(lambda stage, done, total, **numbers: stages.add(stage)):
-    ...     result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
+    ...     result = pds.simulate(
+    ...         pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean"
+    ...     )
     >>> "equilibrium" in stages
     True
     """
@@ -50,7 +57,9 @@ def listening(listener: Listener | None) -> Iterator[None]:
 
 @contextmanager
 def part(stage: str, number: int, count: int, **numbers: float | str) -> Iterator[None]:
-    """Context of one of `count` parts of a stage, by its number from 0: events within it are progress of this part."""
+    """Context of one of `count` parts of a stage, by its number from 0: events within it are
+    progress of this part.
+    """
     outer = _listener.get()
     event(stage, number, count, **numbers)
     if outer is None:

@@ -1,16 +1,18 @@
-"""Errors at boundaries and interfaces against closed solutions and finite elements, at three spacings each.
+"""Errors at boundaries and interfaces against closed solutions and finite elements, at three
+spacings each.
 
-python pipelines/boundaries.py                    all rows
-python pipelines/boundaries.py bushing disc       those with such a word in their names
-python pipelines/boundaries.py torsion --coarse   their two coarser spacings alone; the third keeps its figure
-python pipelines/boundaries.py --docs             puts the table of the stored figures into the documentation
+python pipelines/boundaries.py                    all rows python pipelines/boundaries.py bushing
+disc       those with such a word in their names python pipelines/boundaries.py torsion --coarse
+their two coarser spacings alone; the third keeps its figure python pipelines/boundaries.py --docs
+puts the table of the stored figures into the documentation
 
-Figures go to docs/figures/boundaries.json, so that rows can be run one by one, and from there into the table of
-docs/validation/boundaries.md.
+Figures go to docs/figures/boundaries.json, so that rows can be run one by one, and from there into
+the table of docs/validation/boundaries.md.
 
-References: "FE" are finite elements, in the plane nine-node quadrilaterals with the law in double precision, in three dimensions hexahedra
-(three-field), made with FElupe 11.3; each names its change in the last refinement of the mesh. Others are closed or the radial equation of
-equilibrium. All bodies are neo-Hookean with mu = 1 and K = 100 unless said, in cm.
+References: "FE" are finite elements, in the plane nine-node quadrilaterals with the law in double
+precision, in three dimensions hexahedra (three-field), made with FElupe 11.3; each names its change
+in the last refinement of the mesh. Others are closed or the radial equation of equilibrium. All
+bodies are neo-Hookean with mu = 1 and K = 100 unless said, in cm.
 """
 
 from __future__ import annotations
@@ -35,15 +37,21 @@ def row(title: str, spacings: tuple[float, ...], **aims: str) -> Callable:
     """Enter a function of a spacing as a row, by its name."""
 
     def enter(measure: Callable[[float], Errors]) -> Callable[[float], Errors]:
-        ROWS[measure.__name__.replace("_", "-")] = Case(measure, spacings, title, {key.replace("_", " "): aim for key, aim in aims.items()})
+        ROWS[measure.__name__.replace("_", "-")] = Case(
+            measure, spacings, title, {key.replace("_", " "): aim for key, aim in aims.items()}
+        )
         return measure
 
     return enter
 
 
 def ran(force=ENERGY, **keys) -> tuple[pds.Result, dict, int]:
-    """Run a scene of given keys; return the result, its last output and the number of force evaluations."""
-    result = pds.simulate(pds.Scene(**{"name": "boundary", "material": RUBBER, "steps": (1.0,), **keys}), force)
+    """Run a scene of given keys; return the result, its last output and the number of force
+    evaluations.
+    """
+    result = pds.simulate(
+        pds.Scene(**{"name": "boundary", "material": RUBBER, "steps": (1.0,), **keys}), force
+    )
     return result, result.levels[-1], result.summary["n_force_evaluations"]
 
 
@@ -52,14 +60,24 @@ HELD = {"x1": 0.0, "x2": 0.0}
 
 
 @row(
-    "bushing: ring of radii 1 and 2, plane strain, outside held, inside turned by 20 degrees; force: also moved by 0.2",
+    "bushing: ring of radii 1 and 2, plane strain, outside held, inside turned by 20 degrees;"
+    " force: also moved by 0.2",
     (0.1, 0.05, 0.025),
     torque="0.5 at 0.05",
     force="1 at 0.05",
 )
 def bushing(spacing: float) -> Errors:
-    """The torque is 4 pi mu times the angle over 1/1 - 1/4 (incompressible; FE at K = 100 agree to 0.003 %)."""
-    outer, turned = {"region": "outline", **HELD}, {"region": "holes", "rotation": 20.0, "about": (0.0, 0.0)}
+    """The torque is 4 pi mu times the angle over 1/1 - 1/4 (incompressible; FE at K = 100 agree
+    to 0.003 %).
+    """
+    outer, turned = (
+        {"region": "outline", **HELD},
+        {
+            "region": "holes",
+            "rotation": 20.0,
+            "about": (0.0, 0.0),
+        },
+    )
     more = {"plane": "strain", "spacing": spacing, **RING}
     _, level, count = ran(prescribed=[outer, turned], **more)
     yield "torque", percent(level["moments"]["holes"], 4 * np.pi * np.deg2rad(20.0) / 0.75), count
@@ -68,7 +86,12 @@ def bushing(spacing: float) -> Errors:
     yield "force", percent(level["forces"]["holes"][0], 21.79), count
 
 
-@row("the same bushing of a body of radius 2.4, between rigid regions", (0.1, 0.05, 0.025), torque="", force="")
+@row(
+    "the same bushing of a body of radius 2.4, between rigid regions",
+    (0.1, 0.05, 0.025),
+    torque="",
+    force="",
+)
 def rigid_bushing(spacing: float) -> Errors:
     """References as of `bushing`."""
     keys = {
@@ -88,16 +111,28 @@ def rigid_bushing(spacing: float) -> Errors:
     yield "force", percent(-level["rigid"]["core"]["force"][0], 21.79), count
 
 
-@row("simple shear of 2 x 1 by 0.5, plane stress", (0.04, 0.02, 0.0125), shear_force="0.15 at 0.02", normal_force="2 at 0.02")
+@row(
+    "simple shear of 2 x 1 by 0.5, plane stress",
+    (0.04, 0.02, 0.0125),
+    shear_force="0.15 at 0.02",
+    normal_force="2 at 0.02",
+)
 def simple_shear(spacing: float) -> Errors:
     """FE: 0.8600 and 0.1146."""
     held = [{"region": "bottom", **HELD}, {"region": "top", "x1": 0.5, "x2": 0.0}]
-    _, level, count = ran(spacing=spacing, body={"size": (2.0, 1.0)}, prescribed=held, steps=(0.5, 1.0))
+    _, level, count = ran(
+        spacing=spacing, body={"size": (2.0, 1.0)}, prescribed=held, steps=(0.5, 1.0)
+    )
     yield "shear force", percent(level["forces"]["top"][0], 0.8600), count
     yield "normal force", percent(level["forces"]["top"][1], 0.1146), count
 
 
-@row("torsion of a bonded cube by 60 degrees, K = 1000", (1 / 8, 1 / 16, 1 / 24), torque="1 at 1/16", axial_force="3 at 1/16")
+@row(
+    "torsion of a bonded cube by 60 degrees, K = 1000",
+    (1 / 8, 1 / 16, 1 / 24),
+    torque="1 at 1/16",
+    axial_force="3 at 1/16",
+)
 def torsion(spacing: float) -> Errors:
     """FE: 0.15851 and -0.05502."""
     changes = {"spacing": spacing, "material.bulk_modulus": 1000.0, "solver.tolerance": 1e-5}
@@ -107,18 +142,39 @@ def torsion(spacing: float) -> Errors:
     yield "axial force", percent(level["forces"]["right"][0], -0.05502), count
 
 
-@row("cylinder of radius 0.5 and length 1.5 between bonded plates, twisted by 60 degrees", (1 / 8, 1 / 16, 1 / 24), torque="1 at 1/16")
+@row(
+    "cylinder of radius 0.5 and length 1.5 between bonded plates, twisted by 60 degrees",
+    (1 / 8, 1 / 16, 1 / 24),
+    torque="1 at 1/16",
+)
 def cylinder(spacing: float) -> Errors:
-    """Rivlin's torque, pi/2 mu times the twist per length times the fourth power of the radius (incompressible)."""
+    """Rivlin's torque, pi/2 mu times the twist per length times the fourth power of the radius
+    (incompressible).
+    """
     radius, length = 0.5, 1.5
     body = {"shape": "cylinder", "axis": "x1", "radius": radius, "length": length}
-    turned = {"region": "right", "rotation": 60.0, "about": (length, 0.0, 0.0), "axis": (1.0, 0.0, 0.0)}
+    turned = {
+        "region": "right",
+        "rotation": 60.0,
+        "about": (length, 0.0, 0.0),
+        "axis": (1.0, 0.0, 0.0),
+    }
     held = [{"region": "left", **HELD, "x3": 0.0}, turned]
-    _, level, count = ran(spacing=spacing, body=body, prescribed=held, steps=(0.5, 1.0), solver={"tolerance": 1e-5})
-    yield "torque", percent(level["moments"]["right"][0], np.pi / 2 * np.deg2rad(60.0) / length * radius**4), count
+    _, level, count = ran(
+        spacing=spacing, body=body, prescribed=held, steps=(0.5, 1.0), solver={"tolerance": 1e-5}
+    )
+    yield (
+        "torque",
+        percent(level["moments"]["right"][0], np.pi / 2 * np.deg2rad(60.0) / length * radius**4),
+        count,
+    )
 
 
-@row("thick sphere of radii 0.5 and 1 under inner pressure 0.25", (1 / 8, 1 / 16, 1 / 24), inner_displacement="0.8 at 1/16")
+@row(
+    "thick sphere of radii 0.5 and 1 under inner pressure 0.25",
+    (1 / 8, 1 / 16, 1 / 24),
+    inner_displacement="0.8 at 1/16",
+)
 def thick_sphere(spacing: float) -> Errors:
     """The radial equation of equilibrium; means of the displacement within 0.1 of a surface."""
     changes = {"spacing": spacing, "steps": [0.25], "solver.tolerance": 1e-5}
@@ -128,12 +184,18 @@ def thick_sphere(spacing: float) -> Errors:
     outward = (result.states[-1][1]["displacement"] * places).sum(axis=1) / radius
     for name, part in (("inner displacement", radius < 0.6), ("outer displacement", radius > 0.9)):
         exact = sphere(0.25, 100.0)(radius[part])
-        yield name, percent(float(volumes[part] @ outward[part]), float(volumes[part] @ exact)), result.summary["n_force_evaluations"]
+        yield (
+            name,
+            percent(float(volumes[part] @ outward[part]), float(volumes[part] @ exact)),
+            result.summary["n_force_evaluations"],
+        )
 
 
 BAR = {2: 0.03980, 3: 0.0391}
-"""Deflection of the bar of `bent_bar` by FE, by dimension; last changes 0.02 and 0.1 %. Timoshenko's beam theory gives 0.04: in three
-dimensions the clamp also keeps the section from changing its width, which makes the bar 2.2 % stiffer."""
+"""Deflection of the bar of `bent_bar` by FE, by dimension; last changes 0.02 and 0.1 %.
+Timoshenko's beam theory gives 0.04: in three dimensions the clamp also keeps the section from
+changing its width, which makes the bar 2.2 % stiffer.
+"""
 
 
 @row(
@@ -143,53 +205,115 @@ dimensions the clamp also keeps the section from changing its width, which makes
     sheet="5 at 4 points",
     **{"sheet, bond forces": "5 at 4 points"},
 )
-def bent_bar(spacing: float, kinds=(("in space", 3, ENERGY), ("sheet", 2, ENERGY), ("sheet, bond forces", 2, "analytic"))) -> Errors:
+def bent_bar(
+    spacing: float,
+    kinds=(("in space", 3, ENERGY), ("sheet", 2, ENERGY), ("sheet, bond forces", 2, "analytic")),
+) -> Errors:
     """A traction under which Timoshenko's beam moves by 0.04 at its end."""
     young, thickness, length = 900 / 301, 0.2, 2.0
-    traction = 0.04 / (length**3 / (3 * young * thickness**3 / 12) + length / (5 / 6 * thickness)) / thickness
+    traction = (
+        0.04
+        / (length**3 / (3 * young * thickness**3 / 12) + length / (5 / 6 * thickness))
+        / thickness
+    )
     for name, d, force in kinds:
-        body = {"shape": "box" if d == 3 else "rectangle", "size": (length, thickness, thickness)[:d]}
-        held, load = {"region": "left", **HELD, **({"x3": 0.0} if d == 3 else {})}, (0.0, traction, 0.0)[:d]
-        probe, loads = {"name": "tip", "at": (length, *[thickness / 2] * (d - 1))}, [{"region": "right", "traction": load}]
-        _, level, count = ran(force, spacing=spacing, body=body, prescribed=[held], loads=loads, probes=[probe])
+        body = {
+            "shape": "box" if d == 3 else "rectangle",
+            "size": (length, thickness, thickness)[:d],
+        }
+        held, load = (
+            {"region": "left", **HELD, **({"x3": 0.0} if d == 3 else {})},
+            (
+                0.0,
+                traction,
+                0.0,
+            )[:d],
+        )
+        probe, loads = (
+            {"name": "tip", "at": (length, *[thickness / 2] * (d - 1))},
+            [{"region": "right", "traction": load}],
+        )
+        _, level, count = ran(
+            force, spacing=spacing, body=body, prescribed=[held], loads=loads, probes=[probe]
+        )
         yield name, percent(level["probes"]["tip"]["displacement"][1], BAR[d]), count
 
 
 def square(spacing: float, plane: str, arrangement: str = "lattice") -> Errors:
-    """Displacement of the edge of a square under a dead traction of 0.5 on all sides, one quarter of it; closed."""
+    """Displacement of the edge of a square under a dead traction of 0.5 on all sides, one
+    quarter of it; closed.
+    """
     body = {"size": (1.0, 1.0), "arrangement": arrangement}
     loads = [{"region": "right", "traction": (0.5, 0.0)}, {"region": "top", "traction": (0.0, 0.5)}]
-    held, probe = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}], {"name": "edge", "at": (1.0, 0.5)}
+    held, probe = (
+        [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}],
+        {
+            "name": "edge",
+            "at": (1.0, 0.5),
+        },
+    )
 
     def off(stretch: float) -> float:
-        out = 1.0 if plane == "strain" else brentq(lambda out: nominal(*map(np.array, (out, stretch, stretch))), 0.1, 1.5, xtol=1e-14)
+        out = (
+            1.0
+            if plane == "strain"
+            else brentq(
+                lambda out: nominal(*map(np.array, (out, stretch, stretch))), 0.1, 1.5, xtol=1e-14
+            )
+        )
         return float(nominal(*map(np.array, (stretch, stretch, out)))) - 0.5
 
     exact = brentq(off, 1.0, 1.4, xtol=1e-14) - 1
     for suffix, force in (("", ENERGY), (", bond forces", "analytic")):
-        _, level, count = ran(force, spacing=spacing, plane=plane, body=body, loads=loads, prescribed=held, probes=[probe])
+        _, level, count = ran(
+            force,
+            spacing=spacing,
+            plane=plane,
+            body=body,
+            loads=loads,
+            prescribed=held,
+            probes=[probe],
+        )
         yield f"edge{suffix}", percent(level["probes"]["edge"]["displacement"][0], exact), count
 
 
-@row("square under a traction of 0.5 on all sides, plane stress", (0.1, 0.05), edge="0.001 at 0.1", **{"edge, bond forces": "0.1 at 0.1"})
+@row(
+    "square under a traction of 0.5 on all sides, plane stress",
+    (0.1, 0.05),
+    edge="0.001 at 0.1",
+    **{"edge, bond forces": "0.1 at 0.1"},
+)
 def square_plane_stress(spacing: float) -> Errors:
     """See `square`."""
     return square(spacing, "stress")
 
 
-@row("the same in plane strain", (0.1, 0.05), edge="0.001 at 0.1", **{"edge, bond forces": "0.1 at 0.1"})
+@row(
+    "the same in plane strain",
+    (0.1, 0.05),
+    edge="0.001 at 0.1",
+    **{"edge, bond forces": "0.1 at 0.1"},
+)
 def square_plane_strain(spacing: float) -> Errors:
     """See `square`."""
     return square(spacing, "strain")
 
 
-@row("the same of relaxed points", (0.1, 0.05), edge="0.1 at 0.1", **{"edge, bond forces": "0.1 at 0.1"})
+@row(
+    "the same of relaxed points",
+    (0.1, 0.05),
+    edge="0.1 at 0.1",
+    **{"edge, bond forces": "0.1 at 0.1"},
+)
 def square_relaxed(spacing: float) -> Errors:
     """See `square`."""
     return square(spacing, "strain", "relaxed")
 
 
-ECCENTRIC = {"body": {"shape": "circle", "radius": 2.0}, "holes": [{"shape": "circle", "radius": 1.0, "center": (0.3, 0.0)}]}
+ECCENTRIC = {
+    "body": {"shape": "circle", "radius": 2.0},
+    "holes": [{"shape": "circle", "radius": 1.0, "center": (0.3, 0.0)}],
+}
 AROUND = [
     (0.025237, 0.0),
     (0.019216, 0.0395),
@@ -205,62 +329,96 @@ AROUND = [
     (-0.242728, 0.030804),
     (-0.246378, 0.0),
 ]
-"""Displacements of the hole of `eccentric_ring`, every 15 degrees from its right end, relative to the place (1.6, 0).
+"""Displacements of the hole of `eccentric_ring`, every 15 degrees from its right end, relative to
+the place (1.6, 0).
 
-FE, last change 4e-6."""
+FE, last change 4e-6.
+"""
 
 
 @row(
-    "ring of radius 2 with an eccentric hole of radius 1 (0.3 off), pressure 0.15 per undeformed thickness, plane stress",
+    "ring of radius 2 with an eccentric hole of radius 1 (0.3 off), pressure 0.15 per undeformed"
+    " thickness, plane stress",
     (0.08, 0.04, 0.02),
     farthest_point="0.4 at 0.04",
     **{"farthest point, bond forces": "0.4 at 0.04"},
 )
 def eccentric_ring(spacing: float) -> Errors:
-    """Of the hole's displacement, the greatest deviation on its boundary over the greatest displacement."""
+    """Of the hole's displacement, the greatest deviation on its boundary over the greatest
+    displacement.
+    """
     angles = np.deg2rad(15.0) * np.arange(len(AROUND))
-    probes = [{"name": f"p{k}", "at": (0.3 + np.cos(angle), np.sin(angle))} for k, angle in enumerate(angles)]
+    probes = [
+        {"name": f"p{k}", "at": (0.3 + np.cos(angle), np.sin(angle))}
+        for k, angle in enumerate(angles)
+    ]
     probes.append({"name": "support", "at": (1.6, 0.0)})
     # Two places on the axis of symmetry, which the motion is measured from.
-    held = [{"region": {"near": (1.6, 0.0)}, "name": "pin", **HELD}, {"region": {"near": (-1.4, 0.0)}, "name": "rest", "x2": 0.0}]
+    held = [
+        {"region": {"near": (1.6, 0.0)}, "name": "pin", **HELD},
+        {"region": {"near": (-1.4, 0.0)}, "name": "rest", "x2": 0.0},
+    ]
     loads = [{"region": "holes", "pressure": 0.15, "thickness": "undeformed"}]
     for name, force in (("farthest point", ENERGY), ("farthest point, bond forces", "analytic")):
-        _, level, count = ran(force, spacing=spacing, loads=loads, prescribed=held, probes=probes, **ECCENTRIC)
-        moved = np.array([level["probes"][probe["name"]]["displacement"] for probe in probes])[:, :2]
+        _, level, count = ran(
+            force, spacing=spacing, loads=loads, prescribed=held, probes=probes, **ECCENTRIC
+        )
+        moved = np.array([level["probes"][probe["name"]]["displacement"] for probe in probes])[
+            :, :2
+        ]
         off = np.linalg.norm(moved[:-1] - moved[-1] - AROUND, axis=1)
         yield name, 100 * float(off.max() / np.linalg.norm(AROUND, axis=1).max()), count
 
 
 @row(
-    "disc of radius 0.25, 10 times as stiff, in the middle of a strip of 2 x 1 pulled to 1.5 between rollers, plane stress",
+    "disc of radius 0.25, 10 times as stiff, in the middle of a strip of 2 x 1 pulled to 1.5"
+    " between rollers, plane stress",
     (0.1, 0.05, 0.025),
     force="0.3 at 0.05, monotone",
     edge="",
     **{"force, bond forces": "", "edge, bond forces": ""},
 )
 def disc(spacing: float) -> Errors:
-    """FE: force 1.17143 and displacement 0.04748 of the edge beside the disc; last change 0.001 and 0.06 %."""
+    """FE: force 1.17143 and displacement 0.04748 of the edge beside the disc; last change 0.001
+    and 0.06 %.
+    """
     stiff = {
         "region": {"disc": {"center": (1.0, 0.5), "radius": 0.25}},
         "material": {**RUBBER, "shear_modulus": 10.0, "bulk_modulus": 1000.0},
     }
-    grips = [{"edge": "left", "holds": "normal"}, {"edge": "right", "holds": "normal", "travel": 1.0}]
-    more = {"body": {"size": (2.0, 1.0)}, "materials": [stiff], "grips": grips, "stretches": 1.5, "steps": ()}
+    grips = [
+        {"edge": "left", "holds": "normal"},
+        {"edge": "right", "holds": "normal", "travel": 1.0},
+    ]
+    more = {
+        "body": {"size": (2.0, 1.0)},
+        "materials": [stiff],
+        "grips": grips,
+        "stretches": 1.5,
+        "steps": (),
+    }
     for force, suffix in ((ENERGY, ""), ("analytic", ", bond forces")):
-        _, level, count = ran(force, spacing=spacing, probes=[{"name": "edge", "at": (1.0, 1.0)}], **more)
+        _, level, count = ran(
+            force, spacing=spacing, probes=[{"name": "edge", "at": (1.0, 1.0)}], **more
+        )
         yield f"force{suffix}", percent(level["nominal_stress"], 1.17143), count
         yield f"edge{suffix}", percent(level["probes"]["edge"]["displacement"][1], -0.04748), count
 
 
-def nominal(along: np.ndarray, across: np.ndarray, out: np.ndarray, bulk_modulus: float = 100.0) -> np.ndarray:
+def nominal(
+    along: np.ndarray, across: np.ndarray, out: np.ndarray, bulk_modulus: float = 100.0
+) -> np.ndarray:
     """Nominal stress along the first of three principal stretches."""
     J = along * across * out
     trace, volume = along**2 + across**2 + out**2, bulk_modulus / 4 * (J - 1 / J) * (1 + J**-2) * J
     return (J ** (-2 / 3) * (along**2 - trace / 3) + volume) / along
 
 
-def ring_states(pressure: float, plane: str) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """Principal stretches and nominal stresses, shape (n, 3) each, by radius, in a ring of radii 1 and 2 under inner pressure.
+def ring_states(
+    pressure: float, plane: str
+) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """Principal stretches and nominal stresses, shape (n, 3) each, by radius, in a ring of radii 1
+    and 2 under inner pressure.
 
     Radial, circumferential, out of the plane. The pressure acts on the undeformed thickness.
     """
@@ -275,8 +433,13 @@ def ring_states(pressure: float, plane: str) -> Callable[[np.ndarray], tuple[np.
     def along_of(stress: np.ndarray, across: np.ndarray) -> np.ndarray:
         along = 1 / across if plane == "strain" else across**-0.5
         for _ in range(20):
-            low, high = (nominal(along + step, across, out_of(along + step, across)) for step in (-1e-6, 1e-6))
-            along = along - (nominal(along, across, out_of(along, across)) - stress) * 2e-6 / (high - low)
+            low, high = (
+                nominal(along + step, across, out_of(along + step, across))
+                for step in (-1e-6, 1e-6)
+            )
+            along = along - (nominal(along, across, out_of(along, across)) - stress) * 2e-6 / (
+                high - low
+            )
         return along
 
     def slopes(R: np.ndarray, state: np.ndarray) -> np.ndarray:
@@ -287,7 +450,9 @@ def ring_states(pressure: float, plane: str) -> Callable[[np.ndarray], tuple[np.
     R = np.linspace(1, 2, 41)
     guess = np.array([R, np.zeros_like(R)])
     for load in np.linspace(0, pressure, 5)[1:]:
-        found = solve_bvp(slopes, lambda a, b, load=load: np.array([a[1] + load * a[0], b[1]]), R, guess, tol=1e-8)
+        found = solve_bvp(
+            slopes, lambda a, b, load=load: np.array([a[1] + load * a[0], b[1]]), R, guess, tol=1e-8
+        )
         guess = found.sol(R)
 
     def states(radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -301,12 +466,28 @@ def ring_states(pressure: float, plane: str) -> Callable[[np.ndarray], tuple[np.
 
 
 def edges(plane: str, spacing: float) -> Errors:
-    """Greatest error of F and of P within a horizon of the edges, over the greatest F - I and P of the ring: the radial equation."""
+    """Greatest error of F and of P within a horizon of the edges, over the greatest F - I and P
+    of the ring: the radial equation.
+    """
     # The ring stays where it is by the symmetry of its points; these supports carry nothing.
-    supports = {"east": ((1.5, 0.0), "x2"), "west": ((-1.5, 0.0), "x2"), "north": ((0.0, 1.5), "x1"), "south": ((0.0, -1.5), "x1")}
-    held = [{"region": {"near": place}, "name": name, component: 0.0} for name, (place, component) in supports.items()]
+    supports = {
+        "east": ((1.5, 0.0), "x2"),
+        "west": ((-1.5, 0.0), "x2"),
+        "north": ((0.0, 1.5), "x1"),
+        "south": ((0.0, -1.5), "x1"),
+    }
+    held = [
+        {"region": {"near": place}, "name": name, component: 0.0}
+        for name, (place, component) in supports.items()
+    ]
     # In plane strain the thickness does not change.
-    loads = [{"region": "holes", "pressure": 0.3, **({"thickness": "undeformed"} if plane == "stress" else {})}]
+    loads = [
+        {
+            "region": "holes",
+            "pressure": 0.3,
+            **({"thickness": "undeformed"} if plane == "stress" else {}),
+        }
+    ]
     result, _, count = ran(spacing=spacing, plane=plane, loads=loads, prescribed=held, **RING)
     places, fields = result.body.points, result.states[-1][1]
     radius = np.linalg.norm(places, axis=1)
@@ -314,24 +495,40 @@ def edges(plane: str, spacing: float) -> Errors:
     axes[:, :2, 0] = places / radius[:, None]
     axes[:, 0, 1], axes[:, 1, 1], axes[:, 2, 2] = -axes[:, 1, 0], axes[:, 0, 0], 1.0
     principal = ring_states(0.3, plane)(radius)
-    for name, field, values, rest in zip(("F", "P"), ("deformation_gradient", "stress"), principal, (1.0, 0.0), strict=True):
+    for name, field, values, rest in zip(
+        ("F", "P"), ("deformation_gradient", "stress"), principal, (1.0, 0.0), strict=True
+    ):
         found = fields[field].reshape(-1, 3, 3)
         exact = np.einsum("nia,na,nja->nij", axes, values, axes)
-        off = np.linalg.norm(found - exact, axis=(1, 2)) / np.linalg.norm(values - rest, axis=1).max()
-        for edge, near in (("loaded edge", radius < 1 + result.body.horizon), ("free edge", radius > 2 - result.body.horizon)):
+        off = (
+            np.linalg.norm(found - exact, axis=(1, 2)) / np.linalg.norm(values - rest, axis=1).max()
+        )
+        for edge, near in (
+            ("loaded edge", radius < 1 + result.body.horizon),
+            ("free edge", radius > 2 - result.body.horizon),
+        ):
             yield f"{name}, {edge}", 100 * float(off[near].max()), count
 
 
 EDGES = {f"{name}, {edge}": "2 at 0.05" for name in "FP" for edge in ("loaded edge", "free edge")}
 
 
-@row("F and P within a horizon of the edges of a ring of radii 1 and 2 under inner pressure 0.3, plane stress", (0.1, 0.05, 0.025), **EDGES)
+@row(
+    "F and P within a horizon of the edges of a ring of radii 1 and 2 under inner pressure 0.3,"
+    " plane stress",
+    (0.1, 0.05, 0.025),
+    **EDGES,
+)
 def edges_plane_stress(spacing: float) -> Errors:
     """See `edges`."""
     return edges("stress", spacing)
 
 
-@row("F and P within a horizon of the edges of the same ring in plane strain", (0.1, 0.05, 0.025), **EDGES)
+@row(
+    "F and P within a horizon of the edges of the same ring in plane strain",
+    (0.1, 0.05, 0.025),
+    **EDGES,
+)
 def edges_plane_strain(spacing: float) -> Errors:
     """See `edges`."""
     return edges("strain", spacing)

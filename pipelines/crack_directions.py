@@ -1,12 +1,15 @@
-"""Direction, energy and G at the peak of cracks in strips that are turned by an angle, on the lattice and on relaxed clouds.
+"""Direction, energy and G at the peak of cracks in strips that are turned by an angle, on the
+lattice and on relaxed clouds.
 
-python pipelines/crack_directions.py                   tears what docs/figures/crack-directions.json lacks, two strips at a time
-python pipelines/crack_directions.py --only space 15   the tears alone that have all of these words in their names
-python pipelines/crack_directions.py --docs            and puts the tables of all stored tears into the documentation
-python pipelines/crack_directions.py --table           puts them there without a tear
+python pipelines/crack_directions.py                   tears what docs/figures/crack-directions.json
+lacks, two strips at a time python pipelines/crack_directions.py --only space 15   the tears alone
+that have all of these words in their names python pipelines/crack_directions.py --docs
+and puts the tables of all stored tears into the documentation python pipelines/crack_directions.py
+--table           puts them there without a tear
 
-The strip, its grips and its rate are those of `tip_diameters.py`, with more spacings. The tears in the plane take some two and a half hours
-of processor time on a core of 2 GHz, those in space some 8 minutes.
+The strip, its grips and its rate are those of `tip_diameters.py`, with more spacings. The tears in
+the plane take some two and a half hours of processor time on a core of 2 GHz, those in space some 8
+minutes.
 """
 
 import argparse
@@ -26,15 +29,20 @@ from pdsurrogate.scenes.tip_diameter import tip_diameters
 TEARS = FIGURES / "crack-directions.json"
 
 ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
-"""Of strips in the plane: points per height, horizon in spacings, angles to the axes in degrees, clouds."""
+"""Of strips in the plane: points per height, horizon in spacings, angles to the axes in degrees,
+clouds.
+"""
 
 FINER = {48: (ENERGY, 0.3, 0.75), 64: (0.75 * ENERGY, 0.26, 0.58)}
-"""Finer clouds: points per height, with G over shear modulus and height, and the travels of the grip between which their dynamics last, at
-the speed of the other strips. Those of 64 points have the critical stretch of those of 48."""
+"""Finer clouds: points per height, with G over shear modulus and height, and the travels of the
+grip between which their dynamics last, at the speed of the other strips. Those of 64 points have
+the critical stretch of those of 48.
+"""
 
 WIDER = 0.16, 0.75
-"""These travels in a repeated tear, of which a bond would break in equilibrium before the usual ones, or whose crack has not passed the
-length along which it is measured when they end."""
+"""These travels in a repeated tear, of which a bond would break in equilibrium before the usual
+ones, or whose crack has not passed the length along which it is measured when they end.
+"""
 
 SOLID = {"plane": "space", "ratio": 2.2, "rows": 14}
 SOLID_ANGLES, SOLID_SEEDS = (15, 30), (1, 2, 3)
@@ -43,14 +51,20 @@ STRETCH = 2.4
 """Critical stretch of strips in space."""
 
 DIAMETER = {"lattice": 0.85, "relaxed": 1.0}
-"""Tip diameters in horizons by which critical stretches of strips in the plane are chosen so that G is near ENERGY."""
+"""Tip diameters in horizons by which critical stretches of strips in the plane are chosen so
+that G is near ENERGY.
+"""
 
 ADVANCE = {"stress": 5 / 3, "space": 12 / 7}
-"""Advance of the crack, in heights of the strip, along which its direction and energy are measured: 40 spacings in strips of 24 rows, 24 in
-solids. Behind it the plane strip has half as much to its free end."""
+"""Advance of the crack, in heights of the strip, along which its direction and energy are measured:
+40 spacings in strips of 24 rows, 24 in solids. Behind it the plane strip has half as much to its
+free end.
+"""
 
 STARTED = 4
-"""Advance in spacings from which on the energy is counted, so that the start of the crack is left out."""
+"""Advance in spacings from which on the energy is counted, so that the start of the crack is
+left out.
+"""
 
 OUTPUTS = 120
 
@@ -62,10 +76,17 @@ def cases() -> list[dict]:
         cloud = {} if seed is None else {"arrangement": "relaxed", "seed": seed}
         found += [flat | {"angle": angle} | cloud for angle in ANGLES]
     finer = flat | {"arrangement": "relaxed"}
-    found += [finer | {"rows": rows, "seed": seed, "angle": angle} for rows in FINER for seed in SEEDS for angle in ANGLES]
+    found += [
+        finer | {"rows": rows, "seed": seed, "angle": angle}
+        for rows in FINER
+        for seed in SEEDS
+        for angle in ANGLES
+    ]
     for seed in (None, *SOLID_SEEDS):
         cloud = {} if seed is None else {"arrangement": "relaxed", "seed": seed}
-        found += [{"model": "bond-energy"} | SOLID | {"angle": angle} | cloud for angle in SOLID_ANGLES]
+        found += [
+            {"model": "bond-energy"} | SOLID | {"angle": angle} | cloud for angle in SOLID_ANGLES
+        ]
     return found
 
 
@@ -74,13 +95,19 @@ def advance_of(case: dict) -> int:
     return round(ADVANCE[case["plane"]] * case["rows"])
 
 
-def scene_of(case: dict, travels: tuple[float, float] | None = None, **dynamics: float) -> pds.Scene:
-    """The strip with more outputs than for a diameter, other travels between which its dynamics last, and other settings of them."""
+def scene_of(
+    case: dict, travels: tuple[float, float] | None = None, **dynamics: float
+) -> pds.Scene:
+    """The strip with more outputs than for a diameter, other travels between which its dynamics
+    last, and other settings of them.
+    """
     critical = STRETCH
     if case["plane"] != "space":
         law, horizon = law_of(case), case["ratio"] / case["rows"]
         energy, *_ = FINER.get(case["rows"], (ENERGY,))
-        critical = pds.critical_stretch_of(law, energy, horizon, DIAMETER[case.get("arrangement", "lattice")])
+        critical = pds.critical_stretch_of(
+            law, energy, horizon, DIAMETER[case.get("arrangement", "lattice")]
+        )
     described = strip(case, critical).model_dump(mode="json", exclude_unset=True)
     first, pulled = described["steps"]
     pulled["outputs"] = OUTPUTS
@@ -112,9 +139,14 @@ def torn(case: dict, travels: tuple[float, float] | None = None, **dynamics: flo
     advance = (places @ along - tip) * case["rows"]
     chosen = (damage > 0) & (advance > 0) & (advance < advance_of(case))
     if not (damage[advance >= advance_of(case)] > 0).any():
-        raise TooShort(f"the crack does not advance by {advance_of(case)} spacings, along which it is measured")
-    # Damage lies on both sides of the crack alike, so that the line of least squares through it, weighted by it, is that of the crack.
-    slope = np.polyfit(advance[chosen], (places @ across)[chosen] * case["rows"], 1, w=np.sqrt(damage[chosen]))[0]
+        raise TooShort(
+            f"the crack does not advance by {advance_of(case)} spacings, along which it is measured"
+        )
+    # Damage lies on both sides of the crack alike, so that the line of least squares through it,
+    # weighted by it, is that of the crack.
+    slope = np.polyfit(
+        advance[chosen], (places @ across)[chosen] * case["rows"], 1, w=np.sqrt(damage[chosen])
+    )[0]
 
     rows = [row for row in result.history if "time" in row]
     load = np.array([[row["force_high_1"], row["force_high_2"]] for row in rows]) @ across
@@ -123,13 +155,26 @@ def torn(case: dict, travels: tuple[float, float] | None = None, **dynamics: flo
     loads = np.interp([level["time"] for level in levels], times, load)
     peak = levels[int(loads.argmax())]["cracks"][0]["energy_release_rate"]
 
-    tips = np.array([(np.array(level["cracks"][0]["tip"][:2]) - center) @ along - tip for level in levels]) * case["rows"]
+    tips = (
+        np.array(
+            [(np.array(level["cracks"][0]["tip"][:2]) - center) @ along - tip for level in levels]
+        )
+        * case["rows"]
+    )
     tips, ends = np.maximum.accumulate(tips), (STARTED, advance_of(case))
-    area = (ends[1] - ends[0]) / case["rows"] * (layers_of(case) / case["rows"] if case["plane"] == "space" else 1.0)
+    area = (
+        (ends[1] - ends[0])
+        / case["rows"]
+        * (layers_of(case) / case["rows"] if case["plane"] == "space" else 1.0)
+    )
 
     def per_area(*keys: str) -> float:
         """Increase of energies between both ends, per area of the crack."""
-        totals = np.interp([level["time"] for level in levels], times, [sum(row[key] for key in keys) for row in rows])
+        totals = np.interp(
+            [level["time"] for level in levels],
+            times,
+            [sum(row[key] for key in keys) for row in rows],
+        )
         return float(np.diff(np.interp(ends, tips, totals))[0] / area)
 
     return {
@@ -151,7 +196,9 @@ def stored() -> dict[str, dict]:
 
 
 def tried(case: dict) -> dict | str:
-    """Figures of a tear, or why it failed. An unstable tear is repeated with shorter time steps, a short one with wider travels."""
+    """Figures of a tear, or why it failed. An unstable tear is repeated with shorter time steps,
+    a short one with wider travels.
+    """
     try:
         try:
             return repeated(torn, case)
@@ -168,58 +215,107 @@ def rms(values: np.ndarray) -> float:
 
 def deviating(values: np.ndarray, figures: str) -> str:
     """Mean and its standard error, for one value the value alone."""
-    error = f" ± {np.std(values, ddof=1) / np.sqrt(len(values)):{figures}}" if len(values) > 1 else ""
+    error = (
+        f" ± {np.std(values, ddof=1) / np.sqrt(len(values)):{figures}}" if len(values) > 1 else ""
+    )
     return f"{np.mean(values):{figures}}{error}"
 
 
 def prescribed(tear: dict) -> float:
-    """The `fracture.energy` for which the package chooses the critical stretch of a tear in the plane; 1 for solids."""
+    """The `fracture.energy` for which the package chooses the critical stretch of a tear in the
+    plane; 1 for solids.
+    """
     if tear["plane"] == "space":
         return 1.0
     critical, law = tear["critical_stretch"], law_of(tear)
-    diameter = tip_diameters(tear["plane"], tear["ratio"], "bond energy", tear.get("arrangement", "lattice")).at(critical)
-    return homogeneous.uniaxial(law, critical).energy_density * diameter * tear["ratio"] / tear["rows"]
+    diameter = tip_diameters(
+        tear["plane"], tear["ratio"], "bond energy", tear.get("arrangement", "lattice")
+    ).at(critical)
+    return (
+        homogeneous.uniaxial(law, critical).energy_density * diameter * tear["ratio"] / tear["rows"]
+    )
 
 
 def row_of(label: str, tears: list[dict]) -> list[str]:
     """Figures of several tears, to be averaged."""
-    directions, units = np.array([tear["direction"] for tear in tears]), np.array([prescribed(tear) for tear in tears])
-    angles = f"{directions.mean():+.1f}", f"{rms(directions):.1f}", f"{np.abs(directions).max():.1f}"
-    energies = [deviating([tear[key] for tear in tears] / units, ".3f") for key in ("dissipated", "released", "peak")]
+    directions, units = (
+        np.array([tear["direction"] for tear in tears]),
+        np.array([prescribed(tear) for tear in tears]),
+    )
+    angles = (
+        f"{directions.mean():+.1f}",
+        f"{rms(directions):.1f}",
+        f"{np.abs(directions).max():.1f}",
+    )
+    energies = [
+        deviating([tear[key] for tear in tears] / units, ".3f")
+        for key in ("dissipated", "released", "peak")
+    ]
     return [label, str(len(tears)), *angles, *energies]
 
 
 def table_of(plane: str, relaxed: bool, rows: int) -> str:
     """Tears of a plane, arrangement and number of rows, by angle and all together."""
-    tears = [tear for tear in stored().values() if (tear["plane"], "seed" in tear, tear["rows"]) == (plane, relaxed, rows)]
+    tears = [
+        tear
+        for tear in stored().values()
+        if (tear["plane"], "seed" in tear, tear["rows"]) == (plane, relaxed, rows)
+    ]
     unit = "G" if plane != "space" else "μ h"
-    head = ["angle (degrees)", "tears", "direction, mean (degrees)", "rms (degrees)", "greatest (degrees)"]
+    head = [
+        "angle (degrees)",
+        "tears",
+        "direction, mean (degrees)",
+        "rms (degrees)",
+        "greatest (degrees)",
+    ]
     head += [f"dissipated / {unit}", f"released / {unit}", f"G at the peak / {unit}"]
     angles = sorted({tear["angle"] for tear in tears})
-    lines = [row_of(f"{angle}", [tear for tear in tears if tear["angle"] == angle]) for angle in angles]
+    lines = [
+        row_of(f"{angle}", [tear for tear in tears if tear["angle"] == angle]) for angle in angles
+    ]
     return markdown_table(head, [*lines, row_of("all", tears)])
 
 
 def write_page() -> None:
     """Put the tables into the documentation."""
-    for plane, relaxed, rows in sorted({(tear["plane"], "seed" in tear, tear["rows"]) for tear in stored().values()}):
-        replace_block(f"directions-{plane}-{'relaxed' if relaxed else 'lattice'}-{rows}", table_of(plane, relaxed, rows))
+    for plane, relaxed, rows in sorted(
+        {(tear["plane"], "seed" in tear, tear["rows"]) for tear in stored().values()}
+    ):
+        replace_block(
+            f"directions-{plane}-{'relaxed' if relaxed else 'lattice'}-{rows}",
+            table_of(plane, relaxed, rows),
+        )
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--only", nargs="+", default=[], metavar="WORD")
     parser.add_argument("--jobs", type=int, default=2, metavar="N")
     parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
-    parser.add_argument("--table", action="store_true", help="put the tables of the stored tears there, without a tear")
+    parser.add_argument(
+        "--table",
+        action="store_true",
+        help="put the tables of the stored tears there, without a tear",
+    )
     arguments = parser.parse_args()
-    lacking = [case for case in cases() if name_of(case) not in stored() and all(word in name_of(case) for word in arguments.only)]
+    lacking = [
+        case
+        for case in cases()
+        if name_of(case) not in stored() and all(word in name_of(case) for word in arguments.only)
+    ]
     if arguments.table:
         lacking = []
-    outcomes = joblib.Parallel(arguments.jobs, return_as="generator")(joblib.delayed(tried)(case) for case in lacking)
+    outcomes = joblib.Parallel(arguments.jobs, return_as="generator")(
+        joblib.delayed(tried)(case) for case in lacking
+    )
     for case, figures in zip(lacking, outcomes, strict=True):
         print(name_of(case), figures, flush=True)
         if isinstance(figures, dict):
-            TEARS.write_text(json.dumps(stored() | {name_of(case): case | figures}, indent=1) + "\n", "utf-8")
+            TEARS.write_text(
+                json.dumps(stored() | {name_of(case): case | figures}, indent=1) + "\n", "utf-8"
+            )
     if arguments.docs or arguments.table:
         write_page()

@@ -1,11 +1,13 @@
-"""Make the artifacts that pdsurrogate ships, from nothing: sample, search, cross-validate, fit, store.
+"""Make the artifacts that pdsurrogate ships, from nothing: sample, search, cross-validate, fit,
+store.
 
-    python pipelines/fit_shipped.py --out DIR      write them to DIR
-    python pipelines/fit_shipped.py --check        compare the forces of what it makes with those of what is shipped
+    python pipelines/fit_shipped.py --out DIR      write them to DIR python pipelines/fit_shipped.py
+    --check        compare the forces of what it makes with those of what is shipped
 
-The search and the cross-validation are printed, and kept on the cards. Training magnifies the last bit of a sum into other weights, as good
-but not the same, so that the bytes of a payload depend on the processor and the libraries: the check says which files differ, and fails
-where forces or stresses over the domain differ by more than the cards state.
+The search and the cross-validation are printed, and kept on the cards. Training magnifies the last
+bit of a sum into other weights, as good but not the same, so that the bytes of a payload depend on
+the processor and the libraries: the check says which files differ, and fails where forces or
+stresses over the domain differ by more than the cards state.
 """
 
 from __future__ import annotations
@@ -18,8 +20,12 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-# With these, processors with AVX2 use the same code: OpenBLAS would choose by processor and NumPy take AVX-512.  Read as both load.
-os.environ |= {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR"}
+# With these, processors with AVX2 use the same code: OpenBLAS would choose by processor and NumPy
+# take AVX-512.  Read as both load.
+os.environ |= {
+    "OPENBLAS_CORETYPE": "Haswell",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
+}
 
 import numpy as np
 from rich.console import Console
@@ -52,14 +58,22 @@ def relative_rms(truth, predicted) -> float:
 
 
 def as_drawn(samples):
-    """Return samples in the order in which they were drawn, as the shipped artifacts were fitted to them; Algorithm 1 keeps that order."""
+    """Return samples in the order in which they were drawn, as the shipped artifacts were fitted
+    to them; Algorithm 1 keeps that order.
+    """
     if samples.design["name"] == "algorithm 1":
         return samples
-    return samples.take(np.argsort(random_order(len(samples), samples.design["near_rest"], samples.design["random_state"])))
+    return samples.take(
+        np.argsort(
+            random_order(len(samples), samples.design["near_rest"], samples.design["random_state"])
+        )
+    )
 
 
 def search(model, samples, grid) -> list[dict]:
-    """Cross-validated relative error over a small grid of the regressor's parameters; networks run for fewer rounds than in the end."""
+    """Cross-validated relative error over a small grid of the regressor's parameters; networks
+    run for fewer rounds than in the end.
+    """
     model = clone(model)
     if f"{REGRESSOR}__max_iter" in model.get_params():
         model.set_params(**{f"{REGRESSOR}__max_iter": ROUNDS})
@@ -69,11 +83,21 @@ def search(model, samples, grid) -> list[dict]:
     found.fit(samples.X, samples.y)
     rows = []
     for parameters, mean, spread in zip(
-        found.cv_results_["params"], found.cv_results_["mean_test_score"], found.cv_results_["std_test_score"], strict=True
+        found.cv_results_["params"],
+        found.cv_results_["mean_test_score"],
+        found.cv_results_["std_test_score"],
+        strict=True,
     ):
         shown = {key.removeprefix(f"{REGRESSOR}__"): value for key, value in parameters.items()}
         rows.append(
-            {**{key: list(value) if isinstance(value, tuple) else value for key, value in shown.items()}, "rms": -mean, "spread": spread}
+            {
+                **{
+                    key: list(value) if isinstance(value, tuple) else value
+                    for key, value in shown.items()
+                },
+                "rms": -mean,
+                "spread": spread,
+            }
         )
     return rows
 
@@ -84,7 +108,9 @@ def show(title: str, rows: list[dict]) -> None:
     for key in rows[0]:
         table.add_column(key, justify="right")
     for row in rows:
-        table.add_row(*(f"{value:.1e}" if isinstance(value, float) else str(value) for value in row.values()))
+        table.add_row(
+            *(f"{value:.1e}" if isinstance(value, float) else str(value) for value in row.values())
+        )
     console.print(table)
 
 
@@ -93,17 +119,28 @@ def make(name, law, description, samples, model, grid, folder, version=FIRST) ->
     console.rule(f"{name}@{version}")
     samples = as_drawn(samples)
     searched = search(model, samples, grid)
-    show(f"Search: relative RMS force error on the folds left out, networks {ROUNDS} iterations", searched)
+    show(
+        f"Search: relative RMS force error on the folds left out, networks {ROUNDS} iterations",
+        searched,
+    )
     folds = pds.cross_validate(model, samples, folds=5, n_jobs=2)
     show("Cross-validation of the final settings", folds)
     model.fit(samples.X, samples.y)
-    path = pds.store(model, samples, law, folder, name, version, pds.CardText(description, folds, searched))
+    path = pds.store(
+        model, samples, law, folder, name, version, pds.CardText(description, folds, searched)
+    )
     errors = pds.load_card(path).errors["box"]
-    console.print(f"{path}: on the surface {errors['on_surface']['rms']:.1e}, off it {errors['off_surface']['rms']:.1e}\n", soft_wrap=True)
+    console.print(
+        f"{path}: on the surface {errors['on_surface']['rms']:.1e}, off it"
+        f" {errors['off_surface']['rms']:.1e}\n",
+        soft_wrap=True,
+    )
 
 
 def make_energy(name, law, description, samples, regressor, searched_over, folder, folds=5) -> None:
-    """The artifact of an energy, a sheet's or the isochoric one, after a search over (activation, units)."""
+    """The artifact of an energy, a sheet's or the isochoric one, after a search over
+    (activation, units).
+    """
     console.rule(name)
     samples = as_drawn(samples)
 
@@ -112,10 +149,19 @@ def make_energy(name, law, description, samples, regressor, searched_over, folde
 
     errors = {}
     for activation, units in searched_over:
-        model = pipeline(pds.learning.SobolevRegressor(units, activation, max_iter=ROUNDS, random_state=0))
-        errors[activation, units] = [row["rms"] for row in pds.cross_validate(model, samples, folds=3)]
+        model = pipeline(
+            pds.learning.SobolevRegressor(units, activation, max_iter=ROUNDS, random_state=0)
+        )
+        errors[activation, units] = [
+            row["rms"] for row in pds.cross_validate(model, samples, folds=3)
+        ]
     searched = [
-        {"activation": activation, "n_units": units, "rms": sum(rows) / len(rows), "spread": max(rows) - min(rows)}
+        {
+            "activation": activation,
+            "n_units": units,
+            "rms": sum(rows) / len(rows),
+            "spread": max(rows) - min(rows),
+        }
         for (activation, units), rows in errors.items()
     ]
     show(f"Search: relative RMS stress error on the folds left out, {ROUNDS} iterations", searched)
@@ -123,12 +169,16 @@ def make_energy(name, law, description, samples, regressor, searched_over, folde
     table = pds.cross_validate(model, samples, folds)
     show("Cross-validation of the final settings", table)
     model.fit(samples.X, samples.y)
-    path = pds.store(model, samples, law, folder, name, FIRST, pds.CardText(description, table, searched))
+    path = pds.store(
+        model, samples, law, folder, name, FIRST, pds.CardText(description, table, searched)
+    )
     box = list(pds.load_card(path).errors.values())[-1]
     low, high = box["stretch_range"]
     errors = box["on_surface"]
     console.print(
-        f"{path}: stress {errors['rms']:.1e}, energy {errors['energy_rms']:.1e} over stretches {low:g} to {high:g}\n", soft_wrap=True
+        f"{path}: stress {errors['rms']:.1e}, energy {errors['energy_rms']:.1e} over stretches"
+        f" {low:g} to {high:g}\n",
+        soft_wrap=True,
     )
 
 
@@ -138,20 +188,33 @@ def make_all(folder: Path) -> None:
     make(
         "neo-hookean",
         law,
-        "Bond force of slightly compressible Neo-Hookean rubber: symmetric features, wide design; the default force.",
+        "Bond force of slightly compressible Neo-Hookean rubber: symmetric features, wide design;"
+        " the default force.",
         pds.training_samples(law, 8000, random_state=0),
-        pds.surrogate_pipeline(pds.LevenbergMarquardtRegressor((20,), "algebraic", max_iter=2000, n_iter_no_change=200, random_state=0)),
-        {"hidden_layer_sizes": [(8,), (12,), (20,)], "activation": ["algebraic", "logistic", "tanh"]},
+        pds.surrogate_pipeline(
+            pds.LevenbergMarquardtRegressor(
+                (20,), "algebraic", max_iter=2000, n_iter_no_change=200, random_state=0
+            )
+        ),
+        {
+            "hidden_layer_sizes": [(8,), (12,), (20,)],
+            "activation": ["algebraic", "logistic", "tanh"],
+        },
         folder,
     )
     make(
         "neo-hookean",
         law,
-        "Bond force of slightly compressible Neo-Hookean rubber: isochoric features, 4 units; the default force since version 2.",
+        "Bond force of slightly compressible Neo-Hookean rubber: isochoric features, 4 units; the"
+        " default force since version 2.",
         pds.training_samples(law, 8000, random_state=0),
-        # The outputs of this law are constant in these features (theory (16)): any network has them to rounding, and the smallest will do.
+        # The outputs of this law are constant in these features (theory (16)): any network has them
+        # to rounding, and the smallest will do.
         pds.surrogate_pipeline(
-            pds.LevenbergMarquardtRegressor((4,), "algebraic", max_iter=2000, n_iter_no_change=200, random_state=0), features="isochoric"
+            pds.LevenbergMarquardtRegressor(
+                (4,), "algebraic", max_iter=2000, n_iter_no_change=200, random_state=0
+            ),
+            features="isochoric",
         ),
         {"hidden_layer_sizes": [(4,), (8,)], "activation": ["algebraic", "logistic", "tanh"]},
         folder,
@@ -160,10 +223,14 @@ def make_all(folder: Path) -> None:
     make(
         "neo-hookean-paper",
         law,
-        "The paper's own network: its five features, Algorithm 1 on its box of stretches, 20 logistic units.",
+        "The paper's own network: its five features, Algorithm 1 on its box of stretches, 20"
+        " logistic units.",
         pds.learning.algorithm_1(law, random_state=0),
         pds.surrogate_pipeline(
-            pds.LevenbergMarquardtRegressor((20,), "logistic", max_iter=1000, n_iter_no_change=100, random_state=0), features="paper"
+            pds.LevenbergMarquardtRegressor(
+                (20,), "logistic", max_iter=1000, n_iter_no_change=100, random_state=0
+            ),
+            features="paper",
         ),
         {"hidden_layer_sizes": [(10,), (20,)], "activation": ["logistic", "tanh"]},
         folder,
@@ -171,10 +238,15 @@ def make_all(folder: Path) -> None:
     make_energy(
         "neo-hookean-energy",
         law,
-        "Plane-stress energy of slightly compressible Neo-Hookean rubber, K = 100 mu: 12 units on two logarithmic invariants.",
+        "Plane-stress energy of slightly compressible Neo-Hookean rubber, K = 100 mu: 12 units on"
+        " two logarithmic invariants.",
         pds.training_samples(law, 2000, random_state=0, target="sheet-energy"),
         pds.learning.SobolevRegressor(12, "algebraic", max_iter=1000, random_state=0),
-        [(activation, units) for activation in ("algebraic", "logistic", "tanh") for units in (4, 8, 12)],
+        [
+            (activation, units)
+            for activation in ("algebraic", "logistic", "tanh")
+            for units in (4, 8, 12)
+        ],
         folder,
     )
     for law, title in (
@@ -186,7 +258,8 @@ def make_all(folder: Path) -> None:
         make_energy(
             f"{law.name}-isochoric",
             law,
-            f"Isochoric energy of {title}, for plane strain, space and every bulk modulus: 8 units on two logarithmic invariants.",
+            f"Isochoric energy of {title}, for plane strain, space and every bulk modulus: 8 units"
+            " on two logarithmic invariants.",
             pds.training_samples(law, 1000, random_state=0, target="isochoric-energy"),
             # Of two trainings the better: one in a few ends where the stress is a thousandth off.
             pds.learning.SobolevRegressor(8, "algebraic", max_iter=500, n_init=2, random_state=0),
@@ -213,11 +286,24 @@ def make_all(folder: Path) -> None:
 TARGETS = {"energy-network": "sheet-energy", "isochoric-network": "isochoric-energy"}
 """Targets of the kinds of artifacts that are not bond forces."""
 
-DECIDING = "name", "version", "kind", "description", "material", "weight_function", "features", "domain"
-"""Entries of cards that do not follow from the training and must be equal, numbers to nine digits."""
+DECIDING = (
+    "name",
+    "version",
+    "kind",
+    "description",
+    "material",
+    "weight_function",
+    "features",
+    "domain",
+)
+"""Entries of cards that do not follow from the training and must be equal, numbers to nine
+digits.
+"""
 
 APART = 2.0
-"""Greatest difference of two fits in units of the error that the shipped card states: each may be so far from the exact force."""
+"""Greatest difference of two fits in units of the error that the shipped card states: each may
+be so far from the exact force.
+"""
 
 ROUNDING = 100 * np.finfo(float).eps
 """Difference that is no more than rounding, for laws whose outputs a network has exactly."""
@@ -225,40 +311,74 @@ ROUNDING = 100 * np.finfo(float).eps
 
 def differences(made: Path, shipped: Path) -> list[str]:
     """Return the files that are not the same in two folders, byte for byte."""
-    names = {path.relative_to(folder) for folder in (made, shipped) for path in folder.rglob("*") if path.is_file()}
+    names = {
+        path.relative_to(folder)
+        for folder in (made, shipped)
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
     return [
         str(name)
         for name in sorted(names)
-        if len({(folder / name).is_file() and (folder / name).read_bytes() for folder in (made, shipped)}) > 1
+        if len(
+            {
+                (folder / name).is_file() and (folder / name).read_bytes()
+                for folder in (made, shipped)
+            }
+        )
+        > 1
     ]
 
 
 def faults(made: Path, shipped: Path) -> list[str]:
-    """Return what decides against the artifacts of one folder: entries of cards, and forces that are too far from the shipped ones."""
+    """Return what decides against the artifacts of one folder: entries of cards, and forces that
+    are too far from the shipped ones.
+    """
     found = []
-    for path in sorted({path.relative_to(folder).parent for folder in (made, shipped) for path in folder.rglob("card.json")}):
+    for path in sorted(
+        {
+            path.relative_to(folder).parent
+            for folder in (made, shipped)
+            for path in folder.rglob("card.json")
+        }
+    ):
         if not all((folder / path / "card.json").is_file() for folder in (made, shipped)):
             found.append(f"{path} is in one folder alone")
             continue
         cards = [
-            json.loads((folder / path / "card.json").read_text(), parse_float=lambda digits: f"{float(digits):.9g}")
+            json.loads(
+                (folder / path / "card.json").read_text(),
+                parse_float=lambda digits: f"{float(digits):.9g}",
+            )
             for folder in (made, shipped)
         ]
         unlike = [key for key in DECIDING if cards[0][key] != cards[1][key]]
         found += [f"{path}: {', '.join(unlike)} of the card"] if unlike else []
         for quantity, (difference, stated) in deviations(made / path, shipped / path).items():
-            console.print(f"{path}: {quantity} differs by {difference:.1e}, stated error {stated:.1e}")
+            console.print(
+                f"{path}: {quantity} differs by {difference:.1e}, stated error {stated:.1e}"
+            )
             if not difference <= max(APART * stated, ROUNDING):
-                found.append(f"{path}: {quantity} differs by {difference:.1e}, more than {APART:g} times the stated error of {stated:.1e}")
+                found.append(
+                    f"{path}: {quantity} differs by {difference:.1e}, more than {APART:g} times the"
+                    f" stated error of {stated:.1e}"
+                )
     return found
 
 
 def deviations(made: Path, shipped: Path) -> dict[str, tuple[float, float]]:
-    """Return, by quantity, the relative RMS difference of two artifacts over the domain, and the error that the shipped card states."""
-    card, (one, other) = pds.load_card(shipped), (pds.load_surrogate(folder) for folder in (made, shipped))
+    """Return, by quantity, the relative RMS difference of two artifacts over the domain, and the
+    error that the shipped card states.
+    """
+    card, (one, other) = (
+        pds.load_card(shipped),
+        (pds.load_surrogate(folder) for folder in (made, shipped)),
+    )
     law, stated, target = law_of(card), card.errors["box"], TARGETS.get(card.kind, "bond-force")
     drawn = {"random_state": stated["random_state"], "target": target, "near_rest": 0.0}
-    samples = pds.training_samples(law, stated["n_samples"], tuple(stated["stretch_range"]), **drawn)
+    samples = pds.training_samples(
+        law, stated["n_samples"], tuple(stated["stretch_range"]), **drawn
+    )
     first, second = (samples.target.predicted(model, law, samples.X) for model in (one, other))
     found = samples.target.errors(first, replace(samples, y=second))
     return {key: (found[key], stated["on_surface"][key]) for key in found.keys() - {"max"}}
@@ -268,7 +388,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     group = parser.add_mutually_exclusive_group(required=True)
     group.add_argument("--out", type=Path, metavar="DIR", help="folder to write the artifacts to")
-    group.add_argument("--check", action="store_true", help="compare with the shipped artifacts instead")
+    group.add_argument(
+        "--check", action="store_true", help="compare with the shipped artifacts instead"
+    )
     arguments = parser.parse_args()
     if arguments.out is not None:
         make_all(arguments.out)
@@ -277,7 +399,11 @@ def main() -> int:
         make_all(Path(folder))
         wrong, changed = faults(Path(folder), SHIPPED), differences(Path(folder), SHIPPED)
     console.print(f"Files with other bytes: {', '.join(changed) or 'none'}", soft_wrap=True)
-    console.print("\n".join(wrong) or "The shipped artifacts are what this pipeline makes, within their stated errors.", soft_wrap=True)
+    console.print(
+        "\n".join(wrong)
+        or "The shipped artifacts are what this pipeline makes, within their stated errors.",
+        soft_wrap=True,
+    )
     return 1 if wrong else 0
 
 

@@ -1,4 +1,5 @@
-"""Pictures of the guides that no built-in scene or tutorial draws: laws in tension, errors of regressors, and the division among ranks.
+"""Pictures of the guides that no built-in scene or tutorial draws: laws in tension, errors of
+regressors, and the division among ranks.
 
 python pipelines/guide_pictures.py    writes docs/figures/guide/*.png, in a minute
 """
@@ -29,7 +30,10 @@ def laws() -> Figure:
     axes.set_prop_cycle(color=matplotlib.colormaps["tab10"].colors)  # the style has six colors only
     for name, kind in LAWS.items():
         law = kind()
-        stresses = [homogeneous.uniaxial(law, stretch).nominal_stress / law.shear_modulus for stretch in stretches]
+        stresses = [
+            homogeneous.uniaxial(law, stretch).nominal_stress / law.shear_modulus
+            for stretch in stretches
+        ]
         # With its default parameters this law is Neo-Hookean.
         axes.plot(stretches, stresses, "--" if name == "polyconvex" else "-", label=name)
     axes.set(xlabel="stretch", ylabel="nominal stress / shear modulus")
@@ -38,7 +42,9 @@ def laws() -> Figure:
 
 
 def regressors() -> Figure:
-    """Error of the bond force by strain for three regressors that learned the same samples of Ogden's law."""
+    """Error of the bond force by strain for three regressors that learned the same samples of
+    Ogden's law.
+    """
     law = pds.materials.Ogden()
     samples = pds.training_samples(law, 2000, (0.6, 2.5), random_state=0)
     brought = {
@@ -51,7 +57,12 @@ def regressors() -> Figure:
     for name, regressor in brought.items():
         model = pds.surrogate_pipeline(regressor, features="isochoric").fit(samples.X, samples.y)
         bins = pds.evaluate(model, law, (0.6, 2.5), 4000)["by_strain"]
-        axes.loglog([np.sqrt(np.prod(row["strain"])) for row in bins], [row["rms"] for row in bins], "o-", label=name)
+        axes.loglog(
+            [np.sqrt(np.prod(row["strain"])) for row in bins],
+            [row["rms"] for row in bins],
+            "o-",
+            label=name,
+        )
     axes.set(xlabel="greatest principal strain", ylabel="RMS error of the force / RMS force")
     axes.legend()
     return figure

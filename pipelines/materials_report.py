@@ -1,7 +1,8 @@
 """Laws of rubber: identification from test data, and where a surrogate earns its keep.
 
-python pipelines/materials_report.py            print the tables, and write them with the figure of the fits to docs/figures
-python pipelines/materials_report.py --docs   and put them into the documentation
+python pipelines/materials_report.py            print the tables, and write them with the figure of
+the fits to docs/figures python pipelines/materials_report.py --docs   and put them into the
+documentation
 """
 
 from __future__ import annotations
@@ -31,17 +32,41 @@ TOLERANCE = 2e-3
 """Relative RMS force error, on and off the surface, that a surrogate must keep."""
 
 INCOMPRESSIBLE = 1e7
-"""K/mu at which constants are compared with published ones, which are of rubber that keeps its volume."""
+"""K/mu at which constants are compared with published ones, which are of rubber that keeps its
+volume.
+"""
 
 console = Console(width=150)
 
 PUBLISHED = (
-    ("ogden", "all modes, weighted by scatter", {"shear modulus": 0.4225}, "Ogden, Proc. R. Soc. A 326 (1972) 565"),
-    ("arruda-boyce", "all modes, weighted by scatter", {"chain links": 26.5}, "Arruda, Boyce, J. Mech. Phys. Solids 41 (1993) 389"),
-    ("gent", "tension, equal weights", {"shear modulus": 0.24, "chain limit": 79.97}, "Hyperelastics.jl, example treloar.jl"),
-    ("yeoh", "tension, equal weights", {"C10": 0.18, "C20": -2e-3, "C30": 5e-5}, "Altair Radioss, RD-V: 0210"),
+    (
+        "ogden",
+        "all modes, weighted by scatter",
+        {"shear modulus": 0.4225},
+        "Ogden, Proc. R. Soc. A 326 (1972) 565",
+    ),
+    (
+        "arruda-boyce",
+        "all modes, weighted by scatter",
+        {"chain links": 26.5},
+        "Arruda, Boyce, J. Mech. Phys. Solids 41 (1993) 389",
+    ),
+    (
+        "gent",
+        "tension, equal weights",
+        {"shear modulus": 0.24, "chain limit": 79.97},
+        "Hyperelastics.jl, example treloar.jl",
+    ),
+    (
+        "yeoh",
+        "tension, equal weights",
+        {"C10": 0.18, "C20": -2e-3, "C30": 5e-5},
+        "Altair Radioss, RD-V: 0210",
+    ),
 )
-"""Constants of Treloar's rubber, in MPa, as others give them: law, the data fitted to and their weights, constants and source."""
+"""Constants of Treloar's rubber, in MPa, as others give them: law, the data fitted to and their
+weights, constants and source.
+"""
 
 CONSTANTS = {
     "shear modulus": lambda law: law.shear_modulus,
@@ -60,13 +85,18 @@ def show(title: str, rows: list[dict]) -> None:
     for key in rows[0]:
         table.add_column(key, justify="left" if isinstance(rows[0][key], str) else "right")
     for row in rows:
-        table.add_row(*(f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values()))
+        table.add_row(
+            *(f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values())
+        )
     console.print(table)
 
 
 def as_markdown(rows: list[dict]) -> str:
     """The same rows for the documentation."""
-    body = [[f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
+    body = [
+        [f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values()]
+        for row in rows
+    ]
     return markdown_table(list(rows[0]), body)
 
 
@@ -75,8 +105,12 @@ def identification(folder: Path) -> dict:
     treloar, kawabata = pds.load_test_data("treloar"), pds.load_test_data("kawabata")
     models, rows, found = [], [], []
     for name in fitted_laws():
-        model = pds.identification.LawRegressor(name).fit(treloar.stretches, treloar.nominal_stress, treloar.balanced_weights())
-        uniform = pds.identification.LawRegressor(name).fit(treloar.stretches, treloar.nominal_stress)
+        model = pds.identification.LawRegressor(name).fit(
+            treloar.stretches, treloar.nominal_stress, treloar.balanced_weights()
+        )
+        uniform = pds.identification.LawRegressor(name).fit(
+            treloar.stretches, treloar.nominal_stress
+        )
         models.append(model)
         found.append({**report(model, treloar), "uniform_weights": report(uniform, treloar)})
         predicted = model.predict(kawabata.stretches)
@@ -84,22 +118,36 @@ def identification(folder: Path) -> dict:
         rows.append(
             {
                 "law": name,
-                "parameters (standard error)": ", ".join(f"{key} {value:.4g} ({error:.1g})" for key, value, error in pairs),
+                "parameters (standard error)": ", ".join(
+                    f"{key} {value:.4g} ({error:.1g})" for key, value, error in pairs
+                ),
                 **{f"R2 {mode}": f"{value:.4f}" for mode, value in found[-1]["r_squared"].items()},
                 "R2 Kawabata": f"{kawabata.r_squared(predicted)['biaxial']:.4f}",
             }
         )
         found[-1]["r_squared_kawabata"] = kawabata.r_squared(predicted)["biaxial"]
-    show("Treloar's data, the three modes weighted alike; Kawabata's grid is predicted, not fitted", rows)
-    held_out = held_out_modes([pds.identification.LawRegressor(name) for name in fitted_laws()], treloar, ["uniaxial"])
+    show(
+        "Treloar's data, the three modes weighted alike; Kawabata's grid is predicted, not fitted",
+        rows,
+    )
+    held_out = held_out_modes(
+        [pds.identification.LawRegressor(name) for name in fitted_laws()], treloar, ["uniaxial"]
+    )
     show(
         "Fitted to uniaxial tension alone",
         [
-            {"law": row["law"], **{f"R2 {mode}": f"{value:.3f}" for mode, value in row["held_out"].items()}, "RMS": row["relative_rms"]}
+            {
+                "law": row["law"],
+                **{f"R2 {mode}": f"{value:.3f}" for mode, value in row["held_out"].items()},
+                "RMS": row["relative_rms"],
+            }
             for row in held_out
         ],
     )
-    figures.save(figure([model for model in models if model.law in ("gent", "yeoh", "ogden")], treloar), folder / "identification.png")
+    figures.save(
+        figure([model for model in models if model.law in ("gent", "yeoh", "ogden")], treloar),
+        folder / "identification.png",
+    )
     return {"laws": found, "fitted_to_uniaxial": held_out, "table": rows}
 
 
@@ -108,14 +156,26 @@ def beside_published() -> list[dict]:
     data = pds.load_test_data("treloar")
     tension = data.of("uniaxial")
     fits = {
-        "all modes, weighted by scatter": (data.stretches, data.nominal_stress, data.balanced_weights()),
+        "all modes, weighted by scatter": (
+            data.stretches,
+            data.nominal_stress,
+            data.balanced_weights(),
+        ),
         "tension, equal weights": (tension.stretches, tension.nominal_stress),
     }
     rows = []
     for name, fitted_to, constants, source in PUBLISHED:
-        law = pds.identification.LawRegressor(name, bulk_ratio=INCOMPRESSIBLE).fit(*fits[fitted_to]).law_
+        law = (
+            pds.identification.LawRegressor(name, bulk_ratio=INCOMPRESSIBLE)
+            .fit(*fits[fitted_to])
+            .law_
+        )
         for constant, value in constants.items():
-            found = {"this package": CONSTANTS[constant](law), "published": f"{value:g}", "source": source}
+            found = {
+                "this package": CONSTANTS[constant](law),
+                "published": f"{value:g}",
+                "source": source,
+            }
             rows.append({"law": name, "fitted to": fitted_to, "constant": constant, **found})
     show("Treloar's rubber, in MPa", rows)
     return rows
@@ -124,7 +184,9 @@ def beside_published() -> list[dict]:
 def surrogate(law, degree):
     """Polynomial surrogate of a law."""
     samples = pds.training_samples(law, 8000, pds.learning.reachable_stretches(law), random_state=0)
-    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(degree), features="isochoric").fit(samples.X, samples.y)
+    model = pds.surrogate_pipeline(
+        pds.learning.ChebyshevRegressor(degree), features="isochoric"
+    ).fit(samples.X, samples.y)
     return surrogate_of(model, law, samples)
 
 
@@ -136,18 +198,28 @@ def errors_of(model, law) -> tuple[float, float]:
 
 def cheapest(law):
     """The smallest polynomial within the tolerance."""
-    return next(model for model in (surrogate(law, degree) for degree in DEGREES) if max(errors_of(model, law)) <= TOLERANCE)
+    return next(
+        model
+        for model in (surrogate(law, degree) for degree in DEGREES)
+        if max(errors_of(model, law)) <= TOLERANCE
+    )
 
 
 def scene_errors(law, model) -> tuple[float, float]:
-    """Relative errors of nominal stress and lateral displacement in the uniaxial scene at stretch 2."""
-    scene = pds.load_scene("uniaxial", {"spacing": 0.05, "stretches": [2.0]}, material=law.describe())
+    """Relative errors of nominal stress and lateral displacement in the uniaxial scene at
+    stretch 2.
+    """
+    scene = pds.load_scene(
+        "uniaxial", {"spacing": 0.05, "stretches": [2.0]}, material=law.describe()
+    )
     level = pds.simulate(scene, model).levels[-1]
     return abs(level["nominal_stress_error"]), abs(level["lateral_displacement_error"])
 
 
 def thickness_error(model, law, precision: str) -> float:
-    """Greatest relative error of J3 from the learned force in the waved state of the comparison; NaN where the law is solved."""
+    """Greatest relative error of J3 from the learned force in the waved state of the comparison;
+    NaN where the law is solved.
+    """
     from pdsurrogate.forces import ForceSettings
 
     body = pds.Body.rectangle(3.0, 1.0, 0.05, 3.15 * 0.05)
@@ -165,10 +237,15 @@ def speed(quick: bool) -> tuple[list[dict], str]:
     rows, costs, body = [], [], sheet()
     for law in (law() for law in pds.materials.LAWS.values()):
         model, finer = cheapest(law), surrogate(law, DEGREES[-1])
-        cases = [TimedModel(pds.AnalyticBondForce(law), "float64", body), TimedModel(model, "float32", body)]
+        cases = [
+            TimedModel(pds.AnalyticBondForce(law), "float64", body),
+            TimedModel(model, "float32", body),
+        ]
         exact, learned = measure_speed(cases, law, 2.0 if quick else 40.0)
         costs += [exact, learned]
-        slope = pds.evaluate(pds.AnalyticBondForce(law).bond_force, law, pds.learning.reachable_stretches(law), 5000)["least_slope_exact"]
+        slope = pds.evaluate(
+            pds.AnalyticBondForce(law).bond_force, law, pds.learning.reachable_stretches(law), 5000
+        )["least_slope_exact"]
         errors = [errors_of(candidate, law) for candidate in (model, finer)]
         stress, displacement = scene_errors(law, model)
         ratio = exact["ns_per_directed_bond_1"] / learned["ns_per_directed_bond_1"]
@@ -184,9 +261,17 @@ def speed(quick: bool) -> tuple[list[dict], str]:
                 "RMS on / off": f"{errors[0][0]:.0e} / {errors[0][1]:.0e}",
                 "RMS on / off, degrees 12 and 6": f"{errors[1][0]:.0e} / {errors[1][1]:.0e}",
                 "J3 error": "exact" if np.isnan(thickness) else f"{thickness:.0e}",
-                "scene uniaxial at 2: error of stress, displacement (%)": f"{100 * stress:.3f}, {100 * displacement:.3f}",
+                "scene uniaxial at 2: error of stress, displacement (%)": (
+                    f"{100 * stress:.3f}, {100 * displacement:.3f}"
+                ),
                 "least slope": f"{slope:.2f}",
-                "better": "surrogate" if ratio > 1.2 else "exact" if ratio < 1 / 1.2 else "exact, at the same cost",
+                "better": (
+                    "surrogate"
+                    if ratio > 1.2
+                    else "exact"
+                    if ratio < 1 / 1.2
+                    else "exact, at the same cost"
+                ),
             }
         )
         console.print(f"{law.name}: {ratio:.2f}")

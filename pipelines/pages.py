@@ -1,4 +1,6 @@
-"""Tables and figures of the documentation: a marked block is replaced by what a pipeline measured."""
+"""Tables and figures of the documentation: a marked block is replaced by what a pipeline
+measured.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ FIGURES, VALIDATION = DOCS / "figures", DOCS / "validation"
 
 
 def replace_block(name: str, text: str) -> None:
-    """Put text between ``<!-- NAME -->`` and ``<!-- /NAME -->``, on the one page of ``docs/validation`` that has them."""
+    """Put text between ``<!-- NAME -->`` and ``<!-- /NAME -->``, on the one page of
+    ``docs/validation`` that has them.
+    """
     page, head, _, tail = _parts(name)
     page.write_text(f"{head}{text.strip()}\n{tail}", "utf-8")
 
@@ -22,23 +26,30 @@ def block(name: str) -> str:
 
 
 def _parts(name: str) -> tuple[Path, str, str, str]:
-    """The page of a block, and its content before, within and after it; the marks belong to what is before and after."""
+    """The page of a block, and its content before, within and after it; the marks belong to what
+    is before and after.
+    """
     begin, end = f"<!-- {name} -->\n", f"<!-- /{name} -->"
     pages = {path: path.read_text("utf-8") for path in VALIDATION.glob("*.md")}
     found = [path for path, content in pages.items() if begin in content and end in content]
     if len(found) != 1:
-        raise ValueError(f"{len(found)} pages of docs/validation have a block {name}; there must be one")
+        raise ValueError(
+            f"{len(found)} pages of docs/validation have a block {name}; there must be one"
+        )
     head, rest = pages[found[0]].split(begin, 1)
     within, tail = rest.split(end, 1)
     return found[0], head + begin, within, end + tail
 
 
 def report(told: str, tables: dict[str, Callable[[], str]]) -> None:
-    """Make the tables that the command line names, or all; print them, and with ``--docs`` put them into the documentation.
+    """Make the tables that the command line names, or all; print them, and with ``--docs`` put them
+    into the documentation.
 
     `told` is the docstring of the script, and `tables` are by the names of their blocks.
     """
-    parser = argparse.ArgumentParser(description=told, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=told, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("tables", nargs="*", metavar="TABLE", help=", ".join(tables))
     parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
     arguments = parser.parse_args()

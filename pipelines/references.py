@@ -1,13 +1,17 @@
-"""Loads, solids and bodies in plane strain against finite elements and exact solutions, at several spacings.
+"""Loads, solids and bodies in plane strain against finite elements and exact solutions, at several
+spacings.
 
-python pipelines/references.py                    all cases (hours at the finest spacings)
-python pipelines/references.py loading cube       those of a group, or with such a word in their names
-python pipelines/references.py torsion --coarse   their two coarser spacings alone
-python pipelines/references.py --docs             puts the tables of all stored figures into the documentation
+python pipelines/references.py                    all cases (hours at the finest spacings) python
+pipelines/references.py loading cube       those of a group, or with such a word in their names
+python pipelines/references.py torsion --coarse   their two coarser spacings alone python
+pipelines/references.py --docs             puts the tables of all stored figures into the
+documentation
 
-References are finite elements: in the plane nine-node quadrilaterals on graded meshes, three-field in plane strain, which change by 0.02 %
-or less in the last refinement (0.15 % for the pressed block); in space those of `data/solid_fields.json`, by 0.05 % or less (the axial
-force of the torsion by 0.11 %). For the ring and the sphere they are the radial equation of equilibrium, for rollers the exact state.
+References are finite elements: in the plane nine-node quadrilaterals on graded meshes, three-field
+in plane strain, which change by 0.02 % or less in the last refinement (0.15 % for the pressed
+block); in space those of `data/solid_fields.json`, by 0.05 % or less (the axial force of the
+torsion by 0.11 %). For the ring and the sphere they are the radial equation of equilibrium, for
+rollers the exact state.
 """
 
 from __future__ import annotations
@@ -31,9 +35,13 @@ DATA = json.loads((Path(__file__).parent / "data" / "solid_fields.json").read_te
 
 @cache
 def ran(scene: str, changes: str, spacing: float, force: str | None) -> pds.Result:
-    """A run of a built-in scene with changes as JSON, which several cases share; of one that fails, what it has reached."""
+    """A run of a built-in scene with changes as JSON, which several cases share; of one that
+    fails, what it has reached.
+    """
     try:
-        return pds.simulate(pds.load_scene(scene, {**json.loads(changes), "spacing": spacing}), force)
+        return pds.simulate(
+            pds.load_scene(scene, {**json.loads(changes), "spacing": spacing}), force
+        )
     except pds.SimulationFailed as error:
         print(error)
         return error.result
@@ -47,13 +55,19 @@ def loaded(
     force: str | None = None,
     spacings: tuple[float, ...] = (0.08, 0.04, 0.02667, 0.02),
 ) -> Case:
-    """A built-in scene, of which quantities at one output are read: by name, a function of the output and its value by the reference."""
+    """A built-in scene, of which quantities at one output are read: by name, a function of the
+    output and its value by the reference.
+    """
 
     def measure(spacing: float) -> Errors:
         result = ran(scene, json.dumps(changes or {}), spacing, force)
         if level < len(result.levels):
             for name, (read, reference) in measures.items():
-                yield name, percent(read(result.levels[level]), reference), result.summary["n_force_evaluations"]
+                yield (
+                    name,
+                    percent(read(result.levels[level]), reference),
+                    result.summary["n_force_evaluations"],
+                )
 
     return Case(measure, spacings)
 
@@ -65,7 +79,9 @@ def radial(*names: str) -> Callable[[dict], float]:
         found = []
         for name in names:
             angle = np.pi / 4 if name.endswith("diagonal") else 0.0
-            found.append(np.dot(level["probes"][name]["displacement"], [np.cos(angle), np.sin(angle)]))
+            found.append(
+                np.dot(level["probes"][name]["displacement"], [np.cos(angle), np.sin(angle)])
+            )
         return float(np.mean(found))
 
     return measure
@@ -86,14 +102,22 @@ INNER, OUTER = radial("inner", "inner-diagonal"), radial("outer", "outer-diagona
 
 def ring(level: int, inner: float, outer: float, **changes) -> Case:
     """The ring at one of its pressures."""
-    return loaded("ring-pressure", level, {"inner radius": (INNER, inner), "outer radius": (OUTER, outer)}, changes)
+    return loaded(
+        "ring-pressure",
+        level,
+        {"inner radius": (INNER, inner), "outer radius": (OUTER, outer)},
+        changes,
+    )
 
 
 HOLE = (0.04, 0.02667, 0.02, 0.01333)
-"""From 50 points a side on: with 25 the hole is less than four cells in radius, hardly more than a horizon, and two errors of opposite sign
-cancel along parts of its boundary."""
+"""From 50 points a side on: with 25 the hole is less than four cells in radius, hardly more than a
+horizon, and two errors of opposite sign cancel along parts of its boundary.
+"""
 
-FOLLOWED = {"steps": [{"to": to, "control": "probes.inner.displacement.0"} for to in (1.0, 3.5, 5.0)]}
+FOLLOWED = {
+    "steps": [{"to": to, "control": "probes.inner.displacement.0"} for to in (1.0, 3.5, 5.0)]
+}
 
 UNDEFORMED = {"loads.0.thickness": "undeformed"}
 
@@ -103,18 +127,32 @@ LOADING = {
     "ring, p = 0.3": ring(2, 0.29766196909141773, 0.19526067243562162),
     **{
         f"ring, inner boundary moved by {to}": loaded(
-            "ring-pressure", level, {"pressure": (lambda found: found["t"], pressure)}, FOLLOWED, "bond-energy", (0.1, 0.05, 0.02)
+            "ring-pressure",
+            level,
+            {"pressure": (lambda found: found["t"], pressure)},
+            FOLLOWED,
+            "bond-energy",
+            (0.1, 0.05, 0.02),
         )
-        for level, (to, pressure) in enumerate({1.0: 0.5816745356708811, 3.5: 0.7164287438005016, 5.0: 0.7039650505025816}.items())
+        for level, (to, pressure) in enumerate(
+            {1.0: 0.5816745356708811, 3.5: 0.7164287438005016, 5.0: 0.7039650505025816}.items()
+        )
     },
-    "ring, undeformed thickness, p = 0.3": ring(2, 0.312205280106131, 0.2053426967496, **UNDEFORMED),
-    "ring, plane strain, p = 0.1": ring(0, 0.07372065726592725, 0.03813612020337542, plane="strain"),
+    "ring, undeformed thickness, p = 0.3": ring(
+        2, 0.312205280106131, 0.2053426967496, **UNDEFORMED
+    ),
+    "ring, plane strain, p = 0.1": ring(
+        0, 0.07372065726592725, 0.03813612020337542, plane="strain"
+    ),
     "ring, plane strain, p = 0.2": ring(1, 0.1650460507436997, 0.08803956655629719, plane="strain"),
     "ring, plane strain, p = 0.3": ring(2, 0.2829626849976654, 0.15651257327381085, plane="strain"),
     "biaxial hole (1.5, 1.5)": loaded(
         "biaxial-hole",
         0,
-        {"stress": (force("right", 0), 2 * 1.1323729165387342), "hole": (moved("hole-x1", 0), 0.43987790023302137)},
+        {
+            "stress": (force("right", 0), 2 * 1.1323729165387342),
+            "hole": (moved("hole-x1", 0), 0.43987790023302137),
+        },
         spacings=HOLE,
     ),
     "biaxial hole (1.5, 1.2)": loaded(
@@ -128,24 +166,39 @@ LOADING = {
         },
         spacings=HOLE,
     ),
-    "cantilever, q = 0.02": loaded("traction", 0, {"deflection": (moved("tip", 1), -0.2530964262855094)}),
-    "cantilever, q = 0.05": loaded("traction", 1, {"deflection": (moved("tip", 1), -0.6055554970222996)}),
-    "hanging, b = 0.3": loaded("hanging", 0, {"elongation": (moved("lower-end", 1), -0.5456434975204609)}),
-    "hanging, b = 0.65": loaded("hanging", 1, {"elongation": (moved("lower-end", 1), -1.4876044948678295)}),
+    "cantilever, q = 0.02": loaded(
+        "traction", 0, {"deflection": (moved("tip", 1), -0.2530964262855094)}
+    ),
+    "cantilever, q = 0.05": loaded(
+        "traction", 1, {"deflection": (moved("tip", 1), -0.6055554970222996)}
+    ),
+    "hanging, b = 0.3": loaded(
+        "hanging", 0, {"elongation": (moved("lower-end", 1), -0.5456434975204609)}
+    ),
+    "hanging, b = 0.65": loaded(
+        "hanging", 1, {"elongation": (moved("lower-end", 1), -1.4876044948678295)}
+    ),
     "two materials": loaded(
         "bimaterial",
         0,
-        {"stress": (force("right", 0), 1.4891826605531446), "interface": (moved("interface", 0), 2.7048027829575614 - 1.5)},
+        {
+            "stress": (force("right", 0), 1.4891826605531446),
+            "interface": (moved("interface", 0), 2.7048027829575614 - 1.5),
+        },
         spacings=(0.1, 0.05, 0.03, 0.02),  # no points on the interface
     ),
 }
 
 
 EDGE = 3
-"""Points at surfaces that are left out of the figures of the pressure, which is singular at bonded edges; of 8 a side one."""
+"""Points at surfaces that are left out of the figures of the pressure, which is singular at
+bonded edges; of 8 a side one.
+"""
 
 
-def of_result(run: Callable[[float], pds.Result], read: Callable[[pds.Result], dict[str, float]], *points: int) -> Case:
+def of_result(
+    run: Callable[[float], pds.Result], read: Callable[[pds.Result], dict[str, float]], *points: int
+) -> Case:
     """A run by spacing, of which errors are read; `points` are numbers a side of 1."""
 
     def measure(spacing: float) -> Errors:
@@ -185,7 +238,12 @@ def bonded(name: str, length: float, bulk_modulus: float, stretch: float) -> Cas
         expected = field_of(reference, "x", "u", 3)(places)
         expected[:, 0] += (stretch - 1) * length / 2
         side = reference["lateral_mid_face"]
-        pressure = np.trace(fields["cauchy_stress"].reshape(-1, 3, 3), axis1=1, axis2=2)[order].reshape(cells) / 3
+        pressure = (
+            np.trace(fields["cauchy_stress"].reshape(-1, 3, 3), axis1=1, axis2=2)[order].reshape(
+                cells
+            )
+            / 3
+        )
         exact = field_of(reference, "p", "p", 1)(places).reshape(cells)
         edge = EDGE if points > 12 else 1
         inner = np.s_[edge:, :-edge, :-edge]
@@ -209,7 +267,9 @@ def field_of(reference: dict, axes: str, values: str, components: int) -> Regula
 
 
 def at_side(values: np.ndarray) -> float:
-    """Value in the middle of a side from those of an eighth: even across its planes of symmetry, a parabola to the surface."""
+    """Value in the middle of a side from those of an eighth: even across its planes of symmetry,
+    a parabola to the surface.
+    """
     line = (9 * values[-1] - values[-2]) / 8
     line = (9 * line[:, 0] - line[:, 1]) / 8
     return (15 * line[-1] - 10 * line[-2] + 3 * line[-3]) / 8
@@ -219,7 +279,11 @@ def alternating(values: np.ndarray) -> np.ndarray:
     """Part of a field that changes its sign from point to point along all axes."""
     for axis in range(3):
         values = np.moveaxis(values, axis, 0)
-        values = np.moveaxis((values[:-2] - 2 * values[1:-1] + values[2:]) / 4, 0, axis) if len(values) > 2 else values[:0]
+        values = (
+            np.moveaxis((values[:-2] - 2 * values[1:-1] + values[2:]) / 4, 0, axis)
+            if len(values) > 2
+            else values[:0]
+        )
     return values if values.size else np.full(1, np.nan)
 
 
@@ -239,7 +303,10 @@ def rollers(stretch: float) -> Case:
     """A cube between frictionless plates."""
 
     def run(spacing: float) -> pds.Result:
-        grips = [{"edge": "left", "holds": "normal"}, {"edge": "right", "holds": "normal", "travel": 1.0}]
+        grips = [
+            {"edge": "left", "holds": "normal"},
+            {"edge": "right", "holds": "normal", "travel": 1.0},
+        ]
         scene = {
             "name": "rollers",
             "spacing": spacing,
@@ -253,7 +320,9 @@ def rollers(stretch: float) -> Case:
 
     def read(result: pds.Result) -> dict[str, float]:
         exact = homogeneous.uniaxial(result.scene.law(), stretch)
-        slope = np.polyfit(result.body.points[:, 1], result.states[-1][1]["displacement"][:, 1], 1)[0]
+        slope = np.polyfit(result.body.points[:, 1], result.states[-1][1]["displacement"][:, 1], 1)[
+            0
+        ]
         stress = percent(result.levels[-1]["nominal_stress"], exact.nominal_stress)
         return {"stress": stress, "side": percent(1 + slope, exact.lateral_stretch)}
 
@@ -264,13 +333,20 @@ def inflation(level: int) -> Case:
     """The thick sphere of the package at one of its pressures."""
 
     def read(result: pds.Result) -> dict[str, float]:
-        places, volumes, moved = result.body.points, result.body.volumes, result.states[level][1]["displacement"]
+        places, volumes, moved = (
+            result.body.points,
+            result.body.volumes,
+            result.states[level][1]["displacement"],
+        )
         radius = np.linalg.norm(places, axis=1)
         expected = sphere(0.25 * (level + 1), 100.0)(radius)
         outward = places / radius[:, None]
         found = (moved * outward).sum(axis=1)
         near = {"inner displacement": radius < 0.6, "outer displacement": radius > 0.9}
-        errors = {name: percent(volumes[part] @ found[part], volumes[part] @ expected[part]) for name, part in near.items()}
+        errors = {
+            name: percent(volumes[part] @ found[part], volumes[part] @ expected[part])
+            for name, part in near.items()
+        }
         apart = np.linalg.norm(moved - expected[:, None] * outward, axis=1)
         return errors | {"field": 100 * np.sqrt((apart**2).mean() / (expected**2).mean())}
 
@@ -283,7 +359,9 @@ def scene_of(name: str) -> Callable[[float], pds.Result]:
 
 
 def sphere(pressure: float, bulk_modulus: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Radial displacement by radius of a neo-Hookean sphere of radii 0.5 and 1 with a pressure on its deformed inner surface."""
+    """Radial displacement by radius of a neo-Hookean sphere of radii 0.5 and 1 with a pressure
+    on its deformed inner surface.
+    """
 
     def stresses(along, across):
         J = along * across**2
@@ -292,19 +370,28 @@ def sphere(pressure: float, bulk_modulus: float) -> Callable[[np.ndarray], np.nd
         return tuple((J ** (-2 / 3) * (x * x - trace / 3) + volume) / x for x in (along, across))
 
     def slopes(R, state):
-        # Of the radius, and of the radial nominal stress; the radial stretch is what gives that stress.
+        # Of the radius, and of the radial nominal stress; the radial stretch is what gives that
+        # stress.
         radius, stress = state
         across = radius / R
         along = across**-2.0
         for _ in range(30):
             found = stresses(along, across)[0] - stress
-            along = along - found / ((stresses(along + 1e-7, across)[0] - stresses(along - 1e-7, across)[0]) / 2e-7)
+            along = along - found / (
+                (stresses(along + 1e-7, across)[0] - stresses(along - 1e-7, across)[0]) / 2e-7
+            )
         return np.array([along, 2 / R * (stresses(along, across)[1] - stress)])
 
     R = np.linspace(0.5, 1, 41)
     radius, stress = R, np.zeros_like(R)
     for load in np.linspace(0, pressure, 6)[1:]:
-        found = solve_bvp(slopes, lambda a, b, load=load: np.array([a[1] + load * (a[0] / 0.5) ** 2, b[1]]), R, [radius, stress], tol=1e-8)
+        found = solve_bvp(
+            slopes,
+            lambda a, b, load=load: np.array([a[1] + load * (a[0] / 0.5) ** 2, b[1]]),
+            R,
+            [radius, stress],
+            tol=1e-8,
+        )
         radius, stress = found.sol(R)
     return lambda places: found.sol(places)[0] - places
 
@@ -329,7 +416,9 @@ class PlainEnergy(PairEnergy):
 
 
 class AllAtTheBonds(pds.BondEnergyForce):
-    """The bond energy with its volumetric part at the bonds in plane strain too, where it locks: what `bond-energy` is compared with."""
+    """The bond energy with its volumetric part at the bonds in plane strain too, where it locks:
+    what `bond-energy` is compared with.
+    """
 
     name = "bond-energy-plain"
 
@@ -337,11 +426,18 @@ class AllAtTheBonds(pds.BondEnergyForce):
         return (PlainEnergy,)
 
 
-MODELS = {"bond-energy": "bond-energy", "all in the bonds": AllAtTheBonds(), "analytic": "analytic", "nosb": "nosb"}
+MODELS = {
+    "bond-energy": "bond-energy",
+    "all in the bonds": AllAtTheBonds(),
+    "analytic": "analytic",
+    "nosb": "nosb",
+}
 
 
 def filtered(values: np.ndarray, sign: int) -> np.ndarray:
-    """(1 2 1)/4 along both axes of a field, with other signs its part that alternates from point to point."""
+    """(1 2 1)/4 along both axes of a field, with other signs its part that alternates from point
+    to point.
+    """
     rows = values[:-2] + sign * 2 * values[1:-1] + values[2:]
     return (rows[:, :-2] + sign * 2 * rows[:, 1:-1] + rows[:, 2:]) / 16
 
@@ -350,18 +446,27 @@ def pressed(model: str, bulk_modulus: float, stretch: float) -> Case:
     """The bonded block in plane strain; the pressure inside is compared with its own spread."""
 
     def run(spacing: float) -> pds.Result:
-        changes = {"material.bulk_modulus": bulk_modulus, "spacing": spacing, "stretches": stretch, "solver.most_evaluations": 20_000}
+        changes = {
+            "material.bulk_modulus": bulk_modulus,
+            "spacing": spacing,
+            "stretches": stretch,
+            "solver.most_evaluations": 20_000,
+        }
         return pds.simulate(pds.load_scene("plane-strain-block", changes), MODELS[model])
 
     def read(result: pds.Result) -> dict[str, float]:
         level, stress = result.levels[-1], result.states[-1][1]["stress"].reshape(-1, 3, 3)
         columns = len(np.unique(np.round(result.body.points[:, 0], 9)))
-        pressure = (np.trace(stress, axis1=1, axis2=2) / 3).reshape(-1, columns)[EDGE:-EDGE, EDGE:-EDGE]
+        pressure = (np.trace(stress, axis1=1, axis2=2) / 3).reshape(-1, columns)[
+            EDGE:-EDGE, EDGE:-EDGE
+        ]
         return {
             "force": 100 * level["nominal_stress_error"],
             "bulge": 100 * level["greatest_lateral_displacement_error"],
             "checkerboard": 100 * np.sqrt((filtered(pressure, -1) ** 2).mean()) / pressure.std(),
-            "roughness": 100 * (pressure[1:-1, 1:-1] - filtered(pressure, 1)).std() / pressure.std(),
+            "roughness": (
+                100 * (pressure[1:-1, 1:-1] - filtered(pressure, 1)).std() / pressure.std()
+            ),
         }
 
     return of_result(run, read, *(16, 24, 32), *([50] if model == "bond-energy" else []))

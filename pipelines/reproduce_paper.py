@@ -1,10 +1,12 @@
-"""Section 6 of the paper, every table and figure, beside the paper's numbers and independent references.
+"""Section 6 of the paper, every table and figure, beside the paper's numbers and independent
+references.
 
 python pipelines/reproduce_paper.py                 everything: about 25 minutes on two cores
 python pipelines/reproduce_paper.py --part hole     one part (see --help)
 python pipelines/reproduce_paper.py --docs        and put the tables into the documentation
 
-Figures go to docs/figures, numbers of each part to docs/figures/reproduction.json, so that parts can be run one by one.
+Figures go to docs/figures, numbers of each part to docs/figures/reproduction.json, so that parts
+can be run one by one.
 """
 
 from __future__ import annotations
@@ -38,11 +40,27 @@ PAPER_HOLE_U1 = 0.16
 PAPER_GENT = {"u2": 0.145, "stress": 1.83}
 
 FRACTURE_ENERGY = 274.0
-"""kPa cm: the energy release rate at which the tear scene's crack runs at the paper's critical stretch and spacing."""
+"""kPa cm: the energy release rate at which the tear scene's crack runs at the paper's critical
+stretch and spacing.
+"""
 
 
-def row(part: str, quantity: str, found: float, reference: float | None, source: str, paper: float | None = None) -> dict:
-    return {"part": part, "quantity": quantity, "found": found, "reference": reference, "source": source, "paper": paper}
+def row(
+    part: str,
+    quantity: str,
+    found: float,
+    reference: float | None,
+    source: str,
+    paper: float | None = None,
+) -> dict:
+    return {
+        "part": part,
+        "quantity": quantity,
+        "found": found,
+        "reference": reference,
+        "source": source,
+        "paper": paper,
+    }
 
 
 def figure_of(width: float, height: float, rows: int = 1, columns: int = 1, **options):
@@ -70,7 +88,11 @@ def draw_field(axis, grid: dict, component: str, limits) -> None:
 def fields_figure(panels, component: str, titles: list[str]) -> Figure:
     """Displacement fields side by side: results, and finite element grids."""
     index = int(component == "u2")
-    limits = limits_of(np.concatenate([result.displacement()[:, index] for result in panels if not isinstance(result, dict)]))
+    limits = limits_of(
+        np.concatenate(
+            [result.displacement()[:, index] for result in panels if not isinstance(result, dict)]
+        )
+    )
     with matplotlib.rc_context(STYLE):
         figure, axes = figure_of(7.2, 2.6, 1, len(panels))
         for axis, panel, title in zip(axes, panels, titles, strict=True):
@@ -86,12 +108,18 @@ def fields_figure(panels, component: str, titles: list[str]) -> Figure:
 
 def uniaxial() -> list[dict]:
     """6.2: Tables 1 and 2, Fig. 6."""
-    result, rival = (pds.simulate(pds.load_scene("uniaxial"), force) for force in ("neo-hookean", "ba-nosb"))
+    result, rival = (
+        pds.simulate(pds.load_scene("uniaxial"), force) for force in ("neo-hookean", "ba-nosb")
+    )
     with matplotlib.rc_context(STYLE):
         figure, axes = figure_of(7.2, 2.8, 3, 2, sharex=True, sharey=True)
         for column, (run, title) in enumerate(((result, "surrogate"), (rival, "BA-NOSB"))):
-            for number, (axis, (moment, fields)) in enumerate(zip(axes[:, column], run.states, strict=True)):
-                drawn = draw_cells(axis, *run.cells(number), fields["displacement"][:, 1], (-0.19, 0.19))
+            for number, (axis, (moment, fields)) in enumerate(
+                zip(axes[:, column], run.states, strict=True)
+            ):
+                drawn = draw_cells(
+                    axis, *run.cells(number), fields["displacement"][:, 1], (-0.19, 0.19)
+                )
                 axis.set_axis_off()
                 axis.set_title(f"{title}, stretch {moment.stretch:g}")
         axis.set(xlim=(0, 7.6), ylim=(0, 1))
@@ -122,11 +150,20 @@ def uniaxial() -> list[dict]:
             )
         )
     body = sheet()
-    cases = [TimedModel(pds.forces.BANOSBForce(), "float64", body), TimedModel(pds.load_surrogate("neo-hookean"), "float32", body)]
+    cases = [
+        TimedModel(pds.forces.BANOSBForce(), "float64", body),
+        TimedModel(pds.load_surrogate("neo-hookean"), "float32", body),
+    ]
     slow, fast = measure_speed(cases, pds.materials.NeoHookean(), 20.0)
     ratio = slow["ns_per_directed_bond_1"] / fast["ns_per_directed_bond_1"]
     rows.append(
-        row("6.2, Table 2", f"cost of BA-NOSB / cost of the surrogate, per evaluation (paper: {PAPER_SPEED_RATIO})", ratio, None, "")
+        row(
+            "6.2, Table 2",
+            f"cost of BA-NOSB / cost of the surrogate, per evaluation (paper: {PAPER_SPEED_RATIO})",
+            ratio,
+            None,
+            "",
+        )
     )
     return rows
 
@@ -134,18 +171,34 @@ def uniaxial() -> list[dict]:
 def pure_shear() -> list[dict]:
     """6.3: Figs. 8 and 9."""
     stretches = [1.1, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5]
-    result, rival = (pds.simulate(pds.load_scene("pure-shear", stretches=stretches), force) for force in ("neo-hookean", "ba-nosb"))
+    result, rival = (
+        pds.simulate(pds.load_scene("pure-shear", stretches=stretches), force)
+        for force in ("neo-hookean", "ba-nosb")
+    )
     curve = np.array(DATA["pure_shear_curve"]["rows"])
     with matplotlib.rc_context(STYLE):
         figure, axis = figure_of(4.2, 3.0)
         axis.plot(curve[:, 0], curve[:, 1], color="black", lw=1, label="finite elements")
-        axis.plot(stretches, [level["nominal_stress"] for level in result.levels], "o", mfc="none", label="surrogate")
-        axis.plot(stretches, [level["nominal_stress"] for level in rival.levels], "x", label="BA-NOSB")
+        axis.plot(
+            stretches,
+            [level["nominal_stress"] for level in result.levels],
+            "o",
+            mfc="none",
+            label="surrogate",
+        )
+        axis.plot(
+            stretches, [level["nominal_stress"] for level in rival.levels], "x", label="BA-NOSB"
+        )
         axis.set(xlabel="stretch", ylabel="nominal stress (kPa)")
         axis.legend(frameon=False)
     save(figure, FIGURES / "figure-08.png")
     save(
-        fields_figure([result, rival, DATA["pure_shear_2.5"]], "u1", ["surrogate", "BA-NOSB", "finite elements"]), FIGURES / "figure-09.png"
+        fields_figure(
+            [result, rival, DATA["pure_shear_2.5"]],
+            "u1",
+            ["surrogate", "BA-NOSB", "finite elements"],
+        ),
+        FIGURES / "figure-09.png",
     )
     rows = []
     for level in result.levels:
@@ -154,25 +207,47 @@ def pure_shear() -> list[dict]:
             paper = PAPER_PURE_SHEAR_U1 if stretch == 2.5 else None
             rows.append(
                 row(
-                    "6.3, Fig. 8", f"nominal stress at {stretch:g} (kPa)", level["nominal_stress"], level["nominal_stress_reference"], "FEM"
+                    "6.3, Fig. 8",
+                    f"nominal stress at {stretch:g} (kPa)",
+                    level["nominal_stress"],
+                    level["nominal_stress_reference"],
+                    "FEM",
                 )
             )
             key = "greatest_lateral_displacement"
-            rows.append(row("6.3, Fig. 9", f"largest u1 at {stretch:g} (cm)", level[key], level[f"{key}_reference"], "FEM", paper))
+            rows.append(
+                row(
+                    "6.3, Fig. 9",
+                    f"largest u1 at {stretch:g} (cm)",
+                    level[key],
+                    level[f"{key}_reference"],
+                    "FEM",
+                    paper,
+                )
+            )
     return rows
 
 
 def hole() -> list[dict]:
     """6.4: Figs. 11 and 12."""
     result = pds.simulate(pds.load_scene("hole"))
-    save(fields_figure([result, DATA["hole"]], "u2", ["surrogate", "finite elements"]), FIGURES / "figure-11.png")
+    save(
+        fields_figure([result, DATA["hole"]], "u2", ["surrogate", "finite elements"]),
+        FIGURES / "figure-11.png",
+    )
     x2, u1, _ = edge_displacements(result.body, result.displacement(), 0)
     edge = DATA["hole_left_edge"]
     order = np.argsort(edge["x2"])
     exact = np.interp(x2, np.array(edge["x2"])[order], np.array(edge["u1"])[order])
     with matplotlib.rc_context(STYLE):
         figure, axis = figure_of(4.2, 3.0)
-        axis.plot(np.array(edge["x2"])[order], np.array(edge["u1"])[order], color="black", lw=1, label="finite elements")
+        axis.plot(
+            np.array(edge["x2"])[order],
+            np.array(edge["u1"])[order],
+            color="black",
+            lw=1,
+            label="finite elements",
+        )
         axis.plot(x2[::5], u1[::5], "o", mfc="none", ms=4, label="surrogate")
         axis.set(xlabel="x₂ (cm)", ylabel="u₁ of the left edge (cm)")
         axis.legend(frameon=False)
@@ -182,9 +257,28 @@ def hole() -> list[dict]:
     profile = np.abs(u1 - exact)[inner].max() / exact.max()
     key = "greatest_lateral_displacement"
     return [
-        row("6.4", "nominal stress at 1.2 (kPa)", level["nominal_stress"], level["nominal_stress_reference"], "FEM"),
-        row("6.4, Fig. 12", "largest u1 of the left edge (cm)", level[key], level[f"{key}_reference"], "FEM", PAPER_HOLE_U1),
-        row("6.4, Fig. 12", "u1 of the left edge up to 1.9 cm from its middle, largest error / largest u1", float(profile), None, "FEM"),
+        row(
+            "6.4",
+            "nominal stress at 1.2 (kPa)",
+            level["nominal_stress"],
+            level["nominal_stress_reference"],
+            "FEM",
+        ),
+        row(
+            "6.4, Fig. 12",
+            "largest u1 of the left edge (cm)",
+            level[key],
+            level[f"{key}_reference"],
+            "FEM",
+            PAPER_HOLE_U1,
+        ),
+        row(
+            "6.4, Fig. 12",
+            "u1 of the left edge up to 1.9 cm from its middle, largest error / largest u1",
+            float(profile),
+            None,
+            "FEM",
+        ),
     ]
 
 
@@ -196,7 +290,11 @@ def zero_energy() -> list[dict]:
     moves = np.linspace(0.0, 0.5, 11)
     curves = {}
     for name in ("analytic", "neo-hookean", "ba-nosb", "nosb"):
-        force, out, curve = pds.load_surrogate(name).bind(body, law, pds.ForceSettings()), np.empty_like(body.points), []
+        force, out, curve = (
+            pds.load_surrogate(name).bind(body, law, pds.ForceSettings()),
+            np.empty_like(body.points),
+            [],
+        )
         for move in moves:
             positions = body.points.copy()
             positions[center, 0] += move * spacing
@@ -207,10 +305,15 @@ def zero_energy() -> list[dict]:
         figure, axis = figure_of(4.2, 3.0)
         for name, curve in curves.items():
             axis.plot(moves, curve, "--" if name == "analytic" else "-", label=name)
-        axis.set(xlabel="displacement of one point (spacings)", ylabel="restoring force density (μ/dx)")
+        axis.set(
+            xlabel="displacement of one point (spacings)", ylabel="restoring force density (μ/dx)"
+        )
         axis.legend(frameon=False)
     save(figure, FIGURES / "figure-02.png")
-    return [row("3, Fig. 2", f"restoring force at half a spacing, {name} (μ/dx)", curve[-1], None, "") for name, curve in curves.items()]
+    return [
+        row("3, Fig. 2", f"restoring force at half a spacing, {name} (μ/dx)", curve[-1], None, "")
+        for name, curve in curves.items()
+    ]
 
 
 def tear_scene(spacing: float, **changes):
@@ -236,11 +339,25 @@ def tear() -> list[dict]:
             peak = max(history, key=lambda entry: entry["nominal_stress"])
             rows.append(row(part, "peak nominal stress (kPa)", peak["nominal_stress"], None, ""))
             rows.append(row(part, "stretch at the peak", peak["stretch"], None, ""))
-            rows.append(row(part, "stretch at the first broken bond", summary["crack"]["start"]["stretch"], None, ""))
+            rows.append(
+                row(
+                    part,
+                    "stretch at the first broken bond",
+                    summary["crack"]["start"]["stretch"],
+                    None,
+                    "",
+                )
+            )
             rows.append(row(part, "critical stretch", summary["critical_stretch"], None, ""))
             tips = np.array([tip for entry in summary["crack"]["tips"] for tip in entry["tips"]])
             rows.append(
-                row(part, "largest distance of the crack from the line of the precut (cm)", float(np.abs(tips[:, 1] - 1.5).max()), None, "")
+                row(
+                    part,
+                    "largest distance of the crack from the line of the precut (cm)",
+                    float(np.abs(tips[:, 1] - 1.5).max()),
+                    None,
+                    "",
+                )
             )
             rows.append(row(part, "seconds", summary["seconds_total"], None, ""))
             if spacing == 0.02 and not changes:
@@ -248,8 +365,21 @@ def tear() -> list[dict]:
                 for level in result.levels:
                     if "nominal_stress_reference" in level:
                         quantity = f"precut, nominal stress at {level['stretch']:g} (kPa)"
-                        rows.append(row("6.5", quantity, level["nominal_stress"], level["nominal_stress_reference"], "FEM"))
-    uncut = pds.simulate(pds.load_scene("tear", {"precuts": [], "fracture": None, "dynamics": None, "stretches": [1.1, 1.25, 1.5, 2.0]}))
+                        rows.append(
+                            row(
+                                "6.5",
+                                quantity,
+                                level["nominal_stress"],
+                                level["nominal_stress_reference"],
+                                "FEM",
+                            )
+                        )
+    uncut = pds.simulate(
+        pds.load_scene(
+            "tear",
+            {"precuts": [], "fracture": None, "dynamics": None, "stretches": [1.1, 1.25, 1.5, 2.0]},
+        )
+    )
     for level in uncut.levels:
         rows.append(
             row(
@@ -263,9 +393,16 @@ def tear() -> list[dict]:
     with matplotlib.rc_context(STYLE):
         figure, axes = figure_of(7.2, 3.0, 1, 2, sharey=True)
         for number, (title, result) in enumerate(curves):
-            entries = [entry for entry in [*result.levels, *result.history] if "nominal_stress" in entry]
+            entries = [
+                entry for entry in [*result.levels, *result.history] if "nominal_stress" in entry
+            ]
             axis = axes[number // 3]
-            axis.plot([e["stretch"] for e in entries], [e["nominal_stress"] for e in entries], lw=1, label=title.rsplit(", ", 1)[1])
+            axis.plot(
+                [e["stretch"] for e in entries],
+                [e["nominal_stress"] for e in entries],
+                lw=1,
+                label=title.rsplit(", ", 1)[1],
+            )
             axis.set(title=title.rsplit(", ", 1)[0], xlabel="stretch")
         axes[0].set_ylabel("nominal stress (kPa)")
         axes[0].legend(frameon=False)
@@ -279,14 +416,41 @@ def voids() -> list[dict]:
     save(result.figure(), FIGURES / "figure-17.png")
     entries = result.summary["crack"]["tips"]
     radius = 0.25
-    # A tip that stands on the central void's boundary, with nothing broken between it and the side voids' cracks.
-    near = [entry for entry in entries for tip in entry["tips"] if np.hypot(*tip) < radius + result.body.horizon]
-    reached = [
-        entry for entry in entries for tip in entry["tips"] if 1.35 - result.body.horizon < abs(tip[0]) < 1.35 + 3 * result.body.horizon
+    # A tip that stands on the central void's boundary, with nothing broken between it and the side
+    # voids' cracks.
+    near = [
+        entry
+        for entry in entries
+        for tip in entry["tips"]
+        if np.hypot(*tip) < radius + result.body.horizon
     ]
-    rows = [row("6.6, Fig. 17", "stretch at which the cracks from the precuts reach the side voids", reached[-1]["stretch"], None, "")]
-    rows.append(row("6.6, Fig. 17", "stretch at which bonds break at the boundary of the central void", near[0]["stretch"], None, ""))
-    rows.append(row("6.6", "peak nominal stress (kPa)", result.summary["peak_nominal_stress"], None, ""))
+    reached = [
+        entry
+        for entry in entries
+        for tip in entry["tips"]
+        if 1.35 - result.body.horizon < abs(tip[0]) < 1.35 + 3 * result.body.horizon
+    ]
+    rows = [
+        row(
+            "6.6, Fig. 17",
+            "stretch at which the cracks from the precuts reach the side voids",
+            reached[-1]["stretch"],
+            None,
+            "",
+        )
+    ]
+    rows.append(
+        row(
+            "6.6, Fig. 17",
+            "stretch at which bonds break at the boundary of the central void",
+            near[0]["stretch"],
+            None,
+            "",
+        )
+    )
+    rows.append(
+        row("6.6", "peak nominal stress (kPa)", result.summary["peak_nominal_stress"], None, "")
+    )
     return rows
 
 
@@ -321,15 +485,24 @@ def convergence() -> list[dict]:
     for scene, spacings in (("pure-shear", (0.05, 0.025, 0.0125)), ("hole", (0.05, 0.025, 0.0125))):
         for spacing in spacings:
             level = pds.simulate(
-                pds.load_scene(scene, spacing=spacing, stretches=[2.0 if scene == "pure-shear" else 1.2]), "analytic"
+                pds.load_scene(
+                    scene, spacing=spacing, stretches=[2.0 if scene == "pure-shear" else 1.2]
+                ),
+                "analytic",
             ).levels[0]
-            for key, name in (("nominal_stress", "nominal stress"), ("greatest_lateral_displacement", "largest lateral displacement")):
+            for key, name in (
+                ("nominal_stress", "nominal stress"),
+                ("greatest_lateral_displacement", "largest lateral displacement"),
+            ):
                 part = f"{scene}, spacing {spacing:g}"
                 rows.append(row(part, name, level[key], level[f"{key}_reference"], "FEM"))
     return rows
 
 
-PARTS = {part.__name__.replace("_", "-"): part for part in (zero_energy, uniaxial, pure_shear, hole, tear, voids, gent, convergence)}
+PARTS = {
+    part.__name__.replace("_", "-"): part
+    for part in (zero_energy, uniaxial, pure_shear, hole, tear, voids, gent, convergence)
+}
 
 
 def percent(value: float, reference: float) -> str:
@@ -351,20 +524,30 @@ def table(rows: list[dict]) -> str:
                 "" if paper is None or reference is None else percent(paper, reference),
             ]
         )
-    return markdown_table(["section", "quantity", "result", "reference", "error (%)", "paper", "paper's error (%)"], cells)
+    return markdown_table(
+        ["section", "quantity", "result", "reference", "error (%)", "paper", "paper's error (%)"],
+        cells,
+    )
 
 
 def pivot(rows: list[dict]) -> str:
     """One row a part, one column a quantity."""
-    parts, quantities = (list(dict.fromkeys(entry[key] for entry in rows)) for key in ("part", "quantity"))
+    parts, quantities = (
+        list(dict.fromkeys(entry[key] for entry in rows)) for key in ("part", "quantity")
+    )
     found = {(entry["part"], entry["quantity"]): f"{entry['found']:.4g}" for entry in rows}
-    cells = [[part.removeprefix("6.5, "), *(found.get((part, quantity), "") for quantity in quantities)] for part in parts]
+    cells = [
+        [part.removeprefix("6.5, "), *(found.get((part, quantity), "") for quantity in quantities)]
+        for part in parts
+    ]
     return markdown_table(["tear", *quantities], cells)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--part", choices=list(PARTS), action="append", help="one part only; may be repeated")
+    parser.add_argument(
+        "--part", choices=list(PARTS), action="append", help="one part only; may be repeated"
+    )
     parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
     arguments = parser.parse_args()
     numbers = json.loads(NUMBERS.read_text()) if NUMBERS.exists() else {}
@@ -374,7 +557,11 @@ def main() -> None:
         write_json(NUMBERS, numbers)
         console.print(table(numbers[name]), soft_wrap=True)
     if arguments.docs:
-        static = [entry for name in ("zero-energy", "uniaxial", "pure-shear", "hole", "gent", "voids") for entry in numbers[name]]
+        static = [
+            entry
+            for name in ("zero-energy", "uniaxial", "pure-shear", "hole", "gent", "voids")
+            for entry in numbers[name]
+        ]
         static += [entry for entry in numbers["tear"] if entry["part"] == "6.5"]
         replace_block("section-6", table(static))
         replace_block("tear", pivot([entry for entry in numbers["tear"] if entry["part"] != "6.5"]))

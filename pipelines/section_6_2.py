@@ -1,4 +1,5 @@
-"""Section 6.2 of the paper: uniaxial tension with every force model, against the exact solution and the paper's Table 1.
+"""Section 6.2 of the paper: uniaxial tension with every force model, against the exact solution and
+the paper's Table 1.
 
 python pipelines/section_6_2.py            print the tables, draw the figures
 python pipelines/section_6_2.py --docs   and put both into the documentation
@@ -14,7 +15,9 @@ import pdsurrogate as pds
 from pdsurrogate.results.figures import STYLE, draw_cells, save
 
 PAPERS_OPTIONS = ["support=points", "correction=scalar", "outside=extrapolate"]
-"""One held column of points at each end, the factor (24)-(25), and a network that is used wherever it is asked."""
+"""One held column of points at each end, the factor (24)-(25), and a network that is used
+wherever it is asked.
+"""
 
 RUNS = [
     ("analytic bond force", "analytic", []),
@@ -25,7 +28,8 @@ RUNS = [
     ("surrogate, held columns", "neo-hookean", ["support=points"]),
 ]
 
-# Chen, Yang, Liu 2024, Table 1 and section 6.2: nominal stress (kPa) and u2 (cm) at stretches 1.5, 2.0, 2.5.
+# Chen, Yang, Liu 2024, Table 1 and section 6.2: nominal stress (kPa) and u2 (cm) at stretches 1.5,
+# 2.0, 2.5.
 PAPER = [
     ("paper, network (Table 1)", (1.09, 1.80, 2.40), (0.0915, 0.145, 0.182)),
     ("paper, BA-NOSB", (1.06, 1.75, 2.32), (0.091, 0.145, 0.181)),
@@ -37,21 +41,46 @@ def percent(value: float) -> str:
 
 
 def table(results, exact) -> str:
-    """Errors against the exact slightly compressible solution at the three stretches, and the roughness at the last."""
+    """Errors against the exact slightly compressible solution at the three stretches, and the
+    roughness at the last.
+    """
     rows = []
     for title, result in results:
         stress = [percent(level["nominal_stress_error"]) for level in result.levels]
         lateral = [percent(level["lateral_displacement_error"]) for level in result.levels]
-        rows.append([title, " / ".join(stress), " / ".join(lateral), f"{result.levels[-1]['roughness']:.1e}"])
+        rows.append(
+            [
+                title,
+                " / ".join(stress),
+                " / ".join(lateral),
+                f"{result.levels[-1]['roughness']:.1e}",
+            ]
+        )
     for title, stresses, laterals in PAPER:
-        stress = [percent(value / level["nominal_stress_reference"] - 1) for value, level in zip(stresses, exact, strict=True)]
-        lateral = [percent(value / level["lateral_displacement_reference"] - 1) for value, level in zip(laterals, exact, strict=True)]
+        stress = [
+            percent(value / level["nominal_stress_reference"] - 1)
+            for value, level in zip(stresses, exact, strict=True)
+        ]
+        lateral = [
+            percent(value / level["lateral_displacement_reference"] - 1)
+            for value, level in zip(laterals, exact, strict=True)
+        ]
         rows.append([title, " / ".join(stress), " / ".join(lateral), ""])
-    return markdown_table(["force", "nominal stress, error (%)", "lateral displacement, error (%)", "roughness of u2"], rows)
+    return markdown_table(
+        [
+            "force",
+            "nominal stress, error (%)",
+            "lateral displacement, error (%)",
+            "roughness of u2",
+        ],
+        rows,
+    )
 
 
 def zero_energy_figure(smooth, rough) -> Figure:
-    """u2 along the upper edge and over the sheet, NOSB beside the surrogate, both with one held column of points."""
+    """u2 along the upper edge and over the sheet, NOSB beside the surrogate, both with one held
+    column of points.
+    """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(7.2, 2.9), layout="constrained")
         axes = figure.subplots(2, 2, gridspec_kw={"height_ratios": [1, 1.2]})
@@ -72,10 +101,16 @@ def zero_energy_figure(smooth, rough) -> Figure:
 
 def section() -> str:
     """Run all, and draw the figures."""
-    results = [(title, pds.simulate(pds.load_scene("uniaxial", changes), force)) for title, force, changes in RUNS]
+    results = [
+        (title, pds.simulate(pds.load_scene("uniaxial", changes), force))
+        for title, force, changes in RUNS
+    ]
     named = dict(results)
     save(named["surrogate, isochoric features (default)"].figure(), FIGURES / "uniaxial.png")
-    save(zero_energy_figure(named["surrogate, held columns"], named["NOSB, held columns"]), FIGURES / "zero-energy.png")
+    save(
+        zero_energy_figure(named["surrogate, held columns"], named["NOSB, held columns"]),
+        FIGURES / "zero-energy.png",
+    )
     return table(results, results[0][1].levels)
 
 

@@ -1,11 +1,14 @@
-"""Sensitivities of equilibria: agreement with differences of converged runs, and cost, into docs/validation/sensitivities.md.
+"""Sensitivities of equilibria: agreement with differences of converged runs, and cost, into
+docs/validation/sensitivities.md.
 
-python pipelines/sensitivities.py [newton] [sensitivities] [torch-fem]   print tables, of cases in processes of their own
-python pipelines/sensitivities.py --docs                                 and put them into the documentation
+python pipelines/sensitivities.py [newton] [sensitivities] [torch-fem]   print tables, of cases in
+processes of their own python pipelines/sensitivities.py --docs                                 and
+put them into the documentation
 
-Times are processor times of one thread, without compilation. Memory is the greatest resident size of the process, libraries included.
-Differences are central ones of runs converged to 1e-10, over one and two changes of a parameter, extrapolated (Richardson), so that their
-own error is of fourth order. They are taken on coarser bodies than the costs.
+Times are processor times of one thread, without compilation. Memory is the greatest resident size
+of the process, libraries included. Differences are central ones of runs converged to 1e-10, over
+one and two changes of a parameter, extrapolated (Richardson), so that their own error is of fourth
+order. They are taken on coarser bodies than the costs.
 """
 
 from __future__ import annotations
@@ -32,9 +35,11 @@ from pdsurrogate.run.parameters import array_of, numbers_in, with_numbers
 from pdsurrogate.scenes.reading import apply_change, leaves
 
 CHANGE, CHANGE_OF_K = 1e-3, 1e-2
-"""Changes of a parameter in the differences of runs, relative to its value or to the greatest number of its list or array, and those of a
-bulk modulus, on which nearly incompressible bodies depend so little that residuals of 1e-10 need the greater one. Chosen: the results of
-both and of a third of them agree to 5e-7 of the derivatives by K and to 1e-8 of the others."""
+"""Changes of a parameter in the differences of runs, relative to its value or to the greatest
+number of its list or array, and those of a bulk modulus, on which nearly incompressible bodies
+depend so little that residuals of 1e-10 need the greater one. Chosen: the results of both and of a
+third of them agree to 5e-7 of the derivatives by K and to 1e-8 of the others.
+"""
 
 CONVERGED = {"solver.method": "newton", "solver.tolerance": 1e-10, "precision": "float64"}
 
@@ -58,7 +63,8 @@ class Case:
     parameters : list of str
     outputs : list of str
     coarse : float
-        Spacing of the run that loads all kernels before the measurement, and of the comparison with differences of runs.
+        Spacing of the run that loads all kernels before the measurement, and of the comparison with
+        differences of runs.
     """
 
     what: str
@@ -71,7 +77,11 @@ class Case:
 
     def load(self, **more) -> pds.Scene:
         changes = self.changes | more
-        return pds.load_scene(self.scene, changes) if isinstance(self.scene, str) else pds.Scene.model_validate(self.scene | changes)
+        return (
+            pds.load_scene(self.scene, changes)
+            if isinstance(self.scene, str)
+            else pds.Scene.model_validate(self.scene | changes)
+        )
 
 
 def numbers(key: str, *places) -> list[str]:
@@ -79,16 +89,36 @@ def numbers(key: str, *places) -> list[str]:
     return [f"{key}.{place}" for place in places]
 
 
-OGDEN = {"law": "ogden", "moduli": [1.4911, 0.00284, -0.02367], "exponents": [1.3, 5.0, -2.0], "bulk_modulus": 100.0}
-TERMS = {"law": "polyconvex", "bulk_modulus": 100.0, "first": [0.3, 0.01, 1e-3, 1e-4], "second": [0.05, 1e-3, 1e-4], "roots": [0.2, 0.1]}
-OF_OGDEN = [*numbers("material.moduli", 0, 1, 2), *numbers("material.exponents", 0, 1, 2), "material.bulk_modulus"]
+OGDEN = {
+    "law": "ogden",
+    "moduli": [1.4911, 0.00284, -0.02367],
+    "exponents": [1.3, 5.0, -2.0],
+    "bulk_modulus": 100.0,
+}
+TERMS = {
+    "law": "polyconvex",
+    "bulk_modulus": 100.0,
+    "first": [0.3, 0.01, 1e-3, 1e-4],
+    "second": [0.05, 1e-3, 1e-4],
+    "roots": [0.2, 0.1],
+}
+OF_OGDEN = [
+    *numbers("material.moduli", 0, 1, 2),
+    *numbers("material.exponents", 0, 1, 2),
+    "material.bulk_modulus",
+]
 OF_TERMS = [
     *numbers("material.first", 0, 1, 2, 3),
     *numbers("material.second", 0, 1, 2),
     *numbers("material.roots", 0, 1),
     "material.bulk_modulus",
 ]
-OF_ISOCHORIC = ["material.shear_modulus", "material.bulk_modulus", *numbers("force.output_weights", *range(7)), "force.hidden_biases.4"]
+OF_ISOCHORIC = [
+    "material.shear_modulus",
+    "material.bulk_modulus",
+    *numbers("force.output_weights", *range(7)),
+    "force.hidden_biases.4",
+]
 OF_NETWORK = [
     *numbers("force.output_weights", 0, 3, 5, 8),
     *numbers("force.hidden_weights.0", 1, 4, 7),
@@ -108,7 +138,10 @@ STRETCHED_BOX = {
     "spacing": 1 / BOX,
     "body": {"shape": "box", "size": [5 / BOX, 1.0, 1.0], "lower": [0.0, -0.5, -0.5]},
     "stretches": [10.0],
-    "grips": [{"edge": "left", "holds": "normal"}, {"edge": "right", "holds": "normal", "travel": 1.0}],
+    "grips": [
+        {"edge": "left", "holds": "normal"},
+        {"edge": "right", "holds": "normal", "travel": 1.0},
+    ],
 }
 NEARLY_NEO_HOOKEAN = {
     "law": "polyconvex",
@@ -122,7 +155,12 @@ NEARLY_NEO_HOOKEAN = {
 ALL = [*MEASURED, "probes.up.displacement"]
 COMPARED = {
     "sheet-coefficients": Case(
-        "`hole`: 9 coefficients of an energy, K", "hole", {"spacing": 0.05, "material": TERMS, **SIDE_AND_UP}, "bond-energy", OF_TERMS, ALL
+        "`hole`: 9 coefficients of an energy, K",
+        "hole",
+        {"spacing": 0.05, "material": TERMS, **SIDE_AND_UP},
+        "bond-energy",
+        OF_TERMS,
+        ALL,
     ),
     "sheet-network": Case(
         "`hole`: 10 numbers of a learned energy",
@@ -188,7 +226,9 @@ CASES = COMPARED | BOXES
 
 
 def most_memory() -> float:
-    """Greatest resident size of this process so far, MB; `getrusage` would count that of the process that started this one as well."""
+    """Greatest resident size of this process so far, MB; `getrusage` would count that of the
+    process that started this one as well.
+    """
     status = Path("/proc/self/status").read_text("utf-8")
     return int(status.partition("VmHWM:")[2].split()[0]) / 1e3
 
@@ -227,17 +267,31 @@ def by_runs(case: Case, scene: pds.Scene, names: tuple[str, ...], parameter: str
         step = CHANGE * (value - 1)
     else:
         value, owner = known[parameter], parameter.rpartition(".")[0]
-        alike = [abs(known[name]) for name in known if name.rpartition(".")[0] == owner and parameter[-1].isdigit()] or [abs(value)]
-        step = (CHANGE_OF_K if parameter.endswith("bulk_modulus") else CHANGE) * (max(alike) if array is None else np.abs(array).max())
-        step = step if array is not None else min(step, abs(value) / 4)  # coefficients of an energy stay positive
+        alike = [
+            abs(known[name])
+            for name in known
+            if name.rpartition(".")[0] == owner and parameter[-1].isdigit()
+        ] or [abs(value)]
+        step = (CHANGE_OF_K if parameter.endswith("bulk_modulus") else CHANGE) * (
+            max(alike) if array is None else np.abs(array).max()
+        )
+        step = (
+            step if array is not None else min(step, abs(value) / 4)
+        )  # coefficients of an energy stay positive
     found = {}
     for change in (-2, -1, 1, 2):
         if parameter == "stretch":
-            changed, used = case.load(spacing=case.coarse, stretches=[value + change * step]), models
+            changed, used = (
+                case.load(spacing=case.coarse, stretches=[value + change * step]),
+                models,
+            )
         else:
             changed, used = with_numbers(scene, models, {parameter: value + change * step})
         if array is not None:  # with other numbers the model no longer has its stated errors
-            used = [replace(model, stated=dict(model.stated) | {"rms": 1.0, "max": 1.0}) for model in used]
+            used = [
+                replace(model, stated=dict(model.stated) | {"rms": 1.0, "max": 1.0})
+                for model in used
+            ]
         data = changed.model_dump(mode="json")
         for key, setting in CONVERGED.items():
             apply_change(data, key, setting)
@@ -248,10 +302,15 @@ def by_runs(case: Case, scene: pds.Scene, names: tuple[str, ...], parameter: str
 
 
 def exact_reaction(case: Case, scene: pds.Scene, parameter: str) -> float:
-    """Derivative of the box's reaction: the area is 1, so that it is the nominal stress of uniaxial tension."""
+    """Derivative of the box's reaction: the area is 1, so that it is the nominal stress of
+    uniaxial tension.
+    """
     models = checked_models(scene, pds.load_surrogate(case.force))
     value = numbers_in(scene, models)[parameter]
-    sides = [with_numbers(scene, models, {parameter: value * (1 + side)})[0].law() for side in (-2e-2, -1e-2, 1e-2, 2e-2)]
+    sides = [
+        with_numbers(scene, models, {parameter: value * (1 + side)})[0].law()
+        for side in (-2e-2, -1e-2, 1e-2, 2e-2)
+    ]
     far, near, after, beyond = (uniaxial(law, scene.stretches[-1]).nominal_stress for law in sides)
     return (8 * (after - near) - (beyond - far)) / (12e-2 * value)
 
@@ -264,7 +323,9 @@ def measure(name: str) -> None:
     scene = case.load()
     result, seconds, evaluations = timed(lambda: pds.simulate(scene, case.force))
     held = most_memory()
-    found, more_seconds, more_evaluations = timed(lambda: result.sensitivity(case.outputs, case.parameters))
+    found, more_seconds, more_evaluations = timed(
+        lambda: result.sensitivity(case.outputs, case.parameters)
+    )
     row = {
         "points": len(result.body.points),
         "outputs": len(found.outputs),
@@ -274,9 +335,15 @@ def measure(name: str) -> None:
     off = []
     for number, parameter in enumerate(case.parameters):
         if name in BOXES:
-            mine, expected = found.derivatives[:, number], np.array([exact_reaction(case, result.scene, parameter)])
+            mine, expected = (
+                found.derivatives[:, number],
+                np.array([exact_reaction(case, result.scene, parameter)]),
+            )
         else:
-            mine, expected = of_small.derivatives[:, number], by_runs(case, small.scene, of_small.outputs, parameter)
+            mine, expected = (
+                of_small.derivatives[:, number],
+                by_runs(case, small.scene, of_small.outputs, parameter),
+            )
         off.append(float(np.abs(mine - expected).max() / np.abs(expected).max()))
         print(f"{parameter}: {off[-1]:.1e}", file=sys.stderr, flush=True)
     print("FOUND " + json.dumps(row | {"off": max(off)}))
@@ -287,19 +354,39 @@ def measured(name: str) -> dict:
     command = [sys.executable, "-W", "ignore", __file__, "--measure", name]
     environment = {**os.environ, "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=environment)
-    return json.loads(next(line for line in done.stdout.splitlines() if line.startswith("FOUND")).removeprefix("FOUND "))
+    return json.loads(
+        next(line for line in done.stdout.splitlines() if line.startswith("FOUND")).removeprefix(
+            "FOUND "
+        )
+    )
 
 
 HEADER = [
-    *("scene and parameters", "points", "outputs x parameters", "greatest difference", "force evaluations"),
-    *("equilibrium (s)", "derivatives (s)", "ratio", "equilibrium (MB)", "with derivatives (MB)", "ratio"),
+    *(
+        "scene and parameters",
+        "points",
+        "outputs x parameters",
+        "greatest difference",
+        "force evaluations",
+    ),
+    *(
+        "equilibrium (s)",
+        "derivatives (s)",
+        "ratio",
+        "equilibrium (MB)",
+        "with derivatives (MB)",
+        "ratio",
+    ),
 ]
 
 
 def row_of(name: str) -> list[str]:
     """Row of the table for a case."""
     found = measured(name)
-    (seconds, evaluations, held), (more_seconds, more_evaluations, most) = found["equilibrium"], found["sensitivity"]
+    (seconds, evaluations, held), (more_seconds, more_evaluations, most) = (
+        found["equilibrium"],
+        found["sensitivity"],
+    )
     return [
         CASES[name].what,
         f"{found['points']:,}",
@@ -322,7 +409,9 @@ def newton() -> str:
     ):
         scene = pds.load_scene(name, {**changes, **CONVERGED})
         result = pds.simulate(scene, "bond-energy")
-        residuals = [row["residual"] for row in result.convergence if row.get("residual") is not None]
+        residuals = [
+            row["residual"] for row in result.convergence if row.get("residual") is not None
+        ]
         below = [residual for residual in residuals if residual < 1e-3]
         rows.append(
             [
@@ -333,7 +422,9 @@ def newton() -> str:
             ]
         )
         print(*rows[-1], sep=" | ", flush=True)
-    return markdown_table(["scene, bond-energy", "points", "residuals from 1e-3 on", "iterations"], rows)
+    return markdown_table(
+        ["scene, bond-energy", "points", "residuals from 1e-3 on", "iterations"], rows
+    )
 
 
 def of_cases(cases: dict[str, Case]) -> str:
@@ -349,4 +440,11 @@ if __name__ == "__main__":
     if len(sys.argv) == 3 and sys.argv[1] == "--measure":
         measure(sys.argv[2])
     else:
-        report(__doc__, {"newton": newton, "sensitivities": lambda: of_cases(COMPARED), "torch-fem": lambda: of_cases(BOXES)})
+        report(
+            __doc__,
+            {
+                "newton": newton,
+                "sensitivities": lambda: of_cases(COMPARED),
+                "torch-fem": lambda: of_cases(BOXES),
+            },
+        )

@@ -1,13 +1,16 @@
 """What force evaluations, runs and commands cost: on this checkout, or on two commits side by side.
 
 python pipelines/timings.py tear cube                        costs, by the names that `--help` lists
-python pipelines/timings.py tear cube --commits OLD NEW      of two commits, which take turns, and their ratio
-python pipelines/timings.py figures properties --commits OLD NEW   what differs: sections 6.2 to 6.7; required properties
-python pipelines/timings.py speed threads ranks --docs       tables, into the documentation
+python pipelines/timings.py tear cube --commits OLD NEW      of two commits, which take turns, and
+their ratio python pipelines/timings.py figures properties --commits OLD NEW   what differs:
+sections 6.2 to 6.7; required properties python pipelines/timings.py speed threads ranks --docs
+tables, into the documentation
 
-Commits are checked out into a temporary folder and run in processes of their own with this Python, so that both must run on what is
-installed. Each goes first in every other turn; medians over the turns are printed, and the median of the ratios within a turn. Caches are
-filled before the first turn except where they are what is measured. Tables by the clock want two cores that nobody else uses.
+Commits are checked out into a temporary folder and run in processes of their own with this Python,
+so that both must run on what is installed. Each goes first in every other turn; medians over the
+turns are printed, and the median of the ratios within a turn. Caches are filled before the first
+turn except where they are what is measured. Tables by the clock want two cores that nobody else
+uses.
 """
 
 from __future__ import annotations
@@ -31,7 +34,8 @@ from pages import FIGURES, markdown_table, replace_block
 
 import pdsurrogate as pds
 
-# Other modules of the package are imported where they are used: the memory of a process counts that of the one which starts it.
+# Other modules of the package are imported where they are used: the memory of a process counts that
+# of the one which starts it.
 
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -43,12 +47,13 @@ import numpy as np
 import pdsurrogate as pds
 from pdsurrogate.engine.threads import thread_count
 try:
-    from pdsurrogate.reports.speed import bench_positions  # of commits in which it was part of the package
+    from pdsurrogate.reports.speed import bench_positions  # of commits that had it in the package
 except ImportError:
     sys.path.insert(0, "pipelines")
     from clock import bench_positions
 def lattice(sides, d):
-    return np.stack(np.meshgrid(*[(np.arange(sides) + 0.5) / sides] * d, indexing="ij"), axis=-1).reshape(-1, d)
+    places = np.meshgrid(*[(np.arange(sides) + 0.5) / sides] * d, indexing="ij")
+    return np.stack(places, axis=-1).reshape(-1, d)
 def bind(name, width, precision=None):
     if width:
         body = pds.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width)
@@ -57,8 +62,11 @@ def bind(name, width, precision=None):
         body = pds.Body(points, np.full(len(points), 20.0**-3), 1.75 / 20, 1 / 20)
     name, _, law = name.partition(" of ")
     card = next(Path().glob(f"art?facts/{name.partition('@')[0]}/1/card.json"), None)
-    material = json.loads(card.read_text())["material"]["trained_with"] if card else {"law": law or "neo-hookean"}
-    law = pds.materials.LAWS[material.pop("law")](**{key: tuple(v) if isinstance(v, list) else v for key, v in material.items()})
+    material = {"law": law or "neo-hookean"}
+    if card:
+        material = json.loads(card.read_text())["material"]["trained_with"]
+    numbers = {key: tuple(v) if isinstance(v, list) else v for key, v in material.items()}
+    law = pds.materials.LAWS[numbers.pop("law")](**numbers)
     settings = pds.ForceSettings(plane="stress" if width else "space", precision=precision)
     waves = 0.02 * np.sin(9 * body.points[:, ::-1])
     positions = bench_positions(body, law) if width else body.points * [1.3, 0.9, 0.87] + waves
@@ -68,7 +76,9 @@ def bind(name, width, precision=None):
         return out
     return evaluate, body.bonds.n_directed
 """
-"""Start of the scripts that time force models: on a sheet with so many points across, or on a cube of 8,000 points."""
+"""Start of the scripts that time force models: on a sheet with so many points across, or on a
+cube of 8,000 points.
+"""
 
 SERVE = f"""{BIND}
 bound = {{}}
@@ -84,7 +94,9 @@ for line in sys.stdin:
             count += 1
         print(json.dumps(1e9 * (time.perf_counter() - began) / count / bonds), flush=True)
 """
-"""Answers questions (force, points across, precision, threads, seconds) with nanoseconds per directed bond."""
+"""Answers questions (force, points across, precision, threads, seconds) with nanoseconds per
+directed bond.
+"""
 
 SIZE = f"""{BIND}
 began = time.perf_counter()
@@ -102,7 +114,8 @@ if all_work:
 result = pds.simulate(pds.load_scene(scene, changes), force)
 summary, found = result.summary, {}
 for level in result.levels:
-    for key in ("nominal_stress", "nominal_stress_work_conjugate", "lateral_displacement", "greatest_lateral_displacement", "energy"):
+    for key in ("nominal_stress", "nominal_stress_work_conjugate", "energy",
+                "lateral_displacement", "greatest_lateral_displacement"):
         if key in level:
             found[f"{key} at {level['stretch']:g}"] = level[key]
 if summary.get("crack"):
@@ -110,7 +123,8 @@ if summary.get("crack"):
 mpi = sys.modules.get("mpi4py.MPI")
 if mpi is None or mpi.COMM_WORLD.rank == 0:
     seconds = summary["seconds_total"] - summary["seconds_compile"]
-    print(json.dumps(found | {"evaluations": summary["n_force_evaluations"], "run (s)": seconds, "working": summary.get("ranks", 1)}))
+    found |= {"evaluations": summary["n_force_evaluations"], "run (s)": seconds}
+    print(json.dumps(found | {"working": summary.get("ranks", 1)}))
 """
 
 PROPERTIES = """
@@ -123,7 +137,8 @@ found = {}
 for name in (*FORCES, "neo-hookean", "neo-hookean-isochoric"):
     for plane in sorted({"stress", "space"} & {*load_surrogate(name).honors["plane"]}):
         subject = subject_of(name, plane=plane)
-        found |= {f"{name}, {plane}: {one.name}": one(subject).value for one in FORCE_MODEL_PROPERTIES}
+        for one in FORCE_MODEL_PROPERTIES:
+            found[f"{name}, {plane}: {one.name}"] = one(subject).value
 print(json.dumps(found))
 """
 
@@ -131,12 +146,14 @@ COMPILE = """
 import json
 import pdsurrogate as pds
 runs = {"first run": (None, {})}
-for force, law in (("bond-energy", "neo-hookean"), ("ba-nosb", "neo-hookean"), ("analytic", "yeoh"), ("analytic", "ogden")):
+for force, law in (("bond-energy", "neo-hookean"), ("ba-nosb", "neo-hookean"),
+                   ("analytic", "yeoh"), ("analytic", "ogden")):
     runs[f"then {force}, {law}"] = force, {"stretches": 1.2, "material": law}
-print(json.dumps({
-    f"{name}: compiling (s)": pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.1, **changes}), force).summary["seconds_compile"]
-    for name, (force, changes) in runs.items()
-}))
+found = {}
+for name, (force, changes) in runs.items():
+    result = pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.1, **changes}), force)
+    found[f"{name}: compiling (s)"] = result.summary["seconds_compile"]
+print(json.dumps(found))
 """
 
 RANK = """
@@ -149,12 +166,14 @@ from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.ranks import communicator
 from pdsurrogate.run.run import Run
 name, spacing, threads, evaluations = json.loads(sys.argv[1])
-resident = lambda: int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+page = os.sysconf("SC_PAGE_SIZE") / 1e6
+resident = lambda: int(Path("/proc/self/statm").read_text().split()[1]) * page
 ranks, scene = communicator(), pds.load_scene(name, spacing=spacing)
 bare, began = resident(), time.process_time()
 run = Run(scene, checked_models(scene, default_force(scene)), None, threads)
 set_up, held, part = time.process_time() - began, resident() - bare, run.body.share
-positions, forces, said = run.body.points.copy(), np.empty_like(run.body.points), np.zeros(4)
+positions, said = run.body.points.copy(), np.zeros(4)
+forces = np.empty_like(positions)
 if scene.stretched:
     run.loading.apply(1.05, run.force, positions)
 for _ in range(3):
@@ -183,15 +202,18 @@ for _ in range(evaluations):
     run.force(positions, forces)
     walls.append(time.perf_counter() - clock)
     worked += time.process_time() - began
-own, most = int(part.own.sum()) if part.divided else len(run.body), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-row = [own, len(run.body) - own, 1e3 * (worked - said[0]) / evaluations, *said[2:] / evaluations, set_up, held, most - bare]
+own = int(part.own.sum()) if part.divided else len(run.body)
+most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+row = [own, len(run.body) - own, 1e3 * (worked - said[0]) / evaluations]
+row += [*said[2:] / evaluations, set_up, held, most - bare]
 row += [1e3 * float(np.median(walls)), said[1] / sum(walls)]
 rows = ranks.everywhere(row) if ranks.size > 1 else [row]
 if ranks.rank == 0:
     print(json.dumps({"points": part.size, "of": np.max(rows, axis=0).tolist()}))
 """
-"""Greatest figures of the ranks: own and halo points, processor time (ms) without what ranks say, exchanges, bytes, setup (s), memory held
-and at most (MB), wall time (ms), share of what ranks say."""
+"""Greatest figures of the ranks: own and halo points, processor time (ms) without what ranks say,
+exchanges, bytes, setup (s), memory held and at most (MB), wall time (ms), share of what ranks say.
+"""
 
 
 class NotRun(SystemExit):
@@ -200,27 +222,45 @@ class NotRun(SystemExit):
 
 def environment(path: Path, **more: str) -> dict[str, str]:
     """The variables of processes of a checkout."""
-    # Threads that turn for milliseconds after their work would take the cores from the process whose turn is next.
+    # Threads that turn for milliseconds after their work would take the cores from the process
+    # whose turn is next.
     return {"GOMP_SPINCOUNT": "1000", **os.environ, "PYTHONPATH": str(path), **more}
 
 
-def spent(path: Path, *words: str, ranks: int = 0, together: int = 1, status: int = 0, **variables: str) -> dict[str, float]:
-    """Cost of processes of Python that start at once on a checkout, and the figures that the last one prints as JSON.
+def spent(
+    path: Path, *words: str, ranks: int = 0, together: int = 1, status: int = 0, **variables: str
+) -> dict[str, float]:
+    """Cost of processes of Python that start at once on a checkout, and the figures that the last
+    one prints as JSON.
 
-    Processor time counts user and system, of all processes and those that they start; memory is the greatest of one process.
+    Processor time counts user and system, of all processes and those that they start; memory is the
+    greatest of one process.
     """
-    launcher = [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks)] if ranks > 1 else []
-    command = [*launcher, sys.executable, *(["-W", "ignore", "-m", "mpi4py"] if ranks else []), *words]
+    launcher = (
+        [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks)] if ranks > 1 else []
+    )
+    command = [
+        *launcher,
+        sys.executable,
+        *(["-W", "ignore", "-m", "mpi4py"] if ranks else []),
+        *words,
+    ]
     began, seconds, memory, ended = time.perf_counter(), 0.0, 0.0, []
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as errors:
         started = [
-            subprocess.Popen(command, cwd=path, env=environment(path, **variables), stdout=out, stderr=errors) for _ in range(together)
+            subprocess.Popen(
+                command, cwd=path, env=environment(path, **variables), stdout=out, stderr=errors
+            )
+            for _ in range(together)
         ]
         for process in started:
             _, code, usage = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(code)
             ended.append(process.returncode)
-            seconds, memory = seconds + usage.ru_utime + usage.ru_stime, max(memory, usage.ru_maxrss / 1024)
+            seconds, memory = (
+                seconds + usage.ru_utime + usage.ru_stime,
+                max(memory, usage.ru_maxrss / 1024),
+            )
         wall = time.perf_counter() - began
         printed, said = (file.seek(0) or file.read().strip().splitlines() for file in (out, errors))
     if set(ended) != {status}:
@@ -231,9 +271,13 @@ def spent(path: Path, *words: str, ranks: int = 0, together: int = 1, status: in
 
 @contextmanager
 def server(path: Path, **variables: str) -> Iterator[Callable[..., float]]:
-    """Context with a function that asks a process of a checkout, which stays alive, for the cost of a force."""
+    """Context with a function that asks a process of a checkout, which stays alive, for the cost
+    of a force.
+    """
     command = [sys.executable, "-c", SERVE]
-    process = subprocess.Popen(command, cwd=path, env=environment(path, **variables), stdin=-1, stdout=-1, text=True)
+    process = subprocess.Popen(
+        command, cwd=path, env=environment(path, **variables), stdin=-1, stdout=-1, text=True
+    )
 
     def ask(*question) -> float:
         print(json.dumps(question), file=process.stdin, flush=True)
@@ -250,7 +294,9 @@ def server(path: Path, **variables: str) -> Iterator[Callable[..., float]]:
 
 @dataclass(frozen=True)
 class Cost:
-    """Cost of a process: words after ``python``, arguments of `spent`, turns, and what to do before (run once, or empty the caches)."""
+    """Cost of a process: words after ``python``, arguments of `spent`, turns, and what to do
+    before (run once, or empty the caches).
+    """
 
     words: tuple[str, ...]
     turns: int = 3
@@ -264,7 +310,9 @@ class Cost:
         if self.empty:
             for cache in path.rglob("__pycache__"):
                 shutil.rmtree(cache)
-        return spent(path, *self.words, ranks=self.ranks, together=self.together, status=self.status)
+        return spent(
+            path, *self.words, ranks=self.ranks, together=self.together, status=self.status
+        )
 
     def prepare(self, path: Path) -> None:
         """Fill the caches."""
@@ -272,9 +320,18 @@ class Cost:
             spent(path, *(self.first or self.words), ranks=self.ranks, status=self.status)
 
 
-def run(scene: str, changes: dict | None = None, coarse: dict | None = None, force: str | None = None, **more) -> Cost:
+def run(
+    scene: str,
+    changes: dict | None = None,
+    coarse: dict | None = None,
+    force: str | None = None,
+    **more,
+) -> Cost:
     """Cost of a run; one with `coarse` changes fills the caches."""
-    words = [("-c", RUN, json.dumps([scene, {**(changes or {}), **other}, force, False])) for other in ({}, coarse or {})]
+    words = [
+        ("-c", RUN, json.dumps([scene, {**(changes or {}), **other}, force, False]))
+        for other in ({}, coarse or {})
+    ]
     return Cost(words[0], first=words[1], **more)
 
 
@@ -295,7 +352,13 @@ SECTIONS = {
 }
 """Runs of the paper's sections."""
 
-LENGTHS = {"body.size": [1.2, 0.9, 0.8], "body.lower": [0.0, -0.45, -0.4], "spacing": 0.1, "probes": [], "stretches": 1.05}
+LENGTHS = {
+    "body.size": [1.2, 0.9, 0.8],
+    "body.lower": [0.0, -0.45, -0.4],
+    "spacing": 0.1,
+    "probes": [],
+    "stretches": 1.05,
+}
 SMALL = LENGTHS | {"material.bulk_modulus": 1000.0}
 """A nearly incompressible block of 864 points."""
 
@@ -313,24 +376,51 @@ COSTS = SECTIONS | {
     "three": command(*SMALL_RUN, together=3, empty=True, turns=3),
     "one-rank": run("bonded-block", SMALL, ranks=1),
     "two-ranks": run("bonded-block", SMALL, ranks=2),
-    "cube": run("bonded-block", {"material.bulk_modulus": 1000.0, "stretches": 1.3, "spacing": 1 / 24}, {"spacing": 1 / 12}),
+    "cube": run(
+        "bonded-block",
+        {"material.bulk_modulus": 1000.0, "stretches": 1.3, "spacing": 1 / 24},
+        {"spacing": 1 / 12},
+    ),
     "tear": run("tear", {"spacing": 0.064, "reference": None}, {"spacing": 0.2}),
-    "trousers": run("trousers", TROUSERS, {"steps": [{"to": 0.2}, {"to": 0.3, "dynamics": {**MOTION, "duration": 0.1}}]}),
-    "large-body": run("bonded-block", {"spacing": 0.01, "solver.tolerance": 1e-5}, {"spacing": 1 / 18, "solver.tolerance": 1e-2}, turns=1),
+    "trousers": run(
+        "trousers",
+        TROUSERS,
+        {"steps": [{"to": 0.2}, {"to": 0.3, "dynamics": {**MOTION, "duration": 0.1}}]},
+    ),
+    "large-body": run(
+        "bonded-block",
+        {"spacing": 0.01, "solver.tolerance": 1e-5},
+        {"spacing": 1 / 18, "solver.tolerance": 1e-2},
+        turns=1,
+    ),
 }
 """Costs by name."""
 
 FORCES = [
     (name, width, None, threads)
     for names, widths in (
-        ("neo-hookean neo-hookean-paper neo-hookean-energy analytic nosb ba-nosb bond-energy gent ogden full-network", (10, 50, 163)),
-        ("bond-energy nosb neo-hookean-isochoric ogden-isochoric full-network-isochoric arruda-boyce-isochoric", (0,)),
+        (
+            (
+                "neo-hookean neo-hookean-paper neo-hookean-energy analytic nosb ba-nosb bond-energy"
+                " gent ogden full-network"
+            ),
+            (10, 50, 163),
+        ),
+        (
+            (
+                "bond-energy nosb neo-hookean-isochoric ogden-isochoric full-network-isochoric"
+                " arruda-boyce-isochoric"
+            ),
+            (0,),
+        ),
     )
     for width in widths
     for name in names.split()
     for threads in (1, 2)
 ]
-"""Force models on sheets of 300, 7,500 and 79,707 points and on a cube, on one thread and on two; `forces` times them."""
+"""Force models on sheets of 300, 7,500 and 79,707 points and on a cube, on one thread and on
+two; `forces` times them.
+"""
 
 
 @contextmanager
@@ -339,15 +429,25 @@ def checkouts(references: list[str]) -> Iterator[list[Path]]:
     with tempfile.TemporaryDirectory() as folder:
         paths = [Path(folder) / str(number) for number in range(len(references))]
         for path, reference in zip(paths, references, strict=True):
-            subprocess.run(["git", "-C", ROOT, "worktree", "add", "--detach", path, reference], check=True, capture_output=True)
+            subprocess.run(
+                ["git", "-C", ROOT, "worktree", "add", "--detach", path, reference],
+                check=True,
+                capture_output=True,
+            )
         try:
             yield paths
         finally:
             for path in paths:
-                subprocess.run(["git", "-C", ROOT, "worktree", "remove", "--force", path], check=False, capture_output=True)
+                subprocess.run(
+                    ["git", "-C", ROOT, "worktree", "remove", "--force", path],
+                    check=False,
+                    capture_output=True,
+                )
 
 
-def in_turns(paths: list[Path], turns: int, measure: Callable[[int], dict[str, float]]) -> list[dict[str, list[float]]]:
+def in_turns(
+    paths: list[Path], turns: int, measure: Callable[[int], dict[str, float]]
+) -> list[dict[str, list[float]]]:
     """Figures of all turns by quantity, of each checkout; each goes first in every other turn."""
     figures, gone = [{} for _ in paths], set()
     for turn in range(turns):
@@ -366,8 +466,16 @@ def show(name: str, figures: list[dict[str, list[float]]]) -> None:
     for quantity in dict.fromkeys(key for of in figures for key in of):
         values = [of.get(quantity, []) for of in figures]
         medians = "".join(f"{median(one):>12.5g}" if one else f"{'-':>12}" for one in values)
-        ratios = [new / old for old, new in zip(*values, strict=False) if old] if len(values) == 2 else []
-        print(f"{name:20} {quantity:50} {medians}" + (f"   new/old {median(ratios):.3f}" if ratios else ""), flush=True)
+        ratios = (
+            [new / old for old, new in zip(*values, strict=False) if old]
+            if len(values) == 2
+            else []
+        )
+        print(
+            f"{name:20} {quantity:50} {medians}"
+            + (f"   new/old {median(ratios):.3f}" if ratios else ""),
+            flush=True,
+        )
 
 
 def costs(names: list[str], paths: list[Path], turns: int | None) -> None:
@@ -378,19 +486,35 @@ def costs(names: list[str], paths: list[Path], turns: int | None) -> None:
                 both = [server(path) for path in paths]
                 asks = [one.__enter__() for one in both]
                 for case in FORCES:
-                    found = in_turns(paths, turns or 4, lambda which, case=case, asks=asks: {str(case): asks[which](*case, 0.06)})
+                    found = in_turns(
+                        paths,
+                        turns or 4,
+                        lambda which, case=case, asks=asks: {str(case): asks[which](*case, 0.06)},
+                    )
                     show(name, found)
                 for one in both:
                     one.__exit__(None, None, None)
         elif name in ("figures", "properties"):
-            for title, cost in (SECTIONS if name == "figures" else {"": Cost(("-c", PROPERTIES))}).items():
-                found = [{key: [value] for key, value in cost(path).items() if value is not None and "(" not in key} for path in paths]
+            for title, cost in (
+                SECTIONS if name == "figures" else {"": Cost(("-c", PROPERTIES))}
+            ).items():
+                found = [
+                    {
+                        key: [value]
+                        for key, value in cost(path).items()
+                        if value is not None and "(" not in key
+                    }
+                    for path in paths
+                ]
                 show(f"{name} {title}", found)
         else:
             cost = COSTS[name]
             for path in paths:
                 cost.prepare(path)
-            show(name, in_turns(paths, turns or cost.turns, lambda which, cost=cost: cost(paths[which])))
+            show(
+                name,
+                in_turns(paths, turns or cost.turns, lambda which, cost=cost: cost(paths[which])),
+            )
 
 
 def of_speed() -> str:
@@ -405,7 +529,10 @@ def of_speed() -> str:
     save(comparison.pareto_figure(report), FIGURES / "speed.png")
     write_text(FIGURES / "speed.csv", tables.as_csv(report["models"]))
     where = "Processor: {processor}, {threads} threads, numba {numba}.".format(**report["machine"])
-    shown = [f"{title}:\n\n{markdown_table(*comparison.table(report, title))}" for title in comparison.TABLES]
+    shown = [
+        f"{title}:\n\n{markdown_table(*comparison.table(report, title))}"
+        for title in comparison.TABLES
+    ]
     return "\n\n".join([f"{where} {comparison.caution(report['models'])}".strip(), *shown])
 
 
@@ -416,30 +543,62 @@ def of_sizes() -> str:
     widths = (18, 58, 183, 577)
     bodies = [pds.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width) for width in widths]
     model = pds.load_surrogate("neo-hookean@1")
-    measured = measure_speed([TimedModel(model, "float32", body) for body in bodies], pds.materials.NeoHookean(), 100.0)
+    measured = measure_speed(
+        [TimedModel(model, "float32", body) for body in bodies], pds.materials.NeoHookean(), 100.0
+    )
     rows = []
     for width, body, cost in zip(widths, bodies, measured, strict=True):
-        found, ns = spent(ROOT, "-c", SIZE, str(width)), [f"{cost[f'ns_per_directed_bond_{on}']:.2f}" for on in ("1", "all")]
+        found, ns = (
+            spent(ROOT, "-c", SIZE, str(width)),
+            [f"{cost[f'ns_per_directed_bond_{on}']:.2f}" for on in ("1", "all")],
+        )
         sizes = [f"{len(body):,}", f"{body.bonds.n_directed:,}"]
-        rows.append([*sizes, *ns, f"{found['setup (s)']:.1f}", f"{found['memory (MB)'] / 1024:.2f}"])
-    return markdown_table(["points", "directed bonds", "ns/directed bond, one thread", "all threads", "setup (s)", "memory (GiB)"], rows)
+        rows.append(
+            [*sizes, *ns, f"{found['setup (s)']:.1f}", f"{found['memory (MB)'] / 1024:.2f}"]
+        )
+    return markdown_table(
+        [
+            "points",
+            "directed bonds",
+            "ns/directed bond, one thread",
+            "all threads",
+            "setup (s)",
+            "memory (GiB)",
+        ],
+        rows,
+    )
 
 
 def of_space() -> str:
-    """Force models of solids on one thread: exact energies of all laws, learned ones, and NOSB; the least of twenty turns."""
+    """Force models of solids on one thread: exact energies of all laws, learned ones, and NOSB;
+    the least of twenty turns.
+    """
     from pdsurrogate.artifacts import list_artifacts, load_card
     from pdsurrogate.forces.settings import PRECISIONS
     from pdsurrogate.results.provenance import processor
 
-    cases = {"NOSB": ("nosb", 0, None)} | {f"exact, {law}": (f"bond-energy of {law}", 0, None) for law in pds.materials.LAWS}
+    cases = {"NOSB": ("nosb", 0, None)} | {
+        f"exact, {law}": (f"bond-energy of {law}", 0, None) for law in pds.materials.LAWS
+    }
     for folder in list_artifacts():
         if load_card(folder).kind == pds.forces.IsochoricNetwork.kind:
-            cases |= {f"learned, {load_card(folder).material.law}, {one}": (folder.parent.name, 0, one) for one in PRECISIONS}
+            cases |= {
+                f"learned, {load_card(folder).material.law}, {one}": (folder.parent.name, 0, one)
+                for one in PRECISIONS
+            }
     with server(ROOT) as ask:
         least = {name: min(ask(*case, 1, 0.1) for _ in range(20)) for name, case in cases.items()}
     learned = least["learned, neo-hookean, float32"]
-    rows = [[name, f"{ns:.1f}", f"{ns / least['NOSB']:.1f}", f"{ns / learned:.2f}"] for name, ns in least.items()]
-    header = ["force", "ns/directed bond, 1 thread", "cost / NOSB", "cost / learned Neo-Hookean in float32"]
+    rows = [
+        [name, f"{ns:.1f}", f"{ns / least['NOSB']:.1f}", f"{ns / learned:.2f}"]
+        for name, ns in least.items()
+    ]
+    header = [
+        "force",
+        "ns/directed bond, 1 thread",
+        "cost / NOSB",
+        "cost / learned Neo-Hookean in float32",
+    ]
     return f"Processor: {processor()}.\n\n{markdown_table(header, rows)}"
 
 
@@ -454,7 +613,9 @@ WAITING = {
 
 
 def of_threads() -> str:
-    """Cost of an evaluation by how threads wait, on free cores and beside other processes; medians of fresh processes."""
+    """Cost of an evaluation by how threads wait, on free cores and beside other processes;
+    medians of fresh processes.
+    """
     widths, rows = (10, 20, 50, 163), []
     found = {(setting, others): [] for setting in WAITING for others in (0, 1, 2)}
     for setting, others in [*found] * 4:
@@ -462,7 +623,9 @@ def of_threads() -> str:
         busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(others)]
         try:
             with server(ROOT, NUMBA_NUM_THREADS="2", **variables) as ask:
-                found[setting, others].append([ask("neo-hookean", width, None, threads, 0.4) for width in widths])
+                found[setting, others].append(
+                    [ask("neo-hookean", width, None, threads, 0.4) for width in widths]
+                )
         finally:
             for process in busy:
                 process.kill()
@@ -471,16 +634,31 @@ def of_threads() -> str:
         entries = [np.median(found[setting, others], axis=0) for others in (0, 1, 2)]
         rows.append([setting, *(" / ".join(f"{cost:.3g}" for cost in one) for one in entries)])
     points = " / ".join(f"{3 * width * width:,}" for width in widths)
-    return markdown_table([f"ns per directed bond with {points} points", *(f"{others} other processes" for others in (0, 1, 2))], rows)
+    return markdown_table(
+        [
+            f"ns per directed bond with {points} points",
+            *(f"{others} other processes" for others in (0, 1, 2)),
+        ],
+        rows,
+    )
 
 
 def on_ranks(name: str, points: int, ranks: int, threads: int = 1) -> dict:
     """The figures of `RANK` for a scene with about so many points."""
     scene = pds.load_scene(name)
     lower, upper = map(np.array, scene.body.bounds())
-    spacing = ((np.prod(upper - lower) - sum(np.pi * hole.radius**2 for hole in scene.holes)) / points) ** (1 / len(lower))
+    spacing = (
+        (np.prod(upper - lower) - sum(np.pi * hole.radius**2 for hole in scene.holes)) / points
+    ) ** (1 / len(lower))
     variables = {"NUMBA_NUM_THREADS": str(threads), "OMP_NUM_THREADS": str(threads)}
-    return spent(ROOT, "-c", RANK, json.dumps([name, float(f"{spacing:.5g}"), threads, 20]), ranks=ranks, **variables)
+    return spent(
+        ROOT,
+        "-c",
+        RANK,
+        json.dumps([name, float(f"{spacing:.5g}"), threads, 20]),
+        ranks=ranks,
+        **variables,
+    )
 
 
 def of_ranks() -> str:
@@ -490,9 +668,23 @@ def of_ranks() -> str:
         for ranks in (1, 2, 4):
             found = on_ranks("hole", points, ranks)
             own, halo, ms, exchanges, received, *memory = found["of"][:8]
-            figures = [f"{ms:.1f}", f"{exchanges:.0f}", f"{received / 1e3:.0f}", *(f"{one:.0f}" for one in memory)]
-            rows.append([f"{found['points']:,}", f"{ranks}", f"{own:,.0f}", f"{halo:,.0f}", *figures])
-    figures = "processor time (ms)", "exchanges", "received (kB)", "setup (s)", "held (MB)", "at most (MB)"
+            figures = [
+                f"{ms:.1f}",
+                f"{exchanges:.0f}",
+                f"{received / 1e3:.0f}",
+                *(f"{one:.0f}" for one in memory),
+            ]
+            rows.append(
+                [f"{found['points']:,}", f"{ranks}", f"{own:,.0f}", f"{halo:,.0f}", *figures]
+            )
+    figures = (
+        "processor time (ms)",
+        "exchanges",
+        "received (kB)",
+        "setup (s)",
+        "held (MB)",
+        "at most (MB)",
+    )
     return markdown_table(["points", "ranks", "own points", "halo points", *figures], rows)
 
 
@@ -503,8 +695,22 @@ def against_threads() -> str:
         found = [[on_ranks(name, 100_000, *kind) for kind in ((1, 2), (2, 1))] for _ in range(3)]
         threads, ranks = (median(run["of"][8] for run in kind) for kind in zip(*found, strict=True))
         share = median(run["of"][9] for _, run in found)
-        rows.append([f"`{name}`", f"{found[0][0]['points']:,}", f"{threads:.1f}", f"{ranks:.1f}", f"{ranks / threads:.2f}", f"{share:.1%}"])
-    figures = ["1 rank of 2 threads (ms)", "2 ranks of 1 thread (ms)", "ranks / threads", "share of exchange"]
+        rows.append(
+            [
+                f"`{name}`",
+                f"{found[0][0]['points']:,}",
+                f"{threads:.1f}",
+                f"{ranks:.1f}",
+                f"{ranks / threads:.2f}",
+                f"{share:.1%}",
+            ]
+        )
+    figures = [
+        "1 rank of 2 threads (ms)",
+        "2 ranks of 1 thread (ms)",
+        "ranks / threads",
+        "share of exchange",
+    ]
     return markdown_table(["scene", "points", *figures], rows)
 
 
@@ -514,17 +720,38 @@ def small_bodies() -> str:
     for sides in ((12, 9, 8), (20, 20, 20), (32, 25, 25), (31, 31, 31), (36, 36, 35)):
         for bulk_modulus in (100.0, 1000.0):
             size = [0.1 * side for side in sides]
-            changes = LENGTHS | {"body.size": size, "body.lower": [0.0, -size[1] / 2, -size[2] / 2], "material.bulk_modulus": bulk_modulus}
-            kinds = [(json.dumps(["bonded-block", changes, None, both]), ranks) for both, ranks in ((False, 1), (False, 2), (True, 2))]
-            found = [
-                [spent(ROOT, "-c", RUN, words, ranks=ranks) for words, ranks in kinds] for _ in range(3 if np.prod(sides) < 1e4 else 1)
+            changes = LENGTHS | {
+                "body.size": size,
+                "body.lower": [0.0, -size[1] / 2, -size[2] / 2],
+                "material.bulk_modulus": bulk_modulus,
+            }
+            kinds = [
+                (json.dumps(["bonded-block", changes, None, both]), ranks)
+                for both, ranks in ((False, 1), (False, 2), (True, 2))
             ]
-            alone, two, both = (median(run["run (s)"] for run in kind) for kind in zip(*found, strict=True))
+            found = [
+                [spent(ROOT, "-c", RUN, words, ranks=ranks) for words, ranks in kinds]
+                for _ in range(3 if np.prod(sides) < 1e4 else 1)
+            ]
+            alone, two, both = (
+                median(run["run (s)"] for run in kind) for kind in zip(*found, strict=True)
+            )
             seconds = [f"{two:.2f}", f"{two / alone:.2f}", f"{both:.2f}", f"{both / alone:.2f}"]
             evaluations = " / ".join(str(run["evaluations"]) for run in found[0])
-            first = [f"{np.prod(sides):,}", f"{bulk_modulus:g}", f"{alone:.2f}", str(found[0][1]["working"])]
+            first = [
+                f"{np.prod(sides):,}",
+                f"{bulk_modulus:g}",
+                f"{alone:.2f}",
+                str(found[0][1]["working"]),
+            ]
             rows.append([*first, *seconds, evaluations])
-    figures = "two ranks (s)", "two ranks / one", "both at work (s)", "both at work / one", "evaluations"
+    figures = (
+        "two ranks (s)",
+        "two ranks / one",
+        "both at work (s)",
+        "both at work / one",
+        "evaluations",
+    )
     return markdown_table(["points", "K / μ", "one rank (s)", "working of two", *figures], rows)
 
 
@@ -537,17 +764,35 @@ def of_parts() -> str:
 
     sheet, rows = discretize(pds.load_scene("hole", spacing=0.0192))[0], []
     cube = np.stack(np.meshgrid(*[np.arange(50) + 0.5] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    for name, points, horizon in (("sheet with a hole", sheet.points, sheet.horizon), ("cube", cube, 1.75)):
+    for name, points, horizon in (
+        ("sheet with a hole", sheet.points, sheet.horizon),
+        ("cube", cube, 1.75),
+    ):
         weights, reach = bond_counts(points, horizon), horizon * (1 + 1e-9)
         for parts in (2, 4, 8, 16, 32, 64):
             owners = bisected(points, weights, parts)
             bonds, own, halo = np.bincount(owners, weights), np.bincount(owners), []
             for part in range(parts):
-                distance, _ = cKDTree(points[owners == part]).query(points, distance_upper_bound=reach)
+                distance, _ = cKDTree(points[owners == part]).query(
+                    points, distance_upper_bound=reach
+                )
                 halo.append(np.count_nonzero(np.isfinite(distance)) - own[part])
             shares = bonds.max() / bonds.mean(), max(halo) / np.mean(halo), max(halo) / own.mean()
-            rows.append([f"{name}, {len(points):,} points", f"{parts}", f"{own.mean():,.0f}", *(f"{share:.3f}" for share in shares)])
-    header = ["parts", "own points (mean)", "largest number of bonds / mean", "largest halo / mean", "largest halo / own points"]
+            rows.append(
+                [
+                    f"{name}, {len(points):,} points",
+                    f"{parts}",
+                    f"{own.mean():,.0f}",
+                    *(f"{share:.3f}" for share in shares),
+                ]
+            )
+    header = [
+        "parts",
+        "own points (mean)",
+        "largest number of bonds / mean",
+        "largest halo / mean",
+        "largest halo / own points",
+    ]
     return markdown_table(["body", *header], rows)
 
 
@@ -566,14 +811,28 @@ TABLES = {
 
 def main() -> None:
     others = ["forces", "figures", "properties", *COSTS]
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="+", metavar="NAME", help=f"costs: {', '.join(others)}; tables: {', '.join(TABLES)}")
-    parser.add_argument("--commits", nargs=2, metavar=("OLD", "NEW"), help="compare two commits; by default this checkout is measured")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "names",
+        nargs="+",
+        metavar="NAME",
+        help=f"costs: {', '.join(others)}; tables: {', '.join(TABLES)}",
+    )
+    parser.add_argument(
+        "--commits",
+        nargs=2,
+        metavar=("OLD", "NEW"),
+        help="compare two commits; by default this checkout is measured",
+    )
     parser.add_argument("--turns", type=int, help="in the place of the usual number")
     parser.add_argument("--docs", action="store_true", help="put tables into the documentation")
     arguments = parser.parse_args()
     if unknown := set(arguments.names) - {*others, *TABLES}:
-        parser.error(f"unknown: {', '.join(sorted(unknown))}; there are {', '.join([*others, *TABLES])}")
+        parser.error(
+            f"unknown: {', '.join(sorted(unknown))}; there are {', '.join([*others, *TABLES])}"
+        )
     names = [name for name in arguments.names if name not in TABLES]
     if names and arguments.commits:
         with checkouts(arguments.commits) as paths:

@@ -1,12 +1,15 @@
-"""Effective diameters of crack tips: bodies with a precut are torn slowly, and G at the peak of the load is divided by psi delta.
+"""Effective diameters of crack tips: bodies with a precut are torn slowly, and G at the peak of the
+load is divided by psi delta.
 
-python pipelines/tip_diameters.py                    tears what pipelines/data/tip_diameters.json lacks, and writes the package's table
-python pipelines/tip_diameters.py --only strain 2.2  the tears alone that have all of these words in their names
-python pipelines/tip_diameters.py --table            writes the table and the page docs/validation/tip-diameters.md, without a tear
+python pipelines/tip_diameters.py                    tears what pipelines/data/tip_diameters.json
+lacks, and writes the package's table python pipelines/tip_diameters.py --only strain 2.2  the tears
+alone that have all of these words in their names python pipelines/tip_diameters.py --table
+writes the table and the page docs/validation/tip-diameters.md, without a tear
 
-A strip of 4 x 1 with a precut of 1.5 is pulled in pure shear, and G is W h; in plane strain, where its volume would not allow that, the
-grips slide. In a strip that is turned in its lattice, and held at points, and in a square with an edge notch, G is -dE/da of two
-equilibria. Every tear is stored as it ends. All take some five hours on one core of 2 GHz.
+A strip of 4 x 1 with a precut of 1.5 is pulled in pure shear, and G is W h; in plane strain, where
+its volume would not allow that, the grips slide. In a strip that is turned in its lattice, and held
+at points, and in a square with an edge notch, G is -dE/da of two equilibria. Every tear is stored
+as it ends. All take some five hours on one core of 2 GHz.
 """
 
 import argparse
@@ -33,34 +36,49 @@ STRIPS = FIGURES / "crack-directions.json"
 """Tears of `crack_directions.py`."""
 
 LONG, PRECUT, ENERGY, RATE = 4.0, 1.5, 0.35, 0.02
-"""Of a strip of height 1: length, precut, fracture energy over shear modulus and height, speed of the grips over that of shear waves."""
+"""Of a strip of height 1: length, precut, fracture energy over shear modulus and height, speed
+of the grips over that of shear waves.
+"""
 
 BEGIN = {0.4: 0.14, 0.8: 0.1, 1.2: 0.08}
-"""Travels over the height at which squares with an edge notch begin to be pulled in dynamics, with 10 rows per unit length."""
+"""Travels over the height at which squares with an edge notch begin to be pulled in dynamics,
+with 10 rows per unit length.
+"""
 
 FINER, AT_PEAK, AROUND = 20, {0.4: 1.36, 0.8: 1.08, 1.2: 1.02}, (0.6, 1.25)
-"""Rows per unit length of finer squares, whose notches have twice as many horizons; travels at the peak of squares with 10 rows, and the
-parts of them between which finer squares are pulled in dynamics."""
+"""Rows per unit length of finer squares, whose notches have twice as many horizons; travels at the
+peak of squares with 10 rows, and the parts of them between which finer squares are pulled in
+dynamics.
+"""
 
 TURNED_NOTCH, TURNED_ROWS = 1.2, {3.15: 10, 2.2: 10, 5.0: 16}
-"""Notch and rows per unit length, by horizon, of the squares by which turned lattices are judged in plane strain, where the grips of strips
-slide, and a turned lattice cannot be held by such grips."""
+"""Notch and rows per unit length, by horizon, of the squares by which turned lattices are judged in
+plane strain, where the grips of strips slide, and a turned lattice cannot be held by such grips.
+"""
 
 FAMILIES = {"neo-hookean": "bond force", "bond-energy": "bond energy"}
-"""Families of the force models that are measured; learned energies are compared with the exact one."""
+"""Families of the force models that are measured; learned energies are compared with the exact
+one.
+"""
 
 GUESS = {"neo-hookean": 1.15, 1.75: 1.35}
-"""Diameters in horizons, by force model or horizon, by which critical stretches are chosen so that G is near ENERGY; elsewhere 0.9."""
+"""Diameters in horizons, by force model or horizon, by which critical stretches are chosen so
+that G is near ENERGY; elsewhere 0.9.
+"""
 
 ROWS, ROWS_IN_SPACE, LAYERS = (20, 16, 24), (14, 10, 18), 3
-"""Rows of points per unit of height, of which clouds and turned lattices have the first number, and points through the thickness of strips
-in space.
-The numbers of rows are even, so that the precut lies between two; with 25, where it lies on one, d was 0.78 at a horizon of 3.15."""
+"""Rows of points per unit of height, of which clouds and turned lattices have the first number, and
+points through the thickness of strips in space. The numbers of rows are even, so that the precut
+lies between two; with 25, where it lies on one, d was 0.78 at a horizon of 3.15.
+"""
 
 THICKER, OTHER_LAYERS = {1.75: 5}, ((2.2, 10, 3), (2.2, 14, 3), (2.2, 14, 4), (2.8, 10, 4))
-"""Points through the thickness of strips at horizons where LAYERS are too few; critical stretches, rows and layers of others there.
+"""Points through the thickness of strips at horizons where LAYERS are too few; critical stretches,
+rows and layers of others there.
 
-At 1.75 spacings bonds reach one layer. Of three layers, two points of the middle one can leave both flanks of a crack and hold it."""
+At 1.75 spacings bonds reach one layer. Of three layers, two points of the middle one can leave both
+flanks of a crack and hold it.
+"""
 
 BULK = 20.0
 """Bulk modulus over shear modulus."""
@@ -69,88 +87,154 @@ LEAST = {"rows": 2, "seeds": 5}
 """Tears that a diameter needs, at spacings along a row or over clouds."""
 
 MOST_SPREAD = 0.07
-"""Greatest relative deviation of a spacing's diameter from the tabulated one, along a row: G at the peak then misses the prescribed one by
-no more. Cases with a greater one have no entry, so that `fracture.energy` is refused."""
+"""Greatest relative deviation of a spacing's diameter from the tabulated one, along a row: G at the
+peak then misses the prescribed one by no more. Cases with a greater one have no entry, so that
+`fracture.energy` is refused.
+"""
 
 ANGLES = (7, 15, 22, 30, 45)
 
 SEEDS, OTHER_SEEDS = (*range(1, 6), *range(16, 21)), (*range(6, 16), *range(21, 31))
 """Clouds of the tears that judge the table, and of those of which it is made."""
 
-CLOUDS = {("bond-energy", "stress", 2.2): 20, ("bond-energy", "stress", 3.15): 10, ("bond-energy", "strain", 5.0): 10}
+CLOUDS = {
+    ("bond-energy", "stress", 2.2): 20,
+    ("bond-energy", "stress", 3.15): 10,
+    ("bond-energy", "strain", 5.0): 10,
+}
 CLOUDS |= {("bond-energy", "strain", 4.2): 0, ("bond-energy", "space", 1.75): 10}
 CLOUDS |= {("neo-hookean", "stress", ratio): 10 for ratio in (2.2, 3.15, 4.2, 5.0)}
 """Number of clouds for each critical stretch, and at most ten that judge; in other cases five.
 
-Plane stress at 2.2 spacings and solids at 1.75 have more since fewer scatter too much to be judged: their judging clouds first deviated by
-8 ± 5 % and 10 ± 6 %. In plane strain at 5 spacings d is near 0.7 or near 0.87, by which of two maxima of the load is greater."""
+Plane stress at 2.2 spacings and solids at 1.75 have more since fewer scatter too much to be judged:
+their judging clouds first deviated by 8 ± 5 % and 10 ± 6 %. In plane strain at 5 spacings d is near
+0.7 or near 0.87, by which of two maxima of the load is greater.
+"""
 
-BETWEEN = ("bond-energy", "stress", 4.2), ("bond-energy", "strain", 3.6), ("bond-energy", "space", 2.6), ("neo-hookean", "stress", 3.6)
-"""Force models, planes and horizons in spacings between those of the table, by which its interpolation is judged.
+BETWEEN = (
+    ("bond-energy", "stress", 4.2),
+    ("bond-energy", "strain", 3.6),
+    ("bond-energy", "space", 2.6),
+    ("neo-hookean", "stress", 3.6),
+)
+"""Force models, planes and horizons in spacings between those of the table, by which its
+interpolation is judged.
 
-With bond forces, and with bond-energy in plane strain, an interpolation between 3.15 and 5 spacings missed the G of strips at 4.2 by 8 to
-12 %, so that the table has this horizon as well."""
+With bond forces, and with bond-energy in plane strain, an interpolation between 3.15 and 5 spacings
+missed the G of strips at 4.2 by 8 to 12 %, so that the table has this horizon as well.
+"""
 
-STRETCHES, LARGEST, LARGEST_IN_SPACE = (1.6, 2.2, 2.8, 4.0), {"bond-energy": 13.0, "neo-hookean": 14.0}, 6.7
-"""Critical stretches at which diameters are measured, as long as the stretch times the horizon in spacings is not larger than these."""
+STRETCHES, LARGEST, LARGEST_IN_SPACE = (
+    (1.6, 2.2, 2.8, 4.0),
+    {"bond-energy": 13.0, "neo-hookean": 14.0},
+    6.7,
+)
+"""Critical stretches at which diameters are measured, as long as the stretch times the horizon
+in spacings is not larger than these.
+"""
 
 HIGHER, SOLIDS_HIGHER = (16, 20, 24, 28, 32), (10, 14, 18)
-"""Rows of points per unit of height of the strips with these critical stretches, in the plane and in solids."""
+"""Rows of points per unit of height of the strips with these critical stretches, in the plane
+and in solids.
+"""
 
 WIDE_TIPS = {"rows": (20, 24, 28), "energy": 0.19}
-"""Rows of the strips that judge plane strain at a horizon of 5 spacings, and their G in place of ENERGY. Strips of 16, 20 and 24 rows with
-G = ENERGY are lower than LEAST_HEIGHT, and tore at 0.84, 0.84 and 0.93 of the prescribed G."""
+"""Rows of the strips that judge plane strain at a horizon of 5 spacings, and their G in place of
+ENERGY. Strips of 16, 20 and 24 rows with G = ENERGY are lower than LEAST_HEIGHT, and tore at 0.84,
+0.84 and 0.93 of the prescribed G.
+"""
 
 LEAST_ROWS = {("space", 1.75): 14} | {("stress", ratio): 20 for ratio in (2.2, 3.15, 4.2, 5.0)}
-"""Least rows of points per unit of height of clouds with these critical stretches. At 1.75 spacings they are those
-of the judging clouds; with 10 rows d was up to 4 % smaller."""
+"""Least rows of points per unit of height of clouds with these critical stretches. At 1.75 spacings
+they are those of the judging clouds; with 10 rows d was up to 4 % smaller.
+"""
 
 LEAST_HEIGHT = 2.0
-"""Least height of these strips, in blunted tips, which are about as wide as a horizon that is stretched by the critical stretch.
+"""Least height of these strips, in blunted tips, which are about as wide as a horizon that is
+stretched by the critical stretch.
 
-Chosen after some tears: at a horizon of 3.15 spacings, strips of 1.8 to 1.9 such widths gave 9 to 11 % less than those of 2.2 and more."""
+Chosen after some tears: at a horizon of 3.15 spacings, strips of 1.8 to 1.9 such widths gave 9 to
+11 % less than those of 2.2 and more.
+"""
 
 LIMIT, STIFFENED = 20.0, ({"critical": 2.2, "rows": 16}, {"critical": 2.8, "rows": 20})
 """Limit of the chains of Gent's law, and the strips of such a material."""
 
 LOW = ((2.8, 16), (3.4, 20), (3.4, 24), (3.4, 28), (4.0, 24))
-"""Critical stretches and rows of strips of bond-energy at a horizon of 3.15 spacings, of which three are lower than LEAST_HEIGHT."""
+"""Critical stretches and rows of strips of bond-energy at a horizon of 3.15 spacings, of which
+three are lower than LEAST_HEIGHT.
+"""
 
 PULLED = 0.4, 1.5, 0.04
-"""Travels at which dynamics begin and end, and speed of the grips over that of shear waves, over the expected travel at the peak. A
-strip with G = ENERGY has an expected travel of 0.5, which gives about the travels and the speed of the other strips."""
+"""Travels at which dynamics begin and end, and speed of the grips over that of shear waves, over
+the expected travel at the peak. A strip with G = ENERGY has an expected travel of 0.5, which gives
+about the travels and the speed of the other strips.
+"""
 
 DAMPING, SLIDING_DAMPING = 0.02, 0.5
-"""Damping of strips that are held along their grips, and of those that slide, over the speed of shear waves and the height.
+"""Damping of strips that are held along their grips, and of those that slide, over the speed of
+shear waves and the height.
 
-A strip in plane strain must contract along its grips as it is pulled. It oscillates in this direction, and with a damping of 0.02 the load
-did so by 8 % with a period of some 6 heights over the speed of shear waves: its greatest value was that of an oscillation, and spacings
-deviated by 14 %. In plane stress a tear with a damping of 0.5 has the same peak as one with 0.02."""
+A strip in plane strain must contract along its grips as it is pulled. It oscillates in this
+direction, and with a damping of 0.02 the load did so by 8 % with a period of some 6 heights over
+the speed of shear waves: its greatest value was that of an oscillation, and spacings deviated by 14
+%. In plane stress a tear with a damping of 0.5 has the same peak as one with 0.02.
+"""
 
 EASED, EASED_FROM = 0.15, 4.0
-"""Travel, over the expected one at the peak, over which the speed of grips that slide rises, and the least horizon in spacings at which it
-does. With grips that start at once the load oscillated by 2 % at a horizon of 5 spacings, where it has two maxima that are nearly equal: d
-was 0.69 at one and 0.77 at the other. At 3.15 spacings, where it has one, d is 0.79 with both starts."""
+"""Travel, over the expected one at the peak, over which the speed of grips that slide rises, and
+the least horizon in spacings at which it does. With grips that start at once the load oscillated by
+2 % at a horizon of 5 spacings, where it has two maxima that are nearly equal: d was 0.69 at one and
+0.77 at the other. At 3.15 spacings, where it has one, d is 0.79 with both starts.
+"""
 
 SAFER = 0.35
-"""Part of the critical time step with which a tear is repeated that failed with the default of 0.7."""
+"""Part of the critical time step with which a tear is repeated that failed with the default of
+0.7.
+"""
 
 OFFSET = 0.3
-"""Difference of either precut from the one in between, for -dE/da: some spacings, so that the rows at its end do not matter."""
+"""Difference of either precut from the one in between, for -dE/da: some spacings, so that the
+rows at its end do not matter.
+"""
 
 
 def judging() -> list[dict]:
-    """Cases that judge the table: along a row at three spacings, also between its horizons; clouds; turned lattices."""
+    """Cases that judge the table: along a row at three spacings, also between its horizons;
+    clouds; turned lattices.
+    """
     horizons = {"stress": (3.15, 2.2, 5.0), "strain": (3.15, 2.2, 5.0), "space": (2.2, 1.75, 3.0)}
     measured = [("bond-energy", plane, ratio) for plane in horizons for ratio in horizons[plane]]
-    measured += [("bond-energy", "strain", 4.2), *(("neo-hookean", "stress", ratio) for ratio in (3.15, 2.2, 4.2, 5.0))]
-    base, other = ([dict(zip(("model", "plane", "ratio"), case, strict=True)) for case in named] for named in (measured, BETWEEN))
+    measured += [
+        ("bond-energy", "strain", 4.2),
+        *(("neo-hookean", "stress", ratio) for ratio in (3.15, 2.2, 4.2, 5.0)),
+    ]
+    base, other = (
+        [dict(zip(("model", "plane", "ratio"), case, strict=True)) for case in named]
+        for named in (measured, BETWEEN)
+    )
     rows = [entry | {"angle": 0} for case in base + other for entry in at_spacings(case)]
-    clouds = [at_spacings(case)[0] | {"arrangement": "relaxed", "seed": seed} for case in base for seed in chosen(case, SEEDS)]
-    turned = [at_spacings(case)[0] | {"angle": angle} for angle, case in product(ANGLES, base) if case["plane"] != "strain"]
+    clouds = [
+        at_spacings(case)[0] | {"arrangement": "relaxed", "seed": seed}
+        for case in base
+        for seed in chosen(case, SEEDS)
+    ]
+    turned = [
+        at_spacings(case)[0] | {"angle": angle}
+        for angle, case in product(ANGLES, base)
+        if case["plane"] != "strain"
+    ]
     notched = {"model": "bond-energy", "plane": "strain", "high": 4.0, "precut": TURNED_NOTCH}
     angles = product(TURNED_ROWS, (0, *ANGLES))
-    return rows + clouds + turned + [notched | {"ratio": ratio, "rows": TURNED_ROWS[ratio], "angle": angle} for ratio, angle in angles]
+    return (
+        rows
+        + clouds
+        + turned
+        + [
+            notched | {"ratio": ratio, "rows": TURNED_ROWS[ratio], "angle": angle}
+            for ratio, angle in angles
+        ]
+    )
 
 
 def at_spacings(case: dict) -> list[dict]:
@@ -171,21 +255,41 @@ def high_enough(case: dict) -> bool:
 
 
 def stretched() -> list[dict]:
-    """Cases of which the table is made: at given critical stretches, along a row at three spacings in plane stress, else two; clouds."""
-    flat = [{"model": "bond-energy", "plane": plane, "ratio": ratio} for plane, ratio in product(("stress", "strain"), (2.2, 3.15, 5.0))]
+    """Cases of which the table is made: at given critical stretches, along a row at three
+    spacings in plane stress, else two; clouds.
+    """
+    flat = [
+        {"model": "bond-energy", "plane": plane, "ratio": ratio}
+        for plane, ratio in product(("stress", "strain"), (2.2, 3.15, 5.0))
+    ]
     flat += [{"model": "bond-energy", "plane": "strain", "ratio": 4.2}]
-    flat += [{"model": "neo-hookean", "plane": "stress", "ratio": ratio} for ratio in (2.2, 3.15, 4.2, 5.0)]
-    solid = [{"model": "bond-energy", "plane": "space", "ratio": ratio} for ratio in (2.2, 1.75, 3.0)]
+    flat += [
+        {"model": "neo-hookean", "plane": "stress", "ratio": ratio}
+        for ratio in (2.2, 3.15, 4.2, 5.0)
+    ]
+    solid = [
+        {"model": "bond-energy", "plane": "space", "ratio": ratio} for ratio in (2.2, 1.75, 3.0)
+    ]
     low = {"model": "bond-energy", "plane": "stress", "ratio": 3.15, "angle": 0}
     found = [low | {"critical": critical, "rows": rows} for critical, rows in LOW]
     for base, critical in product(flat + solid, STRETCHES):
         straight = base | {"critical": critical, "angle": 0}
-        heights, largest = (SOLIDS_HIGHER, LARGEST_IN_SPACE) if base in solid else (HIGHER, LARGEST[base["model"]])
-        along = [straight | {"rows": rows} for rows in heights if high_enough(straight | {"rows": rows})]
+        heights, largest = (
+            (SOLIDS_HIGHER, LARGEST_IN_SPACE) if base in solid else (HIGHER, LARGEST[base["model"]])
+        )
+        along = [
+            straight | {"rows": rows} for rows in heights if high_enough(straight | {"rows": rows})
+        ]
         if critical * base["ratio"] <= largest:
-            rows = next(case["rows"] for case in along if case["rows"] >= LEAST_ROWS.get((base["plane"], base["ratio"]), 0))
+            rows = next(
+                case["rows"]
+                for case in along
+                if case["rows"] >= LEAST_ROWS.get((base["plane"], base["ratio"]), 0)
+            )
             cloud = base | {"critical": critical, "rows": rows, "arrangement": "relaxed"}
-            found += along[: 3 if base["plane"] == "stress" else 2] + [cloud | {"seed": seed} for seed in chosen(base, OTHER_SEEDS)]
+            found += along[: 3 if base["plane"] == "stress" else 2] + [
+                cloud | {"seed": seed} for seed in chosen(base, OTHER_SEEDS)
+            ]
     return found
 
 
@@ -197,7 +301,11 @@ def guess(case: dict) -> float:
 def law_of(case: dict) -> Law:
     """Law of the material: neo-Hookean, or with a `limit` of the chains that of Gent."""
     bulk = case.get("bulk", BULK)
-    return pds.materials.Gent(1.0, bulk, chain_limit=case["limit"]) if "limit" in case else pds.materials.NeoHookean(1.0, bulk)
+    return (
+        pds.materials.Gent(1.0, bulk, chain_limit=case["limit"])
+        if "limit" in case
+        else pds.materials.NeoHookean(1.0, bulk)
+    )
 
 
 def layers_of(case: dict) -> int:
@@ -209,13 +317,20 @@ def density_of(case: dict) -> float:
     """Expected G over height of a case."""
     if "critical" not in case:
         return case.get("energy", ENERGY)
-    return homogeneous.uniaxial(law_of(case), case["critical"]).energy_density * guess(case) * case["ratio"] / case["rows"]
+    return (
+        homogeneous.uniaxial(law_of(case), case["critical"]).energy_density
+        * guess(case)
+        * case["ratio"]
+        / case["rows"]
+    )
 
 
 def expected_travel(case: dict) -> float:
     """Travel of the grip of a strip of height 1 at which pure shear has the expected energy."""
     law, density = law_of(case), density_of(case)
-    return scipy.optimize.brentq(lambda travel: homogeneous.pure_shear(law, 1 + travel).energy_density - density, 0.0, 5.0)
+    return scipy.optimize.brentq(
+        lambda travel: homogeneous.pure_shear(law, 1 + travel).energy_density - density, 0.0, 5.0
+    )
 
 
 def cases() -> list[dict]:
@@ -225,13 +340,29 @@ def cases() -> list[dict]:
         ("strain", 3.15, 20): "neo-hookean-isochoric",
         ("space", 2.2, 14): "neo-hookean-isochoric",
     }
-    stiffer = [{"plane": plane, "ratio": ratio, "rows": rows, "angle": 0, "bulk": 100.0} for plane, ratio, rows in learned]
-    others = [case | {"model": model} for case, own in zip(stiffer, learned.values(), strict=True) for model in ("bond-energy", own)]
-    others += [{"model": "bond-energy", "plane": "stress", "ratio": 2.2, "angle": 0, "limit": LIMIT} | own for own in STIFFENED]
+    stiffer = [
+        {"plane": plane, "ratio": ratio, "rows": rows, "angle": 0, "bulk": 100.0}
+        for plane, ratio, rows in learned
+    ]
+    others = [
+        case | {"model": model}
+        for case, own in zip(stiffer, learned.values(), strict=True)
+        for model in ("bond-energy", own)
+    ]
+    others += [
+        {"model": "bond-energy", "plane": "stress", "ratio": 2.2, "angle": 0, "limit": LIMIT} | own
+        for own in STIFFENED
+    ]
     layered = {"model": "bond-energy", "plane": "space", "ratio": 1.75, "angle": 0}
-    others += [layered | {"critical": critical, "rows": rows, "layers": layers} for critical, rows, layers in OTHER_LAYERS]
+    others += [
+        layered | {"critical": critical, "rows": rows, "layers": layers}
+        for critical, rows, layers in OTHER_LAYERS
+    ]
     notch = {"plane": "stress", "ratio": 3.15, "rows": 10, "high": 4.0, "angle": 0}
-    others += [notch | {"model": model, "precut": cut} for model, cut in product(("bond-energy", "neo-hookean"), BEGIN)]
+    others += [
+        notch | {"model": model, "precut": cut}
+        for model, cut in product(("bond-energy", "neo-hookean"), BEGIN)
+    ]
     others += [notch | {"model": "bond-energy", "rows": FINER, "precut": cut} for cut in BEGIN]
     return stretched() + judging() + others
 
@@ -241,11 +372,21 @@ def name_of(case: dict) -> str:
     return " ".join(f"{key}={value}" for key, value in sorted(case.items()))
 
 
-def strip(case: dict, critical: float | None = None, precut: float | None = None, end: float | None = None, **dynamics: float) -> pds.Scene:
-    """The body of a case: torn (with other settings of its `dynamics`), or with `end` brought into equilibrium at a travel of the grip."""
+def strip(
+    case: dict,
+    critical: float | None = None,
+    precut: float | None = None,
+    end: float | None = None,
+    **dynamics: float,
+) -> pds.Scene:
+    """The body of a case: torn (with other settings of its `dynamics`), or with `end` brought
+    into equilibrium at a travel of the grip.
+    """
     solid, high, spacing = case["plane"] == "space", case.get("high", 1.0), 1 / case["rows"]
     turn = np.radians(case.get("angle", 0))
-    held = np.ceil(case["ratio"]) * spacing if turn else 0.0  # what holds a turned strip at either side
+    held = (
+        np.ceil(case["ratio"]) * spacing if turn else 0.0
+    )  # what holds a turned strip at either side
     origin = np.zeros(2) if turn else np.array([LONG / 2, high / 2])
 
     def turned(x, y):
@@ -255,22 +396,37 @@ def strip(case: dict, critical: float | None = None, precut: float | None = None
         return (origin + turned(x, y)).tolist()
 
     if turn:
-        sides = [(x * LONG / 2, y * (high / 2 + held)) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        sides = [
+            (x * LONG / 2, y * (high / 2 + held)) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        ]
         body = {"shape": "polygon", "vertices": [place(*corner) for corner in sides]}
         kind, flat = ("half_space", [0.0]) if solid else ("half_plane", [])
-        ends = [{kind: {"point": place(0, side * high / 2) + flat, "normal": turned(0, side).tolist() + flat}} for side in (-1, 1)]
+        ends = [
+            {
+                kind: {
+                    "point": place(0, side * high / 2) + flat,
+                    "normal": turned(0, side).tolist() + flat,
+                }
+            }
+            for side in (-1, 1)
+        ]
     else:
         body, ends = {"shape": "rectangle", "size": [LONG, high]}, ["bottom", "top"]
     begin, tip = place(-LONG, 0), place((precut or case.get("precut", PRECUT)) - LONG / 2, 0)
     cut = {"start": begin, "end": tip}
     if solid:
         body = {"shape": "extrusion", "outline": body, "thickness": layers_of(case) * spacing}
-        cut = {"corner": [*begin, -1.0], "sides": [[*np.subtract(tip, begin).tolist(), 0.0], [0.0, 0.0, 3.0]]}
+        cut = {
+            "corner": [*begin, -1.0],
+            "sides": [[*np.subtract(tip, begin).tolist(), 0.0], [0.0, 0.0, 3.0]],
+        }
     body |= {key: case[key] for key in ("arrangement", "seed") if key in case}
     normal, across = turned(0, 1).tolist(), {"x3": 0.0} if solid else {}
     prescribed = [{"region": ends[0], "name": "low", "x1": 0.0, "x2": 0.0, **across}]
     prescribed += [{"region": ends[1], "name": "high", "x1": normal[0], "x2": normal[1], **across}]
-    first, last, rate = (0.2, 0.75, RATE) if high == 1 else (BEGIN[case["precut"]] * high, 0.5 * high, RATE / high)
+    first, last, rate = (
+        (0.2, 0.75, RATE) if high == 1 else (BEGIN[case["precut"]] * high, 0.5 * high, RATE / high)
+    )
     if high != 1 and case["rows"] == FINER:
         first, last = (AT_PEAK[case["precut"]] * np.array(AROUND)).tolist()
     if {"critical", "energy"} & case.keys():
@@ -280,7 +436,13 @@ def strip(case: dict, critical: float | None = None, precut: float | None = None
     damping = SLIDING_DAMPING if slides else DAMPING
     if slides and case["ratio"] >= EASED_FROM:
         prescribed[-1]["amplitude"] = eased(first, last)
-    pulled = {"to": last, "outputs": 60, "dynamics": {"duration": (last - first) / rate, "density": 1.0, "damping": damping} | dynamics}
+    pulled = {
+        "to": last,
+        "outputs": 60,
+        "dynamics": (
+            {"duration": (last - first) / rate, "density": 1.0, "damping": damping} | dynamics
+        ),
+    }
     return pds.Scene.model_validate(
         {
             "name": "strip",
@@ -298,7 +460,9 @@ def strip(case: dict, critical: float | None = None, precut: float | None = None
 
 
 def sliding(prescribed: list[dict]) -> list[dict]:
-    """Grips that leave the direction along them free; the far end of the strip is a plane of symmetry."""
+    """Grips that leave the direction along them free; the far end of the strip is a plane of
+    symmetry.
+    """
     for entry in prescribed:
         del entry["x1"]
     return [*prescribed, {"region": "right", "name": "end", "x1": 0.0}]
@@ -307,23 +471,39 @@ def sliding(prescribed: list[dict]) -> list[dict]:
 def eased(first: float, last: float) -> list[list[float]]:
     """Amplitude of a grip whose speed rises from zero at a travel."""
     ease, later = EASED * first / PULLED[0], np.linspace(0, last - first, 200)
-    return [[0.0, 0.0], *np.column_stack([first + later, first + later - ease * (1 - np.exp(-later / ease))]).tolist()]
+    return [
+        [0.0, 0.0],
+        *np.column_stack(
+            [first + later, first + later - ease * (1 - np.exp(-later / ease))]
+        ).tolist(),
+    ]
 
 
 def pulls(case: dict, forces) -> np.ndarray:
     """Forces of the moving grip along its travel, over the thickness."""
     turn = np.radians(case.get("angle", 0))
     thickness = layers_of(case) / case["rows"] if case["plane"] == "space" else 1.0
-    return np.array([force[1] * np.cos(turn) - force[0] * np.sin(turn) for force in forces]) / thickness
+    return (
+        np.array([force[1] * np.cos(turn) - force[0] * np.sin(turn) for force in forces])
+        / thickness
+    )
 
 
 def released(case: dict, travel: float) -> float:
     """-dE/da at a travel: the works of the grips on two bodies whose precuts differ."""
     works = []
-    for precut in case.get("precut", PRECUT) + np.array([-OFFSET, OFFSET]) / (1 if case.get("high", 1) == 1 else 3):
-        levels = pds.simulate(strip(case, precut=float(precut) + 1e-3 / case["rows"], end=travel), case["model"], threads=1).levels
+    for precut in case.get("precut", PRECUT) + np.array([-OFFSET, OFFSET]) / (
+        1 if case.get("high", 1) == 1 else 3
+    ):
+        levels = pds.simulate(
+            strip(case, precut=float(precut) + 1e-3 / case["rows"], end=travel),
+            case["model"],
+            threads=1,
+        ).levels
         forces = pulls(case, [level["forces"]["high"] for level in levels])
-        works.append((precut, np.trapezoid([0.0, *forces], [0.0, *(level["t"] for level in levels)])))
+        works.append(
+            (precut, np.trapezoid([0.0, *forces], [0.0, *(level["t"] for level in levels)]))
+        )
     (short, large), (long, small) = works
     return float((large - small) / (long - short))
 
@@ -332,28 +512,49 @@ def torn(case: dict, **dynamics: float) -> dict:
     """Figures of one tear."""
     began, horizon = time.process_time(), case["ratio"] / case["rows"]
     law = law_of(case)
-    critical = case.get("critical") or pds.critical_stretch_of(law, case.get("energy", ENERGY), horizon, guess(case))
+    critical = case.get("critical") or pds.critical_stretch_of(
+        law, case.get("energy", ENERGY), horizon, guess(case)
+    )
     try:
-        result, failure = pds.simulate(strip(case, critical, **dynamics), case["model"], threads=1), None
+        result, failure = (
+            pds.simulate(strip(case, critical, **dynamics), case["model"], threads=1),
+            None,
+        )
     except pds.SimulationFailed as error:
         result, failure = error.result, error
     rows = [row for row in result.history if "time" in row]
     load = pulls(case, [(row["force_high_1"], row["force_high_2"]) for row in rows])
-    if failure and (not len(load) or load[-1] > load.max() / 2):  # one that fails when it is nearly torn has had its peak
+    if failure and (
+        not len(load) or load[-1] > load.max() / 2
+    ):  # one that fails when it is nearly torn has had its peak
         raise failure
     peak = rows[int(load.argmax())]
-    travel = peak["displacement_high_2"] if case["plane"] == "strain" and not case.get("angle") else peak["t"]
+    travel = (
+        peak["displacement_high_2"]
+        if case["plane"] == "strain" and not case.get("angle")
+        else peak["t"]
+    )
     if load.argmax() == len(load) - 1:
         raise ValueError("the load rises until the end of the pull: it has no peak")
     figures = {"critical_stretch": critical, "travel": travel, "peak": float(load.max())}
     if case.get("high", 1) == 1 and not case.get("angle"):
-        stretch = homogeneous.uniaxial(law, 1 + travel, "strain") if case["plane"] == "strain" else homogeneous.pure_shear(law, 1 + travel)
+        stretch = (
+            homogeneous.uniaxial(law, 1 + travel, "strain")
+            if case["plane"] == "strain"
+            else homogeneous.pure_shear(law, 1 + travel)
+        )
         figures["G"] = stretch.energy_density
     else:
         figures["G"] = released(case, travel)
-    figures["diameter"] = figures["G"] / (homogeneous.uniaxial(law, critical).energy_density * result.body.horizon)
+    figures["diameter"] = figures["G"] / (
+        homogeneous.uniaxial(law, critical).energy_density * result.body.horizon
+    )
     account = result.summary["dynamics"][-1].get("energy_gap")
-    return figures | {"account_percent": account, "seconds": time.process_time() - began, **dynamics}
+    return figures | {
+        "account_percent": account,
+        "seconds": time.process_time() - began,
+        **dynamics,
+    }
 
 
 def repeated(tear: Callable[..., dict], case: dict) -> dict:
@@ -380,28 +581,47 @@ def strips() -> list[dict]:
 
 
 def told(case: dict) -> tuple:
-    """Family of the force model, plane, arrangement and horizon of a tear; those of other force models have their names."""
-    return FAMILIES.get(case["model"], case["model"]), case["plane"], case.get("arrangement", "lattice"), case["ratio"]
+    """Family of the force model, plane, arrangement and horizon of a tear; those of other force
+    models have their names.
+    """
+    return (
+        FAMILIES.get(case["model"], case["model"]),
+        case["plane"],
+        case.get("arrangement", "lattice"),
+        case["ratio"],
+    )
 
 
 def measured() -> list[dict]:
-    """All measured cases: the mean along a row over spacings, or over clouds, the tears that it averages, and a diameter if settled."""
+    """All measured cases: the mean along a row over spacings, or over clouds, the tears that it
+    averages, and a diameter if settled.
+    """
     found: dict[tuple, dict] = {}
     for case in stored().values():
         if "critical" in case and not {"limit", "layers"} & case.keys() and high_enough(case):
             kind, number = ("seeds", "seed") if "seed" in case else ("rows", "rows")
-            found.setdefault((*told(case), case["critical"]), {kind: {}})[kind][case[number]] = round(case["diameter"], 3)
+            found.setdefault((*told(case), case["critical"]), {kind: {}})[kind][case[number]] = (
+                round(case["diameter"], 3)
+            )
     entries = []
     for key, figures in sorted(found.items()):
         ((kind, by_number),) = figures.items()
-        entry = dict(zip(("family", "plane", "arrangement", "horizon_ratio", "critical_stretch"), key, strict=True))
+        entry = dict(
+            zip(
+                ("family", "plane", "arrangement", "horizon_ratio", "critical_stretch"),
+                key,
+                strict=True,
+            )
+        )
         tears = np.array(list(by_number.values()))
         if len(tears) >= LEAST[kind]:
             mean = float(tears.mean())
             settled = kind == "seeds" or np.abs(tears / mean - 1).max() <= MOST_SPREAD
             entry |= {"diameter": round(mean, 3)} if settled else {}
             entry |= {"mean": round(mean, 3), "deviation": round(float(tears.std(ddof=1)), 3)}
-        entries.append(entry | {kind: {str(number): by_number[number] for number in sorted(by_number)}})
+        entries.append(
+            entry | {kind: {str(number): by_number[number] for number in sorted(by_number)}}
+        )
     return entries
 
 
@@ -411,7 +631,9 @@ def case_of(entry: dict) -> tuple:
 
 
 def table() -> list[dict]:
-    """Entries of the package's table: the measured cases that have diameters at two critical stretches or more."""
+    """Entries of the package's table: the measured cases that have diameters at two critical
+    stretches or more.
+    """
     settled = [entry for entry in measured() if "diameter" in entry]
     several = Counter(case_of(entry) for entry in settled)
     return [entry for entry in settled if several[case_of(entry)] > 1]
@@ -422,14 +644,37 @@ def page() -> None:
     entries = measured()
     stretches, rows = sorted({entry["critical_stretch"] for entry in entries}), []
     for case in dict.fromkeys(case_of(entry) for entry in entries):
-        cells = {entry["critical_stretch"]: cell(entry) for entry in entries if case_of(entry) == case}
-        rows.append([case[0], f"{case[1]}, {case[2]}", f"{case[3]:g}", *(cells.get(stretch, "-") for stretch in stretches)])
+        cells = {
+            entry["critical_stretch"]: cell(entry) for entry in entries if case_of(entry) == case
+        }
+        rows.append(
+            [
+                case[0],
+                f"{case[1]}, {case[2]}",
+                f"{case[3]:g}",
+                *(cells.get(stretch, "-") for stretch in stretches),
+            ]
+        )
     head = ["force model", "body, points", "horizon (spacings)"]
-    replace_block("tip-diameters", markdown_table([*head, *(f"λ_c = {stretch:g}" for stretch in stretches)], rows))
-    others = [case for case in stored().values() if case["model"] not in FAMILIES or {"bulk", "high", "limit", "layers"} & case.keys()]
+    replace_block(
+        "tip-diameters",
+        markdown_table([*head, *(f"λ_c = {stretch:g}" for stretch in stretches)], rows),
+    )
+    others = [
+        case
+        for case in stored().values()
+        if case["model"] not in FAMILIES or {"bulk", "high", "limit", "layers"} & case.keys()
+    ]
     rows = []
     for case in sorted(
-        others, key=lambda case: ("high" in case, case["plane"], case["model"], case.get("precut", 0), case.get("angle", 0))
+        others,
+        key=lambda case: (
+            "high" in case,
+            case["plane"],
+            case["model"],
+            case.get("precut", 0),
+            case.get("angle", 0),
+        ),
     ):
         law = f"Gent, limit {case['limit']:g}, " if "limit" in case else ""
         thick = f"{case['layers']} points thick, " if "layers" in case else ""
@@ -439,7 +684,12 @@ def page() -> None:
             if "high" in case
             else f"strip, {thick}{law}K = {case.get('bulk', BULK):g} μ"
         )
-        figures = [f"{case['ratio']:g}", str(case["rows"]), f"{case['critical_stretch']:.2f}", f"{case['diameter']:.2f}"]
+        figures = [
+            f"{case['ratio']:g}",
+            str(case["rows"]),
+            f"{case['critical_stretch']:.2f}",
+            f"{case['diameter']:.2f}",
+        ]
         rows.append([case["model"], f"{body}, {case['plane']}", *figures])
     head = ["force model", "body", "horizon (spacings)", "rows per unit length", "λ_c", "d / δ"]
     replace_block("other-tips", markdown_table(head, rows))
@@ -448,16 +698,31 @@ def page() -> None:
 
 
 def notches() -> str:
-    """G at the peak over the prescribed one, of squares with edge notches, for coarse and finer points."""
+    """G at the peak over the prescribed one, of squares with edge notches, for coarse and finer
+    points.
+    """
     tears = [case for case in stored().values() if "high" in case and case["plane"] == "stress"]
     rows = []
     for tear in sorted(tears, key=lambda tear: (tear["precut"], tear["rows"])):
         family, plane, arrangement, ratio = told(tear)
         prescribed = tip_diameters(plane, ratio, family, arrangement).at(tear["critical_stretch"])
         horizons = tear["precut"] * tear["rows"] / ratio
-        figures = [f"{tear['precut']:g}", str(tear["rows"]), f"{horizons:.1f}", f"{tear['critical_stretch']:.2f}"]
+        figures = [
+            f"{tear['precut']:g}",
+            str(tear["rows"]),
+            f"{horizons:.1f}",
+            f"{tear['critical_stretch']:.2f}",
+        ]
         rows.append([family, *figures, f"{tear['G']:.3f}", f"{tear['diameter'] / prescribed:.2f}"])
-    head = ["force model", "notch", "rows per unit length", "notch / horizon", "λ_c", "G / (μ · unit length)", "G / prescribed"]
+    head = [
+        "force model",
+        "notch",
+        "rows per unit length",
+        "notch / horizon",
+        "λ_c",
+        "G / (μ · unit length)",
+        "G / prescribed",
+    ]
     return markdown_table(head, rows)
 
 
@@ -472,16 +737,24 @@ def cell(entry: dict) -> str:
 
 def span(values: list[float]) -> str:
     """Least and greatest value."""
-    return f"{min(values):.2f} to {max(values):.2f}" if len(values) > 1 else "".join(f"{value:.2f}" for value in values) or "-"
+    return (
+        f"{min(values):.2f} to {max(values):.2f}"
+        if len(values) > 1
+        else "".join(f"{value:.2f}" for value in values) or "-"
+    )
 
 
 def judged() -> dict[tuple, dict[str, list[float]]]:
-    """G at the peak over the prescribed one by case and kind of tear, of tears that the table does not average.
+    """G at the peak over the prescribed one by case and kind of tear, of tears that the table does
+    not average.
 
-    The cases are those of the package's table, and along a row of the lattice those at horizons between them.
+    The cases are those of the package's table, and along a row of the lattice those at horizons
+    between them.
     """
     own = [case for case in stored().values() if "critical" not in case and "bulk" not in case]
-    between = [told(case) for case in own if (case["model"], case["plane"], case["ratio"]) in BETWEEN]
+    between = [
+        told(case) for case in own if (case["model"], case["plane"], case["ratio"]) in BETWEEN
+    ]
     found: dict[tuple, dict[str, list[float]]] = {}
     for case in sorted({*map(case_of, table()), *between}):
         family, plane, arrangement, ratio = case
@@ -489,15 +762,29 @@ def judged() -> dict[tuple, dict[str, list[float]]]:
         found[case] = {kind: [] for kind in ("along", "clouds", "turned", "notched", "directions")}
         for tear in [*own, *(strip | {"directions": True} for strip in strips())]:
             if told(tear) == case:
-                kind = "directions" if "directions" in tear else "clouds" if "seed" in tear else "notched" if "high" in tear else "along"
+                kind = (
+                    "directions"
+                    if "directions" in tear
+                    else "clouds"
+                    if "seed" in tear
+                    else "notched"
+                    if "high" in tear
+                    else "along"
+                )
                 kind = "turned" if kind in ("along", "notched") and tear["angle"] else kind
                 found[case][kind].append(tear["diameter"] / tips.at(tear["critical_stretch"]))
     return found
 
 
 def error_of(entries: list[dict], ratios: list[float]) -> float:
-    """Standard error of the mean of some ratios, together with the greatest one of the entries of their case, if clouds have them."""
-    tips = [entry["deviation"] / entry["mean"] / np.sqrt(len(entry["seeds"])) for entry in entries if "seeds" in entry]
+    """Standard error of the mean of some ratios, together with the greatest one of the entries
+    of their case, if clouds have them.
+    """
+    tips = [
+        entry["deviation"] / entry["mean"] / np.sqrt(len(entry["seeds"]))
+        for entry in entries
+        if "seeds" in entry
+    ]
     return float(np.hypot(np.std(ratios, ddof=1) / np.sqrt(len(ratios)), max(tips, default=0.0)))
 
 
@@ -507,16 +794,37 @@ def peaks() -> str:
     for case, ratios in judged().items():
         family, plane, arrangement, ratio = case
         own = [entry for entry in entries if case_of(entry) == case]
-        figures = [str(len(ratios["along"])) if ratios["along"] else "-", span(ratios["along"]), averaged(own, ratios["clouds"])]
-        figures += [span(ratios["turned"]), span(ratios["notched"]), averaged(own, ratios["directions"])]
+        figures = [
+            str(len(ratios["along"])) if ratios["along"] else "-",
+            span(ratios["along"]),
+            averaged(own, ratios["clouds"]),
+        ]
+        figures += [
+            span(ratios["turned"]),
+            span(ratios["notched"]),
+            averaged(own, ratios["directions"]),
+        ]
         rows.append([family, f"{plane}, {arrangement}", f"{ratio:g}", *figures])
-    head = ["force model", "body, points", "horizon (spacings)", "spacings along a row", "G / prescribed along a row", "clouds"]
-    return markdown_table([*head, "turned strips", "edge notches", "turned strips of `crack_directions.py`"], rows)
+    head = [
+        "force model",
+        "body, points",
+        "horizon (spacings)",
+        "spacings along a row",
+        "G / prescribed along a row",
+        "clouds",
+    ]
+    return markdown_table(
+        [*head, "turned strips", "edge notches", "turned strips of `crack_directions.py`"], rows
+    )
 
 
 def averaged(entries: list[dict], ratios: list[float]) -> str:
     """Mean, standard error and number of some ratios of a case with these entries in the table."""
-    return f"{np.mean(ratios):.2f} ± {error_of(entries, ratios):.2f} ({len(ratios)})" if len(ratios) > 1 else span(ratios)
+    return (
+        f"{np.mean(ratios):.2f} ± {error_of(entries, ratios):.2f} ({len(ratios)})"
+        if len(ratios) > 1
+        else span(ratios)
+    )
 
 
 def write() -> None:
@@ -527,7 +835,9 @@ def write() -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--only", nargs="+", default=[], metavar="WORD")
     parser.add_argument("--table", action="store_true")
     arguments = parser.parse_args()

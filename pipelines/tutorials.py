@@ -1,10 +1,13 @@
-"""Output, pictures and notebooks of the pages that a reader can type: the README, two of docs/start, and the tutorials.
+"""Output, pictures and notebooks of the pages that a reader can type: the README, two of
+docs/start, and the tutorials.
 
-python pipelines/tutorials.py [PAGE ...]     types the pages (default: all) into empty folders and updates what depends on it
+python pipelines/tutorials.py [PAGE ...]     types the pages (default: all) into empty folders and
+updates what depends on it
 
-A ``text`` block of a page is the output of the command or Python block before it, and a picture with the name of a file that the page
-draws is that file: both are replaced if the commands now print or draw something else.  `same_output` says what counts as the same.
-The notebooks in docs/notebooks are made from the pages of docs/tutorial, without running them.
+A ``text`` block of a page is the output of the command or Python block before it, and a picture
+with the name of a file that the page draws is that file: both are replaced if the commands now
+print or draw something else.  `same_output` says what counts as the same. The notebooks in
+docs/notebooks are made from the pages of docs/tutorial, without running them.
 """
 
 import os
@@ -31,7 +34,9 @@ PICTURE = re.compile(r"^!\[[^]]*\]\(([^)]+\.png)\)$", re.MULTILINE)
 ENDINGS = {"python": ".py", "toml": ".toml", "csv": ".csv"}
 
 SETS_UP = re.compile(r"(python3[\d.]* -m venv|(\.venv/bin/)?pip )")
-"""How a block begins that sets up an environment; of such a block only the `pdsurrogate` command at its end is typed."""
+"""How a block begins that sets up an environment; of such a block only the `pdsurrogate` command
+at its end is typed.
+"""
 
 AFTER_SETUP = re.compile(r"&& \.venv/bin/(pdsurrogate .*)$", re.MULTILINE)
 
@@ -41,23 +46,32 @@ BETWEEN = "\x1e"
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 RELATIVE = 1e-3
-"""Relative difference up to which two printed numbers are the same, beyond one unit of the last printed digit.  Chosen: processors and
-versions of libraries round differently, and an equilibrium is only as exact as its tolerance."""
+"""Relative difference up to which two printed numbers are the same, beyond one unit of the last
+printed digit.  Chosen: processors and versions of libraries round differently, and an equilibrium
+is only as exact as its tolerance.
+"""
 
 FACTOR = 2.0
-"""Factor between two printed numbers below `SMALL` that are the same: an error of 1e-8 is mostly rounding, and only its order is the same
-on another processor."""
+"""Factor between two printed numbers below `SMALL` that are the same: an error of 1e-8 is mostly
+rounding, and only its order is the same on another processor.
+"""
 
 SMALL = 1e-5
-"""Absolute value below which only the order of a number is compared.  Chosen: on these pages only errors are as small."""
+"""Absolute value below which only the order of a number is compared.  Chosen: on these pages
+only errors are as small.
+"""
 
 DURATION = re.compile(r"\d (s|ms|ns|min|GiB)\b")
-"""Mark of a line with a time or a memory size, which depend on the machine: such a line is not compared."""
+"""Mark of a line with a time or a memory size, which depend on the machine: such a line is not
+compared.
+"""
 
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block of a page: its kind, its text, the file that it is the content of ("" if none), and where its text stands."""
+    """A fenced block of a page: its kind, its text, the file that it is the content of ("" if
+    none), and where its text stands.
+    """
 
     kind: str
     text: str
@@ -67,19 +81,27 @@ class Block:
 
 
 def blocks_of(page: str) -> list[Block]:
-    """Return the blocks of a page; a block is the content of the file that the paragraph before it names, as in "This is `sheet.py`:"."""
+    """Return the blocks of a page; a block is the content of the file that the paragraph before
+    it names, as in "This is `sheet.py`:".
+    """
     found = []
     for match in BLOCK.finditer(page):
         kind, text = match.groups()
         before = page[: match.start()].rstrip().rpartition("\n\n")[2]
-        named = [name for name in re.findall(r"`([\w./-]+)`", before) if kind in ENDINGS and name.endswith(ENDINGS[kind])]
+        named = [
+            name
+            for name in re.findall(r"`([\w./-]+)`", before)
+            if kind in ENDINGS and name.endswith(ENDINGS[kind])
+        ]
         file = Path(named[-1]).name if named and before.endswith(":") else ""
         found.append(Block(kind, text, file, match.start(2), match.end(2)))
     return found
 
 
 def command_of(block: Block) -> str:
-    """Return what is typed of a block of commands: all of it, or the end of one that sets up an environment."""
+    """Return what is typed of a block of commands: all of it, or the end of one that sets up an
+    environment.
+    """
     if SETS_UP.match(block.text):
         return "\n".join(AFTER_SETUP.findall(block.text))
     return block.text
@@ -88,7 +110,8 @@ def command_of(block: Block) -> str:
 def type_in(page: Path, folder: Path, **variables: str) -> dict[Block, str]:
     """Do in a folder what a page says, and return what its blocks of Python and of commands print.
 
-    First the files are written, then all Python runs as one script, then the commands.  A block that fails is an error.
+    First the files are written, then all Python runs as one script, then the commands.  A block
+    that fails is an error.
     """
     blocks = blocks_of(page.read_text("utf-8"))
     for block in blocks:
@@ -96,27 +119,42 @@ def type_in(page: Path, folder: Path, **variables: str) -> dict[Block, str]:
             (folder / block.file).write_text(block.text, "utf-8")
     typed = [block for block in blocks if block.kind == "python" and not block.file]
     commands = [block for block in blocks if block.kind == "sh" and command_of(block)]
-    # The commands of the environment that this runs in, as if it were active, on a terminal of 80 columns.
+    # The commands of the environment that this runs in, as if it were active, on a terminal of 80
+    # columns.
     paths = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     environment = {**os.environ, "PATH": paths, "COLUMNS": "80", "MPLBACKEND": "agg", **variables}
 
     def printed_by(command: list[str]) -> str:
-        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=600, check=False)
+        done = subprocess.run(
+            command,
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=600,
+            check=False,
+        )
         if done.returncode:
             raise RuntimeError(f"{page.name}: {command[-1]}\n{done.stdout}\n{done.stderr}")
         return done.stdout
 
     printed = {}
     if typed:
-        (folder / "typed.py").write_text(f"print({BETWEEN!r}, flush=True)\n".join(block.text for block in typed), "utf-8")
-        printed = dict(zip(typed, printed_by([sys.executable, "typed.py"]).split(f"{BETWEEN}\n"), strict=True))
+        (folder / "typed.py").write_text(
+            f"print({BETWEEN!r}, flush=True)\n".join(block.text for block in typed), "utf-8"
+        )
+        printed = dict(
+            zip(typed, printed_by([sys.executable, "typed.py"]).split(f"{BETWEEN}\n"), strict=True)
+        )
     for block in commands:
         printed[block] = printed_by(["bash", "-euo", "pipefail", "-c", command_of(block)])
     return printed
 
 
 def outputs_of(page: Path) -> dict[Block, Block]:
-    """Return the output that a page shows: each ``text`` block by the block of Python or of commands before it."""
+    """Return the output that a page shows: each ``text`` block by the block of Python or of
+    commands before it.
+    """
     blocks = blocks_of(page.read_text("utf-8"))
     return {before: block for before, block in pairwise(blocks) if block.kind == "text"}
 
@@ -138,12 +176,17 @@ def _same_line(shown: str, printed: str) -> bool:
     if DURATION.search(shown):
         return bool(DURATION.search(printed))
     # A number with more digits moves what follows it, and the lines of a table.
-    words, others = (re.sub(r"[\s─━]+", " ", NUMBER.sub("#", line)).strip() for line in (shown, printed))
-    return words == others and all(map(_same_number, NUMBER.findall(shown), NUMBER.findall(printed)))
+    words, others = (
+        re.sub(r"[\s─━]+", " ", NUMBER.sub("#", line)).strip() for line in (shown, printed)
+    )
+    return words == others and all(
+        map(_same_number, NUMBER.findall(shown), NUMBER.findall(printed))
+    )
 
 
 def same_output(shown: str, printed: str) -> bool:
-    """Return whether a page shows what was printed, numbers within the tolerances above; a line ``...`` stands for any number of lines.
+    """Return whether a page shows what was printed, numbers within the tolerances above; a line
+    ``...`` stands for any number of lines.
 
     Lines with a time or a memory size are there in both, but are not compared.
     """
@@ -155,23 +198,31 @@ def same_output(shown: str, printed: str) -> bool:
             return any(same(shown[1:], printed[start:]) for start in range(len(printed) + 1))
         return bool(printed) and _same_line(shown[0], printed[0]) and same(shown[1:], printed[1:])
 
-    return same(*([line.rstrip() for line in text.strip("\n").splitlines()] for text in (shown, printed)))
+    return same(
+        *([line.rstrip() for line in text.strip("\n").splitlines()] for text in (shown, printed))
+    )
 
 
 def pictures_of(page: Path, folder: Path) -> dict[Path, Path]:
-    """Return the pictures on a page, as files of the documentation, that the page has drawn in the folder, with what it has drawn."""
+    """Return the pictures on a page, as files of the documentation, that the page has drawn in
+    the folder, with what it has drawn.
+    """
     targets = [(page.parent / name).resolve() for name in PICTURE.findall(page.read_text("utf-8"))]
     return {target: drawn for target in targets for drawn in sorted(folder.rglob(target.name))[:1]}
 
 
 def update(page: Path) -> None:
-    """Type a page, and replace the output and the pictures on it that are no longer those of its commands."""
+    """Type a page, and replace the output and the pictures on it that are no longer those of its
+    commands.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder, content = Path(name), page.read_text("utf-8")
         printed = type_in(page, folder)
         for before, block in reversed(outputs_of(page).items()):
             if not same_output(block.text, printed[before]):
-                text = "".join(f"{line.rstrip()}\n" for line in printed[before].strip("\n").splitlines())
+                text = "".join(
+                    f"{line.rstrip()}\n" for line in printed[before].strip("\n").splitlines()
+                )
                 content = content[: block.start] + text + content[block.end :]
         write_text(page, content)
         for target, drawn in pictures_of(page, folder).items():
@@ -180,24 +231,32 @@ def update(page: Path) -> None:
 
 
 def notebook_of(page: Path) -> str:
-    """Return a tutorial as a notebook without output: Python and files as cells, commands with ``!``, and the pictures they draw."""
+    """Return a tutorial as a notebook without output: Python and files as cells, commands with
+    ``!``, and the pictures they draw.
+    """
     import nbformat
     from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
     content, cells = page.read_text("utf-8"), []
 
     def add_text(text: str) -> None:
-        """Add a cell of text, and one for each picture on it; links lead nowhere from a notebook that stands alone."""
+        """Add a cell of text, and one for each picture on it; links lead nowhere from a notebook
+        that stands alone.
+        """
         place = 0
         for match in [*PICTURE.finditer(text), None]:
-            words = re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", text[place : match.start() if match else None]).strip()
+            words = re.sub(
+                r"\[([^]]+)\]\([^)]+\)", r"\1", text[place : match.start() if match else None]
+            ).strip()
             if words:
                 cells.append(new_markdown_cell(words))
             if match:
                 place, picture = match.end(), Path(match[1]).name
                 files = re.findall(rf"[\"`]((?:[\w.-]+/)*{re.escape(picture)})[\"`]", content)
                 if files:
-                    cells.append(new_code_cell(f'from IPython.display import Image\n\nImage("{files[-1]}")'))
+                    cells.append(
+                        new_code_cell(f'from IPython.display import Image\n\nImage("{files[-1]}")')
+                    )
 
     place = 0
     for block in blocks_of(content):
@@ -209,20 +268,31 @@ def notebook_of(page: Path) -> str:
         elif block.kind == "python":
             cells.append(new_code_cell(block.text.strip()))
         elif block.kind == "sh" and not SETS_UP.match(block.text):
-            cells.append(new_code_cell("\n".join(f"!{line}" for line in block.text.strip().splitlines())))
+            cells.append(
+                new_code_cell("\n".join(f"!{line}" for line in block.text.strip().splitlines()))
+            )
         elif block.kind != "text":
             cells.append(new_markdown_cell(content[opening:place].strip()))
     add_text(content[place:])
     for number, cell in enumerate(cells):
         cell["id"] = f"{page.stem}-{number}"
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    notebook = new_notebook(cells=cells, nbformat_minor=5, metadata={"kernelspec": kernel, "language_info": {"name": "python"}})
+    notebook = new_notebook(
+        cells=cells,
+        nbformat_minor=5,
+        metadata={"kernelspec": kernel, "language_info": {"name": "python"}},
+    )
     nbformat.validate(notebook)
     return nbformat.writes(notebook) + "\n"
 
 
 if __name__ == "__main__":
-    typed = [ROOT / "README.md", DOCS / "start/installation.md", DOCS / "start/first-steps.md", *TUTORIALS]
+    typed = [
+        ROOT / "README.md",
+        DOCS / "start/installation.md",
+        DOCS / "start/first-steps.md",
+        *TUTORIALS,
+    ]
     for page in [Path(name).resolve() for name in sys.argv[1:]] or typed:
         print(page.relative_to(ROOT), flush=True)
         update(page)

@@ -4,7 +4,9 @@ import numpy as np
 
 
 class AnyInput:
-    """Before such a regressor among the bases of a class: columns of any number, name and sign are made into two stretches."""
+    """Before such a regressor among the bases of a class: columns of any number, name and sign
+    are made into two stretches.
+    """
 
     _columns = None
 

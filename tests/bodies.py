@@ -9,21 +9,42 @@ from pdsurrogate.kernels.ghosts import fill_matrices
 from pdsurrogate.solvers.dynamics import ExplicitDynamics
 from pdsurrogate.testing.bodies import disc_with_hole, gripped, jittered, sheet
 
-__all__ = ["build_body", "disc_with_hole", "fill_gradients", "gripped_sheet", "jittered", "nothing_held", "rotation", "sheet"]
+__all__ = [
+    "build_body",
+    "disc_with_hole",
+    "fill_gradients",
+    "gripped_sheet",
+    "jittered",
+    "nothing_held",
+    "rotation",
+    "sheet",
+]
 
 
 gripped_sheet = partial(gripped, 2)
 
 
 def fill_gradients(ghosts, gradients):
-    """Write the deformation gradients of ghosts beyond planes at rest into the last rows of `gradients`."""
+    """Write the deformation gradients of ghosts beyond planes at rest into the last rows of
+    `gradients`.
+    """
     fill_matrices(gradients, *ghosts.of_gradients, 1.0, np.zeros((len(ghosts), gradients.shape[1])))
 
 
 def nothing_held(force, body, velocities, **settings):
-    """Explicit dynamics of a body of density 1 that nothing holds, with the velocities of its points at the beginning."""
+    """Explicit dynamics of a body of density 1 that nothing holds, with the velocities of its
+    points at the beginning.
+    """
     free = np.ones_like(velocities)
-    integrator = ExplicitDynamics(force, lambda positions, ahead: None, body.points.copy(), velocities, free, body.volumes, **settings)
+    integrator = ExplicitDynamics(
+        force,
+        lambda positions, ahead: None,
+        body.points.copy(),
+        velocities,
+        free,
+        body.volumes,
+        **settings,
+    )
     integrator.begin()
     return integrator
 

@@ -2,10 +2,12 @@
 
 import os
 
-# The many processes that tests start shall not compile the package from its source, each anew, where the environment asks for that.
+# The many processes that tests start shall not compile the package from its source, each anew,
+# where the environment asks for that.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-# Threads beyond the free cores spin; two are enough to test that their number changes nothing. Torch and scikit-learn read OMP_NUM_THREADS.
+# Threads beyond the free cores spin; two are enough to test that their number changes nothing.
+# Torch and scikit-learn read OMP_NUM_THREADS.
 os.environ.setdefault("NUMBA_NUM_THREADS", "2")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -22,9 +24,19 @@ from hypothesis import settings
 import pdsurrogate as pds
 from pdsurrogate.artifacts.card import checked_card
 from pdsurrogate.engine.threads import thread_count
-from pdsurrogate.materials import ArrudaBoyce, FullNetwork, Gent, MooneyRivlin, NeoHookean, Ogden, Polyconvex, Yeoh
+from pdsurrogate.materials import (
+    ArrudaBoyce,
+    FullNetwork,
+    Gent,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    Polyconvex,
+    Yeoh,
+)
 
-# A shell starts commands in the background with Ctrl-C ignored, and processes of tests would inherit that.
+# A shell starts commands in the background with Ctrl-C ignored, and processes of tests would
+# inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -42,7 +54,9 @@ OWN_WARNINGS = (
 
 
 def pytest_configure(config):
-    """Let the package's own RuntimeWarnings pass, which depend on the machine and the scene; others are errors, as pyproject.toml says."""
+    """Let the package's own RuntimeWarnings pass, which depend on the machine and the scene;
+    others are errors, as pyproject.toml says.
+    """
     for name in OWN_WARNINGS:
         config.addinivalue_line("filterwarnings", f"default::pdsurrogate.{name}")
 
@@ -57,17 +71,24 @@ needs_torch = pytest.mark.skipif(
 
 
 def sealed(card: dict) -> str:
-    """The text of a card with the digest of what it says now, as whoever edits one on purpose can make it."""
+    """The text of a card with the digest of what it says now, as whoever edits one on purpose
+    can make it.
+    """
     found = checked_card({**card, "schema_version": 3, "digest": "0" * 64})
     return found.model_copy(update={"digest": found.found_digest()}).to_json()
 
 
-PUBLIC_NAMES = [*pds.__all__, *(f"{room}.{name}" for room, names in vars(pds)["_IN_ROOMS"].items() for name in names.split())]
+PUBLIC_NAMES = [
+    *pds.__all__,
+    *(f"{room}.{name}" for room, names in vars(pds)["_IN_ROOMS"].items() for name in names.split()),
+]
 
 
 @pytest.fixture(autouse=True)
 def one_thread():
-    """Bind forces on one thread unless a test asks for more: two threads of each worker wait for each other on busy cores."""
+    """Bind forces on one thread unless a test asks for more: two threads of each worker wait for
+    each other on busy cores.
+    """
     with thread_count(1):
         yield
 
@@ -105,7 +126,9 @@ LAWS = [
         second_logarithm=(0.05,),
     ),
 ]
-"""Every property test of materials runs over these; all of them reach stretches of 4 in both directions."""
+"""Every property test of materials runs over these; all of them reach stretches of 4 in both
+directions.
+"""
 
 
 def _title(law):

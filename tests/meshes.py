@@ -13,69 +13,118 @@ TETRAHEDRA = ([0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 
 
 
 def write_bar(path, counts=(8, 4, 4), size=(2.0, 1.0, 1.0), jitter=0.25):
-    """A box of tetrahedra whose inner nodes are moved at random; its ends along x1 are the groups lower end and upper, half of one part."""
+    """A box of tetrahedra whose inner nodes are moved at random; its ends along x1 are the
+    groups lower end and upper, half of one part.
+    """
     axes = [np.linspace(0, length, count + 1) for count, length in zip(counts, size, strict=True)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     inner = ((nodes > 1e-9) & (nodes < np.array(size) - 1e-9)).all(axis=1, keepdims=True)
-    nodes += inner * np.random.default_rng(0).uniform(-jitter, jitter, nodes.shape) * np.array(size) / counts
+    nodes += (
+        inner
+        * np.random.default_rng(0).uniform(-jitter, jitter, nodes.shape)
+        * np.array(size)
+        / counts
+    )
     number = np.arange(len(nodes)).reshape([count + 1 for count in counts])
     corners = [(a, b, c) for c in (0, 1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    cells = np.array([[number[i + a, j + b, k + c] for a, b, c in corners] for i, j, k in np.ndindex(*counts)])
+    cells = np.array(
+        [[number[i + a, j + b, k + c] for a, b, c in corners] for i, j, k in np.ndindex(*counts)]
+    )
     tetrahedra = np.concatenate([cells[:, four] for four in TETRAHEDRA])
-    faces = np.concatenate([tetrahedra[:, three] for three in ([0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2])])
+    faces = np.concatenate(
+        [tetrahedra[:, three] for three in ([0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2])]
+    )
     x = nodes[faces]
     ends = [faces[np.isclose(x[..., 0], end).all(axis=1)] for end in (0.0, size[0])]
     part = np.flatnonzero(nodes[ends[0]][..., 1].max(axis=1) < size[1] / 2 + 1e-9)
     blocks = [("tetra", tetrahedra), *(("triangle", end) for end in ends)]
-    chosen = {"lower end": (1, np.arange(len(ends[0]))), "upper": (2, np.arange(len(ends[1]))), "part": (1, part)}
-    sets = {name: [members if k == block else np.arange(0) for k in range(3)] for name, (block, members) in chosen.items()}
+    chosen = {
+        "lower end": (1, np.arange(len(ends[0]))),
+        "upper": (2, np.arange(len(ends[1]))),
+        "part": (1, part),
+    }
+    sets = {
+        name: [members if k == block else np.arange(0) for k in range(3)]
+        for name, (block, members) in chosen.items()
+    }
     meshio.write(path, meshio.Mesh(nodes, blocks, cell_sets=sets))
     return path
 
 
 def write_triangles(path, count, size=(2.0, 1.0)):
-    """A rectangle of squares, so many to a unit of length, each of four triangles about its middle."""
+    """A rectangle of squares, so many to a unit of length, each of four triangles about its
+    middle.
+    """
     axes = [np.linspace(0, length, round(count * length) + 1) for length in size]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     number = np.arange(len(nodes)).reshape([len(axis) for axis in axes])
-    around = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
+    around = np.stack(
+        [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1
+    ).reshape(-1, 4)
     middle = len(nodes) + np.arange(len(around))
     nodes = np.concatenate([nodes, nodes[around].mean(axis=1)])
-    triangles = np.concatenate([np.stack([around[:, k], around[:, (k + 1) % 4], middle], axis=1) for k in range(4)])
-    meshio.write(path, meshio.Mesh(np.column_stack([nodes, np.zeros(len(nodes))]), [("triangle", triangles)]))
+    triangles = np.concatenate(
+        [np.stack([around[:, k], around[:, (k + 1) % 4], middle], axis=1) for k in range(4)]
+    )
+    meshio.write(
+        path, meshio.Mesh(np.column_stack([nodes, np.zeros(len(nodes))]), [("triangle", triangles)])
+    )
     return path
 
 
 def write_plate(path, count=12, hole=((4, 4), (8, 8)), turned=False, version=4):
-    """A square of side 1.2 with a square hole, of quadrilaterals left and triangles right, with physical groups.
+    """A square of side 1.2 with a square hole, of quadrilaterals left and triangles right, with
+    physical groups.
 
-    Of cells soft, those left of the middle, and stiff, the rest; of lines pull, the right edge, cavity, around the hole, and seam, the
-    middle below the hole, inside the material.  Triangles run clockwise where `turned`.
+    Of cells soft, those left of the middle, and stiff, the rest; of lines pull, the right edge,
+    cavity, around the hole, and seam, the middle below the hole, inside the material.  Triangles
+    run clockwise where `turned`.
 
-    A path that ends with .inp becomes an Abaqus file, one with .msh one of gmsh, as it writes today (version 4.1) or did (2.2).
+    A path that ends with .inp becomes an Abaqus file, one with .msh one of gmsh, as it writes today
+    (version 4.1) or did (2.2).
     """
     side = 1.2 / count
-    points = np.array([[i * side, j * side, 0.0] for j in range(count + 1) for i in range(count + 1)])
+    points = np.array(
+        [[i * side, j * side, 0.0] for j in range(count + 1) for i in range(count + 1)]
+    )
 
     def node(i, j):
         return i + (count + 1) * j
 
     (i0, j0), (i1, j1) = hole
-    cells = [(i, j) for j in range(count) for i in range(count) if not (i0 <= i < i1 and j0 <= j < j1)]
-    corners = {(i, j): [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)] for i, j in cells}
+    cells = [
+        (i, j) for j in range(count) for i in range(count) if not (i0 <= i < i1 and j0 <= j < j1)
+    ]
+    corners = {
+        (i, j): [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)] for i, j in cells
+    }
     quads = [corners[i, j] for i, j in cells if i < count // 2]
-    triangles = [three for i, j in cells if i >= count // 2 for three in (corners[i, j][:3], [corners[i, j][k] for k in (0, 2, 3)])]
+    triangles = [
+        three
+        for i, j in cells
+        if i >= count // 2
+        for three in (corners[i, j][:3], [corners[i, j][k] for k in (0, 2, 3)])
+    ]
     if turned:
         triangles = [three[::-1] for three in triangles]
     pull = [[node(count, j), node(count, j + 1)] for j in range(count)]
     cavity = [[node(i, j), node(i + 1, j)] for i in range(i0, i1) for j in (j0, j1)]
     cavity += [[node(i, j), node(i, j + 1)] for j in range(j0, j1) for i in (i0, i1)]
     seam = [[node(count // 2, j), node(count // 2, j + 1)] for j in range(j0)]
-    blocks = [("quad", quads), ("triangle", triangles), ("line", pull), ("line", cavity), ("line", seam)]
+    blocks = [
+        ("quad", quads),
+        ("triangle", triangles),
+        ("line", pull),
+        ("line", cavity),
+        ("line", seam),
+    ]
     names = {"soft": (1, 2), "stiff": (2, 2), "pull": (3, 1), "cavity": (4, 1), "seam": (5, 1)}
     if path.suffix == ".inp":
         sets = {
-            name: [np.arange(len(of_block) if k == number else 0) for k, (_, of_block) in enumerate(blocks, 1)]
+            name: [
+                np.arange(len(of_block) if k == number else 0)
+                for k, (_, of_block) in enumerate(blocks, 1)
+            ]
             for name, (number, _) in names.items()
         }
         meshio.write(path, meshio.Mesh(points, blocks, cell_sets=sets))
@@ -83,7 +132,12 @@ def write_plate(path, count=12, hole=((4, 4), (8, 8)), turned=False, version=4):
         numbers = [np.full(len(of_block), number) for number, (_, of_block) in enumerate(blocks, 1)]
         data = {"gmsh:physical": numbers, "gmsh:geometrical": numbers}
         fields = {name: np.array(entry) for name, entry in names.items()}
-        meshio.write(path, meshio.Mesh(points, blocks, cell_data=data, field_data=fields), file_format="gmsh22", binary=False)
+        meshio.write(
+            path,
+            meshio.Mesh(points, blocks, cell_data=data, field_data=fields),
+            file_format="gmsh22",
+            binary=False,
+        )
     else:
         path.write_text("\n".join(_gmsh_lines(points, blocks, names)) + "\n")
     return path
@@ -95,7 +149,12 @@ def _gmsh_lines(points, blocks, names):
     yield from (f'{dimension} {number} "{name}"' for name, (number, dimension) in names.items())
     yield from ("$EndPhysicalNames", "$Entities", "0 3 2 0")
     yield from (f"{number} 0 0 0 1 1 0 1 {number} 0" for number in (3, 4, 5, 1, 2))
-    yield from ("$EndEntities", "$Nodes", f"1 {len(points)} 1 {len(points)}", f"2 1 0 {len(points)}")
+    yield from (
+        "$EndEntities",
+        "$Nodes",
+        f"1 {len(points)} 1 {len(points)}",
+        f"2 1 0 {len(points)}",
+    )
     yield from map(str, range(1, len(points) + 1))
     yield from (f"{x1!r} {x2!r} 0" for x1, x2, _ in points.tolist())
     total = sum(len(cells) for _, cells in blocks)

@@ -18,16 +18,24 @@ TIMEOUT = 600
 """Seconds, on cores that others use too; alone none of these takes more than twenty."""
 
 several = pytest.mark.skipif(
-    importlib.util.find_spec("mpi4py") is None or not MPIEXEC.exists(), reason="needs mpi4py and mpich: pip install 'pdsurrogate[mpi]'"
+    importlib.util.find_spec("mpi4py") is None or not MPIEXEC.exists(),
+    reason="needs mpi4py and mpich: pip install 'pdsurrogate[mpi]'",
 )
 
 
 SLEEPING = {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1", "MPIR_CVAR_POLLS_BEFORE_YIELD": "1"}
-"""With these ranks of MPICH that wait sleep between polls, and leave the core to the rank that they wait for and to other tests."""
+"""With these ranks of MPICH that wait sleep between polls, and leave the core to the rank that
+they wait for and to other tests.
+"""
 
 
 def environment():
-    return {**os.environ, **SLEEPING, "NUMBA_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(map(str, (HERE.parent, HERE)))}
+    return {
+        **os.environ,
+        **SLEEPING,
+        "NUMBA_NUM_THREADS": "1",
+        "PYTHONPATH": os.pathsep.join(map(str, (HERE.parent, HERE))),
+    }
 
 
 def on_ranks(ranks, *arguments, mpi4py=True):
@@ -37,7 +45,9 @@ def on_ranks(ranks, *arguments, mpi4py=True):
 
 
 class Ranks:
-    """Processes that run cases of `tests/ranks` one after another, each on one rank or several: a process takes seconds to begin."""
+    """Processes that run cases of `tests/ranks` one after another, each on one rank or several:
+    a process takes seconds to begin.
+    """
 
     def __init__(self, size):
         self.size, self.compiled = size, False
@@ -46,7 +56,10 @@ class Ranks:
     def __enter__(self):
         command = on_ranks(self.size, HERE / "ranks" / "served.py")
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": self._log}
-        self._process, self.compiled = subprocess.Popen(command, text=True, env=environment(), **pipes), False
+        self._process, self.compiled = (
+            subprocess.Popen(command, text=True, env=environment(), **pipes),
+            False,
+        )
         return self
 
     def __exit__(self, *error):
@@ -58,8 +71,16 @@ class Ranks:
             self._process.wait()
 
     def __call__(self, ranks, function, *arguments, module="cases", folder=HERE):
-        """What a function of `tests/ranks` does on each of so many ranks: its value, or its status and error, and what it prints."""
-        order = ranks, str(folder), module, function, tuple(str(one) if isinstance(one, Path) else one for one in arguments)
+        """What a function of `tests/ranks` does on each of so many ranks: its value, or its
+        status and error, and what it prints.
+        """
+        order = (
+            ranks,
+            str(folder),
+            module,
+            function,
+            tuple(str(one) if isinstance(one, Path) else one for one in arguments),
+        )
         limit = threading.Timer(TIMEOUT, self._process.kill)
         limit.start()
         try:
@@ -80,7 +101,8 @@ class Ranks:
     def load(self):
         """Begin anew if the processes have compiled anything, and return whether they do.
 
-        What a process compiles itself may differ from what others load, in the last bits: so a bonded cube in space did.
+        What a process compiles itself may differ from what others load, in the last bits: so a
+        bonded cube in space did.
         """
         compiled = self.compiled
         if compiled:

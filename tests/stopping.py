@@ -33,7 +33,9 @@ def while_bonds_break(bonds=20):
 
 
 def at_level(number, end=kill):
-    """Context that ends a run when it begins the search for an output in equilibrium, by its number from 0."""
+    """Context that ends a run when it begins the search for an output in equilibrium, by its
+    number from 0.
+    """
 
     def listener(stage, done, total, **numbers):
         if stage == "equilibrium" and done == number and "residual" not in numbers:
@@ -44,7 +46,9 @@ def at_level(number, end=kill):
 
 @contextmanager
 def killed_with_levels(count):
-    """Expect that a kill ends the run in the block, just after the checkpoint of its `count`-th level was written."""
+    """Expect that a kill ends the run in the block, just after the checkpoint of its `count`-th
+    level was written.
+    """
     write = Checkpoints.write
 
     def stopping(checkpoints, *rest):
@@ -52,6 +56,6 @@ def killed_with_levels(count):
         if len(checkpoints.run.state.levels) == count:
             raise Killed
 
-    with pytest.raises(Killed), pytest.MonkeyPatch.context() as patched:  # noqa: PT012 (the block is the caller's)
+    with pytest.raises(Killed), pytest.MonkeyPatch.context() as patched:  # noqa: PT012 (caller's block)
         patched.setattr(Checkpoints, "write", stopping)
         yield

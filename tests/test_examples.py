@@ -1,4 +1,6 @@
-"""The scripts in docs/examples run as a reader runs them, each in an empty folder, and are as short as they promise."""
+"""The scripts in docs/examples run as a reader runs them, each in an empty folder, and are as
+short as they promise.
+"""
 
 import ast
 import runpy
@@ -26,10 +28,16 @@ def laws():
 
 
 @pytest.mark.parametrize(
-    "script", [pytest.param(path, id=path.stem, marks=needs_torch if path.stem in NEED_TORCH else ()) for path in SCRIPTS]
+    "script",
+    [
+        pytest.param(path, id=path.stem, marks=needs_torch if path.stem in NEED_TORCH else ())
+        for path in SCRIPTS
+    ],
 )
 def test_an_example_runs_without_remarks_and_writes_nothing(script, laws, tmp_path, monkeypatch):
-    """Its assertion is the comparison; warnings of the package would be the first that a reader sees."""
+    """Its assertion is the comparison; warnings of the package would be the first that a reader
+    sees.
+    """
     monkeypatch.chdir(tmp_path)
     with warnings.catch_warnings(record=True) as shown:
         warnings.simplefilter("default")

@@ -37,7 +37,9 @@ def test_the_version_has_one_home():
 
 
 def test_where_artifacts_go_in_a_checkout_is_said():
-    """`store(..., None, ...)` writes to own-artifacts there, which neither the README nor the help said."""
+    """`store(..., None, ...)` writes to own-artifacts there, which neither the README nor the
+    help said.
+    """
     readme = (Path(__file__).parents[1] / "README.md").read_text()
     assert "`own-artifacts/`" in readme
     assert "print(path)" in readme

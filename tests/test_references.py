@@ -1,4 +1,6 @@
-"""What is run is called as the user called it, and judged alike whether it is a fitted pipeline or its artifact."""
+"""What is run is called as the user called it, and judged alike whether it is a fitted pipeline
+or its artifact.
+"""
 
 import json
 import shutil
@@ -18,7 +20,12 @@ LAW = pds.materials.Gent(chain_limit=30.0)
 @pytest.fixture(scope="module")
 def fitted():
     samples = pds.training_samples(LAW, 800, (0.6, 2.5), random_state=0)
-    return pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y), samples
+    return (
+        pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(
+            samples.X, samples.y
+        ),
+        samples,
+    )
 
 
 @pytest.fixture
@@ -54,9 +61,17 @@ def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
     assert result.summary["force"] == both
     result.save("out")
     assert json.loads((here / "out" / "summary.json").read_text())["force"] == both
-    with pytest.raises(SceneError, match=r"copy@1 \(mine@1 by its card\) describes gent with chain_limit = 30"):
+    with pytest.raises(
+        SceneError, match=r"copy@1 \(mine@1 by its card\) describes gent with chain_limit = 30"
+    ):
         pds.simulate(
-            pds.load_scene("uniaxial", {"material": pds.materials.Gent(chain_limit=31.0).describe()}, name="own", spacing=0.25), "copy"
+            pds.load_scene(
+                "uniaxial",
+                {"material": pds.materials.Gent(chain_limit=31.0).describe()},
+                name="own",
+                spacing=0.25,
+            ),
+            "copy",
         )
     with pytest.raises(ArtifactError, match=r"copy@1 \(mine@1 by its card\) has no member #2"):
         pds.load_surrogate("copy#2")
@@ -67,13 +82,24 @@ def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
     assert [row["called"] for row in listed if row["name"] in ("copy", "mine")] == [both, "mine@1"]
 
 
-@pytest.mark.parametrize(("chain_limit", "verdict"), [(30.0, "taken"), (27.0, "noted"), (22.0, "noted"), (15.0, "refused")])
+@pytest.mark.parametrize(
+    ("chain_limit", "verdict"),
+    [(30.0, "taken"), (27.0, "noted"), (22.0, "noted"), (15.0, "refused")],
+)
 def test_a_pipeline_is_compared_with_a_law_as_its_artifact_is(fitted, here, chain_limit, verdict):
-    """Storing it for the law of a scene and running it in the scene: taken, noted and refused alike."""
+    """Storing it for the law of a scene and running it in the scene: taken, noted and refused
+    alike.
+    """
     model, samples = fitted
-    law, scene = pds.materials.Gent(chain_limit=chain_limit), scene_of(pds.materials.Gent(chain_limit=chain_limit))
+    law, scene = (
+        pds.materials.Gent(chain_limit=chain_limit),
+        scene_of(pds.materials.Gent(chain_limit=chain_limit)),
+    )
     said = []
-    for use in (lambda: pds.simulate(scene, model), lambda: pds.simulate(scene, pds.store(model, samples, law, None, "mine", None, "x"))):
+    for use in (
+        lambda: pds.simulate(scene, model),
+        lambda: pds.simulate(scene, pds.store(model, samples, law, None, "mine", None, "x")),
+    ):
         with warnings.catch_warnings(record=True) as noted:
             warnings.simplefilter("always")
             try:
@@ -85,6 +111,9 @@ def test_a_pipeline_is_compared_with_a_law_as_its_artifact_is(fitted, here, chai
     assert [what for what, _ in said] == [verdict] * 2, said
     for (_, message), end in zip(said, ("which the scene asks for", "is stored as"), strict=True):
         if verdict == "noted":
-            assert f"% relative to gent, chain_limit = {chain_limit:g}, the law that it was compared with and {end}" in message
+            assert (
+                f"% relative to gent, chain_limit = {chain_limit:g}, the law that it was compared"
+                f" with and {end}" in message
+            )
         if verdict == "refused":
             assert "more than 10 %; it is not " in message

@@ -9,7 +9,9 @@ import pytest
 import pdsurrogate as pds
 
 ROOT = Path(__file__).parents[1]
-DEPENDENCIES = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+DEPENDENCIES = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
+    "dependencies"
+]
 
 
 def found(pattern: str, name: str) -> list[str]:
@@ -30,14 +32,27 @@ def test_the_version_is_the_same_everywhere(name, pattern):
 
 
 def test_the_newest_release_in_the_changelog_is_this_version():
-    version, date = re.search(r"^## \[(\d[\d.]*)\] - (\d{4}-\d\d-\d\d)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE).groups()
+    version, date = re.search(
+        r"^## \[(\d[\d.]*)\] - (\d{4}-\d\d-\d\d)$",
+        (ROOT / "CHANGELOG.md").read_text("utf-8"),
+        re.MULTILINE,
+    ).groups()
     assert version == pds.__version__
     assert found(r"^date-released: (.*)", "CITATION.cff") == [date]
 
 
 def test_the_recipe_has_the_dependencies_of_the_package():
-    run = (ROOT / "docs" / "development" / "recipe.yaml").read_text("utf-8").split("  run:\n")[1].split("\ntests:")[0]
-    stated = {line.strip(" -").replace(" ", "").replace("matplotlib-base", "matplotlib") for line in run.splitlines() if line.strip()}
+    run = (
+        (ROOT / "docs" / "development" / "recipe.yaml")
+        .read_text("utf-8")
+        .split("  run:\n")[1]
+        .split("\ntests:")[0]
+    )
+    stated = {
+        line.strip(" -").replace(" ", "").replace("matplotlib-base", "matplotlib")
+        for line in run.splitlines()
+        if line.strip()
+    }
     assert stated == {*DEPENDENCIES, "python>=${{python_min}}"}
 
 

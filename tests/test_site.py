@@ -1,4 +1,6 @@
-"""The site: what the hooks of its build refuse, and what the built pages hold. It needs the extra "docs", which .ci/run installs first."""
+"""The site: what the hooks of its build refuse, and what the built pages hold. It needs the
+extra "docs", which .ci/run installs first.
+"""
 
 import json
 import os
@@ -12,7 +14,11 @@ import pytest
 
 SITE = Path(__file__).parents[1] / "docs" / "site"
 sys.path.insert(0, str(SITE))
-hooks = pytest.importorskip("hooks", reason='needs what builds the site: pip install "pdsurrogate[docs]"', exc_type=ImportError)
+hooks = pytest.importorskip(
+    "hooks",
+    reason='needs what builds the site: pip install "pdsurrogate[docs]"',
+    exc_type=ImportError,
+)
 
 
 def translated(equation):
@@ -23,7 +29,12 @@ def translated(equation):
 
 @pytest.mark.parametrize(
     "equation",
-    [r"a &amp; b", r"\nonsense x", r"\begin{aligned} a &amp;= b \\ c &amp;= d \end{aligned}", r"\begin{gathered} a \\ b \end{gathered}"],
+    [
+        r"a &amp; b",
+        r"\nonsense x",
+        r"\begin{aligned} a &amp;= b \\ c &amp;= d \end{aligned}",
+        r"\begin{gathered} a \\ b \end{gathered}",
+    ],
 )
 def test_equations_without_mathml_fail_the_build(equation):
     with pytest.raises(hooks.PluginError, match="no MathML"):
@@ -40,7 +51,17 @@ def test_lines_of_an_equation_are_aligned_and_numbered():
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", str(SITE / "mkdocs.yml"), "-d", str(folder)]
+    command = [
+        sys.executable,
+        "-m",
+        "mkdocs",
+        "build",
+        "--strict",
+        "-f",
+        str(SITE / "mkdocs.yml"),
+        "-d",
+        str(folder),
+    ]
     subprocess.run(command, check=True, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"})
     return folder
 
@@ -49,7 +70,8 @@ def site(tmp_path_factory):
 def test_pages_fetch_nothing_from_elsewhere(site):
     for page in site.rglob("*.html"):
         assert not re.findall(
-            r'<(?:script|img|iframe)[^>]*\ssrc="?(?:https?:)?//[^>]*>|<link[^>]*\shref="?https?://[^>]*>', page.read_text()
+            r'<(?:script|img|iframe)[^>]*\ssrc="?(?:https?:)?//[^>]*>|<link[^>]*\shref="?https?://[^>]*>',
+            page.read_text(),
         )
 
 
@@ -57,7 +79,12 @@ def test_pages_fetch_nothing_from_elsewhere(site):
 def test_search_keeps_components_and_decimal_numbers_whole(site):
     index = json.loads((site / "search" / "search_index.json").read_text())
     separator = re.compile(index["config"]["separator"])
-    words = {word for entry in index["docs"] for word in separator.split(re.sub("<[^>]*>", " ", entry["text"])) if word}
+    words = {
+        word
+        for entry in index["docs"]
+        for word in separator.split(re.sub("<[^>]*>", " ", entry["text"]))
+        if word
+    }
     assert {"stress_11", "horizon_ratio", "0.05", "NOSBForce", "viscosity"} <= words
     assert "dynamics.viscosity" not in words
 

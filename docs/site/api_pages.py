@@ -13,7 +13,11 @@ ROOMS = sorted({path.split(".")[1] for path in HOMES.values()})
 @cache
 def _things():
     """Public names by what scripts write, as Griffe reads them, and the package."""
-    package = griffe.load("pdsurrogate", search_paths=[Path(__file__).parents[2]], extensions=griffe.load_extensions(Signatures))
+    package = griffe.load(
+        "pdsurrogate",
+        search_paths=[Path(__file__).parents[2]],
+        extensions=griffe.load_extensions(Signatures),
+    )
     return {name: package[HOMES[name].partition(".")[2]] for name in NAMES}, package
 
 
@@ -28,16 +32,35 @@ def index() -> str:
 
 
 def pages():
-    """Yield the name of each room and the text of its page: its public names, and other classes that these derive from, take or return."""
+    """Yield the name of each room and the text of its page: its public names, and other classes
+    that these derive from, take or return.
+    """
     things, package = _things()
-    needed = {room: {path for name in _names_in(room) for path in _needed(things[name])} for room in ROOMS}
+    needed = {
+        room: {path for name in _names_in(room) for path in _needed(things[name])} for room in ROOMS
+    }
     for room in ROOMS:
-        sections = [_section(HOMES[name], name, 2, any(map(_is_described, _bases(things[name])))) for name in _names_in(room)]
-        others = {path for found in needed.values() for path in found if _page_of(path, needed) == room}
+        sections = [
+            _section(HOMES[name], name, 2, any(map(_is_described, _bases(things[name]))))
+            for name in _names_in(room)
+        ]
+        others = {
+            path for found in needed.values() for path in found if _page_of(path, needed) == room
+        }
         if others:
-            sections.append("## Other classes\n\nThe names above derive from these classes, take them or return them.")
-            sections += [_section(path, path.rpartition(".")[2], 3, False) for path in sorted(others)]
-        yield room, "\n\n".join([f"# pdsurrogate.{room}", package[room].docstring.value, _table(room), *sections])
+            sections.append(
+                "## Other classes\n\nThe names above derive from these classes, take them or return"
+                " them."
+            )
+            sections += [
+                _section(path, path.rpartition(".")[2], 3, False) for path in sorted(others)
+            ]
+        yield (
+            room,
+            "\n\n".join(
+                [f"# pdsurrogate.{room}", package[room].docstring.value, _table(room), *sections]
+            ),
+        )
 
 
 def _names_in(room: str) -> list[str]:
@@ -45,15 +68,26 @@ def _names_in(room: str) -> list[str]:
 
 
 def _table(room: str) -> str:
-    summaries = {name: " ".join(_things()[0][name].docstring.value.split("\n\n")[0].split()) for name in _names_in(room)}
+    summaries = {
+        name: " ".join(_things()[0][name].docstring.value.split("\n\n")[0].split())
+        for name in _names_in(room)
+    }
     rows = [f"| [`{name}`][{HOMES[name]}] | {summary} |" for name, summary in summaries.items()]
     return "\n".join(["| name | what it is |", "| --- | --- |", *rows])
 
 
 def _section(path: str, heading: str, level: int, show_bases: bool) -> str:
     """What makes mkdocstrings describe a name."""
-    options = {"heading": heading, "toc_label": heading.rpartition(".")[2], "heading_level": level, "show_bases": str(show_bases).lower()}
-    return f"::: {path}\n    options: {{{', '.join(f'{key}: {value}' for key, value in options.items())}}}"
+    options = {
+        "heading": heading,
+        "toc_label": heading.rpartition(".")[2],
+        "heading_level": level,
+        "show_bases": str(show_bases).lower(),
+    }
+    return (
+        f"::: {path}\n    options:"
+        f" {{{', '.join(f'{key}: {value}' for key, value in options.items())}}}"
+    )
 
 
 def _bases(thing):
@@ -62,9 +96,12 @@ def _bases(thing):
 
 def _is_described(base) -> bool:
     """Whether a page describes a base: public ones, and others with methods or properties."""
-    functions = [member for name, member in base.members.items() if not name.startswith(("_", "model_"))]
+    functions = [
+        member for name, member in base.members.items() if not name.startswith(("_", "model_"))
+    ]
     return base.canonical_path in _public() or any(
-        member.docstring and (member.is_function or "property" in member.labels) for member in functions
+        member.docstring and (member.is_function or "property" in member.labels)
+        for member in functions
     )
 
 
@@ -73,7 +110,10 @@ def _types(thing):
     function = thing.members.get("__init__") if thing.is_class else thing
     if function is None or not function.is_function:
         return
-    for annotation in [*(parameter.annotation for parameter in function.parameters), function.returns]:
+    for annotation in [
+        *(parameter.annotation for parameter in function.parameters),
+        function.returns,
+    ]:
         for part in annotation.iterate(flat=True) if isinstance(annotation, griffe.Expr) else ():
             if isinstance(part, griffe.ExprName) and part.canonical_path.startswith("pdsurrogate."):
                 found = _things()[1][part.canonical_path.partition(".")[2]]
@@ -82,7 +122,9 @@ def _types(thing):
 
 
 def _needed(thing):
-    """Return the paths of the classes, other than public ones, that a name derives from, takes or returns, and of those that they take."""
+    """Return the paths of the classes, other than public ones, that a name derives from, takes
+    or returns, and of those that they take.
+    """
     todo, found = [thing], set()
     while todo:
         thing = todo.pop()

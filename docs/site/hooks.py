@@ -1,4 +1,6 @@
-"""What mkdocs does not do by itself: equations as MathML, which browsers show without a script, and the pages of the public names."""
+"""What mkdocs does not do by itself: equations as MathML, which browsers show without a script,
+and the pages of the public names.
+"""
 
 import html
 import re
@@ -18,14 +20,17 @@ from signatures import HOMES, path_of
 EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 NUMBER = re.compile(r"\\tag\{(\d+)\}")
 LEFT = re.compile(r"\\|&(?!#?\w+;)|linebreak=")
-"""What no MathML may hold: a backslash command or an ampersand that was not translated, or a line break that browsers do not make."""
+"""What no MathML may hold: a backslash command or an ampersand that was not translated, or a
+line break that browsers do not make.
+"""
 
 TAG = re.compile(r"<.*?>")
 LONG = 30
 """Characters of a formula within a line that may not fit a screen of 400 pixels."""
 
 CODE = re.compile(
-    r"<(a|autoref|h\d|pre)\b.*?</\1>|<code>(?P<module>pds\.|pdsurrogate\.)?(?P<name>[A-Za-z][\w.]*)(?:\([^<]*\))?</code>", re.DOTALL
+    r"<(a|autoref|h\d|pre)\b.*?</\1>|<code>(?P<module>pds\.|pdsurrogate\.)?(?P<name>[A-Za-z][\w.]*)(?:\([^<]*\))?</code>",
+    re.DOTALL,
 )
 """A name in code, with or without arguments; links, headings and blocks of code are passed over."""
 
@@ -43,7 +48,11 @@ def _mathml(match: re.Match) -> str:
     if found := LEFT.search(formula):
         raise PluginError(f"no MathML for {found[0]!r} in the equation {text.strip()}")
     if not displayed:  # what may be wider than a phone scrolls
-        return f'<span class="formula">{formula}</span>' if len(TAG.sub("", formula)) > LONG else formula
+        return (
+            f'<span class="formula">{formula}</span>'
+            if len(TAG.sub("", formula)) > LONG
+            else formula
+        )
     anchor, label = (f' id="eq-{number[1]}"', f"<span>({number[1]})</span>") if number else ("", "")
     return f'<div class="equation"{anchor}><div tabindex="0">{formula}</div>{label}</div>'
 
@@ -53,7 +62,9 @@ def linked(match: re.Match) -> str:
     if not match["name"]:
         return match[0]
     first, dot, rest = match["name"].partition(".")
-    path = path_of(f"pds.{match['name']}" if match["module"] else f"{CLASSES.get(first)}{dot}{rest}")
+    path = path_of(
+        f"pds.{match['name']}" if match["module"] else f"{CLASSES.get(first)}{dot}{rest}"
+    )
     return f'<autoref identifier="{path}" optional>{match[0]}</autoref>' if path else match[0]
 
 
@@ -66,11 +77,15 @@ def on_files(files, config):
 
 def on_page_markdown(markdown, page, config, files):
     """Append the list of all public names to their first page."""
-    return f"{markdown}\n\n{api_pages.index()}" if page.file.src_uri == f"{API}/index.md" else markdown
+    return (
+        f"{markdown}\n\n{api_pages.index()}" if page.file.src_uri == f"{API}/index.md" else markdown
+    )
 
 
 def on_page_content(content, page, config, files):
-    """Translate the equations of a page, make names in code links to their descriptions, and give a page of one section all the width."""
+    """Translate the equations of a page, make names in code links to their descriptions, and
+    give a page of one section all the width.
+    """
     if sum(len(heading.children) for heading in page.toc) < 2:
         page.meta["hide"] = ["toc"]
     content = EQUATION.sub(_mathml, content)
@@ -80,10 +95,14 @@ def on_page_content(content, page, config, files):
 
 
 def on_env(env, config, files):
-    """Refuse two pages with the same title: readers could not tell them apart in the navigation and in the search."""
+    """Refuse two pages with the same title: readers could not tell them apart in the navigation
+    and in the search.
+    """
     seen = {}
     for file in files.documentation_pages():
         title = str(file.page.title).casefold()
         if title in seen:
-            raise PluginError(f"{file.src_uri} and {seen[title]} have the same title, {file.page.title!r}")
+            raise PluginError(
+                f"{file.src_uri} and {seen[title]} have the same title, {file.page.title!r}"
+            )
         seen[title] = file.src_uri

@@ -3,12 +3,22 @@
 An artifact is a folder ``NAME/VERSION/`` of up to four files:
 
 * ``card.json`` describes it, and states size and SHA-256 of the other files;
-* ``surrogate.npz`` holds the constants of the surrogate, all that a simulation needs: plain arrays, read without pickle;
+* ``surrogate.npz`` holds the constants of the surrogate, all that a simulation needs: plain arrays,
+  read without pickle;
 * ``members.npz`` holds the constants of the members of its committee, if it has one;
-* ``pipeline.joblib`` is the fitted scikit-learn pipeline, for further training: a pickle, which can run code, loaded only on
-  explicit trust.
+* ``pipeline.joblib`` is the fitted scikit-learn pipeline, for further training: a pickle, which can
+  run code, loaded only on explicit trust.
 """
 
 from .card import ArtifactError, Card
 from .material import with_material
-from .store import default_force, find_artifact, list_artifacts, load_card, load_pipeline, load_surrogate, own_folder, surrogate_for
+from .store import (
+    default_force,
+    find_artifact,
+    list_artifacts,
+    load_card,
+    load_pipeline,
+    load_surrogate,
+    own_folder,
+    surrogate_for,
+)

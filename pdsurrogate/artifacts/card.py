@@ -1,4 +1,6 @@
-"""Card of an artifact: its description for readers and programs, checked before any other file is opened."""
+"""Card of an artifact: its description for readers and programs, checked before any other file
+is opened.
+"""
 
 from __future__ import annotations
 
@@ -19,43 +21,61 @@ from ..scenes.reading import leaves
 from ..scenes.strict_model import StrictModel
 from .shipped import SHIPPED_CARDS
 
-KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
+KINDS = {
+    model.kind: model
+    for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)
+}
 """Classes of the force models that can be stored, by the entry ``kind`` of a card."""
 
 FORMAT = "pdsurrogate artefact"  # as in all files so far
 SCHEMA_VERSION, OLDEST_SCHEMA = 3, 2
-"""Version of the format of new cards and payloads (an artifact's other files), and the oldest version that is read.
+"""Version of the format of new cards and payloads (an artifact's other files), and the oldest
+version that is read.
 
-A change of the format that an older pdsurrogate would misread raises the version. Cards of version 2 have no digest.
+A change of the format that an older pdsurrogate would misread raises the version. Cards of version
+2 have no digest.
 """
 
 DIGESTED = ("kind", "material", "features", "domain", "errors", "payloads", "members")
-"""Entries of a card on which a run depends: the card's digest covers them and ``training.identification``."""
+"""Entries of a card on which a run depends: the card's digest covers them and
+``training.identification``.
+"""
 
 NAME_PATTERN = r"^[a-z0-9][a-z0-9._-]{0,63}$"
 VERSION_PATTERN = r"^[0-9]{1,9}(\.[0-9]{1,9}){0,2}$"
 SHA256 = r"^[0-9a-f]{64}$"
 MOST_CARD = 2**20
-"""Greatest size of a card in bytes. Chosen: shipped cards have 3 to 9 kB, and 1 kB is left for each of 999 members; a larger limit would
-let a foreign file fill memory before it is refused."""
+"""Greatest size of a card in bytes. Chosen: shipped cards have 3 to 9 kB, and 1 kB is left for each
+of 999 members; a larger limit would let a foreign file fill memory before it is refused.
+"""
 
 MOST_PLANES = 1000
-"""Most half-planes that bound the hull (the convex polygon in log-stretches) of the test data behind a surrogate. Chosen: the polygon goes
-through the outermost states, and has some tens of sides; every half-plane is evaluated for every state that is compared with the data."""
+"""Most half-planes that bound the hull (the convex polygon in log-stretches) of the test data
+behind a surrogate. Chosen: the polygon goes through the outermost states, and has some tens of
+sides; every half-plane is evaluated for every state that is compared with the data.
+"""
 
 MOST_MEMBERS = 999
-"""Most members of a committee: `WHICH_MEMBER` reads member numbers of up to three digits, as in ``NAME#999``."""
+"""Most members of a committee: `WHICH_MEMBER` reads member numbers of up to three digits, as in
+``NAME#999``.
+"""
 
 MOST_STORED = 0.1
-"""RMS error, divided by the RMS of the exact force or stress, above which a surrogate is not stored: the entry ``on_surface`` of the report
-of `pdsurrogate.evaluate`. Chosen to catch mistakes, such as samples of another law: coarse fits pass with a warning (`NOTED`)."""
+"""RMS error, divided by the RMS of the exact force or stress, above which a surrogate is not
+stored: the entry ``on_surface`` of the report of `pdsurrogate.evaluate`. Chosen to catch mistakes,
+such as samples of another law: coarse fits pass with a warning (`NOTED`).
+"""
 
 NOTED = 0.01
-"""RMS error of a surrogate's force or stress, divided by the RMS of the exact one, above which storing or running the surrogate warns.
-Chosen: forces in a run are off by about as much, and fits of the default sizes reach a thirtieth of it or less."""
+"""RMS error of a surrogate's force or stress, divided by the RMS of the exact one, above which
+storing or running the surrogate warns. Chosen: forces in a run are off by about as much, and fits
+of the default sizes reach a thirtieth of it or less.
+"""
 
 SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
-"""Names of an artifact's files other than its card: constants of the surrogate, constants of committee members, and fitted pipeline."""
+"""Names of an artifact's files other than its card: constants of the surrogate, constants of
+committee members, and fitted pipeline.
+"""
 
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
@@ -78,7 +98,9 @@ class ArtifactError(ValueError):
 
 
 def _looked_at(part: type[StrictModel]) -> WrapValidator:
-    """Return a pydantic validator that checks a table of a card against the pydantic model `part`, and returns the table itself."""
+    """Return a pydantic validator that checks a table of a card against the pydantic model
+    `part`, and returns the table itself.
+    """
     return WrapValidator(lambda value, _: TypeAdapter(part).validate_python(value) and value)  # type: ignore[truthy-bool]  # raises or is true
 
 
@@ -113,7 +135,8 @@ class BinEntries(ErrorEntries):
 
 
 class ReportEntries(StrictModel):
-    """Errors of a surrogate as `pdsurrogate.evaluate` reports them; fields that are not declared here are finite numbers.
+    """Errors of a surrogate as `pdsurrogate.evaluate` reports them; fields that are not declared
+    here are finite numbers.
 
     Parameters
     ----------
@@ -183,7 +206,8 @@ class FeatureEntries(StrictModel):
 
 
 class CovarianceEntries(StrictModel):
-    """Covariance of the law, from which results have standard errors (`pdsurrogate.materials.LawCovariance`).
+    """Covariance of the law, from which results have standard errors
+    (`pdsurrogate.materials.LawCovariance`).
 
     Parameters
     ----------
@@ -209,7 +233,8 @@ class IdentificationEntries(StrictModel):
     covariance : CovarianceEntries, optional
         Covariance of the law; none if the data do not determine all of its parameters.
     **extra_data
-        Results of the identification, as `pdsurrogate.identification.report` gives them; they inform people.
+        Results of the identification, as `pdsurrogate.identification.report` gives them; they
+        inform people.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -220,12 +245,14 @@ class IdentificationEntries(StrictModel):
 
 
 class TrainingEntries(StrictModel):
-    """How the surrogate was trained; a simulation reads only `identification`, the rest informs people.
+    """How the surrogate was trained; a simulation reads only `identification`, the rest informs
+    people.
 
     Parameters
     ----------
     design : dict
-        How the training samples were drawn: name of the design, number, range of stretches, seed and further settings.
+        How the training samples were drawn: name of the design, number, range of stretches, seed
+        and further settings.
     regressor : str
         Class of the regressor.
     parameters : dict
@@ -267,8 +294,8 @@ class Material(StrictModel):
     trained_with : dict
         Name and parameters of the law in training.
     shape : dict of float
-        Dimensionless parameters on which the force depends, which a scene's material must have; they do not change when all moduli are
-        scaled. Unit: none.
+        Dimensionless parameters on which the force depends, which a scene's material must have;
+        they do not change when all moduli are scaled. Unit: none.
     """
 
     law: str
@@ -295,7 +322,8 @@ class Payload(StrictModel):
 
 
 class DomainSpec(StrictModel):
-    """Entry of a card for the domain of states in which the surrogate holds; see `pdsurrogate.forces.Domain`.
+    """Entry of a card for the domain of states in which the surrogate holds; see
+    `pdsurrogate.forces.Domain`.
 
     Parameters
     ----------
@@ -308,22 +336,27 @@ class DomainSpec(StrictModel):
     greatest_bulk : float
         Greatest squared volume ratio. Unit: none.
     hull : list of triples of float, optional
-        Convex hull of the test data behind the surrogate: half-planes (n1, n2, d), n1 log l1 + n2 log l2 <= d, of the two greater of three
-        principal stretches l of product 1. Unit: none.
+        Convex hull of the test data behind the surrogate: half-planes (n1, n2, d), n1 log l1 + n2
+        log l2 <= d, of the two greater of three principal stretches l of product 1. Unit: none.
     """
 
     least_stretch: Positive
     greatest_stretch: Positive
     least_bulk: Positive
     greatest_bulk: Positive
-    hull: Annotated[tuple[tuple[Finite, Finite, Share], ...], Field(min_length=3, max_length=MOST_PLANES)] | None = None
+    hull: (
+        Annotated[
+            tuple[tuple[Finite, Finite, Share], ...], Field(min_length=3, max_length=MOST_PLANES)
+        ]
+        | None
+    ) = None
 
 
 class MemberSpec(StrictModel):
     """Entry of a card for a member of the committee: material, domain and errors.
 
-    A member is a further surrogate in the artifact. The deviations of the members' forces from that of the main surrogate estimate the
-    uncertainty of the force.
+    A member is a further surrogate in the artifact. The deviations of the members' forces from that
+    of the main surrogate estimate the uncertainty of the force.
 
     Parameters
     ----------
@@ -354,7 +387,8 @@ class Card(StrictModel):
     version : str
         Version of the artifact: up to three whole numbers with dots between.
     kind : str
-        Kind of force model: bond-force-network, bond-force-polynomial, bond-force-spline, energy-network or isochoric-network.
+        Kind of force model: bond-force-network, bond-force-polynomial, bond-force-spline,
+        energy-network or isochoric-network.
     description : str
         Purpose of the artifact, in a sentence.
     material : Material
@@ -378,8 +412,8 @@ class Card(StrictModel):
     members : list of MemberSpec
         Members of the committee.
     digest : str, optional
-        SHA-256 of the entries on which a run depends; the package rejects a card whose entries do not match it. Cards of schema version 2
-        have none.
+        SHA-256 of the entries on which a run depends; the package rejects a card whose entries do
+        not match it. Cards of schema version 2 have none.
     """
 
     format: Literal["pdsurrogate artefact"]
@@ -403,25 +437,43 @@ class Card(StrictModel):
     def stated_digest(self) -> str | None:
         """Return the digest with which the card was stored, or None.
 
-        Cards of schema version 2 contain no digest: for those shipped with the package it is that listed in `SHIPPED_CARDS`, else None.
+        Cards of schema version 2 contain no digest: for those shipped with the package it is that
+        listed in `SHIPPED_CARDS`, else None.
         """
-        return self.digest or next((SHIPPED_CARDS[file.sha256] for file in self.payloads.values() if file.sha256 in SHIPPED_CARDS), None)
+        return self.digest or next(
+            (
+                SHIPPED_CARDS[file.sha256]
+                for file in self.payloads.values()
+                if file.sha256 in SHIPPED_CARDS
+            ),
+            None,
+        )
 
     def found_digest(self) -> str:
-        """Return the SHA-256 computed anew from the card's entries `DIGESTED` and its ``training.identification``."""
+        """Return the SHA-256 computed anew from the card's entries `DIGESTED` and its
+        ``training.identification``.
+        """
         content = json.loads(self.to_json())
         parts = {name: content[name] for name in DIGESTED if name in content}
         parts["identification"] = content["training"].get("identification")
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def to_json(self) -> str:
-        """Return the text of ``card.json``; entries that have their default value, such as no committee, are left out."""
+        """Return the text of ``card.json``; entries that have their default value, such as no
+        committee, are left out.
+        """
         return json.dumps(self.model_dump(exclude_defaults=True), indent=2, allow_nan=False) + "\n"
 
     def of_member(self, number: int) -> Card:
-        """Return the card of committee member `number`, from 1: this card with the material, domain and errors of the member."""
+        """Return the card of committee member `number`, from 1: this card with the material,
+        domain and errors of the member.
+        """
         member = self.members[number - 1]
-        named = {"description": f"{self.description}; member {number} of {len(self.members)}", "members": (), "digest": None}
+        named = {
+            "description": f"{self.description}; member {number} of {len(self.members)}",
+            "members": (),
+            "digest": None,
+        }
         return self.model_copy(update={**named, **dict(member)})
 
     def __repr__(self) -> str:
@@ -433,7 +485,9 @@ class Card(StrictModel):
         facts = {
             "what": self.description,
             "kind": self.kind,
-            "material": ", ".join(f"{key} {value}" for key, value in self.material.trained_with.items()),
+            "material": ", ".join(
+                f"{key} {value}" for key, value in self.material.trained_with.items()
+            ),
             "stretches": f"{self.domain.least_stretch:g} to {self.domain.greatest_stretch:g}",
             "features": self.features["set"],
             "RMS error": f"{self.errors['box']['on_surface']['rms']:.2g}",
@@ -443,31 +497,44 @@ class Card(StrictModel):
 
 
 def read_card(path: Path) -> Card:
-    """Read and check the card at a path; raise ArtifactError, with file and field, for a wrong card, OSError if there is none to read."""
+    """Read and check the card at a path; raise ArtifactError, with file and field, for a wrong
+    card, OSError if there is none to read.
+    """
     where = str(path)
     with path.open("rb") as file:
         data = file.read(MOST_CARD + 1)
     if len(data) > MOST_CARD:
-        raise ArtifactError(f"{where}: the file has more than {MOST_CARD} bytes, so it is not a card")
+        raise ArtifactError(
+            f"{where}: the file has more than {MOST_CARD} bytes, so it is not a card"
+        )
     try:
         content = json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise ArtifactError(f"{where}: the card is damaged (not valid JSON): {error}; restore the file that was written") from None
+        raise ArtifactError(
+            f"{where}: the card is damaged (not valid JSON): {error}; restore the file that was"
+            " written"
+        ) from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ArtifactError(f"{where}: format: this is not the card of a pdsurrogate artifact")
     schema = content.get("schema_version")
     if type(schema) is not int or not OLDEST_SCHEMA <= schema <= SCHEMA_VERSION:
         readable = f"this pdsurrogate reads {OLDEST_SCHEMA} to {SCHEMA_VERSION}"
-        remedy = "upgrade pdsurrogate to read a newer card; fit an artifact with an older card again"
+        remedy = (
+            "upgrade pdsurrogate to read a newer card; fit an artifact with an older card again"
+        )
         raise ArtifactError(f"{where}: schema_version: {readable}, not {kind_of(schema)}: {remedy}")
     try:
         return checked_card(content)
     except (ArtifactError, RecursionError) as error:
-        raise ArtifactError(f"{where}: the card is damaged: {error}; restore the file, or store the artifact again") from None
+        raise ArtifactError(
+            f"{where}: the card is damaged: {error}; restore the file, or store the artifact again"
+        ) from None
 
 
 def checked_card(content: Mapping[str, Any]) -> Card:
-    """Return a card made of plain values (numbers, text, lists and tables); raise ArtifactError with the field for a wrong value."""
+    """Return a card made of plain values (numbers, text, lists and tables); raise ArtifactError
+    with the field for a wrong value.
+    """
     check_plain(content)
     try:
         card = Card(**content)
@@ -481,18 +548,34 @@ def checked_card(content: Mapping[str, Any]) -> Card:
 def new_card(entries: Mapping[str, Any]) -> Card:
     """Return the card of a new artifact: `entries` completed by format, schema version and digest.
 
-    Raise ArtifactError for values that a card may not have, and if ``training.identification`` reports the fit of test data to another law
-    or to other parameters than ``material.trained_with`` states.
+    Raise ArtifactError for values that a card may not have, and if ``training.identification``
+    reports the fit of test data to another law or to other parameters than
+    ``material.trained_with`` states.
     """
-    card = checked_card({"format": FORMAT, "schema_version": SCHEMA_VERSION, **entries, "digest": "0" * 64})
+    card = checked_card(
+        {"format": FORMAT, "schema_version": SCHEMA_VERSION, **entries, "digest": "0" * 64}
+    )
     identified, right = card.training.get("identification"), card.material.trained_with
-    if identified and json.dumps(identified["law"], sort_keys=True) != json.dumps(right, sort_keys=True):
-        raise ArtifactError(f"training.identification.law: must be the law in material.trained_with, {right}, not {identified['law']}")
+    if identified and json.dumps(identified["law"], sort_keys=True) != json.dumps(
+        right, sort_keys=True
+    ):
+        raise ArtifactError(
+            f"training.identification.law: must be the law in material.trained_with, {right}, not"
+            f" {identified['law']}"
+        )
     return card.model_copy(update={"digest": card.found_digest()})
 
 
 def check_plain(content: Mapping[str, Any]) -> None:
-    """Raise ArtifactError unless all values in nested tables and lists are None, finite numbers or text, as a card can hold."""
+    """Raise ArtifactError unless all values in nested tables and lists are None, finite numbers
+    or text, as a card can hold.
+    """
     for field, value in leaves(content):
-        if not (value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))):
-            raise ArtifactError(f"{field}: must be a finite number, text, a list or a table, not {kind_of(value)}")
+        if not (
+            value is None
+            or isinstance(value, bool | int | str)
+            or (isinstance(value, float) and math.isfinite(value))
+        ):
+            raise ArtifactError(
+                f"{field}: must be a finite number, text, a list or a table, not {kind_of(value)}"
+            )

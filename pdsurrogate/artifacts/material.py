@@ -1,4 +1,6 @@
-"""Material of an artifact, for scenes (descriptions of a simulation) that state no material of their own."""
+"""Material of an artifact, for scenes (descriptions of a simulation) that state no material of
+their own.
+"""
 
 import json
 import warnings
@@ -20,14 +22,17 @@ PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6}
 def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceModel]:
     """Return a scene, with a material for which a force model holds, and the force model.
 
-    An exact force model leaves the scene as it is. With an artifact, a built-in scene with its default material takes the law on the
-    artifact's card, with these moduli:
+    An exact force model leaves the scene as it is. With an artifact, a built-in scene with its
+    default material takes the law on the artifact's card, with these moduli:
 
-    * moduli identified from the package's own test data are converted from MPa to the scene's unit of stress;
+    * moduli identified from the package's own test data are converted from MPa to the scene's unit
+      of stress;
     * other identified or user-given moduli are taken as numbers in the scene's unit of stress;
-    * moduli left at the law's defaults have no unit, and are scaled so that the shear modulus is that of the scene.
+    * moduli left at the law's defaults have no unit, and are scaled so that the shear modulus is
+      that of the scene.
 
-    Any other scene keeps the material that it states; a scene without a material takes the material of the card unchanged.
+    Any other scene keeps the material that it states; a scene without a material takes the material
+    of the card unchanged.
 
     Parameters
     ----------
@@ -40,7 +45,8 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     ArtifactError
         If the artifact cannot be read.
     SceneError
-        If the scene states another material than the artifact's; the message gives both, and how to take the artifact's.
+        If the scene states another material than the artifact's; the message gives both, and how to
+        take the artifact's.
 
     Warns
     -----
@@ -54,8 +60,13 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     card = load_card(reference)
     rms = card.errors["box"]["on_surface"]["rms"]
     if rms > NOTED:
-        off = f"according to its card, {model.name} has an RMS error of {100 * rms:.2g} % relative to {card.material.law}"
-        warnings.warn(f"{off}; results are not more accurate than that; force=analytic is exact", stacklevel=3)
+        off = (
+            f"according to its card, {model.name} has an RMS error of {100 * rms:.2g} % relative to"
+            f" {card.material.law}"
+        )
+        warnings.warn(
+            f"{off}; results are not more accurate than that; force=analytic is exact", stacklevel=3
+        )
     is_example = scene.name in scene_names() and scene.material == load_scene(scene.name).material
     try:
         if own is None:
@@ -70,16 +81,22 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
             raise SceneError(f"scene {scene.name}: {error}") from None
         if own is not None and not is_example:
             flag = f"--set 'material={in_words(described)}'"
-            raise SceneError(f"scene {scene.name}: material: {error}; to use the material of {model.name}, add {flag}") from None
+            raise SceneError(
+                f"scene {scene.name}: material: {error}; to use the material of {model.name}, add"
+                f" {flag}"
+            ) from None
     if described is own and is_example and not scene.materials and _has_moduli(card):
         described = material_on(card, scene)
     if described != own:
-        scene = scene.model_copy(update={"material": MaterialSpec.model_validate(described.describe())})
+        scene = scene.model_copy(
+            update={"material": MaterialSpec.model_validate(described.describe())}
+        )
     return scene, model
 
 
 def material_on(card: Card, scene: Scene) -> Law:
-    """Return the law of a card with its parameters, and moduli in the unit of stress of `scene`, by the rules of `with_material`.
+    """Return the law of a card with its parameters, and moduli in the unit of stress of `scene`, by
+    the rules of `with_material`.
 
     Raises
     ------
@@ -88,7 +105,11 @@ def material_on(card: Card, scene: Scene) -> Law:
     """
     law = law_of(card)
     if not _has_moduli(card):
-        return law if scene.material is None else law.scaled(scene.law().shear_modulus / law.shear_modulus)
+        return (
+            law
+            if scene.material is None
+            else law.scaled(scene.law().shear_modulus / law.shear_modulus)
+        )
     data = (card.training.get("identification") or {}).get("data")
     if data in DATA_OF_THE_PACKAGE and scene.units.stress in PASCALS:
         return law.scaled(PASCALS["MPa"] / PASCALS[scene.units.stress])
@@ -96,11 +117,18 @@ def material_on(card: Card, scene: Scene) -> Law:
 
 
 def _has_moduli(card: Card) -> bool:
-    """Return whether the moduli on a card were identified from test data or given by the user, rather than left at the law's defaults."""
+    """Return whether the moduli on a card were identified from test data or given by the user,
+    rather than left at the law's defaults.
+    """
     given = law_of(card)
-    return bool(card.training.get("identification")) or abs(given.shear_modulus - type(given)().shear_modulus) > 1e-9
+    return (
+        bool(card.training.get("identification"))
+        or abs(given.shear_modulus - type(given)().shear_modulus) > 1e-9
+    )
 
 
 def in_words(law: Law) -> str:
-    """Return a law as an inline table, the text of ``material`` in a scene file (TOML), with all digits."""
+    """Return a law as an inline table, the text of ``material`` in a scene file (TOML), with all
+    digits.
+    """
     return f"{{{', '.join(f'{key}={json.dumps(value)}' for key, value in law.describe().items())}}}"

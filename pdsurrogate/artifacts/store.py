@@ -1,4 +1,6 @@
-"""Artifacts on disk: a folder for each name and version with a card and its payloads, written once and never changed."""
+"""Artifacts on disk: a folder for each name and version with a card and its payloads, written
+once and never changed.
+"""
 
 import hashlib
 import io
@@ -20,7 +22,19 @@ from ..forces import FORCES, Domain, ForceModel, LearnedBondForce, LearnedEnergy
 from ..materials import LAWS, Law
 from ..materials.covariance import LawCovariance
 from ..scenes import MaterialSpec, Scene
-from .card import DIGESTED, KINDS, MEMBERS, NAME_PATTERN, PIPELINE, SURROGATE, VERSION_PATTERN, ArtifactError, Card, new_card, read_card
+from .card import (
+    DIGESTED,
+    KINDS,
+    MEMBERS,
+    NAME_PATTERN,
+    PIPELINE,
+    SURROGATE,
+    VERSION_PATTERN,
+    ArtifactError,
+    Card,
+    new_card,
+    read_card,
+)
 
 Surrogate = LearnedBondForce | LearnedEnergy
 """Types of the force models that artifacts hold."""
@@ -28,46 +42,60 @@ Surrogate = LearnedBondForce | LearnedEnergy
 CARD = "card.json"
 
 WHICH_MEMBER = re.compile(r"(.+)#(all|[1-9][0-9]{0,2})")
-"""Pattern of a reference to a member of an artifact's committee, ``NAME#3``, or to the artifact with all members, ``NAME#all``."""
+"""Pattern of a reference to a member of an artifact's committee, ``NAME#3``, or to the artifact
+with all members, ``NAME#all``.
+"""
 
 ALL = "all"
 
 MOST_PAYLOAD = 64 * 2**20
-"""Greatest size in bytes of a payload, an ``.npz`` file of an artifact. Chosen: eight times the largest spline, of `MOST_COEFFICIENTS`
-doubles; larger files are refused before they are read into memory."""
+"""Greatest size in bytes of a payload, an ``.npz`` file of an artifact. Chosen: eight times the
+largest spline, of `MOST_COEFFICIENTS` doubles; larger files are refused before they are read into
+memory.
+"""
 
 
 @contextmanager
 def _reading() -> Iterator[None]:
-    """Context manager or decorator that turns an OSError from reading files or folders into an ArtifactError with the path."""
+    """Context manager or decorator that turns an OSError from reading files or folders into an
+    ArtifactError with the path.
+    """
     try:
         yield
     except OSError as error:
         raise ArtifactError(f"{error.filename}: cannot be read: {error.strerror}") from None
 
 
-SHIPPED = (Path(__file__).resolve().parents[1] / "_artifacts", Path(__file__).resolve().parents[2] / "artifacts")
-"""Folders of the artifacts that are shipped with the package: in an installed package, and in a checkout of its repository."""
+SHIPPED = (
+    Path(__file__).resolve().parents[1] / "_artifacts",
+    Path(__file__).resolve().parents[2] / "artifacts",
+)
+"""Folders of the artifacts that are shipped with the package: in an installed package, and in a
+checkout of its repository.
+"""
 
 OWN, OWN_IN_CHECKOUT = "artifacts", "own-artifacts"
 """Names of the folder of a user's own artifacts within the working folder: usually ``artifacts``.
 
-In a checkout of this package ``artifacts`` holds the shipped artifacts, so the user's own are in ``own-artifacts``.
+In a checkout of this package ``artifacts`` holds the shipped artifacts, so the user's own are in
+``own-artifacts``.
 """
 
 
 def own_folder() -> Path:
-    """Return the folder of a user's artifacts: the value of ``PDSURROGATE_ARTIFACTS``, a variable of the environment, if it is set.
+    """Return the folder of a user's artifacts: the value of ``PDSURROGATE_ARTIFACTS``, a variable
+    of the environment, if it is set.
 
-    Otherwise the folder is ``artifacts`` in the working folder; or ``own-artifacts`` in a checkout of this package, where ``artifacts``
-    holds the shipped artifacts.
+    Otherwise the folder is ``artifacts`` in the working folder; or ``own-artifacts`` in a checkout
+    of this package, where ``artifacts`` holds the shipped artifacts.
     """
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
     return Path(chosen or (OWN_IN_CHECKOUT if Path(OWN).resolve() in SHIPPED else OWN))
 
 
 def next_version(folder: str | Path, name: str) -> str:
-    """Return the next version of artifact `name` in a folder: the first number of its highest version plus 1.
+    """Return the next version of artifact `name` in a folder: the first number of its highest
+    version plus 1.
 
     Return 3 after 2.1.4, and 1 for a new name.
     """
@@ -80,19 +108,39 @@ def next_version(folder: str | Path, name: str) -> str:
 def search_path() -> list[Path]:
     """Return the folders in which artifacts are looked up by name, first match first.
 
-    The folders are ``PDSURROGATE_ARTIFACTS`` if set, ``own-artifacts`` and ``artifacts`` in the working folder, and the shipped folders.
+    The folders are ``PDSURROGATE_ARTIFACTS`` if set, ``own-artifacts`` and ``artifacts`` in the
+    working folder, and the shipped folders.
     """
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
     if chosen and not Path(chosen).is_dir():
-        raise ArtifactError(f"PDSURROGATE_ARTIFACTS is {chosen!r}, which is not a folder: set it to a folder of artifacts, or unset it")
-    return [folder for folder in (*([Path(chosen)] if chosen else []), Path(OWN_IN_CHECKOUT), Path(OWN), *SHIPPED) if folder.is_dir()]
+        raise ArtifactError(
+            f"PDSURROGATE_ARTIFACTS is {chosen!r}, which is not a folder: set it to a folder of"
+            " artifacts, or unset it"
+        )
+    return [
+        folder
+        for folder in (
+            *([Path(chosen)] if chosen else []),
+            Path(OWN_IN_CHECKOUT),
+            Path(OWN),
+            *SHIPPED,
+        )
+        if folder.is_dir()
+    ]
 
 
 @_reading()
 def list_artifacts() -> list[Path]:
-    """Return the folders of all versions of all artifacts on the search path, sorted by name and rising version."""
+    """Return the folders of all versions of all artifacts on the search path, sorted by name and
+    rising version.
+    """
     names = {folder.name for root in search_path() for folder in root.iterdir() if folder.is_dir()}
-    return [version for name in sorted(names) for version in _on_search_path(name) if (version / CARD).is_file()]
+    return [
+        version
+        for name in sorted(names)
+        for version in _on_search_path(name)
+        if (version / CARD).is_file()
+    ]
 
 
 @_reading()
@@ -102,29 +150,41 @@ def find_artifact(reference: str | Path, models: Sequence[str] = tuple(FORCES)) 
     Parameters
     ----------
     reference : str or path
-        ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the path of an artifact's folder or of a folder
-        of its versions.  Text is a path if it has a separator or begins with a dot, or if it names a folder that holds an artifact; a
-        folder of that name without one, such as a folder of results, is ignored.  A suffix ``#3`` or ``#all`` for the members
-        of the committee is ignored as well.
+        ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the
+        path of an artifact's folder or of a folder of its versions.  Text is a path if it has a
+        separator or begins with a dot, or if it names a folder that holds an artifact; a folder of
+        that name without one, such as a folder of results, is ignored.  A suffix ``#3`` or ``#all``
+        for the members of the committee is ignored as well.
     models : sequence of str
         Force models without an artifact that the message about an unknown name suggests, too.
 
     Raises
     ------
     ArtifactError
-        If there is no such artifact (the message suggests known ones), or the text is both the name of one and the folder of another.
+        If there is no such artifact (the message suggests known ones), or the text is both the name
+        of one and the folder of another.
     """
     check_path(reference, "an artifact's reference")
     reference, _ = parted(reference)
     text = str(reference)
-    if isinstance(reference, Path) or text.startswith(".") or os.sep in text or (os.altsep or os.sep) in text:
+    if (
+        isinstance(reference, Path)
+        or text.startswith(".")
+        or os.sep in text
+        or (os.altsep or os.sep) in text
+    ):
         folder = _in_folder(Path(reference))
         if folder is None:
-            raise ArtifactError(f"{text}: this is not the folder of an artifact, which would contain {CARD}")
+            raise ArtifactError(
+                f"{text}: this is not the folder of an artifact, which would contain {CARD}"
+            )
         return folder
     here, named = _in_folder(Path(text)), _by_name(text)
     if here and named and here.resolve() != named.resolve():
-        raise ArtifactError(f"{text!r} is the name of the artifact in {named}, but the folder {here} contains another one; give the path")
+        raise ArtifactError(
+            f"{text!r} is the name of the artifact in {named}, but the folder {here} contains"
+            " another one; give the path"
+        )
     if (found := here or named) is None:
         unknown = f"unknown force {text!r}" if models else f"unknown artifact {text!r}"
         raise ArtifactError(f"{unknown}; {_hint(text, models)}")
@@ -132,51 +192,73 @@ def find_artifact(reference: str | Path, models: Sequence[str] = tuple(FORCES)) 
 
 
 def _hint(text: str, models: Sequence[str]) -> str:
-    """Return the end of a message about an unknown force: the versions of an artifact, or a suggestion among artifacts and `models`."""
+    """Return the end of a message about an unknown force: the versions of an artifact, or a
+    suggestion among artifacts and `models`.
+    """
     name = text.partition("@")[0]
     if versions := [folder.name for folder in _on_search_path(name)]:
         return f"{name} has the version{'s' * (len(versions) > 1)} {', '.join(versions)}"
     if "#" in text:
-        return "write NAME#3 for the third member of a committee, or NAME#all for the artifact with all its members"
+        return (
+            "write NAME#3 for the third member of a committee, or NAME#all for the artifact with"
+            " all its members"
+        )
     names = dict.fromkeys(folder.parent.name for folder in list_artifacts())
     return suggestion(name, [*models, *names])
 
 
 def parted(reference: str | Path) -> tuple[str | Path, str | None]:
-    """Split ``NAME#3`` or ``NAME#all`` into NAME and committee member (``3``, ``all``; None without # or for an existing path)."""
+    """Split ``NAME#3`` or ``NAME#all`` into NAME and committee member (``3``, ``all``; None
+    without # or for an existing path).
+    """
     found = WHICH_MEMBER.fullmatch(str(reference))
     if found is None or Path(reference).exists():
         return reference, None
     if found[1] in FORCES:
-        raise ArtifactError(f"{found[1]} is an exact force model without a committee: leave out #{found[2]}")
+        raise ArtifactError(
+            f"{found[1]} is an exact force model without a committee: leave out #{found[2]}"
+        )
     return type(reference)(found[1]), found[2]
 
 
 def _in_folder(path: Path) -> Path | None:
-    """Return the folder of the artifact at a path, of the highest version if the path holds versions; None if there is no card."""
+    """Return the folder of the artifact at a path, of the highest version if the path holds
+    versions; None if there is no card.
+    """
     held = [folder for folder in (*_versions(path), path) if (folder / CARD).is_file()]
     return held[-1] if held else None
 
 
 def _by_name(text: str) -> Path | None:
-    """Return the folder of artifact NAME or NAME@VERSION on the search path, even if it is damaged; None if there is none."""
+    """Return the folder of artifact NAME or NAME@VERSION on the search path, even if it is
+    damaged; None if there is none.
+    """
     name, separator, version = text.partition("@")
     found = [folder for folder in _on_search_path(name) if not separator or version == folder.name]
     return found[-1] if found else None
 
 
 def _on_search_path(name: str) -> list[Path]:
-    """Return the folders of all versions of an artifact, in rising order; for a version found twice, the first on the search path."""
+    """Return the folders of all versions of an artifact, in rising order; for a version found
+    twice, the first on the search path.
+    """
     if not re.fullmatch(NAME_PATTERN, name):
         return []
-    found = {folder.name: folder for root in reversed(search_path()) for folder in _versions(root / name)}
+    found = {
+        folder.name: folder for root in reversed(search_path()) for folder in _versions(root / name)
+    }
     return sorted(found.values(), key=_version_key)
 
 
 def _versions(folder: Path) -> list[Path]:
-    """Return the subfolders whose names are versions, in rising order; subfolders of an interrupted writing have other names."""
+    """Return the subfolders whose names are versions, in rising order; subfolders of an
+    interrupted writing have other names.
+    """
     inner = folder.iterdir() if folder.is_dir() else ()
-    return sorted((path for path in inner if path.is_dir() and re.fullmatch(VERSION_PATTERN, path.name)), key=_version_key)
+    return sorted(
+        (path for path in inner if path.is_dir() and re.fullmatch(VERSION_PATTERN, path.name)),
+        key=_version_key,
+    )
 
 
 def _version_key(folder: Path) -> tuple[int, ...]:
@@ -189,7 +271,8 @@ def load_card(reference: str | Path) -> Card:
     Parameters
     ----------
     reference : str or path
-        Artifact as for `pdsurrogate.load_surrogate`; ``NAME#3`` names the third member of its committee.
+        Artifact as for `pdsurrogate.load_surrogate`; ``NAME#3`` names the third member of its
+        committee.
 
     Returns
     -------
@@ -217,54 +300,73 @@ def load_card(reference: str | Path) -> Card:
 
 
 def called(folder: Path, card: Card, which: str | None = None) -> str:
-    """Return the name of an artifact for messages, ``NAME@VERSION`` by its folder; with `which`, that of a member, ``NAME@VERSION#3``.
+    """Return the name of an artifact for messages, ``NAME@VERSION`` by its folder; with `which`,
+    that of a member, ``NAME@VERSION#3``.
 
     If the card states another name, as in a copied folder, this name is added in brackets.
     """
     placed = Path(os.path.abspath(folder))  # a link keeps its own name
-    if re.fullmatch(VERSION_PATTERN, placed.name) and re.fullmatch(NAME_PATTERN, placed.parent.name):
+    if re.fullmatch(VERSION_PATTERN, placed.name) and re.fullmatch(
+        NAME_PATTERN, placed.parent.name
+    ):
         found = f"{placed.parent.name}@{placed.name}"
     else:
         found = placed.name
     own = f"{card.name}@{card.version}"
-    return (f"{found}#{which}" if which else found) + (f" ({own} by its card)" if found != own else "")
+    return (f"{found}#{which}" if which else found) + (
+        f" ({own} by its card)" if found != own else ""
+    )
 
 
 def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
-    """Return the numbers of the committee members that `which` selects: one for a number as text, all for "all", none for None.
+    """Return the numbers of the committee members that `which` selects: one for a number as text,
+    all for "all", none for None.
 
     Raise ArtifactError if the committee has no such member.
     """
     members = range(1, len(card.members) + 1)
     chosen = [number for number in members if which in (ALL, str(number))]
     if which is not None and not chosen:
-        made = "no committee (create one with pdsurrogate fit --committee, or the argument members of pds.store)"
+        made = (
+            "no committee (create one with pdsurrogate fit --committee, or the argument members of"
+            " pds.store)"
+        )
         found = f"members #1 to #{len(members)}" if members else made
         raise ArtifactError(f"{called(folder, card)} has no member #{which}: it has {found}")
     return chosen
 
 
 def _card_of(folder: Path) -> Card:
-    """Return the card in an artifact's folder; raise ArtifactError if its digest shows that it was changed after it was stored."""
+    """Return the card in an artifact's folder; raise ArtifactError if its digest shows that it
+    was changed after it was stored.
+    """
     with _reading():
         card = read_card(folder / CARD)
     if card.stated_digest() not in (None, card.found_digest()):
-        changed = f"{', '.join(DIGESTED)} or training.identification have changed since the artifact was stored"
-        raise ArtifactError(f"{folder / CARD}: digest: {changed}: restore the card, or store the artifact again")
+        changed = (
+            f"{', '.join(DIGESTED)} or training.identification have changed since the artifact was"
+            " stored"
+        )
+        raise ArtifactError(
+            f"{folder / CARD}: digest: {changed}: restore the card, or store the artifact again"
+        )
     return card
 
 
 def load_surrogate(reference: str | Path) -> ForceModel:
-    """Return a force model by name, or the surrogate of an artifact or of a member of its committee.
+    """Return a force model by name, or the surrogate of an artifact or of a member of its
+    committee.
 
-    The card is read first; the payload must match its digest there, and is read as plain arrays, so loading runs no code from the file.
+    The card is read first; the payload must match its digest there, and is read as plain arrays, so
+    loading runs no code from the file.
 
     Parameters
     ----------
     reference : str or path
-        Name of an exact force model (a key of `pdsurrogate.forces.FORCES`), or an artifact as for `find_artifact`.
-        Append ``#3`` for the third member of its committee, or ``#all`` for the surrogate with its members: a run then records the greatest
-        deviation of a member's force or stress from the surrogate's (field ``member_deviation``).
+        Name of an exact force model (a key of `pdsurrogate.forces.FORCES`), or an artifact as for
+        `find_artifact`. Append ``#3`` for the third member of its committee, or ``#all`` for the
+        surrogate with its members: a run then records the greatest deviation of a member's force or
+        stress from the surrogate's (field ``member_deviation``).
 
     Returns
     -------
@@ -273,7 +375,8 @@ def load_surrogate(reference: str | Path) -> ForceModel:
     Raises
     ------
     ArtifactError
-        If the artifact is unknown, damaged, does not match its card, or holds anything but plain arrays.
+        If the artifact is unknown, damaged, does not match its card, or holds anything but plain
+        arrays.
 
     See Also
     --------
@@ -295,26 +398,42 @@ def load_surrogate(reference: str | Path) -> ForceModel:
 
 
 def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
-    """Return the surrogate in the folder of an artifact, or the committee member `which`, after checking payloads and card."""
+    """Return the surrogate in the folder of an artifact, or the committee member `which`, after
+    checking payloads and card.
+    """
     card = _card_of(folder)
     if card.kind not in KINDS:
-        raise ArtifactError(f"{folder / CARD}: kind: unknown kind {card.kind!r}; {suggestion(card.kind, KINDS)}")
+        raise ArtifactError(
+            f"{folder / CARD}: kind: unknown kind {card.kind!r}; {suggestion(card.kind, KINDS)}"
+        )
     numbers = _meant(folder, card, which)
     members = _members(folder, card, numbers) if numbers else []
     if which in (None, ALL):
-        model = _built(called(folder, card, which), folder, card, SURROGATE, _arrays(folder, card, SURROGATE))
+        model = _built(
+            called(folder, card, which), folder, card, SURROGATE, _arrays(folder, card, SURROGATE)
+        )
         laws = [law_of(card.of_member(number)) for number in numbers]
         ratios = [law.shear_modulus / law_of(card).shear_modulus for law in laws]
-        model = replace(model, members=tuple(map(Member, members, laws, ratios)), covariance=_covariance_on(folder, card))
+        model = replace(
+            model,
+            members=tuple(map(Member, members, laws, ratios)),
+            covariance=_covariance_on(folder, card),
+        )
     else:
         [model] = members
     if card.stated_digest() is None:
-        warnings.warn(f"{called(folder, card)}: its card is older and has no digest to show changes; store it again", stacklevel=3)
+        warnings.warn(
+            f"{called(folder, card)}: its card is older and has no digest to show changes; store it"
+            " again",
+            stacklevel=3,
+        )
     return model
 
 
 def _covariance_on(folder: Path, card: Card) -> LawCovariance | None:
-    """Return the covariance of the law on a card; None if it has none. Raise ArtifactError for one that is not of this law."""
+    """Return the covariance of the law on a card; None if it has none. Raise ArtifactError for
+    one that is not of this law.
+    """
     entry = (card.training.get("identification") or {}).get("covariance")
     try:
         return entry and LawCovariance(law_of(card), entry["names"], entry["values"])
@@ -323,11 +442,19 @@ def _covariance_on(folder: Path, card: Card) -> LawCovariance | None:
 
 
 def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[Surrogate]:
-    """Return the surrogates of the committee members with given numbers, from one reading of ``members.npz``."""
+    """Return the surrogates of the committee members with given numbers, from one reading of
+    ``members.npz``.
+    """
     arrays, members = _arrays(folder, card, MEMBERS), []
     for number in numbers:
-        own = {key.partition(".")[2]: value for key, value in arrays.items() if key.startswith(f"{number}.")}
-        members.append(_built(called(folder, card, str(number)), folder, card.of_member(number), MEMBERS, own))
+        own = {
+            key.partition(".")[2]: value
+            for key, value in arrays.items()
+            if key.startswith(f"{number}.")
+        }
+        members.append(
+            _built(called(folder, card, str(number)), folder, card.of_member(number), MEMBERS, own)
+        )
     return members
 
 
@@ -339,35 +466,53 @@ def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
 
 
 def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Surrogate:
-    """Return the surrogate made of the arrays of a payload; raise ArtifactError if kind, features or material contradict the card.
+    """Return the surrogate made of the arrays of a payload; raise ArtifactError if kind, features
+    or material contradict the card.
 
-    `name` is the name of the surrogate; `folder` and `file` say in messages where the payload was read.
+    `name` is the name of the surrogate; `folder` and `file` say in messages where the payload was
+    read.
     """
     try:
-        model = KINDS[card.kind].from_payload(name, payload, Domain(**dict(card.domain)), card.material.law, card.material.shape)
+        model = KINDS[card.kind].from_payload(
+            name, payload, Domain(**dict(card.domain)), card.material.law, card.material.shape
+        )
     except (ValueError, TypeError, OverflowError) as error:
-        raise ArtifactError(f"{name}: {file} does not contain a {card.kind}, as the card states: {error}") from None
+        raise ArtifactError(
+            f"{name}: {file} does not contain a {card.kind}, as the card states: {error}"
+        ) from None
     if card.material.law in LAWS:
         errors, law = card.errors["box"]["on_surface"], law_of(card)
-        stated = {"rms": float(errors["rms"]), "max": float(errors["max"]), "bulk_ratio": law.bulk_modulus / law.shear_modulus}
+        stated = {
+            "rms": float(errors["rms"]),
+            "max": float(errors["max"]),
+            "bulk_ratio": law.bulk_modulus / law.shear_modulus,
+        }
         model = replace(model, stated=stated)
         try:
             model.check_material(law)
         except ValueError as error:
-            raise ArtifactError(f"{folder / CARD}: material: {file} does not match the material that the card states: {error}") from None
+            raise ArtifactError(
+                f"{folder / CARD}: material: {file} does not match the material that the card"
+                f" states: {error}"
+            ) from None
     return model
 
 
 def law_of(card: Card) -> Law:
-    """Return the law that a card names, with the parameters for which the model was trained; raise ArtifactError if the law is unknown."""
+    """Return the law that a card names, with the parameters for which the model was trained;
+    raise ArtifactError if the law is unknown.
+    """
     try:
         return MaterialSpec(**card.material.trained_with).build()
     except ValueError as error:
-        raise ArtifactError(f"{card.name}@{card.version}: the card's material.trained_with: {error}") from None
+        raise ArtifactError(
+            f"{card.name}@{card.version}: the card's material.trained_with: {error}"
+        ) from None
 
 
 def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
-    """Return the dictionary of a surrogate's arrays and texts (its ``payload()``) from the bytes of the file that `save_artifact` wrote.
+    """Return the dictionary of a surrogate's arrays and texts (its ``payload()``) from the bytes of
+    the file that `save_artifact` wrote.
 
     Raises
     ------
@@ -375,15 +520,19 @@ def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
         If `data` are not those of a file of plain arrays.
     """
     arrays = read_arrays(io.BytesIO(data))
-    return {key: str(array) if array.ndim == 0 and array.dtype.kind == "U" else array for key, array in arrays.items()}
+    return {
+        key: str(array) if array.ndim == 0 and array.dtype.kind == "U" else array
+        for key, array in arrays.items()
+    }
 
 
 @_reading()
 def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -> ForceModel:
     """Return the default force model of a material.
 
-    The model is the artifact on the search path with the name of the law (for bond energies with ``-energy`` appended under plane stress
-    and ``-isochoric`` otherwise), if there is such an artifact for this material; otherwise the exact model of the family.
+    The model is the artifact on the search path with the name of the law (for bond energies with
+    ``-energy`` appended under plane stress and ``-isochoric`` otherwise), if there is such an
+    artifact for this material; otherwise the exact model of the family.
 
     Parameters
     ----------
@@ -399,7 +548,10 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
         If the artifact with this name cannot be read.
     """
     energy = f"{law.name}-energy" if plane == "stress" else f"{law.name}-isochoric"
-    name, exact = {"bond force": (law.name, "analytic"), "bond energy": (energy, "bond-energy")}.get(family, (None, family))
+    name, exact = {
+        "bond force": (law.name, "analytic"),
+        "bond energy": (energy, "bond-energy"),
+    }.get(family, (None, family))
     folder = name and _by_name(name)
     if folder:
         model = _surrogate_in(folder)
@@ -412,9 +564,10 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
 def default_force(scene: Scene) -> ForceModel:
     """Return the default force model of a scene.
 
-    For a single material under plane stress this is the model that `surrogate_for` returns. For plane strain, for
-    three-dimensional bodies, and for several materials it is the exact bond energy. In plane strain and three dimensions the isochoric part
-    of this energy acts at the bonds and its volumetric part at the points, which avoids volumetric locking.
+    For a single material under plane stress this is the model that `surrogate_for` returns. For
+    plane strain, for three-dimensional bodies, and for several materials it is the exact bond
+    energy. In plane strain and three dimensions the isochoric part of this energy acts at the bonds
+    and its volumetric part at the points, which avoids volumetric locking.
     """
     if scene.plane != "stress" or scene.materials:
         return load_surrogate("bond-energy")
@@ -424,8 +577,9 @@ def default_force(scene: Scene) -> ForceModel:
 def load_pipeline(reference: str | Path, *, trust: bool = False):
     """Return the fitted scikit-learn pipeline of an artifact, for refinement.
 
-    The file is a pickle of Python objects: loading it runs code from the file.  The file must match its digest in the card, which shows
-    that the file belongs to the card, but not that the author of both is trustworthy.
+    The file is a pickle of Python objects: loading it runs code from the file.  The file must match
+    its digest in the card, which shows that the file belongs to the card, but not that the author
+    of both is trustworthy.
 
     Parameters
     ----------
@@ -441,7 +595,8 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     Raises
     ------
     ArtifactError
-        Without ``trust=True``, or if the artifact is unknown, has no pipeline, or its file does not match the card.
+        Without ``trust=True``, or if the artifact is unknown, has no pipeline, or its file does not
+        match the card.
 
     See Also
     --------
@@ -457,40 +612,69 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     True
     """
     if trust is not True:
-        raise ArtifactError("loading a pipeline executes code from its file; pass trust=True if you trust the author of the artifact")
-    import joblib  # here, because simulations load no pipeline, and the import would take a tenth of the time of a start
+        raise ArtifactError(
+            "loading a pipeline executes code from its file; pass trust=True if you trust the"
+            " author of the artifact"
+        )
+    # here, because simulations load no pipeline, and the import would take a tenth of the time of a
+    # start
+    import joblib
 
     folder = find_artifact(reference)
     return joblib.load(io.BytesIO(_checked_payload(folder, load_card(folder), PIPELINE)))
 
 
 def new_artifact(folder: str | Path, name: str, version: str) -> Path:
-    """Return the path of the folder of a new artifact, ``folder/NAME/VERSION``, without creating it.
+    """Return the path of the folder of a new artifact, ``folder/NAME/VERSION``, without creating
+    it.
 
     Raises
     ------
     ArtifactError
-        If it exists already (versions are immutable), or the name or version is not allowed, such as the name of a force model.
+        If it exists already (versions are immutable), or the name or version is not allowed, such
+        as the name of a force model.
     """
     if not str(folder):
-        raise ArtifactError("folder: the name is empty; give a folder, or None for the one in which artifacts are found by name")
+        raise ArtifactError(
+            "folder: the name is empty; give a folder, or None for the one in which artifacts are"
+            " found by name"
+        )
     _check_name(name, version)
     target = Path(folder) / name / version
     if target.exists():
-        raise ArtifactError(f"{name}@{version} already exists in {folder}, and versions never change; choose another version")
+        raise ArtifactError(
+            f"{name}@{version} already exists in {folder}, and versions never change; choose"
+            " another version"
+        )
     return target
 
 
 def _check_name(name: str, version: str = "1") -> None:
-    """Raise ArtifactError unless name and version match `NAME_PATTERN` and `VERSION_PATTERN`, and no exact force model has the name."""
-    for key, value, pattern in (("name", name, NAME_PATTERN), ("version", version, VERSION_PATTERN)):
+    """Raise ArtifactError unless name and version match `NAME_PATTERN` and `VERSION_PATTERN`,
+    and no exact force model has the name.
+    """
+    for key, value, pattern in (
+        ("name", name, NAME_PATTERN),
+        ("version", version, VERSION_PATTERN),
+    ):
         if not isinstance(value, str) or not re.fullmatch(pattern, value):
-            raise ArtifactError(f"{key} {value!r} is not allowed: it must be text that matches {pattern}")
+            raise ArtifactError(
+                f"{key} {value!r} is not allowed: it must be text that matches {pattern}"
+            )
     if name in FORCES:
-        raise ArtifactError(f"name {name!r} is not allowed: it is the name of an exact force model; choose another name")
+        raise ArtifactError(
+            f"name {name!r} is not allowed: it is the name of an exact force model; choose another"
+            " name"
+        )
 
 
-def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline=None, members: Sequence[Surrogate] = ()) -> Path:
+def save_artifact(
+    folder: str | Path,
+    card: dict,
+    surrogate: Surrogate,
+    pipeline=None,
+    members: Sequence[Surrogate] = (),
+) -> Path:
     """Write an artifact, whole or not at all.
 
     Parameters
@@ -513,19 +697,29 @@ def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline
     Raises
     ------
     ArtifactError
-        If the version exists already (versions are immutable), the name or version is not allowed, or the written files cannot be read
-        again, as for a model that the kernels do not evaluate.  No file is left on disk then.
+        If the version exists already (versions are immutable), the name or version is not allowed,
+        or the written files cannot be read again, as for a model that the kernels do not evaluate.
+        No file is left on disk then.
     """
-    target, title = new_artifact(folder, card["name"], card["version"]), f"{card['name']}@{card['version']}"
+    target, title = (
+        new_artifact(folder, card["name"], card["version"]),
+        f"{card['name']}@{card['version']}",
+    )
     Path(folder).mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(prefix=f".{card['name']}-{card['version']}-", dir=folder, ignore_cleanup_errors=True) as held:
+    with TemporaryDirectory(
+        prefix=f".{card['name']}-{card['version']}-", dir=folder, ignore_cleanup_errors=True
+    ) as held:
         temporary = Path(held) / card["name"] / card["version"]
         temporary.mkdir(parents=True)
         np.savez(temporary / SURROGATE, **surrogate.payload())
-        contents = {SURROGATE: "the surrogate's constants: plain arrays, all that a simulation needs"}
+        contents = {
+            SURROGATE: "the surrogate's constants: plain arrays, all that a simulation needs"
+        }
         if members:
             arrays: dict[str, Any] = {
-                f"{number}.{key}": value for number, one in enumerate(members, 1) for key, value in one.payload().items()
+                f"{number}.{key}": value
+                for number, one in enumerate(members, 1)
+                for key, value in one.payload().items()
             }
             np.savez(temporary / MEMBERS, **arrays)
             contents[MEMBERS] = "the same of every member of the committee, by its number"
@@ -533,12 +727,17 @@ def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline
             import joblib  # here, as above
 
             joblib.dump(pipeline, temporary / PIPELINE, compress=0, protocol=4)
-            contents[PIPELINE] = "fitted scikit-learn pipeline: a pickle of Python objects, loaded only on explicit trust"
+            contents[PIPELINE] = (
+                "fitted scikit-learn pipeline: a pickle of Python objects, loaded only on explicit"
+                " trust"
+            )
         payloads = {name: _describe(temporary / name, what) for name, what in contents.items()}
         try:
             full = new_card({**card, "payloads": payloads})
         except ArtifactError as error:
-            raise ArtifactError(f"{title}: the artifact cannot be stored with this card: {error}") from None
+            raise ArtifactError(
+                f"{title}: the artifact cannot be stored with this card: {error}"
+            ) from None
         (temporary / CARD).write_text(full.to_json(), encoding="utf-8")
         _surrogate_in(temporary, ALL if members else None)
         target.parent.mkdir(exist_ok=True)
@@ -547,7 +746,10 @@ def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline
         except OSError:
             if not target.exists():
                 raise
-            raise ArtifactError(f"{title} already exists in {folder}, and versions never change; choose another version") from None
+            raise ArtifactError(
+                f"{title} already exists in {folder}, and versions never change; choose another"
+                " version"
+            ) from None
     return target
 
 
@@ -557,17 +759,25 @@ def _describe(path: Path, contains: str) -> dict:
 
 
 def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) -> bytes:
-    """Return the bytes of a payload file; raise ArtifactError for more than `most` bytes, or if size or SHA-256 contradict the card."""
+    """Return the bytes of a payload file; raise ArtifactError for more than `most` bytes, or if
+    size or SHA-256 contradict the card.
+    """
     where = f"{called(folder, card)}: {name}"
     if name not in card.payloads:
         raise ArtifactError(f"{where}: the artifact has no such file")
     stated = card.payloads[name]
     if stated.bytes > most:
-        raise ArtifactError(f"{where}: the card states {stated.bytes} bytes, but files of more than {most} bytes are not read")
+        raise ArtifactError(
+            f"{where}: the card states {stated.bytes} bytes, but files of more than {most} bytes"
+            " are not read"
+        )
     with _reading():
         path = folder / name
         # The size first, so that no file larger than stated is read into memory.
         data = path.read_bytes() if path.stat().st_size == stated.bytes else b""
     if len(data) != stated.bytes or hashlib.sha256(data).hexdigest() != stated.sha256:
-        raise ArtifactError(f"{where}: the file is damaged or was replaced: its size or SHA-256 differs from the card")
+        raise ArtifactError(
+            f"{where}: the file is damaged or was replaced: its size or SHA-256 differs from the"
+            " card"
+        )
     return data

@@ -1,4 +1,6 @@
-"""Bodies in the reference state: points with volumes, their horizons, the bonds between them, and ghosts beyond reflection planes."""
+"""Bodies in the reference state: points with volumes, their horizons, the bonds between them,
+and ghosts beyond reflection planes.
+"""
 
 from .body import MOST_BONDS, MOST_POINTS, Body, Bonds, Cells, Round, grid
 from .cell_mesh import CellMesh

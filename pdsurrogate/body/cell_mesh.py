@@ -12,7 +12,9 @@ from ..ranks.share import connected
 
 CORNERS = {2: np.array([[0, 0], [1, 0], [1, 1], [0, 1]])}
 CORNERS[3] = np.array([[*corner, height] for height in (0, 1) for corner in CORNERS[2]])
-"""Positions of the corners of a lattice cell, 0 or 1 along each axis, by dimension, in the order of VTK's quadrilaterals and hexahedra."""
+"""Positions of the corners of a lattice cell, 0 or 1 along each axis, by dimension, in the order
+of VTK's quadrilaterals and hexahedra.
+"""
 
 FACES = {
     (2, 3): ((0, 1), (1, 2), (2, 0)),
@@ -21,9 +23,11 @@ FACES = {
     (3, 4): ((0, 2, 1, 1), (0, 1, 3, 3), (1, 2, 3, 3), (0, 3, 2, 2)),
     (3, 8): ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 }
-"""Sides of a cell, given by the numbers of their corners in the cell, by dimension and number of corners of the cell.
+"""Sides of a cell, given by the numbers of their corners in the cell, by dimension and number of
+corners of the cell.
 
-In three dimensions the normals of the sides point outwards by the right-hand rule."""
+In three dimensions the normals of the sides point outwards by the right-hand rule.
+"""
 
 
 def _around(corners: int) -> tuple[tuple[int, int], ...]:
@@ -32,23 +36,27 @@ def _around(corners: int) -> tuple[tuple[int, int], ...]:
 
 
 TORN = 0.5
-"""Relative distance between the two positions that neighboring cells predict for their common side, above which the side is drawn as open.
-The distance is divided by the length from one cell through the side to the other. In a smooth deformation it is of second order in that
-length; across an open crack it is the opening. Chosen: with a smaller value strong gradients at a crack tip are drawn as cracks, with a
-greater one cracks appear only once they are wide open."""
+"""Relative distance between the two positions that neighboring cells predict for their common side,
+above which the side is drawn as open. The distance is divided by the length from one cell through
+the side to the other. In a smooth deformation it is of second order in that length; across an open
+crack it is the opening. Chosen: with a smaller value strong gradients at a crack tip are drawn as
+cracks, with a greater one cracks appear only once they are wide open.
+"""
 
 
 @dataclass(frozen=True)
 class CellMesh:
-    """Mesh of the cells around the points of a body, in the order of the points, for pictures and result files.
+    """Mesh of the cells around the points of a body, in the order of the points, for pictures and
+    result files.
 
     Attributes
     ----------
     nodes : ndarray, shape (k, d)
         Reference positions of the corners of cells.
     blocks : tuple of ndarray of int, each of shape (m, corners)
-        Nodes at the corners of triangles and quadrilaterals, or tetrahedra and hexahedra, in the order of VTK; or of polygons in the plane
-        with as many corners as the one with most, of which others repeat their last.
+        Nodes at the corners of triangles and quadrilaterals, or tetrahedra and hexahedra, in the
+        order of VTK; or of polygons in the plane with as many corners as the one with most, of
+        which others repeat their last.
     """
 
     nodes: np.ndarray
@@ -59,9 +67,11 @@ class CellMesh:
 
     @classmethod
     def of_lattice(cls, points: np.ndarray, volumes: np.ndarray, cell: np.ndarray) -> CellMesh:
-        """Return the cell mesh of lattice points, of cells with sides `cell`; a cell cut by the body's surface is included in full.
+        """Return the cell mesh of lattice points, of cells with sides `cell`; a cell cut by the
+        body's surface is included in full.
 
-        The first point with the volume of a full cell fixes the lattice, as the middle of its cell; other points may lie off the middle.
+        The first point with the volume of a full cell fixes the lattice, as the middle of its cell;
+        other points may lie off the middle.
         """
         full = np.flatnonzero(np.isclose(volumes, cell.prod(), rtol=1e-9, atol=0))
         middle = points[full[0] if len(full) else 0]
@@ -71,21 +81,38 @@ class CellMesh:
         offsets = np.ravel_multi_index(tuple(CORNERS[len(cell)].T), tuple(counts))
         number = np.ravel_multi_index(tuple((place - lowest).T), tuple(counts))[:, None] + offsets
         used, corners = np.unique(number, return_inverse=True)
-        nodes = middle + (np.stack(np.unravel_index(used, tuple(counts)), axis=1) + lowest - 0.5) * cell
+        nodes = (
+            middle + (np.stack(np.unravel_index(used, tuple(counts)), axis=1) + lowest - 0.5) * cell
+        )
         return cls(nodes, (corners.reshape(number.shape).astype(np.int32),))
 
     @classmethod
     def of_mesh(cls, nodes: np.ndarray, blocks: Sequence[np.ndarray], kept: np.ndarray) -> CellMesh:
-        """Return the cell mesh of the cells of a mesh for which `kept` (one flag per cell, block by block) is true, with all its nodes."""
+        """Return the cell mesh of the cells of a mesh for which `kept` (one flag per cell, block
+        by block) is true, with all its nodes.
+        """
         parts = np.split(kept, np.cumsum([len(block) for block in blocks])[:-1])
-        return cls(nodes, tuple(block[part] for block, part in zip(blocks, parts, strict=True) if part.any()))
+        return cls(
+            nodes,
+            tuple(block[part] for block, part in zip(blocks, parts, strict=True) if part.any()),
+        )
 
     def only(self, kept: np.ndarray) -> tuple[CellMesh, np.ndarray]:
-        """Return the mesh of the cells for which `kept` is true, with their nodes alone, and the old numbers of these nodes."""
+        """Return the mesh of the cells for which `kept` is true, with their nodes alone, and the
+        old numbers of these nodes.
+        """
         blocks = CellMesh.of_mesh(self.nodes, self.blocks, kept).blocks
-        used, corners = np.unique(np.concatenate([block.ravel() for block in blocks]), return_inverse=True)
+        used, corners = np.unique(
+            np.concatenate([block.ravel() for block in blocks]), return_inverse=True
+        )
         parts = np.split(corners.astype(np.int32), np.cumsum([block.size for block in blocks])[:-1])
-        return CellMesh(self.nodes[used], tuple(part.reshape(block.shape) for part, block in zip(parts, blocks, strict=True))), used
+        return (
+            CellMesh(
+                self.nodes[used],
+                tuple(part.reshape(block.shape) for part, block in zip(parts, blocks, strict=True)),
+            ),
+            used,
+        )
 
     @property
     def dimension(self) -> int:
@@ -97,12 +124,16 @@ class CellMesh:
         return np.concatenate([np.ptp(self.nodes[block, axis], axis=1) for block in self.blocks])
 
     def touching(self, chosen: np.ndarray) -> np.ndarray:
-        """Return flags of the cells with a corner at a chosen node, shape (n,), from flags of the nodes."""
+        """Return flags of the cells with a corner at a chosen node, shape (n,), from flags of
+        the nodes.
+        """
         return np.concatenate([chosen[block].any(axis=1) for block in self.blocks])
 
     @cached_property
     def _owners(self) -> np.ndarray:
-        """Number of the cell to which each entry of `blocks` (a corner of a cell) belongs, in the order of `_entries`."""
+        """Number of the cell to which each entry of `blocks` (a corner of a cell) belongs, in
+        the order of `_entries`.
+        """
         widths = np.concatenate([np.full(len(block), block.shape[1]) for block in self.blocks])
         return np.repeat(np.arange(len(self)), widths)
 
@@ -112,20 +143,33 @@ class CellMesh:
         return np.concatenate([block.ravel() for block in self.blocks])
 
     def sides(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sides of all cells, cell by cell: nodes at their corners, shape (s, 2 or 4), and their cells, shape (s,).
+        """Return the sides of all cells, cell by cell: nodes at their corners, shape (s, 2 or 4),
+        and their cells, shape (s,).
 
-        A side is an edge of a cell in the plane, and a face in three dimensions, where a triangle repeats one of its nodes. A polygon may
-        repeat its last corner; there it has no side.
+        A side is an edge of a cell in the plane, and a face in three dimensions, where a triangle
+        repeats one of its nodes. A polygon may repeat its last corner; there it has no side.
         """
-        faces = [np.array(FACES.get((self.dimension, block.shape[1]), _around(block.shape[1]))) for block in self.blocks]
-        corners = np.concatenate([block[:, face].reshape(-1, face.shape[1]) for block, face in zip(self.blocks, faces, strict=True)])
-        owners = np.repeat(np.arange(len(self)), np.repeat([len(face) for face in faces], [len(block) for block in self.blocks]))
+        faces = [
+            np.array(FACES.get((self.dimension, block.shape[1]), _around(block.shape[1])))
+            for block in self.blocks
+        ]
+        corners = np.concatenate(
+            [
+                block[:, face].reshape(-1, face.shape[1])
+                for block, face in zip(self.blocks, faces, strict=True)
+            ]
+        )
+        owners = np.repeat(
+            np.arange(len(self)),
+            np.repeat([len(face) for face in faces], [len(block) for block in self.blocks]),
+        )
         long = corners[:, 0] != corners[:, 1]
         return corners[long], owners[long]
 
     @cached_property
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
-        """Edges (in 3D faces) of the cells, each listed once: nodes at its corners (f, 2 or 4), and its two cells (f, 2), -1 for none.
+        """Edges (in 3D faces) of the cells, each listed once: nodes at its corners (f, 2 or 4), and
+        its two cells (f, 2), -1 for none.
 
         A triangle repeats one of its nodes.
         """
@@ -139,16 +183,22 @@ class CellMesh:
 
     @cached_property
     def outer_sides(self) -> tuple[np.ndarray, np.ndarray]:
-        """Sides on the boundary of the mesh: nodes at their corners, as of `faces`, and their cells."""
+        """Sides on the boundary of the mesh: nodes at their corners, as of `faces`, and their
+        cells.
+        """
         corners, beside = self.faces
         outer = beside[:, 1] < 0
         return corners[outer], beside[outer, 0]
 
-    def moved(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> np.ndarray:
-        """Return the displacements of the nodes, shape (k, d), from the motion of the body's points.
+    def moved(
+        self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray
+    ) -> np.ndarray:
+        """Return the displacements of the nodes, shape (k, d), from the motion of the body's
+        points.
 
-        Each cell extrapolates the displacement of its point linearly to its nodes; a node has the mean over its cells. `points` and
-        `displacement` have shape (n, d), and the deformation gradients `gradients` shape (n, d, d).
+        Each cell extrapolates the displacement of its point linearly to its nodes; a node has the
+        mean over its cells. `points` and `displacement` have shape (n, d), and the deformation
+        gradients `gradients` shape (n, d, d).
         """
         counts = np.bincount(self._entries, minlength=len(self.nodes))
         total = np.zeros_like(self.nodes)
@@ -156,18 +206,24 @@ class CellMesh:
         for block in self.blocks:
             own = slice(begin, begin + len(block))
             for corner in block.T:
-                said = displacement[own] + np.einsum("nij,nj->ni", changes[own], self.nodes[corner] - points[own])
+                said = displacement[own] + np.einsum(
+                    "nij,nj->ni", changes[own], self.nodes[corner] - points[own]
+                )
                 for axis in range(self.dimension):
                     total[:, axis] += np.bincount(corner, said[:, axis], len(self.nodes))
             begin += len(block)
         return total / np.maximum(counts, 1)[:, None]
 
-    def torn(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray, parted: Callable) -> CellMesh:
-        """Return the cell mesh with separate nodes on the two sides of open cracks, from the motion of the points.
+    def torn(
+        self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray, parted: Callable
+    ) -> CellMesh:
+        """Return the cell mesh with separate nodes on the two sides of open cracks, from the motion
+        of the points.
 
-        Each of the two cells of a face predicts the position of its middle. The face is open if the predictions differ by more than `TORN`
-        times the deformed distance from point to face to point, and ``parted(one, other)``, of the numbers of points, flags the cells. See
-        `moved` for the other arguments.
+        Each of the two cells of a face predicts the position of its middle. The face is open if the
+        predictions differ by more than `TORN` times the deformed distance from point to face to
+        point, and ``parted(one, other)``, of the numbers of points, flags the cells. See `moved`
+        for the other arguments.
         """
         corners, beside = self.faces
         inner = beside[:, 1] >= 0
@@ -180,25 +236,37 @@ class CellMesh:
         gap = np.linalg.norm(apart - toward - onwards, axis=1)
         open_ = gap > TORN * (np.linalg.norm(toward, axis=1) + np.linalg.norm(onwards, axis=1))
         open_[open_] = parted(one[open_], other[open_])
-        return self if not open_.any() else self._separated(corners, np.stack([one, other], axis=1), open_)
+        return (
+            self
+            if not open_.any()
+            else self._separated(corners, np.stack([one, other], axis=1), open_)
+        )
 
     def _separated(self, corners: np.ndarray, beside: np.ndarray, open_: np.ndarray) -> CellMesh:
-        """Return the mesh in which each node of an open face is copied for every group of cells around it that intact faces connect.
+        """Return the mesh in which each node of an open face is copied for every group of cells
+        around it that intact faces connect.
 
-        `corners` (f, 2 or 4) are the nodes of faces between two cells, `beside` (f, 2) these cells, and `open_` (f,) flags open faces.
+        `corners` (f, 2 or 4) are the nodes of faces between two cells, `beside` (f, 2) these cells,
+        and `open_` (f,) flags open faces.
         """
         split = np.zeros(len(self.nodes), dtype=bool)
         split[corners[open_]] = True
         entries = np.flatnonzero(split[self._entries])
         nodes = self._entries[entries]
-        # A cell and a node identify an entry; an intact face connects the entries of both its cells at each corner.
+        # A cell and a node identify an entry; an intact face connects the entries of both its cells
+        # at each corner.
         keys = self._owners[entries] * len(self.nodes) + nodes
         order = np.argsort(keys)
         whole = ~open_ & split[corners].any(axis=1)
         face, corner = np.nonzero(split[corners[whole]])
         common, pairs = corners[whole][face, corner], beside[whole][face]
-        one, other = (order[np.searchsorted(keys[order], cells * len(self.nodes) + common)] for cells in pairs.T)
-        again = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])  # corners that a polygon repeats
+        one, other = (
+            order[np.searchsorted(keys[order], cells * len(self.nodes) + common)]
+            for cells in pairs.T
+        )
+        again = np.flatnonzero(
+            keys[order[1:]] == keys[order[:-1]]
+        )  # corners that a polygon repeats
         one, other = np.append(one, order[again]), np.append(other, order[again + 1])
         count, group = connected(len(entries), one, other)
         node_of_group = np.zeros(count, dtype=np.int64)
@@ -212,12 +280,19 @@ class CellMesh:
         renewed = self._entries.copy()
         renewed[entries] = number[group]
         sizes = np.cumsum([block.size for block in self.blocks])[:-1]
-        blocks = (part.reshape(block.shape) for part, block in zip(np.split(renewed, sizes), self.blocks, strict=True))
-        return CellMesh(np.concatenate([self.nodes, self.nodes[node_of_group[further]]]), tuple(blocks))
+        blocks = (
+            part.reshape(block.shape)
+            for part, block in zip(np.split(renewed, sizes), self.blocks, strict=True)
+        )
+        return CellMesh(
+            np.concatenate([self.nodes, self.nodes[node_of_group[further]]]), tuple(blocks)
+        )
 
 
 def side_numbers(corners: np.ndarray) -> np.ndarray:
-    """Return an identification number of every side, shape (s,): sides with equal corners (s, 2 or 4), in any order, have equal numbers."""
+    """Return an identification number of every side, shape (s,): sides with equal corners (s, 2
+    or 4), in any order, have equal numbers.
+    """
     keys = np.sort(corners, axis=1)
     # A triangle may repeat any corner: its greatest is made the one that counts twice.
     keys[:, 1:-1] = np.where(keys[:, 1:-1] == keys[:, :-2], keys[:, -1:], keys[:, 1:-1])

@@ -1,4 +1,6 @@
-"""Division of a body among ranks (parallel processes), and the numbers that rows of a rank's arrays have in the whole body."""
+"""Division of a body among ranks (parallel processes), and the numbers that rows of a rank's
+arrays have in the whole body.
+"""
 
 from dataclasses import replace
 
@@ -12,9 +14,10 @@ from .ghosts import WITH_ROUNDING
 HALO = 1.0
 """Width of the halo in horizons.
 
-One horizon holds the bonds of a rank's own points. Quantities of halo points that need all of their bonds (deformation gradients, moments)
-come from their owners. The alternative is a halo of two horizons for force maps, three for bond energies and five with smoothed
-dilatations: a rank with a cube of 60 points a side as its share of a solid would then hold 2.1 times its own points.
+One horizon holds the bonds of a rank's own points. Quantities of halo points that need all of their
+bonds (deformation gradients, moments) come from their owners. The alternative is a halo of two
+horizons for force maps, three for bond energies and five with smoothed dilatations: a rank with a
+cube of 60 points a side as its share of a solid would then hold 2.1 times its own points.
 """
 
 
@@ -28,7 +31,8 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     body : Body
     ranks : Communicator
     halo : float
-        Width of the halo in horizons: points of other ranks within this distance of a point of this rank are included.
+        Width of the halo in horizons: points of other ranks within this distance of a point of this
+        rank are included.
 
     Raises
     ------
@@ -39,19 +43,33 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     if n < 4 * ranks.size:
         raise ValueError(f"{n} points are too few for {ranks.size} ranks; use fewer ranks")
     part = slice(n * ranks.rank // ranks.size, n * (ranks.rank + 1) // ranks.size)
-    weights = np.concatenate(ranks.everywhere(bond_counts(body.points, body.horizon * WITH_ROUNDING, part)))
+    weights = np.concatenate(
+        ranks.everywhere(bond_counts(body.points, body.horizon * WITH_ROUNDING, part))
+    )
     owners = bisected(body.points, weights, ranks.size)
     own = np.flatnonzero(owners == ranks.rank)
     reach = halo * body.horizon * WITH_ROUNDING
-    lower, upper = body.points[own].min(axis=0) - 2 * reach, body.points[own].max(axis=0) + 2 * reach
+    lower, upper = (
+        body.points[own].min(axis=0) - 2 * reach,
+        body.points[own].max(axis=0) + 2 * reach,
+    )
     near = np.flatnonzero(((body.points >= lower) & (body.points <= upper)).all(axis=1))
-    distance, _ = scipy.spatial.cKDTree(body.points[own]).query(body.points[near], distance_upper_bound=2 * reach)
+    distance, _ = scipy.spatial.cKDTree(body.points[own]).query(
+        body.points[near], distance_upper_bound=2 * reach
+    )
     numbers = near[distance <= reach]
     share = Share(numbers, owners[numbers], n, ranks)
     groups = {name: share.local(np.sort(members)) for name, members in body.groups.items()}
     chosen = np.isin(np.arange(n), numbers)
     cells = body.mesh_cells and body.mesh_cells.only(chosen)[0]
-    part = replace(body, points=body.points[numbers], volumes=body.volumes[numbers], groups=groups, mesh_cells=cells, share=share)
+    part = replace(
+        body,
+        points=body.points[numbers],
+        volumes=body.volumes[numbers],
+        groups=groups,
+        mesh_cells=cells,
+        share=share,
+    )
     if body.inside is not None or body.tessellate is not None:
         # Made in the whole body, so that nodes between two ranks have one place.
         vars(part)["cells"] = body.cells.only(chosen)[0]
@@ -59,9 +77,11 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
 
 
 def rows_of(body: Body, kind: str) -> Rows:
-    """Return a `Rows` that relates the rows of arrays on this rank, which has the part `body`, to the rows of arrays of the whole body.
+    """Return a `Rows` that relates the rows of arrays on this rank, which has the part `body`, to
+    the rows of arrays of the whole body.
 
-    `kind` names what a row belongs to: "points", "images" (points and images), "bonds" (directed bonds), or "pairs".
+    `kind` names what a row belongs to: "points", "images" (points and images), "bonds" (directed
+    bonds), or "pairs".
     """
     share, bonds, ghosts = body.share, body.bonds, body.ghosts
     if kind == "points":
@@ -75,13 +95,16 @@ def rows_of(body: Body, kind: str) -> Rows:
     counts = np.diff(pointers).astype(np.int64)
     whole = share.gather(counts)
     total = share.ranks.to_all(None if whole is None else int(whole.sum()))
-    starts = Rows(share.ranks, share.numbers, share.own, share.size).hand_out(None if whole is None else np.cumsum(whole) - whole)
+    starts = Rows(share.ranks, share.numbers, share.own, share.size).hand_out(
+        None if whole is None else np.cumsum(whole) - whole
+    )
     numbers = np.repeat(starts - pointers[:-1].astype(np.int64), counts) + np.arange(counts.sum())
     own = np.repeat(share.own, counts)
     if kind == "bonds" and share.divided:
         body.bond_halo.fill(numbers)
     elif share.divided:
-        # Pairs whose first point is in the halo, from that point's owner, as values of the bond from there.
+        # Pairs whose first point is in the halo, from that point's owner, as values of the bond
+        # from there.
         directed = numbers[bonds.pair_of]
         body.bond_halo.fill(directed)
         forward = body.bond_owners == bonds.first[bonds.pair_of]

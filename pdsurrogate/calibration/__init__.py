@@ -1,4 +1,6 @@
-"""Calibration: laws from measurements on bodies of any shape, by simulations of the tests and their derivatives."""
+"""Calibration: laws from measurements on bodies of any shape, by simulations of the tests and
+their derivatives.
+"""
 
 from .regressor import SceneRegressor
 

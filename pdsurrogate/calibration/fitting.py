@@ -1,4 +1,6 @@
-"""Fit of a law to measurements on bodies: rounds of searches, corrected for the discretization error, and what they leave open."""
+"""Fit of a law to measurements on bodies: rounds of searches, corrected for the discretization
+error, and what they leave open.
+"""
 
 import logging
 import warnings
@@ -23,23 +25,34 @@ from .starts import better_start, has_weak_form, keep, search_from, start_of, un
 logger = logging.getLogger(__name__)
 
 ORDER, MEAN_ORDER = 1.5, 1.75
-"""Least order in the spacing with which displacements of sheets with holes converge, for standard errors, and the mean one, for the
-extrapolation to a spacing of zero (theory, section 28)."""
+"""Least order in the spacing with which displacements of sheets with holes converge, for standard
+errors, and the mean one, for the extrapolation to a spacing of zero (theory, section 28).
+"""
 
 UNDETERMINED = 0.5
-"""Relative standard error of a combination of parameters from which on the test does not determine it."""
+"""Relative standard error of a combination of parameters from which on the test does not
+determine it.
+"""
 
 SHARE = 0.3
-"""Least component of a parameter, in the unit vector of an undetermined combination, at which the parameter is named."""
+"""Least component of a parameter, in the unit vector of an undetermined combination, at which
+the parameter is named.
+"""
 
 ROUNDS = 3
-"""Most fits with a new correction of the discretization error: each changes the parameters by a small part of the change before."""
+"""Most fits with a new correction of the discretization error: each changes the parameters by a
+small part of the change before.
+"""
 
 AT_BOUND = 0.01
-"""Distance from a bound, in standard errors, at which a parameter counts as at the bound, which a search approaches without reaching it."""
+"""Distance from a bound, in standard errors, at which a parameter counts as at the bound, which
+a search approaches without reaching it.
+"""
 
 SETTLED = 0.1
-"""Change of all parameters, in their standard errors, below which the correction of the discretization error is not computed again."""
+"""Change of all parameters, in their standard errors, below which the correction of the
+discretization error is not computed again.
+"""
 
 MOST_STEPS = 60
 """Most laws that a search tries: well-posed fits take five to ten."""
@@ -51,13 +64,17 @@ MOST_COMPARED = 100
 """Most states of the tests in which the stresses of a member are compared with linear ones."""
 
 FAIR, STEPS = 0.02, (1, 3, 0)
-"""Relative decrease of the cost that ends the least-squares steps of an energy with all terms, and most such steps in each of the `ROUNDS`.
-Chosen: further steps would change the energy less than the choice of the terms and the next correction do. The last round has no step: it
-linearizes the equations about the average of the energies."""
+"""Relative decrease of the cost that ends the least-squares steps of an energy with all terms, and
+most such steps in each of the `ROUNDS`. Chosen: further steps would change the energy less than the
+choice of the terms and the next correction do. The last round has no step: it linearizes the
+equations about the average of the energies.
+"""
 
 
 def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Set the results of the fit to values with roots of weights; return its values and the correction of the discretization error."""
+    """Set the results of the fit to values with roots of weights; return its values and the
+    correction of the discretization error.
+    """
     model._unknown = unknowns_of(model, len(y))
     start = start_of(model, y, root)
     search, x = search_from(model, start, y, root)
@@ -70,9 +87,14 @@ def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarr
         kept = x > FLOOR * x.max()
         keep(model, search, kept)
         x, found.jac, space = x[kept], found.jac[:, kept], search.space
-        found.spread, found.active_mask = found.spread[np.ix_(kept, kept)], np.zeros(len(x), dtype=bool)
+        found.spread, found.active_mask = (
+            found.spread[np.ix_(kept, kept)],
+            np.zeros(len(x), dtype=bool),
+        )
     else:
-        found.active_mask = (found.active_mask != 0) | (np.minimum(x - space.low, space.high - x) < AT_BOUND * errors_of(found.jac))
+        found.active_mask = (found.active_mask != 0) | (
+            np.minimum(x - space.low, space.high - x) < AT_BOUND * errors_of(found.jac)
+        )
     visited = np.concatenate([test.states(search.law_at(x)) for test, _ in model._tests])
     _set_domain(model, visited)
     model.n_simulations_ = search.count
@@ -84,8 +106,9 @@ def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarr
         correction = -remaining
         if (ratio := float(np.sqrt(((root * remaining) ** 2).mean()))) > 1:
             warnings.warn(
-                f"refine=1: the discretization error that is not corrected is about {ratio:.2g} standard deviations of the "
-                "measurements, and the standard errors contain it to first order only: use refine=2 or more, or a smaller spacing",
+                f"refine=1: the discretization error that is not corrected is about {ratio:.2g}"
+                " standard deviations of the measurements, and the standard errors contain it to"
+                " first order only: use refine=2 or more, or a smaller spacing",
                 stacklevel=3,
             )
     if model.law is not None:
@@ -94,23 +117,39 @@ def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np.ndarray]:
-    """Return the solution of a search that starts at x, and the correction of the discretization error, (n,), that it contains."""
+    """Return the solution of a search that starts at x, and the correction of the discretization
+    error, (n,), that it contains.
+    """
     y, correction = search.y, np.zeros(len(search.y))
     for number in range(ROUNDS if model._ratio > 1 or model.law is None else 1):
         first = model._ratio > 1 and not number
-        # Changes of the cost by less than these are those of parameters within a part of their standard errors.
+        # Changes of the cost by less than these are those of parameters within a part of their
+        # standard errors.
         close = 1e-3 if first else 1e-2 / len(y)
         if model.law is None:
             found = _energy(model, search, x, number)
         else:
             bounds = {"bounds": (search.space.low, search.space.high), "x_scale": "jac"}
-            found = least_squares(search.residuals, x, search.jacobian, **bounds, ftol=close, xtol=1e-8, gtol=1e-12, max_nfev=MOST_STEPS)
+            found = least_squares(
+                search.residuals,
+                x,
+                search.jacobian,
+                **bounds,
+                ftol=close,
+                xtol=1e-8,
+                gtol=1e-12,
+                max_nfev=MOST_STEPS,
+            )
         before, x = x, found.x
         if model._ratio == 1:
             if model.law is not None:
                 found.remaining = _error_by_coarse(model, search.law_at(x), search.values(x))
             continue
-        if model.law is not None and number and (np.abs(x - before) <= SETTLED * errors_of(found.jac)).all():
+        if (
+            model.law is not None
+            and number
+            and (np.abs(x - before) <= SETTLED * errors_of(found.jac)).all()
+        ):
             break
         correction = _fine_values(model, search.law_at(x)) - search.values(x)
         if model.law is None:
@@ -120,7 +159,9 @@ def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np
 
 
 def _error_by_coarse(model, law: Law, values: np.ndarray) -> np.ndarray:
-    """Return the discretization error of measurements with a law, (n,), by simulations with twice the spacing; warn where they fail."""
+    """Return the discretization error of measurements with a law, (n,), by simulations with
+    twice the spacing; warn where they fail.
+    """
     found = np.zeros(len(values))
     for test, here in model._tests:
         try:
@@ -130,8 +171,9 @@ def _error_by_coarse(model, law: Law, values: np.ndarray) -> np.ndarray:
             found[here] = (coarse - values[here]) / (2**ORDER - 1)
         except (*FAILURES, ValueError) as error:
             warnings.warn(
-                f"refine=1: the discretization error of scene {test.scene.name} is unknown and no part of the standard errors, since "
-                f"a simulation with twice the spacing fails: {error}",
+                f"refine=1: the discretization error of scene {test.scene.name} is unknown and no"
+                " part of the standard errors, since a simulation with twice the spacing fails:"
+                f" {error}",
                 stacklevel=5,
             )
     return found
@@ -142,7 +184,10 @@ def _fine_values(model, law: Law) -> np.ndarray:
     found = np.empty(sum(len(here) for _, here in model._tests))
     for test, here in model._tests:
         logger.info("%s: finer simulation, spacing %.3g", test.scene.name, model._fine(test.scene))
-        with failing(f"refine: with the spacing {model._fine(test.scene)} the fitted law fails; choose another spacing or refine"):
+        with failing(
+            f"refine: with the spacing {model._fine(test.scene)} the fitted law fails; choose"
+            " another spacing or refine"
+        ):
             found[here] = test.simulate(law, model._fine(test.scene))[0]
     return found
 
@@ -150,8 +195,9 @@ def _fine_values(model, law: Law) -> np.ndarray:
 def _energy(model, search: Search, x: np.ndarray, number: int) -> SimpleNamespace:
     """Return the coefficients of all terms and the Jacobian there.
 
-    In the first of the rounds, which are numbered from 0, a least-squares step finds the coefficients. In the following ones the
-    equations are linearized there, and the average of energies with few terms is their solution, with the covariance ``spread``.
+    In the first of the rounds, which are numbered from 0, a least-squares step finds the
+    coefficients. In the following ones the equations are linearized there, and the average of
+    energies with few terms is their solution, with the covariance ``spread``.
     """
     found = minimized(search, x, FAIR, STEPS[number])
     if number == 0:
@@ -165,7 +211,12 @@ def _energy(model, search: Search, x: np.ndarray, number: int) -> SimpleNamespac
     correlated = max(1.0, total / count / (residuals**2).mean()) if count else 1.0
     greatest = max(STABLE_TO, *(test.greatest_stretch for test, _ in model._tests))
     right, terms = found.jac @ found.x - residuals, model._unknown.terms
-    settings = lambda least: correlated * max(1.0, least / len(right)), wave_margin(terms, greatest), MEMBERS, model.random_state
+    settings = (
+        lambda least: correlated * max(1.0, least / len(right)),
+        wave_margin(terms, greatest),
+        MEMBERS,
+        model.random_state,
+    )
     energies = average(terms, found.jac, right, *settings)
     members, found.spread, found.x = energies.members, energies.covariance, floored(energies.mean)
     if model._ratio == 1 and number == ROUNDS - 1:
@@ -180,18 +231,29 @@ def _energy(model, search: Search, x: np.ndarray, number: int) -> SimpleNamespac
 
 
 def _set_domain(model, visited: np.ndarray) -> None:
-    """Set the hull and the range of the principal stretches (n, 3) in the tests, which are in descending order."""
+    """Set the hull and the range of the principal stretches (n, 3) in the tests, which are in
+    descending order.
+    """
     isochoric = visited / np.cbrt(visited.prod(axis=1))[:, None]
-    model.domain_hull_ = [[n1, n2, EnergyRegressor.margin - offset] for n1, n2, offset in half_planes(isochoric[:, :2]).tolist()]
+    model.domain_hull_ = [
+        [n1, n2, EnergyRegressor.margin - offset]
+        for n1, n2, offset in half_planes(isochoric[:, :2]).tolist()
+    ]
     model.stretch_range_ = float(visited.min()), float(visited.max())
 
 
 def _store(model, x, space, found, residuals, remaining) -> None:
-    """Set parameters, covariance and lack of fit from the weighted Jacobian and residuals at the solution, and the remaining error."""
+    """Set parameters, covariance and lack of fit from the weighted Jacobian and residuals at the
+    solution, and the remaining error.
+    """
     jacobian = found.jac / space.sizes(x)
     model.parameter_names_, model.parameters_ = model._unknown.unknowns(), space.parameters(x)
     model.law_ = model._law_of(model.parameters_)
-    model.at_bound_ = [name for name, active in zip(model.parameter_names_, found.active_mask, strict=True) if active]
+    model.at_bound_ = [
+        name
+        for name, active in zip(model.parameter_names_, found.active_mask, strict=True)
+        if active
+    ]
     free = len(residuals) - len(x)
     model.lack_of_fit_ = float((residuals**2).sum() / free) if free > 0 else np.nan
     model.p_value_ = float(chi2.sf((residuals**2).sum(), free)) if free > 0 else np.nan
@@ -199,7 +261,11 @@ def _store(model, x, space, found, residuals, remaining) -> None:
         model.covariance_, errors = found.spread, np.sqrt(np.diag(found.spread))
         model.standard_errors_, model.correlation_ = errors, found.spread / np.outer(errors, errors)
         model.undetermined_ = [
-            name for name, one in zip(model.parameter_names_, errors > UNDETERMINED * model.parameters_, strict=True) if one
+            name
+            for name, one in zip(
+                model.parameter_names_, errors > UNDETERMINED * model.parameters_, strict=True
+            )
+            if one
         ]
         return
     scales = model._scales()
@@ -209,40 +275,71 @@ def _store(model, x, space, found, residuals, remaining) -> None:
     covariance = inverse @ inverse.T * max(1.0, model.lack_of_fit_ if free > 0 else 1.0)
     change = inverse @ remaining
     covariance += np.outer(change, change)
-    unknown = (np.abs(right[~known]) > SHARE).any(axis=0) if not known.all() else np.zeros(len(x), dtype=bool)
+    unknown = (
+        (np.abs(right[~known]) > SHARE).any(axis=0)
+        if not known.all()
+        else np.zeros(len(x), dtype=bool)
+    )
     doubtful = ~known | (1 / np.where(known, singular, 1.0) > UNDETERMINED)
     named = (np.abs(right[doubtful]) > SHARE).any(axis=0)
-    model.undetermined_ = [name for name, one in zip(model.parameter_names_, named, strict=True) if one]
+    model.undetermined_ = [
+        name for name, one in zip(model.parameter_names_, named, strict=True) if one
+    ]
     covariance = covariance * np.outer(scales, scales)
     errors = np.sqrt(np.diag(covariance))
-    model.correlation_ = covariance / np.outer(np.where(errors > 0, errors, 1.0), np.where(errors > 0, errors, 1.0))
+    model.correlation_ = covariance / np.outer(
+        np.where(errors > 0, errors, 1.0), np.where(errors > 0, errors, 1.0)
+    )
     covariance[unknown, unknown] = np.inf
     model.covariance_, model.standard_errors_ = covariance, np.sqrt(np.diag(covariance))
 
 
 def _drawn(model, x, space, jacobian, residuals, visited) -> list[Law]:
-    """Return laws drawn from the distribution of bounded least-squares solutions x; none if a parameter is not determined at all.
+    """Return laws drawn from the distribution of bounded least-squares solutions x; none if a
+    parameter is not determined at all.
 
-    `jacobian` is the derivative of the weighted simulated measurements by x, and `residuals` are the weighted measurements minus the
-    simulated ones. Solutions without bounds are normal about the minimum of the linearized residuals, with the covariance of the
-    parameters. The bounded solution is the nearest place within the bounds, in the metric of the covariance. The change from x is
-    halved until it gives a law whose stresses in the states `visited` (n, 3) are nearly linear in it: others do not describe the test.
+    `jacobian` is the derivative of the weighted simulated measurements by x, and `residuals` are
+    the weighted measurements minus the simulated ones. Solutions without bounds are normal about
+    the minimum of the linearized residuals, with the covariance of the parameters. The bounded
+    solution is the nearest place within the bounds, in the metric of the covariance. The change
+    from x is halved until it gives a law whose stresses in the states `visited` (n, 3) are nearly
+    linear in it: others do not describe the test.
     """
     if not np.isfinite(model.covariance_).all():
         return []
     states = visited[:: -(-len(visited) // MOST_COMPARED), :2]
     sizes = space.sizes(x)
     variances, axes = np.linalg.eigh(model.covariance_ / np.outer(sizes, sizes))
-    deviations, random, members = np.sqrt(np.maximum(variances, 1e-14 * variances.max())), np.random.default_rng(model.random_state), []
-    inverse, unbounded = (axes / deviations).T, x + np.linalg.lstsq(jacobian, residuals, rcond=1e-10)[0]
-    (stress, error), slopes = model.nominal_stress(states), model._stress_derivatives(states) * sizes
+    deviations, random, members = (
+        np.sqrt(np.maximum(variances, 1e-14 * variances.max())),
+        np.random.default_rng(model.random_state),
+        [],
+    )
+    inverse, unbounded = (
+        (axes / deviations).T,
+        x + np.linalg.lstsq(jacobian, residuals, rcond=1e-10)[0],
+    )
+    (stress, error), slopes = (
+        model.nominal_stress(states),
+        model._stress_derivatives(states) * sizes,
+    )
     for normal in random.standard_normal((MEMBERS, len(x))):
-        change = lsq_linear(inverse, inverse @ (unbounded + axes @ (deviations * normal)), (space.low, space.high), method="bvls").x - x
+        change = (
+            lsq_linear(
+                inverse,
+                inverse @ (unbounded + axes @ (deviations * normal)),
+                (space.low, space.high),
+                method="bvls",
+            ).x
+            - x
+        )
         member = model.law_
         for part in change / 2.0 ** np.arange(HALVINGS)[:, None]:
             with suppress(ValueError):  # some parameters between the bounds are not those of a law
                 law = model._law_of(space.parameters(x + part))
-                if ((nominal_stress(law, states) - stress - slopes @ part) ** 2).mean() <= (error**2).mean():
+                if ((nominal_stress(law, states) - stress - slopes @ part) ** 2).mean() <= (
+                    error**2
+                ).mean():
                     member = law
                     break
         members.append(member)

@@ -1,4 +1,6 @@
-"""Energy without a law for calibrations: a sum of few terms, whose coefficients, of which none is negative, are the unknowns."""
+"""Energy without a law for calibrations: a sum of few terms, whose coefficients, of which none
+is negative, are the unknowns.
+"""
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -12,17 +14,24 @@ from ..materials.dictionary import OF_INVARIANTS, Term
 from ..materials.polyconvex import law_of, stiffness_of
 
 GROUP = 13
-"""Number of neighboring places whose residuals of all steps are summed to see whether they are independent."""
+"""Number of neighboring places whose residuals of all steps are summed to see whether they are
+independent.
+"""
 
 FLOOR = 3e-6
-"""Least coefficient in the search, relative to the greatest: differences over a millionth of the greatest do not make it negative."""
+"""Least coefficient in the search, relative to the greatest: differences over a millionth of the
+greatest do not make it negative.
+"""
 
 MOST_TRIED = 8
-"""Most terms whose coefficients a search varies, each of which takes the solution of linear equations in each step. Of a greater dictionary
-the weak form chooses these."""
+"""Most terms whose coefficients a search varies, each of which takes the solution of linear
+equations in each step. Of a greater dictionary the weak form chooses these.
+"""
 
 MET = 100.0
-"""Norm of the equation for the sum of the forces, divided by that of all other equations: the sum is then fitted to 1e-4."""
+"""Norm of the equation for the sum of the forces, divided by that of all other equations: the
+sum is then fitted to 1e-4.
+"""
 
 HALVINGS = 6
 """Most halvings of a step that does not reduce the residuals."""
@@ -45,7 +54,9 @@ class EnergyUnknowns:
 
     def of(self, kept: np.ndarray) -> "EnergyUnknowns":
         """Return the unknowns of some of the terms, given by a mask."""
-        return replace(self, terms=tuple(term for term, one in zip(self.terms, kept, strict=True) if one))
+        return replace(
+            self, terms=tuple(term for term, one in zip(self.terms, kept, strict=True) if one)
+        )
 
     def unknowns(self) -> list[str]:
         """Return the names of the coefficients."""
@@ -53,13 +64,21 @@ class EnergyUnknowns:
 
     def law_of(self, values: np.ndarray) -> Law:
         """Return the law with given coefficients."""
-        return law_of(self.terms, values, self.bulk_modulus or (self.bulk_ratio or 1.0) * stiffness_of(self.terms, values))
+        return law_of(
+            self.terms,
+            values,
+            self.bulk_modulus or (self.bulk_ratio or 1.0) * stiffness_of(self.terms, values),
+        )
 
     def start(self) -> np.ndarray:
-        """Return the coefficients of a law with the shear modulus 1 near the Neo-Hookean one, none below its least value."""
+        """Return the coefficients of a law with the shear modulus 1 near the Neo-Hookean one,
+        none below its least value.
+        """
         rows = np.array([term.row for term in self.terms])
         moduli = np.array([term.shear_modulus for term in self.terms])
-        nearest = np.abs(rows[:, 0] * rows[:, 1] - 2) + np.where(moduli > 0, 0, np.inf)  # l^2, of which I1bar is the sum
+        nearest = np.abs(rows[:, 0] * rows[:, 1] - 2) + np.where(
+            moduli > 0, 0, np.inf
+        )  # l^2, of which I1bar is the sum
         start = np.zeros(len(moduli))
         start[nearest.argmin()] = 1 / moduli[nearest.argmin()]
         return floored(start)
@@ -71,15 +90,21 @@ def floored(values: np.ndarray) -> np.ndarray:
 
 
 def solved(jacobian: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the least-squares solution of J x = right without negative numbers, after an orthogonal reduction to a square matrix."""
+    """Return the least-squares solution of J x = right without negative numbers, after an
+    orthogonal reduction to a square matrix.
+    """
     q, r = np.linalg.qr(jacobian)
     return nonnegative(r, q.T @ right, np.ones(len(r)))
 
 
-def scaled(jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the equations of the weak form with one more, which fits the sum of the measured forces, chosen by a mask.
+def scaled(
+    jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the equations of the weak form with one more, which fits the sum of the measured
+    forces, chosen by a mask.
 
-    Without it an energy of almost zero would fit best where the simulation has errors, since its forces are in balance in every field.
+    Without it an energy of almost zero would fit best where the simulation has errors, since its
+    forces are in balance in every field.
     """
     if not forces.any():
         return jacobian, right
@@ -88,18 +113,24 @@ def scaled(jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray) -> tuple
     return np.vstack([jacobian, row[:-1]]), np.append(right, row[-1])
 
 
-def proposed(jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray, groups: np.ndarray) -> np.ndarray:
-    """Return, for each term, the share of fits of the weak form in which it has weight: to all equations, and with one group left out."""
+def proposed(
+    jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray, groups: np.ndarray
+) -> np.ndarray:
+    """Return, for each term, the share of fits of the weak form in which it has weight: to all
+    equations, and with one group left out.
+    """
     masks = [np.ones(len(groups), dtype=bool), *(groups != one for one in np.unique(groups))]
     fits = np.array([solved(*scaled(jacobian[used], right[used], forces[used])) for used in masks])
     return np.mean(fits > FLOOR * fits.max(axis=1, keepdims=True), axis=0)
 
 
 def minimized(search, x: np.ndarray, close: float, most: int) -> SimpleNamespace:
-    """Minimize the residuals of a search over coefficients, none negative, by at most `most` Gauss-Newton steps.
+    """Minimize the residuals of a search over coefficients, none negative, by at most `most`
+    Gauss-Newton steps.
 
-    The search ends when a step reduces the sum of squares by a smaller share than `close`. Return the coefficients ``x``, of which none is
-    less than `FLOOR` of the greatest, and the Jacobian ``jac``, as `scipy.optimize.least_squares` does.
+    The search ends when a step reduces the sum of squares by a smaller share than `close`. Return
+    the coefficients ``x``, of which none is less than `FLOOR` of the greatest, and the Jacobian
+    ``jac``, as `scipy.optimize.least_squares` does.
     """
     x = floored(x)
     cost = (search.residuals(x) ** 2).sum()
@@ -120,11 +151,13 @@ def minimized(search, x: np.ndarray, close: float, most: int) -> SimpleNamespace
 
 
 def grouping(residuals: np.ndarray, places: np.ndarray, component: np.ndarray) -> tuple[float, int]:
-    """Return the sum over groups of the squared sums of residuals of displacements, and the sum of the numbers of residuals in the groups.
+    """Return the sum over groups of the squared sums of residuals of displacements, and the sum of
+    the numbers of residuals in the groups.
 
-    A group consists of the residuals of all steps, of one component, at a place and its `GROUP` - 1 nearest. The quotient of both sums,
-    divided by the mean square, is 1 for independent residuals. For residuals with smooth sources, such as the discretization error, it is
-    about the number of residuals that contain as much information as one independent residual.
+    A group consists of the residuals of all steps, of one component, at a place and its `GROUP` - 1
+    nearest. The quotient of both sums, divided by the mean square, is 1 for independent residuals.
+    For residuals with smooth sources, such as the discretization error, it is about the number of
+    residuals that contain as much information as one independent residual.
 
     Parameters
     ----------

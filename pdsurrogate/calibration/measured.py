@@ -1,4 +1,6 @@
-"""Scene whose measurements in a table are simulated, with their derivatives by the numbers of its law."""
+"""Scene whose measurements in a table are simulated, with their derivatives by the numbers of
+its law.
+"""
 
 import re
 from collections.abc import Callable, Sequence
@@ -31,25 +33,37 @@ FORCES = re.compile(r"force|forces\..*")
 """Names of outputs that are forces."""
 
 DISPLACEMENTS = re.compile(r"displacements\..*|probes\..*\.displacement\..*")
-"""Names of outputs that are displacements. Under prescribed motions displacements do not depend on a common factor of all stresses."""
+"""Names of outputs that are displacements. Under prescribed motions displacements do not depend
+on a common factor of all stresses.
+"""
 
 FORCE = "bond-energy"
-"""Force model of calibrations: the exact energy of a law, which converges with the spacing at any bulk modulus."""
+"""Force model of calibrations: the exact energy of a law, which converges with the spacing at
+any bulk modulus.
+"""
 
 SMOOTHED = {2: 25, 3: 40}
-"""Number of places, by dimension, to which a quadratic is fitted in order to carry measured displacements to a point: about four times the
-number of its coefficients. With 13 and 50 in the plane the fit of the weak form to the measurements is as good within a tenth."""
+"""Number of places, by dimension, to which a quadratic is fitted in order to carry measured
+displacements to a point: about four times the number of its coefficients. With 13 and 50 in the
+plane the fit of the weak form to the measurements is as good within a tenth.
+"""
 
 
 FORCE_SCATTER = 0.005
-"""Standard deviation of outputs such as forces without a given one, relative to the greatest in the table: that of common load cells."""
+"""Standard deviation of outputs such as forces without a given one, relative to the greatest in
+the table: that of common load cells.
+"""
 
 LEAST_SCATTER = 1e-6
-"""Least standard deviation of displacements without a given one, relative to the greatest displacement: files have about six digits."""
+"""Least standard deviation of displacements without a given one, relative to the greatest
+displacement: files have about six digits.
+"""
 
 NEIGHBORS = 13
-"""Number of places, with the place itself, to which a quadratic is fitted in order to estimate the scatter of displacements: about twice
-its six coefficients in the plane. In space 20 neighbors serve its ten coefficients."""
+"""Number of places, with the place itself, to which a quadratic is fitted in order to estimate the
+scatter of displacements: about twice its six coefficients in the plane. In space 20 neighbors serve
+its ten coefficients.
+"""
 
 
 @dataclass(frozen=True)
@@ -61,7 +75,8 @@ class Rows:
     step : ndarray of int, shape (n,)
         Number of the output of the scene, from 1.
     quantity : ndarray of int, shape (n,)
-        1, 2 or 3 for a component of the displacement; 0, -1 and so on for the first, the second output and so on.
+        1, 2 or 3 for a component of the displacement; 0, -1 and so on for the first, the second
+        output and so on.
     places : ndarray, shape (n, d)
         Undeformed places of displacements; without meaning for outputs.
     """
@@ -83,18 +98,31 @@ def with_law(scene: Scene, law: Law, spacing: float | None = None) -> Scene:
 
 
 def pulled(scene: Scene) -> tuple[str, float]:
-    """Return the dotted key of the force of the region that a scene pulls farthest, and the sign with which it is positive in tension."""
+    """Return the dotted key of the force of the region that a scene pulls farthest, and the sign
+    with which it is positive in tension.
+    """
     if scene.stretched:
         grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
         axis, side = EDGES[grip.edge]
         return f"forces.{grip.edge}.{axis}", float(side)
-    entries = [(abs(value), value, axis, entry) for entry in scene.prescribed for axis, value in enumerate(entry.displacement) if value]
+    entries = [
+        (abs(value), value, axis, entry)
+        for entry in scene.prescribed
+        for axis, value in enumerate(entry.displacement)
+        if value
+    ]
     if not entries:
-        raise ValueError(f"scene {scene.name} pulls no region: name what was measured instead of its force, as outputs=['energy']")
+        raise ValueError(
+            f"scene {scene.name} pulls no region: name what was measured instead of its force, as"
+            " outputs=['energy']"
+        )
     _, value, axis, entry = max(entries, key=lambda one: one[0])
     name = entry.name or entry.region
     if not isinstance(name, str):
-        raise ValueError(f"scene {scene.name}: give the prescribed region a name (prescribed.name), by which its force is reported")
+        raise ValueError(
+            f"scene {scene.name}: give the prescribed region a name (prescribed.name), by which its"
+            " force is reported"
+        )
     return f"forces.{name}.{axis}", float(np.sign(value))
 
 
@@ -106,13 +134,14 @@ class MeasuredScene:
     scene : Scene
     rows : Rows
     outputs : sequence of str, optional
-        Dotted keys of measurements of an output, those of the quantities 0, -1, and so on; ``"force"``, the default, is the force of the
-        region that is pulled.
+        Dotted keys of measurements of an output, those of the quantities 0, -1, and so on;
+        ``"force"``, the default, is the force of the region that is pulled.
 
     Attributes
     ----------
     greatest_stretch : float
-        Greatest stretch, or inverse of the least one, in the simulation with which `begin` was last called.
+        Greatest stretch, or inverse of the least one, in the simulation with which `begin` was last
+        called.
     """
 
     def __init__(self, scene: Scene, rows: Rows, outputs: Sequence[str] | None = None) -> None:
@@ -129,12 +158,15 @@ class MeasuredScene:
         self._guesses: dict[int, np.ndarray] = {}
 
     def among(self, names: re.Pattern) -> np.ndarray:
-        """Return a mask, shape (n,), of the rows that are outputs whose dotted keys match a pattern."""
+        """Return a mask, shape (n,), of the rows that are outputs whose dotted keys match a
+        pattern.
+        """
         matching = np.array([*(bool(names.fullmatch(name)) for name, _ in self.outputs), False])
         return matching[np.where(self.rows.is_field, -1, -self.rows.quantity)]
 
     def simulate(self, law: Law, spacing: float | None = None) -> tuple[np.ndarray, Result]:
-        """Simulate the scene; return the measurements of the rows, shape (n,), and the result of the run.
+        """Simulate the scene; return the measurements of the rows, shape (n,), and the result of
+        the run.
 
         Raises
         ------
@@ -148,36 +180,55 @@ class MeasuredScene:
             level, here = self._level(result, step), self.rows.step == step
             row = dict(leaves(level))
             moved = result.displacement(level["number"])
-            fields = np.stack([matrix @ moved[:, axis] for axis, matrix in enumerate(places)], axis=1) if places else np.empty((0, 0))
-            found[here] = self._of_rows(here, [sign * self._named(row, name) for name, sign in self.outputs], fields)
+            fields = (
+                np.stack([matrix @ moved[:, axis] for axis, matrix in enumerate(places)], axis=1)
+                if places
+                else np.empty((0, 0))
+            )
+            found[here] = self._of_rows(
+                here, [sign * self._named(row, name) for name, sign in self.outputs], fields
+            )
         return found, result
 
     def states(self, law: Law) -> np.ndarray:
-        """Return the three principal stretches of all points in all steps with a law, in descending order, shape (n, 3)."""
+        """Return the three principal stretches of all points in all steps with a law, in
+        descending order, shape (n, 3).
+        """
         result = _simulated(with_law(self.scene, law))
         numbers = [self._level(result, step)["number"] for step in self._steps]
         return np.concatenate([result.field("principal_stretches", number) for number in numbers])
 
     def begin(self, law: Law) -> np.ndarray:
-        """Simulate the scene at its own spacing as the start of `differentiate`; return the measurements of the rows."""
+        """Simulate the scene at its own spacing as the start of `differentiate`; return the
+        measurements of the rows.
+        """
         values, result = self.simulate(law)
         self._loading = "stretch" if self.scene.stretched else "t"
         levels = {step: self._level(result, step) for step in self._steps}
         self._parameters = {step: level[self._loading] for step, level in levels.items()}
-        self._guesses = {step: result.displacement(level["number"]) for step, level in levels.items()}
-        stretches = np.concatenate([result.field("principal_stretches", level["number"]).ravel() for level in levels.values()])
+        self._guesses = {
+            step: result.displacement(level["number"]) for step, level in levels.items()
+        }
+        stretches = np.concatenate(
+            [
+                result.field("principal_stretches", level["number"]).ravel()
+                for level in levels.values()
+            ]
+        )
         self.greatest_stretch = max(float(stretches.max()), 1 / float(stretches.min()))
         self._base = self._differentiated(with_law(self.scene, law))
         return values
 
     def differentiate(self, law: Law, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the measurements of the rows, shape (n,), and their derivatives by numbers of the law, shape (n, names).
+        """Return the measurements of the rows, shape (n,), and their derivatives by numbers of the
+        law, shape (n, names).
 
         Parameters
         ----------
         law : Law
         names : sequence of str
-            Names of numbers such as "material.shear_modulus"; without names only the measurements are computed.
+            Names of numbers such as "material.shear_modulus"; without names only the measurements
+            are computed.
 
         Raises
         ------
@@ -185,8 +236,15 @@ class MeasuredScene:
             If the equilibria are not found with this law.
         """
         body = self._base.changed(_named_numbers(law))
-        values, derivatives = np.empty(len(self.rows.step)), np.empty((len(self.rows.step), len(names)))
-        outputs = list(dict.fromkeys(name for name, _ in self.outputs)) if (self.rows.quantity < 1).any() else []
+        values, derivatives = (
+            np.empty(len(self.rows.step)),
+            np.empty((len(self.rows.step), len(names))),
+        )
+        outputs = (
+            list(dict.fromkeys(name for name, _ in self.outputs))
+            if (self.rows.quantity < 1).any()
+            else []
+        )
         for step in self._steps:
             try:
                 found = body.jacobian(self._parameters[step], self._guesses[step], outputs, names)
@@ -195,18 +253,31 @@ class MeasuredScene:
                 found = body.jacobian(self._parameters[step], self._guesses[step], outputs, names)
             self._guesses[step] = found.displacements
             here, count = self.rows.step == step, len(outputs)
-            for target, source in ((values, found.values[:, None]), (derivatives, found.derivatives)):
-                rows = [sign * source[outputs.index(name)] for name, sign in self.outputs] if count else []
-                fields = source[count:].reshape(len(self._places), self.scene.dimension, source.shape[1])
+            for target, source in (
+                (values, found.values[:, None]),
+                (derivatives, found.derivatives),
+            ):
+                rows = (
+                    [sign * source[outputs.index(name)] for name, sign in self.outputs]
+                    if count
+                    else []
+                )
+                fields = source[count:].reshape(
+                    len(self._places), self.scene.dimension, source.shape[1]
+                )
                 target[here] = self._of_rows(here, rows, fields).reshape(target[here].shape)
         return values, derivatives
 
-    def weak_form(self, law_of: Callable[[np.ndarray], Law], start: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the linear equations J x = right of the weak form for the coefficients x of an energy.
+    def weak_form(
+        self, law_of: Callable[[np.ndarray], Law], start: np.ndarray, y: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the linear equations J x = right of the weak form for the coefficients x of an
+        energy.
 
-        They say that a body in equilibrium near the measured displacements has the measurements. The forces of each term at the measured
-        displacements, one evaluation, move the points by the preconditioner of the law at the `start`, at which `begin` has simulated the
-        scene: these displacements are comparable with the measured ones, and change the outputs, too.
+        They say that a body in equilibrium near the measured displacements has the measurements.
+        The forces of each term at the measured displacements, one evaluation, move the points by
+        the preconditioner of the law at the `start`, at which `begin` has simulated the scene:
+        these displacements are comparable with the measured ones, and change the outputs, too.
 
         Parameters
         ----------
@@ -227,42 +298,74 @@ class MeasuredScene:
             If the force is undefined at the measured displacements.
         """
         base, change, run = self._base, start.max(), self._base.run
-        others = [base.changed(_named_numbers(law_of(start + change * unit))) for unit in np.eye(len(start))]
+        others = [
+            base.changed(_named_numbers(law_of(start + change * unit)))
+            for unit in np.eye(len(start))
+        ]
         jacobian, right = np.empty((len(y), len(start))), np.empty(len(y))
         for step in self._steps:
             here, positions = self.rows.step == step, run.body.points + self._carried(step, y)
             values, forces = self._evaluated(base, step, positions)
-            equations = Newton(run.loading.free, run.body.volumes, 1.0).equations(run.loaded, run.positions)
-            # Change of the measurements where the points stay, and forces that move the points, for each coefficient and for the start.
-            columns = [(changed - values, pulled - forces) for changed, pulled in (self._evaluated(one, step, positions) for one in others)]
+            equations = Newton(run.loading.free, run.body.volumes, 1.0).equations(
+                run.loaded, run.positions
+            )
+            # Change of the measurements where the points stay, and forces that move the points, for
+            # each coefficient and for the start.
+            columns = [
+                (changed - values, pulled - forces)
+                for changed, pulled in (self._evaluated(one, step, positions) for one in others)
+            ]
             effects = []
             for changed, pulled in [(np.zeros_like(values), change * forces), *columns]:
                 moved = equations.estimate(pulled)[0]
                 width = COARSE * run.body.spacing / max(np.abs(moved).max(), 1e-300)
-                ahead, behind = (self._evaluated(base, step, positions + way * width * moved)[0] for way in (1, -1))
+                ahead, behind = (
+                    self._evaluated(base, step, positions + way * width * moved)[0]
+                    for way in (1, -1)
+                )
                 effects.append((changed + (ahead - behind) / (2 * width)) / change)
             jacobian[here] = np.stack(effects[1:], axis=1)
             right[here] = y[here] - values - effects[0] + jacobian[here] @ start
         return jacobian, right
 
-    def _evaluated(self, body: Differentiated, step: int, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the measurements of the rows of a step, and the forces (n, d), where the points have given positions (n, d)."""
+    def _evaluated(
+        self, body: Differentiated, step: int, positions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the measurements of the rows of a step, and the forces (n, d), where the points
+        have given positions (n, d).
+        """
         body.run.state.parameter = self._parameters[step]
         measured, forces = body.evaluated(positions)
         fields = np.array([*measured.values()][-self._places.size :]).reshape(self._places.shape)
-        return self._of_rows(self.rows.step == step, [sign * measured[name] for name, sign in self.outputs], fields), forces
+        return (
+            self._of_rows(
+                self.rows.step == step,
+                [sign * measured[name] for name, sign in self.outputs],
+                fields,
+            ),
+            forces,
+        )
 
     @property
     def has_fields(self) -> bool:
-        """Whether each component of a displacement that was measured in a step was measured at the places that `weak_form` needs."""
+        """Whether each component of a displacement that was measured in a step was measured at
+        the places that `weak_form` needs.
+        """
         field = self.rows.is_field
-        counts = np.unique(np.stack([self.rows.step, self.rows.quantity, self._at], axis=1)[field], axis=0)[:, :2]
-        return bool(field.any()) and np.unique(counts, axis=0, return_counts=True)[1].min() >= SMOOTHED[self.scene.dimension]
+        counts = np.unique(
+            np.stack([self.rows.step, self.rows.quantity, self._at], axis=1)[field], axis=0
+        )[:, :2]
+        return (
+            bool(field.any())
+            and np.unique(counts, axis=0, return_counts=True)[1].min()
+            >= SMOOTHED[self.scene.dimension]
+        )
 
     def _carried(self, step: int, y: np.ndarray) -> np.ndarray:
         """Return the measured displacements of a step carried to the points, shape (n, d).
 
-        What is smoothed, by local quadratic fits, is their difference from the simulated ones. It is zero where components are held.
+        What is smoothed, by local quadratic fits, is their difference from the simulated ones. It
+        is zero where components are held.
         """
         run, moved = self._base.run, self._guesses[step].copy()
         for axis, matrix in enumerate(self._base.at_places):
@@ -271,7 +374,9 @@ class MeasuredScene:
                 continue
             held, at = run.loading.free[:, axis] == 0, self._at[here]
             places = np.vstack([self._places[at], run.body.points[held]])
-            off = np.append(y[here] - (matrix @ self._guesses[step][:, axis])[at], np.zeros(held.sum()))
+            off = np.append(
+                y[here] - (matrix @ self._guesses[step][:, axis])[at], np.zeros(held.sum())
+            )
             near, weights = local_fit(places, run.body.points, SMOOTHED[self.scene.dimension])
             moved[~held, axis] += (weights * off[near]).sum(axis=1)[~held]
         return moved
@@ -283,43 +388,76 @@ class MeasuredScene:
         if rows.step.min() < 1 or (count is not None and rows.step.max() > count):
             most = f", the number of its stretches ({count})" if count else ""
             wrong = rows.step.min() if rows.step.min() < 1 else rows.step.max()
-            raise ValueError(f"step {wrong}: the outputs of scene {self.scene.name} are numbered from 1{most}")
+            raise ValueError(
+                f"step {wrong}: the outputs of scene {self.scene.name} are numbered from 1{most}"
+            )
         if rows.quantity.max() > d or rows.quantity.min() <= -len(self.outputs):
             wrong = rows.quantity.max() if rows.quantity.max() > d else rows.quantity.min()
-            known = f"1 to {d} are components of the displacement, and 0 to {1 - len(self.outputs)} outputs"
-            raise ValueError(f"quantity {wrong}: {known.replace('0 to 0 outputs', '0 is the output')} of scene {self.scene.name}")
+            known = (
+                f"1 to {d} are components of the displacement, and 0 to {1 - len(self.outputs)}"
+                " outputs"
+            )
+            raise ValueError(
+                f"quantity {wrong}: {known.replace('0 to 0 outputs', '0 is the output')} of scene"
+                f" {self.scene.name}"
+            )
 
     def _level(self, result: Result, step: int) -> dict:
-        """Return the entry of the levels of a result for a step, with its number among the states."""
+        """Return the entry of the levels of a result for a step, with its number among the
+        states.
+        """
         levels = result.levels
         if step > len(levels) or "time" in levels[step - 1]:
             at_rest = sum("time" not in level for level in levels)
-            raise ValueError(f"step {step}: scene {self.scene.name} has {at_rest} outputs in equilibrium, numbered from 1")
+            raise ValueError(
+                f"step {step}: scene {self.scene.name} has {at_rest} outputs in equilibrium,"
+                " numbered from 1"
+            )
         return levels[step - 1] | {"number": step - 1}
 
     def _differentiated(self, scene: Scene) -> Differentiated:
-        return Differentiated(scene, checked_models(scene, load_surrogate(FORCE)), self._places if len(self._places) else None)
+        return Differentiated(
+            scene,
+            checked_models(scene, load_surrogate(FORCE)),
+            self._places if len(self._places) else None,
+        )
 
     def _interpolation(self, scene: Scene, result: Result) -> tuple:
-        """Return, for each axis, the weights of the points' displacements in those at the places of the rows."""
+        """Return, for each axis, the weights of the points' displacements in those at the places
+        of the rows.
+        """
         if not len(self._places):
             return ()
         try:
-            # Beside an interface only points of the same material count, which a result does not tell.
-            return self._differentiated(scene).at_places if scene.materials else fields_at(result.body, self._places)[0]
+            # Beside an interface only points of the same material count, which a result does not
+            # tell.
+            return (
+                self._differentiated(scene).at_places
+                if scene.materials
+                else fields_at(result.body, self._places)[0]
+            )
         except ValueError as error:
-            raise ValueError(f"a place of the displacements: {error} (places are those of the undeformed body of the scene)") from None
+            raise ValueError(
+                f"a place of the displacements: {error} (places are those of the undeformed body of"
+                " the scene)"
+            ) from None
 
     def _named(self, row: dict, name: str) -> float:
         if not isinstance(row.get(name), float):
             known = ", ".join(key for key, value in row.items() if isinstance(value, float))
-            raise ValueError(f"outputs: scene {self.scene.name} has no {name!r}; its outputs have {known}")
+            raise ValueError(
+                f"outputs: scene {self.scene.name} has no {name!r}; its outputs have {known}"
+            )
         return row[name]
 
     def _of_rows(self, here: np.ndarray, outputs: list, fields: np.ndarray) -> np.ndarray:
-        """Return the entries of the rows `here`, a mask, from those of the outputs (m, ...) and of the places (k, d, ...)."""
+        """Return the entries of the rows `here`, a mask, from those of the outputs (m, ...) and
+        of the places (k, d, ...).
+        """
         quantity, field = self.rows.quantity[here], self.rows.is_field[here]
-        found = np.empty((len(quantity), *(fields.shape[2:] if field.any() else np.shape(outputs)[1:])))
+        found = np.empty(
+            (len(quantity), *(fields.shape[2:] if field.any() else np.shape(outputs)[1:]))
+        )
         if field.any():
             found[field] = fields[self._at[here][field], quantity[field] - 1]
         if not field.all():
@@ -342,12 +480,19 @@ def _named_numbers(law: Law) -> dict[str, float]:
 
 
 def local_fit(places: np.ndarray, targets: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of the places (n, d) nearest to targets (m, d), and their weights in a quadratic fit there, each (m, count)."""
+    """Return the numbers of the places (n, d) nearest to targets (m, d), and their weights in a
+    quadratic fit there, each (m, count).
+    """
     near = np.asarray(cKDTree(places).query(targets, count)[1])
     off, d = places[near] - targets[:, None], places.shape[1]
     off /= np.abs(off).max(axis=(1, 2), keepdims=True)
     quadratic = [off[..., i] * off[..., j] for i in range(d) for j in range(i, d)]
-    return near, np.linalg.pinv(np.concatenate([np.ones((*near.shape, 1)), off, np.stack(quadratic, axis=-1)], axis=2))[:, 0]
+    return (
+        near,
+        np.linalg.pinv(
+            np.concatenate([np.ones((*near.shape, 1)), off, np.stack(quadratic, axis=-1)], axis=2)
+        )[:, 0],
+    )
 
 
 def estimated_deviations(rows: Rows, values: np.ndarray) -> np.ndarray:
@@ -356,15 +501,20 @@ def estimated_deviations(rows: Rows, values: np.ndarray) -> np.ndarray:
     for quantity in np.unique(rows.quantity):
         same = rows.quantity == quantity
         size = np.abs(values[same]).max() or 1.0
-        found[same] = FORCE_SCATTER * size if quantity < 1 else max(_scatter(rows, values, same), LEAST_SCATTER * size)
+        found[same] = (
+            FORCE_SCATTER * size
+            if quantity < 1
+            else max(_scatter(rows, values, same), LEAST_SCATTER * size)
+        )
     return found
 
 
 def _scatter(rows: Rows, values: np.ndarray, same: np.ndarray) -> float:
-    """Return the standard deviation of one component of measured displacements, from its differences from local quadratic fits.
+    """Return the standard deviation of one component of measured displacements, from its
+    differences from local quadratic fits.
 
-    The median over all places is that of a normal distribution, and does not notice the few places where the field bends sharply. With too
-    few places in each field it is 0.
+    The median over all places is that of a normal distribution, and does not notice the few places
+    where the field bends sharply. With too few places in each field it is 0.
     """
     found = []
     for step in np.unique(rows.step[same]):

@@ -1,4 +1,6 @@
-"""Regressor that finds the parameters of a law from measurements on bodies, by simulations of the tests and their derivatives."""
+"""Regressor that finds the parameters of a law from measurements on bodies, by simulations of
+the tests and their derivatives.
+"""
 
 import warnings
 from collections.abc import Sequence
@@ -22,8 +24,10 @@ from .fitting import fitted
 from .measured import MeasuredScene, Rows, estimated_deviations
 
 REFINED, REFINED_FREE = 3, 6
-"""Default ratio of the spacing of a scene to that of the finer simulation, with a law and without. Chosen: for Carroll's law, fields with
-a noise of 1e-4 of the length and a sheet 20 points across, equibiaxial stresses of a free energy are 6 % off with 4 and 4 % with 6."""
+"""Default ratio of the spacing of a scene to that of the finer simulation, with a law and without.
+Chosen: for Carroll's law, fields with a noise of 1e-4 of the length and a sheet 20 points across,
+equibiaxial stresses of a free energy are 6 % off with 4 and 4 % with 6.
+"""
 
 COLUMNS = ("step", "quantity", "x1", "x2", "x3")
 """Columns of a table of measurements; the last one for solids only."""
@@ -31,32 +35,38 @@ COLUMNS = ("step", "quantity", "x1", "x2", "x3")
 
 @dataclass(eq=False, repr=False)
 class SceneRegressor(LawEstimator):
-    """Parameters of a law from measurements on a body of any shape, such as displacement fields and forces.
+    """Parameters of a law from measurements on a body of any shape, such as displacement fields and
+    forces.
 
-    The test is described by a scene. Its equilibria and their exact derivatives by the parameters (theory, section 23) are those of a
-    bounded least-squares iteration (Gauss-Newton steps in a trust region), so that noisy fields are never differentiated. A finer
-    simulation of the fitted law corrects the simulation at the spacing of the scene; the standard errors contain an estimate of the
-    discretization error that remains (theory, section 28). A fit takes seconds to many minutes; `pdsurrogate.progress`
-    tells how far it is.
+    The test is described by a scene. Its equilibria and their exact derivatives by the parameters
+    (theory, section 23) are those of a bounded least-squares iteration (Gauss-Newton steps in a
+    trust region), so that noisy fields are never differentiated. A finer simulation of the fitted
+    law corrects the simulation at the spacing of the scene; the standard errors contain an estimate
+    of the discretization error that remains (theory, section 28). A fit takes seconds to many
+    minutes; `pdsurrogate.progress` tells how far it is.
 
     Parameters
     ----------
     scene : Scene, str, path or list of these, default="hole"
-        Test, or several tests of one material. The search starts at the material of a scene if this has the law that is fitted. K/mu is
-        that of the scene unless `bulk_ratio` or `bulk_modulus` is given.
+        Test, or several tests of one material. The search starts at the material of a scene if this
+        has the law that is fitted. K/mu is that of the scene unless `bulk_ratio` or `bulk_modulus`
+        is given.
     law : str or None, default="neo-hookean"
-        Name of the law; None for an energy without a law, an average of energies of few terms of both invariants, weighted by how well they
-        fit (theory, section 28). It is a `pdsurrogate.materials.Polyconvex`.
+        Name of the law; None for an energy without a law, an average of energies of few terms of
+        both invariants, weighted by how well they fit (theory, section 28). It is a
+        `pdsurrogate.materials.Polyconvex`.
     n_terms : int, default=3
         Number of terms of Ogden's law; without effect for other laws.
     outputs : sequence of str, optional
-        Dotted keys of other measurements than fields, such as ``"forces.right.0"`` or ``"probes.tip.displacement.1"``, in the order of the
-        quantities 0, -1, -2 and so on in the table. The default, ``"force"``, is the force of the region that is pulled, positive in
+        Dotted keys of other measurements than fields, such as ``"forces.right.0"`` or
+        ``"probes.tip.displacement.1"``, in the order of the quantities 0, -1, -2 and so on in the
+        table. The default, ``"force"``, is the force of the region that is pulled, positive in
         tension.
     refine : int, optional
-        Ratio of the spacing of the scene to that of the finer simulation. With 1 the discretization error is not corrected, but estimated
-        by a simulation with twice the spacing, and the estimate is part of the standard errors. By default 3 with a law and 6 without one,
-        since the remaining error changes an energy of free terms more than a law.
+        Ratio of the spacing of the scene to that of the finer simulation. With 1 the discretization
+        error is not corrected, but estimated by a simulation with twice the spacing, and the
+        estimate is part of the standard errors. By default 3 with a law and 6 without one, since
+        the remaining error changes an energy of free terms more than a law.
     bulk_ratio : float, optional
         K/mu of the law.
     bulk_modulus : float, optional
@@ -64,10 +74,12 @@ class SceneRegressor(LawEstimator):
     random_state : int, default=0
         Seed of the members of the committee; nothing else is random.
     dictionary : sequence of (str, float), optional
-        Candidate terms of an energy without a law, pairs of a kind and a number as in `pdsurrogate.materials.dictionary.Term`, such as
-        ``("second_logarithm", 1)``. An energy has at most four terms that are functions of the stretches and at most one that is a function
-        of their inverses. By default `pdsurrogate.materials.dictionary.OF_INVARIANTS`. Of sums with a term that is not polyconvex, those
-        are left out whose waves are unstable in states with stretches from 1/3 to 3, or those of the tests if these are greater.
+        Candidate terms of an energy without a law, pairs of a kind and a number as in
+        `pdsurrogate.materials.dictionary.Term`, such as ``("second_logarithm", 1)``. An energy has
+        at most four terms that are functions of the stretches and at most one that is a function of
+        their inverses. By default `pdsurrogate.materials.dictionary.OF_INVARIANTS`. Of sums with a
+        term that is not polyconvex, those are left out whose waves are unstable in states with
+        stretches from 1/3 to 3, or those of the tests if these are greater.
 
     Attributes
     ----------
@@ -76,8 +88,9 @@ class SceneRegressor(LawEstimator):
     parameter_names_ : list of str
     parameters_ : ndarray, shape (n_parameters,)
     covariance_ : ndarray, shape (n_parameters, n_parameters)
-        Covariance from the standard deviations of the measurements, times the lack of fit if it exceeds 1, plus the square of the change
-        of the parameters by the remaining discretization error. For an energy without a law: the covariance of the average, with correlated
+        Covariance from the standard deviations of the measurements, times the lack of fit if it
+        exceeds 1, plus the square of the change of the parameters by the remaining discretization
+        error. For an energy without a law: the covariance of the average, with correlated
         residuals.
     standard_errors_ : ndarray, shape (n_parameters,)
         Infinite for parameters that the data do not determine at all.
@@ -85,10 +98,12 @@ class SceneRegressor(LawEstimator):
     at_bound_ : list of str
         Parameters at a bound, whose standard errors have no meaning.
     undetermined_ : list of str
-        Parameters in combinations whose relative standard error exceeds one half. For an energy without a law, terms whose own weights
-        have such an error; the stresses may be determined nevertheless.
+        Parameters in combinations whose relative standard error exceeds one half. For an energy
+        without a law, terms whose own weights have such an error; the stresses may be determined
+        nevertheless.
     lack_of_fit_ : float
-        Sum of the squared residuals in standard deviations, divided by the degrees of freedom; 1 is expected.
+        Sum of the squared residuals in standard deviations, divided by the degrees of freedom; 1 is
+        expected.
     p_value_ : float
         Probability of a greater sum in a test of this law with these standard deviations.
     residuals_ : ndarray, shape (n_samples,)
@@ -96,21 +111,24 @@ class SceneRegressor(LawEstimator):
     standard_deviations_ : ndarray, shape (n_samples,)
         Standard deviations of the measurements, given or estimated.
     discretization_ : ndarray, shape (n_samples,)
-        Correction of the simulation at the spacing of the scene, in the units of the measurements. With ``refine=1`` it is not applied, and
-        estimated by a simulation with twice the spacing.
+        Correction of the simulation at the spacing of the scene, in the units of the measurements.
+        With ``refine=1`` it is not applied, and estimated by a simulation with twice the spacing.
     members_ : list of Law
-        Committee, whose spread shows what the measurements leave open: laws with parameters drawn from their covariance, within the bounds
-        of the search; without a law, energies drawn by their weights in the average, with random errors. Empty if the measurements do not
-        determine a parameter at all.
+        Committee, whose spread shows what the measurements leave open: laws with parameters drawn
+        from their covariance, within the bounds of the search; without a law, energies drawn by
+        their weights in the average, with random errors. Empty if the measurements do not determine
+        a parameter at all.
     domain_hull_ : list of list of float
-        Half-planes (n1, n2, d) of the convex hull of the states in the simulated tests, as in ``hull`` of
-        `pdsurrogate.forces.domain.Domain`, moved outwards by the margin of `EnergyRegressor`.
+        Half-planes (n1, n2, d) of the convex hull of the states in the simulated tests, as in
+        ``hull`` of `pdsurrogate.forces.domain.Domain`, moved outwards by the margin of
+        `EnergyRegressor`.
     stretch_range_ : tuple of float
         Least and greatest stretch in the plane, or in space, in the simulated tests.
     start_ : dict
-        Start of the search. ``taken`` is ``"weak form"`` if an energy without a law was taken from the weak form at the measured
-        displacements, else ``"default"``. ``chi_squared`` has the sums of squares at both starts, None where there is no equilibrium, and
-        ``terms`` has the candidates; both are missing if no weak form was solved.
+        Start of the search. ``taken`` is ``"weak form"`` if an energy without a law was taken from
+        the weak form at the measured displacements, else ``"default"``. ``chi_squared`` has the
+        sums of squares at both starts, None where there is no equilibrium, and ``terms`` has the
+        candidates; both are missing if no weak form was solved.
     n_simulations_ : int
         Number of simulated equilibria, derivatives not counted.
     n_features_in_ : int
@@ -126,7 +144,9 @@ class SceneRegressor(LawEstimator):
     >>> import pdsurrogate as pds
     >>> scene = pds.load_scene("hole", spacing=0.25, stretches=[1.1, 1.2])
     >>> X = [[1, 0, 0, 0], [2, 0, 0, 0]]  # the forces of the first and the second stretch
-    >>> found = pds.SceneRegressor(scene, refine=1).fit(X, [0.855, 1.526], standard_deviation=[0.01, 0.01])
+    >>> found = pds.SceneRegressor(scene, refine=1).fit(
+    ...     X, [0.855, 1.526], standard_deviation=[0.01, 0.01]
+    ... )
     >>> found.parameter_names_, bool(found.standard_errors_[0] < 0.05 * found.parameters_[0])
     (['shear_modulus'], True)
     """
@@ -173,17 +193,20 @@ class SceneRegressor(LawEstimator):
         Parameters
         ----------
         X : array-like, shape (n_samples, 2 + d)
-            What was measured, in the columns ``step``, the number of the output of the scene from 1; ``quantity``: 1, 2 or 3 for a part
-            of the displacement and 0, -1, ... for `outputs`; and ``x1``, ``x2`` (and ``x3``), the undeformed place, which outputs do not
-            need: any numbers serve there. For a list of scenes the first column is ``scene``, the number of the scene from 0. A table
-            (pandas) has these columns in any order.
+            What was measured, in the columns ``step``, the number of the output of the scene from
+            1; ``quantity``: 1, 2 or 3 for a part of the displacement and 0, -1, ... for `outputs`;
+            and ``x1``, ``x2`` (and ``x3``), the undeformed place, which outputs do not need: any
+            numbers serve there. For a list of scenes the first column is ``scene``, the number of
+            the scene from 0. A table (pandas) has these columns in any order.
         y : array-like, shape (n_samples,)
-            Measured values in the units of the scene; the force of a sheet is per unit of thickness.
+            Measured values in the units of the scene; the force of a sheet is per unit of
+            thickness.
         sample_weight : array-like, shape (n_samples,), optional
             Weights of the squared residuals, in standard deviations; 0 leaves a row out.
         standard_deviation : float or array-like, shape (n_samples,), optional
-            Standard deviation of each measurement. By default that of displacements is estimated from the differences of each field from
-            local quadratic fits, and that of outputs is 0.5 % of the greatest one.
+            Standard deviation of each measurement. By default that of displacements is estimated
+            from the differences of each field from local quadratic fits, and that of outputs is 0.5
+            % of the greatest one.
 
         Returns
         -------
@@ -192,23 +215,26 @@ class SceneRegressor(LawEstimator):
         Raises
         ------
         ValueError
-            If the law or a term is unknown, X has other columns, steps or quantities than the scene, a place lies outside the body,
-            displacements are unlike those of the scene, the law has no equilibrium at the start of the search, or an energy without a law
-            is to be found from displacements alone or from too few measurements.
+            If the law or a term is unknown, X has other columns, steps or quantities than the
+            scene, a place lies outside the body, displacements are unlike those of the scene, the
+            law has no equilibrium at the start of the search, or an energy without a law is to be
+            found from displacements alone or from too few measurements.
         TypeError
             If a parameter is of another kind than named above.
 
         Warns
         -----
         UserWarning
-            If a row is a copy of another one, or ``refine=1`` and the discretization error cannot be estimated, or exceeds the standard
-            deviations of the measurements.
+            If a row is a copy of another one, or ``refine=1`` and the discretization error cannot
+            be estimated, or exceeds the standard deviations of the measurements.
 
         Examples
         --------
         >>> import pdsurrogate as pds
         >>> scene = pds.load_scene("hole", spacing=0.25)
-        >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.01)
+        >>> model = pds.SceneRegressor(scene, refine=1).fit(
+        ...     [[1, 0, 0, 0]], [3.0], standard_deviation=0.01
+        ... )
         >>> model.parameter_names_
         ['shear_modulus']
         """
@@ -218,12 +244,18 @@ class SceneRegressor(LawEstimator):
         if self.dictionary is not None:
             checked_dictionary(self.dictionary)
         if self.outputs is not None:
-            check_names(self.outputs, "outputs", "such as ['force', 'probes.tip.displacement.0'], or None for the force")
+            check_names(
+                self.outputs,
+                "outputs",
+                "such as ['force', 'probes.tip.displacement.0'], or None for the force",
+            )
         self._scenes()
         self._check_table(X, y)
         if sample_weight is not None:
             check_numbers(sample_weight, "sample_weight", "give a number for each row of X")
-        X, y = validate_data(self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True)
+        X, y = validate_data(
+            self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True
+        )
         weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
         used = weight > 0
         if not used.any():
@@ -233,7 +265,9 @@ class SceneRegressor(LawEstimator):
         deviation = self._deviations(X, y, standard_deviation)
         self.standard_deviations_ = deviation
         self.residuals_, self.discretization_ = np.full((2, len(y)), np.nan)
-        fit, self.discretization_[used] = fitted(self, y[used], np.sqrt(weight[used]) / deviation[used])
+        fit, self.discretization_[used] = fitted(
+            self, y[used], np.sqrt(weight[used]) / deviation[used]
+        )
         self.residuals_[used] = y[used] - fit
         del self._tests
         return self
@@ -259,7 +293,9 @@ class SceneRegressor(LawEstimator):
         --------
         >>> import pdsurrogate as pds
         >>> scene = pds.load_scene("hole", spacing=0.25)
-        >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.01)
+        >>> model = pds.SceneRegressor(scene, refine=1).fit(
+        ...     [[1, 0, 0, 0]], [3.0], standard_deviation=0.01
+        ... )
         >>> model.predict([[1, 0, 0, 0]]).round(3).tolist()
         [3.0]
         """
@@ -271,12 +307,14 @@ class SceneRegressor(LawEstimator):
         return found
 
     def nominal_stress(self, X) -> tuple[np.ndarray, np.ndarray]:
-        """Return nominal stresses of the fitted law in homogeneous states, with their standard errors by the covariance of the parameters.
+        """Return nominal stresses of the fitted law in homogeneous states, with their standard
+        errors by the covariance of the parameters.
 
         Parameters
         ----------
         X : array-like, shape (n_samples, 2)
-            Stretches along the stress and across it, as for `pdsurrogate.identification.LawRegressor`.
+            Stretches along the stress and across it, as for
+            `pdsurrogate.identification.LawRegressor`.
 
         Returns
         -------
@@ -286,7 +324,9 @@ class SceneRegressor(LawEstimator):
         --------
         >>> import pdsurrogate as pds
         >>> scene = pds.load_scene("hole", spacing=0.25)
-        >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.03)
+        >>> model = pds.SceneRegressor(scene, refine=1).fit(
+        ...     [[1, 0, 0, 0]], [3.0], standard_deviation=0.03
+        ... )
         >>> stress, error = model.nominal_stress([[1.5, 1.5**-0.5]])
         >>> bool(0.04 < error[0] / stress[0] < 0.05)
         True
@@ -296,13 +336,17 @@ class SceneRegressor(LawEstimator):
         check_numbers(X, "X", wanted)
         X = np.asarray(X, dtype=float)
         if X.ndim != 2 or X.shape[1] != 2 or not (X > 0).all():
-            raise ValueError(f"{wanted}, not {f'{X.min():g}' if X.ndim == 2 and X.shape[1] == 2 else f'the shape {X.shape}'}")
+            raise ValueError(
+                f"{wanted}, not"
+                f" {f'{X.min():g}' if X.ndim == 2 and X.shape[1] == 2 else f'the shape {X.shape}'}"
+            )
         jacobian = self._stress_derivatives(X)
         variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian)
         return nominal_stress(self.law_, X), np.sqrt(variance)
 
     def stated_deviations(self, X, y, stated: dict[int, float | None]) -> np.ndarray:
-        """Return standard deviations of measurements: stated ones of all displacements or of an output, and estimated ones of the others.
+        """Return standard deviations of measurements: stated ones of all displacements or of an
+        output, and estimated ones of the others.
 
         Parameters
         ----------
@@ -310,7 +354,8 @@ class SceneRegressor(LawEstimator):
             As for `fit`.
         y : array-like, shape (n_samples,)
         stated : dict
-            Standard deviation by quantity: 1 for all displacements, 0, -1, ... for `outputs`; None for an estimate, as `fit` makes it.
+            Standard deviation by quantity: 1 for all displacements, 0, -1, ... for `outputs`; None
+            for an estimate, as `fit` makes it.
 
         Returns
         -------
@@ -319,32 +364,51 @@ class SceneRegressor(LawEstimator):
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> pds.SceneRegressor("hole").stated_deviations([[1, 0, 0, 0]], [3.0], {0: None, 1: 1e-3}).tolist()
+        >>> pds.SceneRegressor("hole").stated_deviations(
+        ...     [[1, 0, 0, 0]], [3.0], {0: None, 1: 1e-3}
+        ... ).tolist()
         [0.015]
         """
         self._check_table(X, y)
-        check_kind(stated, dict, "stated", "a dictionary of standard deviations by quantity, such as {1: 1e-3}")
+        check_kind(
+            stated,
+            dict,
+            "stated",
+            "a dictionary of standard deviations by quantity, such as {1: 1e-3}",
+        )
         X, y = np.asarray(in_order(X, self.columns, "X"), dtype=float), np.asarray(y, dtype=float)
         found = np.empty(len(y))
         for quantity, value in stated.items():
-            check_kind(value, Real | None, f"stated: the value of {quantity}", "a positive number or None")
+            check_kind(
+                value, Real | None, f"stated: the value of {quantity}", "a positive number or None"
+            )
             if value is not None and not 0 < value < np.inf:
-                raise ValueError(f"stated: the value of {quantity} must be a positive number or None, not {value:g}")
+                raise ValueError(
+                    f"stated: the value of {quantity} must be a positive number or None, not"
+                    f" {value:g}"
+                )
         for test, here in self._tests_of(X):
             found[here] = estimated_deviations(test.rows, y[here])
             for quantity, value in stated.items():
                 if value is not None:
-                    found[here[test.rows.is_field if quantity > 0 else test.rows.quantity == quantity]] = value
+                    found[
+                        here[test.rows.is_field if quantity > 0 else test.rows.quantity == quantity]
+                    ] = value
         return found
 
     def _law_of(self, values) -> Law:
         return self._unknown.law_of(values)
 
     def _stress_derivatives(self, X: np.ndarray) -> np.ndarray:
-        """Return the derivatives of `nominal_stress` by the parameters, shape (n_samples, n_parameters)."""
+        """Return the derivatives of `nominal_stress` by the parameters, shape (n_samples,
+        n_parameters).
+        """
         columns, steps = [], 1e-5 * self._scales()
         for step, change in zip(steps, np.diag(steps), strict=True):
-            sides = [nominal_stress(self._law_of(self.parameters_ + sign * change), X) for sign in (1, -1)]
+            sides = [
+                nominal_stress(self._law_of(self.parameters_ + sign * change), X)
+                for sign in (1, -1)
+            ]
             columns.append((sides[0] - sides[1]) / (2 * step))
         return np.stack(columns, axis=1)
 
@@ -362,32 +426,52 @@ class SceneRegressor(LawEstimator):
         return found
 
     def _check_table(self, X, y) -> None:
-        """Raise ValueError for a table of measurements, or values, that are no numbers or none at all."""
+        """Raise ValueError for a table of measurements, or values, that are no numbers or none
+        at all.
+        """
         columns = self.columns
         check_numbers(
-            X, "X", f"it must have the columns {', '.join(columns)}, and a row for each measurement" if columns else "give numbers"
+            X,
+            "X",
+            (
+                f"it must have the columns {', '.join(columns)}, and a row for each measurement"
+                if columns
+                else "give numbers"
+            ),
         )
         check_numbers(y, "y", "give a measured value for each row of X")
 
     def _scenes(self) -> list[Scene]:
-        """Return the scenes, loaded if they are given by name; raise ValueError for none or for bodies of different dimension."""
+        """Return the scenes, loaded if they are given by name; raise ValueError for none or for
+        bodies of different dimension.
+        """
         scenes: list[Scene] = []
         given: Sequence = self.scene if isinstance(self.scene, list | tuple) else [self.scene]
         for one in (load_scene(each) if isinstance(each, str | Path) else each for each in given):
-            check_kind(one, Scene, "scene", "a Scene, or the name or file of one, or a list of these")
+            check_kind(
+                one, Scene, "scene", "a Scene, or the name or file of one, or a list of these"
+            )
             if self._ratio > 1 and isinstance(one.body, Mesh):
-                raise ValueError(f"refine: scene {one.name} is a mesh, which has a spacing of its own: set refine=1 (--refine 1)")
+                raise ValueError(
+                    f"refine: scene {one.name} is a mesh, which has a spacing of its own: set"
+                    " refine=1 (--refine 1)"
+                )
             scenes.append(one)
         if not scenes:
             raise ValueError("scene: the list is empty; give at least one scene")
         if len({one.dimension for one in scenes}) > 1:
-            raise ValueError("scene: bodies in the plane and solids cannot share a table, as their places have different columns")
+            raise ValueError(
+                "scene: bodies in the plane and solids cannot share a table, as their places have"
+                " different columns"
+            )
         return scenes
 
     @property
     def _ratio(self) -> int:
         """Ratio of the spacings, `refine` or its default."""
-        return (REFINED_FREE if self.law is None else REFINED) if self.refine is None else self.refine
+        return (
+            (REFINED_FREE if self.law is None else REFINED) if self.refine is None else self.refine
+        )
 
     def _fine(self, scene: Scene) -> float | None:
         """Return the spacing of the finer simulation of a scene; None for the scene's own."""
@@ -402,10 +486,15 @@ class SceneRegressor(LawEstimator):
         whole = X[:, : X.shape[1] - scenes[0].dimension]
         if (whole != np.round(whole)).any():
             wrong = whole[whole != np.round(whole)][0]
-            raise ValueError(f"{', '.join(columns[: whole.shape[1]])} must be whole numbers, not {wrong:g}")
+            raise ValueError(
+                f"{', '.join(columns[: whole.shape[1]])} must be whole numbers, not {wrong:g}"
+            )
         number = whole[:, 0] if len(columns) > 2 + scenes[0].dimension else np.zeros(len(X))
         if (number < 0).any() or (number >= len(scenes)).any():
-            raise ValueError(f"scene: the {len(scenes)} scenes are numbered from 0, so that there is no {number.max():g}")
+            raise ValueError(
+                f"scene: the {len(scenes)} scenes are numbered from 0, so that there is no"
+                f" {number.max():g}"
+            )
         step, quantity = whole[:, -2:].astype(int).T
         tests = []
         for which, scene in enumerate(scenes):
@@ -416,22 +505,33 @@ class SceneRegressor(LawEstimator):
         return tests
 
     def _warn_of_copies(self, y: np.ndarray) -> None:
-        """Warn of rows that repeat a measurement, each of which counts: in a file they are mostly copies."""
+        """Warn of rows that repeat a measurement, each of which counts: in a file they are
+        mostly copies.
+        """
         for test, here in self._tests:
             rows, places = test.rows, np.where(test.rows.is_field[:, None], test.rows.places, 0.0)
             table = np.column_stack([rows.step, rows.quantity, places, y[here]])
             unique, counts = np.unique(table, axis=0, return_counts=True)
             for step, quantity, *_, value in unique[counts > 1][:1].tolist():
-                what = f"displacement along x{quantity:.0f}" if quantity > 0 else test.outputs[-int(quantity)][0]
+                what = (
+                    f"displacement along x{quantity:.0f}"
+                    if quantity > 0
+                    else test.outputs[-int(quantity)][0]
+                )
                 warnings.warn(
-                    f"X: {(counts - 1).sum()} rows of scene {test.scene.name} are copies of others, such as {what} = {value:.4g} in step "
-                    f"{step:.0f}; each counts as a further measurement: leave copies out",
+                    f"X: {(counts - 1).sum()} rows of scene {test.scene.name} are copies of others,"
+                    f" such as {what} = {value:.4g} in step {step:.0f}; each counts as a further"
+                    " measurement: leave copies out",
                     stacklevel=3,
                 )
 
     def _scales(self) -> np.ndarray:
-        """Return the sizes of the parameters by which they are compared: their values, or a hundredth of the range between bounds."""
+        """Return the sizes of the parameters by which they are compared: their values, or a
+        hundredth of the range between bounds.
+        """
         if self.law is None:
             return np.abs(self.parameters_)
         spans = [LAWS[self.law].bounds.get(name, (0.0, 0.0)) for name in self.parameter_names_]
-        return np.maximum(np.abs(self.parameters_), [1e-2 * min(high - low, 1.0) for low, high in spans])
+        return np.maximum(
+            np.abs(self.parameters_), [1e-2 * min(high - low, 1.0) for low, high in spans]
+        )

@@ -1,4 +1,6 @@
-"""Files of measurements, and reports and figures of calibrations, for the command ``pdsurrogate calibrate``."""
+"""Files of measurements, and reports and figures of calibrations, for the command ``pdsurrogate
+calibrate``.
+"""
 
 import csv
 import re
@@ -16,14 +18,22 @@ from ..results.tables import column_name
 from ..scenes import Scene
 from .regressor import SceneRegressor
 
-STRETCHES = {"uniaxial": (0.8, 1.2, 1.5, 2.0), "equibiaxial": (1.1, 1.2, 1.5, 2.0), "pure-shear": (1.2, 1.5, 2.0)}
-"""Stretches of homogeneous tests in which a report states the stress of the law with its standard error."""
+STRETCHES = {
+    "uniaxial": (0.8, 1.2, 1.5, 2.0),
+    "equibiaxial": (1.1, 1.2, 1.5, 2.0),
+    "pure-shear": (1.2, 1.5, 2.0),
+}
+"""Stretches of homogeneous tests in which a report states the stress of the law with its
+standard error.
+"""
 
 POOR = 1.5
 """Lack of fit above which a report says that the law does not describe the test."""
 
 MOST_MAPS = 5
-"""Greatest number of steps whose residuals are drawn, evenly chosen with the last one: maps of more would be too small to read."""
+"""Greatest number of steps whose residuals are drawn, evenly chosen with the last one: maps of
+more would be too small to read.
+"""
 
 
 OUTPUTS = {
@@ -37,11 +47,15 @@ OUTPUTS = {
     "nominal_stress": "nominal_stress",
     "strain_energy": "energy",
 }
-"""Dotted keys of measured outputs by their columns, as in ``history.csv``; groups are the name of a region or probe, and a component."""
+"""Dotted keys of measured outputs by their columns, as in ``history.csv``; groups are the name
+of a region or probe, and a component.
+"""
 
 
 def output_of(column: str) -> str | None:
-    """Return the dotted key of the output that a column of a file contains; None for another column."""
+    """Return the dotted key of the output that a column of a file contains; None for another
+    column.
+    """
     for pattern, key in OUTPUTS.items():
         if found := re.fullmatch(pattern, column):
             name, *component = found.groups() or (None,)
@@ -52,44 +66,63 @@ def output_of(column: str) -> str | None:
 def read_columns(
     path: Path, columns: tuple[str, ...], others: Callable[[str], object] = lambda name: False
 ) -> tuple[np.ndarray, list[int], list[str]]:
-    """Return columns of numbers from a CSV file with a line of headings, (n, columns), the line of each row, and the names of the columns.
+    """Return columns of numbers from a CSV file with a line of headings, (n, columns), the line of
+    each row, and the names of the columns.
 
-    They are those of `columns`, and then further ones that `others` chooses by their names, where an empty entry is NaN. Headers may have
-    units in brackets, as those of ``history.csv``.
+    They are those of `columns`, and then further ones that `others` chooses by their names, where
+    an empty entry is NaN. Headers may have units in brackets, as those of ``history.csv``.
 
     Raises
     ------
     ValueError
-        If the file cannot be read, lacks a column, has it twice or has no rows, or a row has more entries than there are columns, or one
-        that is no finite number; the message names the line.
+        If the file cannot be read, lacks a column, has it twice or has no rows, or a row has more
+        entries than there are columns, or one that is no finite number; the message names the line.
     """
     try:
         lines = path.read_text("utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"cannot read {path}: {getattr(error, 'strerror', None) or 'it is not UTF-8 text'}") from None
+        raise ValueError(
+            f"cannot read {path}: {getattr(error, 'strerror', None) or 'it is not UTF-8 text'}"
+        ) from None
     lines = ["" if line.lstrip().startswith("#") else line for line in lines]
     before = next((number for number, line in enumerate(lines) if line.strip()), 0)
     reader = csv.DictReader(lines[before:])
     names = [column_name(name.strip()) for name in reader.fieldnames or ()]
     if missing := [name for name in columns if name not in names]:
         found = f"there is no {missing[0]} among {', '.join(names) or 'none'}"
-        raise ValueError(f"{path}: the columns, separated by commas, must be {', '.join(columns)}; {found}")
-    chosen = [*columns, *(name for name in dict.fromkeys(names) if name not in columns and others(name))]
+        raise ValueError(
+            f"{path}: the columns, separated by commas, must be {', '.join(columns)}; {found}"
+        )
+    chosen = [
+        *columns,
+        *(name for name in dict.fromkeys(names) if name not in columns and others(name)),
+    ]
     if twice := [name for name in chosen if names.count(name) > 1]:
         raise ValueError(f"{path}: there are two columns {twice[0]}")
     reader.fieldnames, found, numbers = names, [], []
     for row in reader:
         if None in row:
             raise ValueError(
-                f"{path}, line {before + reader.line_num}: more entries than the {len(names)} columns; decimals have points, not commas"
+                f"{path}, line {before + reader.line_num}: more entries than the {len(names)}"
+                " columns; decimals have points, not commas"
             )
         try:
             empty = [name not in columns and not (row[name] or "").strip() for name in chosen]
-            found.append([np.nan if none else float(row[name]) for name, none in zip(chosen, empty, strict=True)])
+            found.append(
+                [
+                    np.nan if none else float(row[name])
+                    for name, none in zip(chosen, empty, strict=True)
+                ]
+            )
         except (TypeError, ValueError):
-            raise ValueError(f"{path}, line {before + reader.line_num}: {', '.join(chosen)} must be numbers") from None
+            raise ValueError(
+                f"{path}, line {before + reader.line_num}: {', '.join(chosen)} must be numbers"
+            ) from None
         if not (np.isfinite(found[-1]) | empty).all():
-            raise ValueError(f"{path}, line {before + reader.line_num}: {', '.join(chosen)} must be finite numbers")
+            raise ValueError(
+                f"{path}, line {before + reader.line_num}: {', '.join(chosen)} must be finite"
+                " numbers"
+            )
         numbers.append(before + reader.line_num)
     if not found:
         raise ValueError(f"{path}: there are no rows")
@@ -97,59 +130,95 @@ def read_columns(
 
 
 def _check_rows(scene: Scene, path: Path, found: np.ndarray, lines: list[int]) -> None:
-    """Raise ValueError with the line of a step, the first column, that the scene does not have, or of a copy of an earlier row."""
+    """Raise ValueError with the line of a step, the first column, that the scene does not have,
+    or of a copy of an earlier row.
+    """
     most = len(scene.stretches) if scene.stretched else np.inf
     for step, line in zip(found[:, 0], lines, strict=True):
         if step != round(step) or not 1 <= step <= most:
-            known = f"1 to {most}, the stretches of scene {scene.name}" if scene.stretched else f"the outputs of scene {scene.name} from 1"
-            raise ValueError(f"{path}, line {line}: step {step:g}, but the steps are whole numbers: {known}")
+            known = (
+                f"1 to {most}, the stretches of scene {scene.name}"
+                if scene.stretched
+                else f"the outputs of scene {scene.name} from 1"
+            )
+            raise ValueError(
+                f"{path}, line {line}: step {step:g}, but the steps are whole numbers: {known}"
+            )
     first = np.unique(found, axis=0, return_index=True)[1]
     if len(first) < len(found):
-        raise ValueError(f"{path}, line {lines[np.delete(np.arange(len(found)), first)[0]]}: this row is a copy of an earlier one")
+        raise ValueError(
+            f"{path}, line {lines[np.delete(np.arange(len(found)), first)[0]]}: this row is a copy"
+            " of an earlier one"
+        )
 
 
-def measurements(scene: Scene, fields: Path | None, forces: Path | None) -> tuple[np.ndarray, np.ndarray, dict[str, str]]:
-    """Return the table of measurements and their values, as `SceneRegressor` takes them, from a file of fields and one of outputs.
+def measurements(
+    scene: Scene, fields: Path | None, forces: Path | None
+) -> tuple[np.ndarray, np.ndarray, dict[str, str]]:
+    """Return the table of measurements and their values, as `SceneRegressor` takes them, from a
+    file of fields and one of outputs.
 
-    The third item has, by the names of their columns, the dotted keys of the outputs, which are the quantities 0, -1, and so on.
+    The third item has, by the names of their columns, the dotted keys of the outputs, which are the
+    quantities 0, -1, and so on.
     """
     d, tables, values, outputs = scene.dimension, [], [], {}
     if fields is None and forces is None:
         raise ValueError("there is nothing to fit: give --fields, --forces or both")
     if fields is not None:
         axes = range(1, d + 1)
-        found, lines, _ = read_columns(fields, ("step", *(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes)))
+        found, lines, _ = read_columns(
+            fields, ("step", *(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes))
+        )
         _check_rows(scene, fields, found, lines)
         for axis in axes:
-            tables.append(np.column_stack([found[:, 0], np.full(len(found), axis), found[:, 1 : 1 + d]]))
+            tables.append(
+                np.column_stack([found[:, 0], np.full(len(found), axis), found[:, 1 : 1 + d]])
+            )
             values.append(found[:, d + axis])
     if forces is not None:
-        found, lines, (_, *names) = read_columns(forces, ("step",), lambda name: output_of(name) or name == "evaluations")
+        found, lines, (_, *names) = read_columns(
+            forces, ("step",), lambda name: output_of(name) or name == "evaluations"
+        )
         if "evaluations" in names:
-            raise ValueError(f"{forces}: this is the history of a run, whose step is that of the scene: number the outputs from 1")
+            raise ValueError(
+                f"{forces}: this is the history of a run, whose step is that of the scene: number"
+                " the outputs from 1"
+            )
         if not names:
             raise ValueError(
-                f"{forces}: there is no column force, nor another one with a measurement, as history.csv of a run has them "
-                "(force_right_1, tip_displacement_2)"
+                f"{forces}: there is no column force, nor another one with a measurement, as"
+                " history.csv of a run has them (force_right_1, tip_displacement_2)"
             )
         _check_rows(scene, forces, found, lines)
         outputs = {name: str(output_of(name)) for name in names}
         for number, column in enumerate(found[:, 1:].T):
             there = np.isfinite(column)
-            tables.append(np.column_stack([found[there, 0], np.full(there.sum(), -number), np.zeros((there.sum(), d))]))
+            tables.append(
+                np.column_stack(
+                    [found[there, 0], np.full(there.sum(), -number), np.zeros((there.sum(), d))]
+                )
+            )
             values.append(column[there])
     if not sum(map(len, values)):
-        raise ValueError(f"{forces}: there are no measurements, all entries of {', '.join(outputs)} are empty")
+        raise ValueError(
+            f"{forces}: there are no measurements, all entries of {', '.join(outputs)} are empty"
+        )
     return np.vstack(tables), np.concatenate(values), outputs
 
 
 def _quantities(X: np.ndarray, columns: Sequence[str]) -> dict[str, np.ndarray]:
-    """Return masks of the rows of measurements by name: ``fields``, and the outputs by their `columns`."""
-    return {"fields": X[:, 1] > 0} | {name: X[:, 1] == -number for number, name in enumerate(columns)}
+    """Return masks of the rows of measurements by name: ``fields``, and the outputs by their
+    `columns`.
+    """
+    return {"fields": X[:, 1] > 0} | {
+        name: X[:, 1] == -number for number, name in enumerate(columns)
+    }
 
 
 def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequence[str]) -> dict:
-    """Return a report of a calibration as plain values; standard errors that are infinite are None, and outputs are named by `columns`."""
+    """Return a report of a calibration as plain values; standard errors that are infinite are
+    None, and outputs are named by `columns`.
+    """
     fits, quantities = {}, _quantities(X, columns)
     for name, here in quantities.items():
         if here.any():
@@ -165,24 +234,35 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
     for mode, stretches in STRETCHES.items():
         states = np.stack([np.array(stretches), MODES[mode](np.array(stretches))], axis=1)
         found = zip(stretches, *model.nominal_stress(states), strict=True)
-        stresses[mode] = [{"stretch": at, "nominal_stress": plain(stress), "standard_error": plain(error)} for at, stress, error in found]
+        stresses[mode] = [
+            {"stretch": at, "nominal_stress": plain(stress), "standard_error": plain(error)}
+            for at, stress, error in found
+        ]
     outputs = {
-        name: [{"step": int(step), "measured": float(one), "fit": float(one - off)} for step, one, off in _steps(model, X, y, here)]
+        name: [
+            {"step": int(step), "measured": float(one), "fit": float(one - off)}
+            for step, one, off in _steps(model, X, y, here)
+        ]
         for name, here in quantities.items()
         if name != "fields"
     }
     remarks, worst = [], _worst(model, X, columns)
     if model.undetermined_:
         names = ", ".join(model.undetermined_)
-        remarks.append(f"The test does not determine {names}: a combination has a standard error above a half of its value.")
+        remarks.append(
+            f"The test does not determine {names}: a combination has a standard error above a half"
+            " of its value."
+        )
     if model.at_bound_:
         other = "another law may fit better, or a unit of the data is not that of the scene"
         remarks.append(f"{', '.join(model.at_bound_)} reached a bound of the search: {other}.")
     if model.lack_of_fit_ > POOR:
         remarks.append(
-            f"The law leaves residuals of {model.lack_of_fit_**0.5:.2g} standard deviations: the law, the scene, its spacing, the "
-            "units of the data or the stated noise are not those of the test. Standard errors are increased by this factor. The greatest "
-            f"residual, of {worst['standard_deviations']:.2g} standard deviations, is that of {worst['measured']} in step {worst['step']}."
+            f"The law leaves residuals of {model.lack_of_fit_**0.5:.2g} standard deviations: the"
+            " law, the scene, its spacing, the units of the data or the stated noise are not those"
+            " of the test. Standard errors are increased by this factor. The greatest residual, of"
+            f" {worst['standard_deviations']:.2g} standard deviations, is that of"
+            f" {worst['measured']} in step {worst['step']}."
         )
     return {
         **parameters_of(model),
@@ -201,30 +281,58 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
 
 
 def _worst(model: SceneRegressor, X: np.ndarray, columns: Sequence[str]) -> dict:
-    """Return what the measurement is with the greatest residual in standard deviations, and this residual."""
+    """Return what the measurement is with the greatest residual in standard deviations, and this
+    residual.
+    """
     off = np.abs(model.residuals_) / model.standard_deviations_
     row = int(np.nanargmax(off))
     step, quantity, *place = X[row].tolist()
-    what = f"u{quantity:.0f} at ({', '.join(f'{x:g}' for x in place)})" if quantity > 0 else columns[int(-quantity)]
+    what = (
+        f"u{quantity:.0f} at ({', '.join(f'{x:g}' for x in place)})"
+        if quantity > 0
+        else columns[int(-quantity)]
+    )
     return {"step": int(step), "measured": what, "standard_deviations": float(off[row])}
 
 
-def _steps(model: SceneRegressor, X: np.ndarray, y: np.ndarray, here: np.ndarray) -> list[tuple[float, float, float]]:
-    """Return step, measured value and residual of the rows of an output, which a mask chooses, in the order of the steps."""
+def _steps(
+    model: SceneRegressor, X: np.ndarray, y: np.ndarray, here: np.ndarray
+) -> list[tuple[float, float, float]]:
+    """Return step, measured value and residual of the rows of an output, which a mask chooses,
+    in the order of the steps.
+    """
     return sorted(zip(X[here, 0], y[here], model.residuals_[here], strict=True))
 
 
-def figures(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequence[str]) -> dict[str, Figure]:
-    """Return figures by name: the fit of each output, named by `columns`, and maps of the residuals of displacements."""
+def figures(
+    model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequence[str]
+) -> dict[str, Figure]:
+    """Return figures by name: the fit of each output, named by `columns`, and maps of the
+    residuals of displacements.
+    """
     found = {}
-    shown = {name: here for name, here in _quantities(X, columns).items() if name != "fields" and here.any()}
+    shown = {
+        name: here
+        for name, here in _quantities(X, columns).items()
+        if name != "fields" and here.any()
+    }
     with matplotlib.rc_context(STYLE):
         if shown:
             found["outputs"] = drawn = Figure(figsize=(3.4, 2.6 * len(shown)), layout="constrained")
-            for axis, (name, here) in zip(drawn.subplots(len(shown), squeeze=False)[:, 0], shown.items(), strict=True):
+            for axis, (name, here) in zip(
+                drawn.subplots(len(shown), squeeze=False)[:, 0], shown.items(), strict=True
+            ):
                 steps, measured, off = np.array(_steps(model, X, y, here)).T
                 deviation = model.standard_deviations_[here][np.argsort(X[here, 0], kind="stable")]
-                axis.errorbar(steps, measured, 2 * deviation, fmt="ko", ms=3.5, mfc="none", label="measured, ±2σ")
+                axis.errorbar(
+                    steps,
+                    measured,
+                    2 * deviation,
+                    fmt="ko",
+                    ms=3.5,
+                    mfc="none",
+                    label="measured, ±2σ",
+                )
                 axis.plot(steps, measured - off, "-", lw=1, label=f"{model.law_.name}, fitted")
                 axis.set(xlabel="step", ylabel=name, xticks=steps)
                 axis.legend()
@@ -234,20 +342,27 @@ def figures(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequen
 
 
 def _residual_maps(model: SceneRegressor, X: np.ndarray) -> Figure:
-    """Return maps of residuals in standard deviations: a row for each component of the displacement, a column for each step."""
+    """Return maps of residuals in standard deviations: a row for each component of the
+    displacement, a column for each step.
+    """
     field = X[:, 1] > 0
     steps, components = np.unique(X[field, 0]), np.unique(X[field, 1]).astype(int)
     steps = steps[np.unique(np.linspace(0, len(steps) - 1, MOST_MAPS).round().astype(int))]
     reach = np.ptp(X[field, 2:4], axis=0)
     width = 1.3
-    size = (width * len(steps) + 0.9, (width * reach[1] / max(reach[0], 1e-9) + 0.35) * len(components) + 0.3)
+    size = (
+        width * len(steps) + 0.9,
+        (width * reach[1] / max(reach[0], 1e-9) + 0.35) * len(components) + 0.3,
+    )
     drawn = Figure(figsize=np.minimum(size, 12), layout="constrained")
     axes = drawn.subplots(len(components), len(steps), squeeze=False, sharex=True, sharey=True)
     for line, component in zip(axes, components, strict=True):
         for axis, step in zip(line, steps, strict=True):
             here = field & (X[:, 0] == step) & (X[:, 1] == component)
             off = model.residuals_[here] / model.standard_deviations_[here]
-            colors = axis.scatter(*X[here, 2:4].T, c=off, s=4, cmap=DIVERGING, vmin=-4, vmax=4, linewidths=0)
+            colors = axis.scatter(
+                *X[here, 2:4].T, c=off, s=4, cmap=DIVERGING, vmin=-4, vmax=4, linewidths=0
+            )
             axis.set(title=f"u{component}, step {step:g}", aspect="equal")
     drawn.colorbar(colors, ax=axes, label="(measured - fit) / σ", shrink=0.6)
     return drawn

@@ -15,13 +15,16 @@ from .measured import FAILURES
 logger = logging.getLogger(__name__)
 
 DIFFERENCE = 1e-6
-"""Change of a search variable in central differences of the numbers of a law; of a coefficient of an energy, relative to it. Chosen:
-the error by rounding is then 1e-10, and that by curvature less."""
+"""Change of a search variable in central differences of the numbers of a law; of a coefficient of
+an energy, relative to it. Chosen: the error by rounding is then 1e-10, and that by curvature less.
+"""
 
 
 @dataclass(frozen=True)
 class Space:
-    """Variables of a search: parameters or, where flags say so, their logarithms, between bounds; each of shape (n_parameters,)."""
+    """Variables of a search: parameters or, where flags say so, their logarithms, between
+    bounds; each of shape (n_parameters,).
+    """
 
     low: np.ndarray
     high: np.ndarray
@@ -40,13 +43,32 @@ class Space:
 
 
 class Search:
-    """Weighted residuals of a law at the measurements and their Jacobian by the variables of a `space`, for `scipy.optimize.least_squares`.
+    """Weighted residuals of a law at the measurements and their Jacobian by the variables of a
+    `space`, for `scipy.optimize.least_squares`.
 
-    If `held`, the measurements do not depend on a common factor of all moduli, and the first one keeps its value.
+    If `held`, the measurements do not depend on a common factor of all moduli, and the first one
+    keeps its value.
     """
 
-    def __init__(self, tests: list, law_of, space: Space, y: np.ndarray, root: np.ndarray, linear: bool, held: bool) -> None:
-        self.tests, self.law_of, self.space, self.y, self.root, self.linear, self.held = tests, law_of, space, y, root, linear, held
+    def __init__(
+        self,
+        tests: list,
+        law_of,
+        space: Space,
+        y: np.ndarray,
+        root: np.ndarray,
+        linear: bool,
+        held: bool,
+    ) -> None:
+        self.tests, self.law_of, self.space, self.y, self.root, self.linear, self.held = (
+            tests,
+            law_of,
+            space,
+            y,
+            root,
+            linear,
+            held,
+        )
         self.count = 0
         self.known: dict[bytes, np.ndarray] = {}
         self.differentiated: dict[bytes, np.ndarray] = {}
@@ -59,7 +81,9 @@ class Search:
         return self.law_of(self.space.parameters(x))
 
     def values(self, x: np.ndarray) -> np.ndarray:
-        """Return the measurements at the search variables; raise one of `FAILURES` where a scene has no equilibrium."""
+        """Return the measurements at the search variables; raise one of `FAILURES` where a scene
+        has no equilibrium.
+        """
         key = x.tobytes()
         if key not in self.known:
             self.known[key] = self._differentiated(x, [])[0]
@@ -74,26 +98,41 @@ class Search:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         key = x.tobytes()
         if key not in self.differentiated:
-            numbers, chain = derivatives_of_numbers(self.law_at, x, DIFFERENCE * (np.abs(x) if self.linear else np.ones(len(x))))
-            self.known[key], derivatives = self._differentiated(x, [f"material.{name}" for name in numbers])
+            numbers, chain = derivatives_of_numbers(
+                self.law_at, x, DIFFERENCE * (np.abs(x) if self.linear else np.ones(len(x)))
+            )
+            self.known[key], derivatives = self._differentiated(
+                x, [f"material.{name}" for name in numbers]
+            )
             if self.held:
                 chain[:, 0] = 0.0
             self.differentiated[key] = derivatives @ chain
         return self.root[:, None] * self.differentiated[key]
 
     def _differentiated(self, x: np.ndarray, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
-        law, values, derivatives = self.law_at(x), np.empty(len(self.y)), np.empty((len(self.y), len(names)))
+        law, values, derivatives = (
+            self.law_at(x),
+            np.empty(len(self.y)),
+            np.empty((len(self.y), len(names))),
+        )
         for test, here in self.tests:
             self.count += test.count
             values[here], derivatives[here] = test.differentiate(law, names)
         squares = ((self.root * (values - self.y)) ** 2).sum()
-        logger.info("%d equilibria, sum of squared residuals %.4g for %d measurements", self.count, squares, len(values))
+        logger.info(
+            "%d equilibria, sum of squared residuals %.4g for %d measurements",
+            self.count,
+            squares,
+            len(values),
+        )
         event("calibrating", 0, 1, equilibria=self.count, sum_of_squared_residuals=squares)
         return values, derivatives
 
 
 def errors_of(jacobian: np.ndarray) -> np.ndarray:
-    """Return the standard errors of search variables by the noise, from the derivatives of weighted measurements by them."""
+    """Return the standard errors of search variables by the noise, from the derivatives of
+    weighted measurements by them.
+    """
     return np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True)))
 
 

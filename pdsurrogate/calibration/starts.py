@@ -1,4 +1,6 @@
-"""Starts of the search for a law: its unknowns, their first values, and the checks that the measurements are those of the tests."""
+"""Starts of the search for a law: its unknowns, their first values, and the checks that the
+measurements are those of the tests.
+"""
 
 import numpy as np
 
@@ -11,39 +13,57 @@ from .measured import DISPLACEMENTS, FAILURES, FORCES, MeasuredScene
 from .search import DIFFERENCE, Search, Space, failing
 
 FARTHEST = 0.5
-"""Greatest difference of measured from simulated displacements in a step of a test that prescribes motions, relative to the greater of
-them. Displacements of different laws differ by less; a greater difference is an error of units, axes or the order of the steps."""
+"""Greatest difference of measured from simulated displacements in a step of a test that prescribes
+motions, relative to the greater of them. Displacements of different laws differ by less; a greater
+difference is an error of units, axes or the order of the steps.
+"""
 
 ALONE = 0.9
-"""Share of a single measurement in such a difference (root of the sum of squares) from which on the error names this measurement."""
+"""Share of a single measurement in such a difference (root of the sum of squares) from which on
+the error names this measurement.
+"""
 
 SUBSTANTIAL = 0.1
-"""Size of one component of the simulated displacements, relative to all, from which on the measured one must have the same sign."""
+"""Size of one component of the simulated displacements, relative to all, from which on the
+measured one must have the same sign.
+"""
 
 SIGNIFICANT = 2.0
-"""Noise of the measurements, in standard deviations, that a difference must exceed in order to count as such an error."""
+"""Noise of the measurements, in standard deviations, that a difference must exceed in order to
+count as such an error.
+"""
 
 EXPONENTS = ((2.0,), (2.0, -2.0), (1.3, 5.0, -2.0), (1.3, 5.0, -2.0, 8.0))
-"""Exponents from which Ogden's law with one to four terms starts: those of Ogden (1972) for three terms."""
+"""Exponents from which Ogden's law with one to four terms starts: those of Ogden (1972) for
+three terms.
+"""
 
 
 def unknowns_of(model, count: int) -> LawRegressor | EnergyUnknowns:
-    """Return the unknowns of the fit; raise ValueError unless `count` measurements can determine them."""
+    """Return the unknowns of the fit; raise ValueError unless `count` measurements can determine
+    them.
+    """
     bulk = bulk_of(model)
     if model.law is None:
         terms = OF_INVARIANTS if model.dictionary is None else checked_dictionary(model.dictionary)
-        unknown = EnergyUnknowns(bulk.get("bulk_ratio", None if bulk else BULK_RATIO), bulk.get("bulk_modulus"), terms)
+        unknown = EnergyUnknowns(
+            bulk.get("bulk_ratio", None if bulk else BULK_RATIO), bulk.get("bulk_modulus"), terms
+        )
         _check_energy(model, unknown, count)
         return unknown
     unknown = LawRegressor(model.law, model.n_terms).set_params(**bulk)
     names = unknown.unknowns()
     if count < len(names):
-        raise ValueError(f"X: {count} measurements do not determine {len(names)} parameters ({', '.join(names)})")
+        raise ValueError(
+            f"X: {count} measurements do not determine {len(names)} parameters ({', '.join(names)})"
+        )
     return unknown
 
 
 def bulk_of(model) -> dict[str, float]:
-    """Return the bulk modulus or its ratio, as arguments of a `LawRegressor`: given, or that of the first scene with a material."""
+    """Return the bulk modulus or its ratio, as arguments of a `LawRegressor`: given, or that of
+    the first scene with a material.
+    """
     if given := bulk_arguments(bulk_modulus=model.bulk_modulus, bulk_ratio=model.bulk_ratio):
         return given
     for scene in model._scenes():
@@ -52,13 +72,26 @@ def bulk_of(model) -> dict[str, float]:
     return {}
 
 
-def search_from(model, start: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple[Search, np.ndarray]:
-    """Return the search that starts at given parameters, at which the tests are simulated, and its variables there."""
+def search_from(
+    model, start: np.ndarray, y: np.ndarray, root: np.ndarray
+) -> tuple[Search, np.ndarray]:
+    """Return the search that starts at given parameters, at which the tests are simulated, and
+    its variables there.
+    """
     if isinstance(model._unknown, EnergyUnknowns):
-        low, high, logarithmic = np.zeros(len(start)), np.full(len(start), np.inf), np.zeros(len(start), dtype=bool)
+        low, high, logarithmic = (
+            np.zeros(len(start)),
+            np.full(len(start), np.inf),
+            np.zeros(len(start), dtype=bool),
+        )
     else:
-        low, high, logarithmic = model._unknown.search_range(start, float(model._law_of(start).shear_modulus))
-    x, low, high = (np.log(each, out=np.array(each, dtype=float), where=logarithmic) for each in (start, low, high))
+        low, high, logarithmic = model._unknown.search_range(
+            start, float(model._law_of(start).shear_modulus)
+        )
+    x, low, high = (
+        np.log(each, out=np.array(each, dtype=float), where=logarithmic)
+        for each in (start, low, high)
+    )
     if model.law is not None:  # central differences stay between the bounds
         low, high = low + 2 * DIFFERENCE, high - 2 * DIFFERENCE
         x = np.clip(x, low, high)
@@ -69,8 +102,14 @@ def search_from(model, start: np.ndarray, y: np.ndarray, root: np.ndarray) -> tu
 
 
 def start_of(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
-    """Return the parameters at which the search starts: those of a scene or the law's defaults, with moduli that fit the forces."""
-    stated = [scene.law() for scene in model._scenes() if scene.material is not None and scene.material.law == model.law]
+    """Return the parameters at which the search starts: those of a scene or the law's defaults,
+    with moduli that fit the forces.
+    """
+    stated = [
+        scene.law()
+        for scene in model._scenes()
+        if scene.material is not None and scene.material.law == model.law
+    ]
     if isinstance(model._unknown, EnergyUnknowns):
         start = model._unknown.start()
     elif model.law == Ogden.name:
@@ -94,15 +133,22 @@ def start_of(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
         square += float((weight * simulated[forces] ** 2).sum())
     if product <= 0 < square:
         what = "are all zero" if product == 0 else "have the opposite sign of the simulated ones"
-        raise ValueError(f"y: the measured forces {what}; a force is that on the region pulled, as a run of the scene reports it")
+        raise ValueError(
+            f"y: the measured forces {what}; a force is that on the region pulled, as a run of the"
+            " scene reports it"
+        )
     if square > 0:
-        moduli = len(start) if model.law is None else model.n_terms if model.law == Ogden.name else 1
+        moduli = (
+            len(start) if model.law is None else model.n_terms if model.law == Ogden.name else 1
+        )
         start[:moduli] *= product / square
     return start
 
 
 def _begin(model, law: Law, y: np.ndarray, root: np.ndarray) -> None:
-    """Simulate all tests with a law; raise ValueError for displacements that are unlike those of a test that prescribes them."""
+    """Simulate all tests with a law; raise ValueError for displacements that are unlike those of
+    a test that prescribes them.
+    """
     for test, here in model._tests:
         with failing(f"the search cannot start at {law.describe()}"):
             simulated = test.begin(law)
@@ -111,15 +157,20 @@ def _begin(model, law: Law, y: np.ndarray, root: np.ndarray) -> None:
 
 
 def better_start(model, search: Search, x: np.ndarray) -> np.ndarray:
-    """Return the start of the search with the lesser sum of squares: x, or the solution of the weak form at measured displacements.
+    """Return the start of the search with the lesser sum of squares: x, or the solution of the weak
+    form at measured displacements.
 
-    Of a dictionary of more than `MOST_TRIED` terms, those that the weak form proposes and the term of the start remain.
+    Of a dictionary of more than `MOST_TRIED` terms, those that the weak form proposes and the term
+    of the start remain.
     """
     try:
         jacobian, right, forces, steps = _weak_form(model, search, x)
     except FAILURES as error:  # as where noise turns bonds around
         if len(x) > MOST_TRIED:
-            raise ValueError(f"dictionary: it is too large without the forces at the measured displacements: {error}") from None
+            raise ValueError(
+                "dictionary: it is too large without the forces at the measured displacements:"
+                f" {error}"
+            ) from None
         return x
     if len(x) > MOST_TRIED:
         shares = proposed(jacobian, right, forces, steps)
@@ -136,10 +187,19 @@ def better_start(model, search: Search, x: np.ndarray) -> np.ndarray:
     return starts[taken]
 
 
-def _weak_form(model, search: Search, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the weighted equations of the weak form, a mask of those of forces, and the number of the step of each among all tests."""
+def _weak_form(
+    model, search: Search, x: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the weighted equations of the weak form, a mask of those of forces, and the number
+    of the step of each among all tests.
+    """
     count, first = len(search.y), 0
-    jacobian, right, forces, steps = np.empty((count, len(x))), np.empty(count), np.zeros(count, dtype=bool), np.empty(count, dtype=int)
+    jacobian, right, forces, steps = (
+        np.empty((count, len(x))),
+        np.empty(count),
+        np.zeros(count, dtype=bool),
+        np.empty(count, dtype=int),
+    )
     for test, here in model._tests:
         jacobian[here], right[here] = test.weak_form(search.law_at, x, search.y[here])
         forces[here], steps[here] = test.among(FORCES), first + test.rows.step
@@ -157,59 +217,86 @@ def _check_energy(model, unknown: EnergyUnknowns, count: int) -> None:
     """Raise ValueError for measurements that cannot determine an energy without a law."""
     if without_scale(model):
         raise ValueError(
-            "displacements under prescribed motions determine an energy without a law up to a factor alone: add rows of forces "
-            "(quantity 0; --forces)"
+            "displacements under prescribed motions determine an energy without a law up to a"
+            " factor alone: add rows of forces (quantity 0; --forces)"
         )
     if len(unknown.terms) > MOST_TRIED and not has_weak_form(model):
         raise ValueError(
-            f"dictionary: measured displacements choose among more than {MOST_TRIED} terms, but here are too few: give at most "
-            f"{MOST_TRIED} terms, not {len(unknown.terms)}"
+            f"dictionary: measured displacements choose among more than {MOST_TRIED} terms, but"
+            f" here are too few: give at most {MOST_TRIED} terms, not {len(unknown.terms)}"
         )
     if count < len(unknown.terms):
         raise ValueError(
-            f"an energy without a law has {len(unknown.terms)} candidate terms, and needs at least as many measurements, not "
-            f"{count}: add displacements (--fields), or fit a law (--law)"
+            f"an energy without a law has {len(unknown.terms)} candidate terms, and needs at least"
+            f" as many measurements, not {count}: add displacements (--fields), or fit a law"
+            " (--law)"
         )
 
 
 def without_scale(model) -> bool:
-    """Return whether all measurements are displacements that do not depend on a common factor of all stresses."""
+    """Return whether all measurements are displacements that do not depend on a common factor of
+    all stresses.
+    """
     scaled = model.law is None or "bulk_modulus" not in bulk_of(model)
-    tests = [test for test, _ in model._tests if not (test.rows.is_field | test.among(DISPLACEMENTS)).all()]
-    return scaled and not tests and not any(test.scene.loads or test.scene.materials for test, _ in model._tests)
+    tests = [
+        test
+        for test, _ in model._tests
+        if not (test.rows.is_field | test.among(DISPLACEMENTS)).all()
+    ]
+    return (
+        scaled
+        and not tests
+        and not any(test.scene.loads or test.scene.materials for test, _ in model._tests)
+    )
 
 
 def has_weak_form(model) -> bool:
-    """Whether the weak form of an energy without a law can be made: displacements were measured in all tests."""
+    """Whether the weak form of an energy without a law can be made: displacements were measured
+    in all tests.
+    """
     return model.law is None and all(test.has_fields for test, _ in model._tests)
 
 
-def _check_displacements(test: MeasuredScene, simulated: np.ndarray, measured: np.ndarray, deviation: np.ndarray) -> None:
-    """Raise ValueError for displacements that differ from simulated ones by more than laws do, and than the noise of the measurements."""
+def _check_displacements(
+    test: MeasuredScene, simulated: np.ndarray, measured: np.ndarray, deviation: np.ndarray
+) -> None:
+    """Raise ValueError for displacements that differ from simulated ones by more than laws do,
+    and than the noise of the measurements.
+    """
     rows, field = test.rows, test.rows.is_field
     what = f"those of scene {test.scene.name}, simulated with a law that fits the forces"
     for axis in np.unique(rows.quantity[field]):
         here = rows.quantity == axis
-        product, noise = float(simulated[here] @ measured[here]), float(np.linalg.norm(simulated[here] * deviation[here]))
-        substantial = np.linalg.norm(simulated[here]) > SUBSTANTIAL * np.linalg.norm(simulated[field])
+        product, noise = (
+            float(simulated[here] @ measured[here]),
+            float(np.linalg.norm(simulated[here] * deviation[here])),
+        )
+        substantial = np.linalg.norm(simulated[here]) > SUBSTANTIAL * np.linalg.norm(
+            simulated[field]
+        )
         if substantial and product < -SIGNIFICANT * noise:
             raise ValueError(
-                f"y: the displacements along x{axis} have the opposite sign of {what}: check the directions of the axes and the columns"
+                f"y: the displacements along x{axis} have the opposite sign of {what}: check the"
+                " directions of the axes and the columns"
             )
     for step in np.unique(rows.step[field]):
         here = field & (rows.step == step)
-        found, right, scatter = (np.linalg.norm(each[here]) for each in (measured, simulated, deviation))
+        found, right, scatter = (
+            np.linalg.norm(each[here]) for each in (measured, simulated, deviation)
+        )
         off, most = float(np.linalg.norm((measured - simulated)[here])), max(found, right)
         if off - SIGNIFICANT * scatter > FARTHEST * most:
             worst = np.flatnonzero(here)[np.abs(measured - simulated)[here].argmax()]
             if abs(measured[worst] - simulated[worst]) > ALONE * off:
                 place = ", ".join(f"{x:.4g}" for x in rows.places[worst])
                 raise ValueError(
-                    f"y: one displacement of step {step} is far from all others: along x{rows.quantity[worst]} at ({place}) it is "
-                    f"{measured[worst]:.4g}, and {simulated[worst]:.4g} among {what}: check this measurement"
+                    f"y: one displacement of step {step} is far from all others: along"
+                    f" x{rows.quantity[worst]} at ({place}) it is {measured[worst]:.4g}, and"
+                    f" {simulated[worst]:.4g} among {what}: check this measurement"
                 )
             ratio = simulated[here] @ measured[here] / right**2 if right > 0 else np.inf
             raise ValueError(
-                f"y: the displacements of step {step} are {ratio:.3g} times {what}, and differ by {off / most:.0%}: give "
-                "places and displacements in the unit of length and along the axes of the scene, and the steps in its order"
+                f"y: the displacements of step {step} are {ratio:.3g} times {what}, and differ by"
+                f" {off / most:.0%}: give places and displacements in the unit of length and along"
+                " the axes of the scene, and the steps in its order"
             )

@@ -1,4 +1,6 @@
-"""Command ``calibrate``, which finds a law from displacement fields and forces measured on a body that a scene describes."""
+"""Command ``calibrate``, which finds a law from displacement fields and forces measured on a
+body that a scene describes.
+"""
 
 import time
 from pathlib import Path
@@ -24,70 +26,127 @@ from .command import SCENE_HELP, Overwrite, SetScene, check_folder
 from .fit import BulkModulus, Terms, print_parameters
 from .terminal import FAILED, Bar, bad_input, note, print_json, print_rows, warn, writing
 
-FIELDS_HELP = "CSV file of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3)."
+FIELDS_HELP = (
+    "CSV file of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3)."
+)
 FORCES_HELP = (
-    "CSV file with the column step and measurements: force, of the region that is pulled, or columns of history.csv such as force_right_1."
+    "CSV file with the column step and measurements: force, of the region that is pulled, or"
+    " columns of history.csv such as force_right_1."
 )
 
 
 def calibrate(
-    scene: Annotated[str, Argument(metavar="SCENE", help=f"{SCENE_HELP}. Step k is its k-th output.")],
+    scene: Annotated[
+        str, Argument(metavar="SCENE", help=f"{SCENE_HELP}. Step k is its k-th output.")
+    ],
     name: Annotated[str, Argument(metavar="NAME", help="Name of the new artifact.")],
     *,
     fields: Annotated[Path | None, Option("--fields", metavar="F.csv", help=FIELDS_HELP)] = None,
     forces: Annotated[Path | None, Option("--forces", metavar="G.csv", help=FORCES_HELP)] = None,
-    law: Annotated[str | None, Option(metavar="LAW", help="Law whose parameters are fitted.")] = None,
-    free: Annotated[bool, Option("--free", help="Find an energy of few terms instead of a law.")] = False,
+    law: Annotated[
+        str | None, Option(metavar="LAW", help="Law whose parameters are fitted.")
+    ] = None,
+    free: Annotated[
+        bool, Option("--free", help="Find an energy of few terms instead of a law.")
+    ] = False,
     terms: Terms = None,
-    field_noise: Annotated[float | None, Option(help="Standard deviation of the displacements (default: estimated).")] = None,
-    force_noise: Annotated[float | None, Option(help="Standard deviation of the forces (default: 0.5 % of the greatest).")] = None,
+    field_noise: Annotated[
+        float | None, Option(help="Standard deviation of the displacements (default: estimated).")
+    ] = None,
+    force_noise: Annotated[
+        float | None,
+        Option(help="Standard deviation of the forces (default: 0.5 % of the greatest)."),
+    ] = None,
     refine: Annotated[
         int | None,
-        Option(help="Spacing divided by that of the finer simulation; 1: no correction (default: 3 with --law, 6 with --free).", min=1),
+        Option(
+            help=(
+                "Spacing divided by that of the finer simulation; 1: no correction (default: 3 with"
+                " --law, 6 with --free)."
+            ),
+            min=1,
+        ),
     ] = None,
     bulk_modulus: BulkModulus = None,
-    bulk_ratio: Annotated[float | None, Option(help="Ratio of bulk modulus to shear modulus (default: that of the scene).")] = None,
+    bulk_ratio: Annotated[
+        float | None,
+        Option(help="Ratio of bulk modulus to shear modulus (default: that of the scene)."),
+    ] = None,
     change: SetScene = None,
-    folder: Annotated[Path, Option("--out", metavar="DIR", help="Folder for the artifact, calibration.json and the figures.")],
+    folder: Annotated[
+        Path,
+        Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for the artifact, calibration.json and the figures.",
+        ),
+    ],
     overwrite: Overwrite = False,
 ) -> None:
-    """Fit a law or an energy to the measurements, store an artifact of it, and print and write a report."""
+    """Fit a law or an energy to the measurements, store an artifact of it, and print and write a
+    report.
+    """
     if free == (law is not None):
-        raise ValueError("choose one: --law LAW fits the parameters of a law, --free an energy without a law")
+        raise ValueError(
+            "choose one: --law LAW fits the parameters of a law, --free an energy without a law"
+        )
     if terms is not None and law != "ogden":
         raise ValueError("--terms needs --law ogden")
     if law == Polyconvex.name:
         raise ValueError(f"--law {law}: this law is a sum of terms, which --free chooses and fits")
     for option, noise in (("--field-noise", field_noise), ("--force-noise", force_noise)):
         if noise is not None and not 0 < noise < np.inf:
-            raise ValueError(f"{option} {noise:g}: a standard deviation must be positive and finite; leave the option out for the default")
+            raise ValueError(
+                f"{option} {noise:g}: a standard deviation must be positive and finite; leave the"
+                " option out for the default"
+            )
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     test = load_scene(scene, dict(parse_change(item) for item in change or ()))
     X, y, outputs = reporting.measurements(test, fields, forces)
     with bad_input(OSError):
         new_artifact(folder, name, next_version(folder, name))
-    asked = {"scene": test.model_dump(mode="json"), "law": law, "terms": terms or N_TERMS, **bulk, "refine": refine, "name": name}
+    asked = {
+        "scene": test.model_dump(mode="json"),
+        "law": law,
+        "terms": terms or N_TERMS,
+        **bulk,
+        "refine": refine,
+        "name": name,
+    }
     asked |= {"field_noise": field_noise, "force_noise": force_noise, "outputs": outputs}
     asked["digest"] = digest_of({"X": X.tolist(), "y": y.tolist()})
     check_folder(folder, "calibration.json", asked, overwrite)
-    model = SceneRegressor(test, law, terms or N_TERMS, outputs=[*outputs.values()] or None, refine=refine, **bulk)
+    model = SceneRegressor(
+        test, law, terms or N_TERMS, outputs=[*outputs.values()] or None, refine=refine, **bulk
+    )
     noises, began = {1: field_noise}, time.perf_counter()
     for number, key in enumerate(outputs.values()):
-        noises[-number] = force_noise if FORCES.fullmatch(key) else field_noise if DISPLACEMENTS.fullmatch(key) else None
+        noises[-number] = (
+            force_noise
+            if FORCES.fullmatch(key)
+            else field_noise
+            if DISPLACEMENTS.fullmatch(key)
+            else None
+        )
     with Bar(test.name):
         model.fit(X, y, standard_deviation=model.stated_deviations(X, y, noises))
     found = reporting.report(model, X, y, [*outputs])
     seconds = time.perf_counter() - began
     print_calibrated(found)
-    data = f"{fields.name if fields else ''}{' and ' if fields and forces else ''}{forces.name if forces else ''} in {test.name}"
+    data = f"{' and '.join(file.name for file in (fields, forces) if file)} in {test.name}"
     settings = FitSettings(energy=test.plane != "stress", folds=0)
     if free:  # a law is trusted beyond the states of the test, an energy of terms is not
         settings = settings.within(*model.stretch_range_)
     with Bar(name):
-        write = settings.train(model.law_, model.members_, model.domain_hull_, {"data": data, **found})
+        write = settings.train(
+            model.law_, model.members_, model.domain_hull_, {"data": data, **found}
+        )
     with writing(folder), bad_input(TooInexact, status=FAILED):
         path = write(folder, name, None)
-        write_json(folder / "calibration.json", {"asked": asked, "artifact": str(path), **found, "seconds": seconds})
+        write_json(
+            folder / "calibration.json",
+            {"asked": asked, "artifact": str(path), **found, "seconds": seconds},
+        )
         for which, drawn in reporting.figures(model, X, y, [*outputs]).items():
             figures.save(drawn, folder / f"calibration-{which}.png")
     print_json({"artifact": str(path), **found, "seconds": seconds})
@@ -95,9 +154,17 @@ def calibrate(
 
 
 def print_calibrated(found: dict) -> None:
-    """Print the parameters of a calibrated law with their standard errors, the residuals, and what the test leaves open."""
+    """Print the parameters of a calibrated law with their standard errors, the residuals, and
+    what the test leaves open.
+    """
     print_parameters(f"{found['law']['law']}, calibrated", found)
-    print_rows("Measurements: residuals in their units", [{"measured": kind, **row} for kind, row in found["measurements"].items()])
-    print_rows("Nominal stresses of the law", [{"mode": mode, **row} for mode, rows in found["stresses"].items() for row in rows])
+    print_rows(
+        "Measurements: residuals in their units",
+        [{"measured": kind, **row} for kind, row in found["measurements"].items()],
+    )
+    print_rows(
+        "Nominal stresses of the law",
+        [{"mode": mode, **row} for mode, rows in found["stresses"].items() for row in rows],
+    )
     for text in found["remarks"]:
         warn(text)

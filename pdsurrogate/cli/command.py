@@ -22,19 +22,46 @@ from ..scenes import MaterialSpec
 from ..scenes.reading import parse_change
 from .terminal import HELP_OPTIONS, WARNING, bad_input, complain, on_standard_error, out, settings
 
-Overwrite = Annotated[bool, Option("--overwrite", help="Overwrite existing results in DIR, even if they come from a different run.")]
-MaxTime = Annotated[float | None, Option(metavar="SECONDS", help="Stop a run after this time and write a checkpoint to resume from.")]
-SetScene = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a key of the scene; may be repeated.")]
-SetLaw = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a parameter of the law; may be repeated.")]
-ReportFolder = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the report (default: none is written).")]
-PictureFolder = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the pictures (default: the current one).")]
+Overwrite = Annotated[
+    bool,
+    Option(
+        "--overwrite",
+        help="Overwrite existing results in DIR, even if they come from a different run.",
+    ),
+]
+MaxTime = Annotated[
+    float | None,
+    Option(
+        metavar="SECONDS", help="Stop a run after this time and write a checkpoint to resume from."
+    ),
+]
+SetScene = Annotated[
+    list[str] | None,
+    Option("--set", metavar="KEY=VALUE", help="Override a key of the scene; may be repeated."),
+]
+SetLaw = Annotated[
+    list[str] | None,
+    Option("--set", metavar="KEY=VALUE", help="Override a parameter of the law; may be repeated."),
+]
+ReportFolder = Annotated[
+    Path | None,
+    Option("--out", metavar="DIR", help="Folder for the report (default: none is written)."),
+]
+PictureFolder = Annotated[
+    Path | None,
+    Option("--out", metavar="DIR", help="Folder for the pictures (default: the current one)."),
+]
 OneLaw = Annotated[str | None, Option(metavar="LAW", help="Material law (default: neo-hookean).")]
 SCENE_HELP = "Name of a built-in scene, or path of a scene file (.toml)"
-REF_HELP = "Force model: NAME (pdsurrogate artifacts lists them), NAME@VERSION of an artifact, or its path"
+REF_HELP = (
+    "Force model: NAME (pdsurrogate artifacts lists them), NAME@VERSION of an artifact, or its path"
+)
 
 
 def command(function: Callable, text: str) -> typer.core.TyperCommand:
-    """Return the Typer command of a function, with help text; its own options are followed by those of all commands, such as --json."""
+    """Return the Typer command of a function, with help text; its own options are followed by
+    those of all commands, such as --json.
+    """
     own, shared = (_command(one, text) for one in (function, _begin))
     body = own.callback
 
@@ -49,16 +76,34 @@ def command(function: Callable, text: str) -> typer.core.TyperCommand:
 
 def _command(function: Callable, text: str) -> typer.core.TyperCommand:
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    alone.command(function.__name__.replace("_", "-"), help=text, context_settings=HELP_OPTIONS)(function)
+    alone.command(function.__name__.replace("_", "-"), help=text, context_settings=HELP_OPTIONS)(
+        function
+    )
     return typer.main.get_command(alone)
 
 
 def _begin(
     as_json: Annotated[bool, Option("--json", help="Print JSON instead of tables.")] = False,
-    verbose: Annotated[int, Option("-v", "--verbose", count=True, show_default=False, help="Print log messages (-vv: all of them).")] = 0,
-    quiet: Annotated[bool, Option("-q", "--quiet", help="Print only result tables, warnings and errors.")] = False,
+    verbose: Annotated[
+        int,
+        Option(
+            "-v",
+            "--verbose",
+            count=True,
+            show_default=False,
+            help="Print log messages (-vv: all of them).",
+        ),
+    ] = 0,
+    quiet: Annotated[
+        bool, Option("-q", "--quiet", help="Print only result tables, warnings and errors.")
+    ] = False,
     imports: Annotated[
-        list[Path] | None, Option("--import", metavar="FILE.py", help="Python file that defines material laws; may be repeated.")
+        list[Path] | None,
+        Option(
+            "--import",
+            metavar="FILE.py",
+            help="Python file that defines material laws; may be repeated.",
+        ),
     ] = None,
 ) -> None:
     settings.quiet, settings.as_json = quiet, as_json
@@ -85,7 +130,9 @@ _log = _OnStandardError()
 
 
 def _import_laws(path: Path) -> None:
-    """Import a Python file, and add the material laws that it defines to `LAWS`; raise ValueError for no law or a taken name."""
+    """Import a Python file, and add the material laws that it defines to `LAWS`; raise
+    ValueError for no law or a taken name.
+    """
     if path.suffix != ".py" or not path.is_file():
         raise ValueError(f"--import {path}: this Python file does not exist")
     folder = str(path.parent.resolve())
@@ -98,26 +145,42 @@ def _import_laws(path: Path) -> None:
     finally:
         sys.path.remove(folder)
     if Path(getattr(module, "__file__", None) or "").resolve() != path.resolve():
-        raise ValueError(f"--import {path}: a module named {path.stem} is already loaded; rename the file")
-    classes = [found for found in vars(module).values() if inspect.isclass(found) and found.__module__ == module.__name__]
+        raise ValueError(
+            f"--import {path}: a module named {path.stem} is already loaded; rename the file"
+        )
+    classes = [
+        found
+        for found in vars(module).values()
+        if inspect.isclass(found) and found.__module__ == module.__name__
+    ]
     laws = [found for found in classes if issubclass(found, Law) and not inspect.isabstract(found)]
     if not laws:
-        raise ValueError(f"--import {path}: the file defines no law, that is, no class derived from InvariantLaw or PrincipalStretchLaw")
+        raise ValueError(
+            f"--import {path}: the file defines no law, that is, no class derived from InvariantLaw"
+            " or PrincipalStretchLaw"
+        )
     for law in laws:
         if LAWS.get(law.name, law) is not law:
-            raise ValueError(f"--import {path}: a law named {law.name!r} already exists; give {law.__name__} another name")
+            raise ValueError(
+                f"--import {path}: a law named {law.name!r} already exists; give {law.__name__}"
+                " another name"
+            )
         LAWS[law.name] = law
 
 
 @contextmanager
 def warnings_as_lines() -> Iterator[None]:
-    """Print, during a context, UserWarnings and warnings of this package as single lines, without the file and line that issued them."""
+    """Print, during a context, UserWarnings and warnings of this package as single lines,
+    without the file and line that issued them.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("always", OutsideDomainWarning)
         before = warnings.showwarning
 
         def print_warning(message, category, *where) -> None:
-            if issubclass(category, UserWarning) or category.__module__.startswith(__package__.partition(".")[0]):
+            if issubclass(category, UserWarning) or category.__module__.startswith(
+                __package__.partition(".")[0]
+            ):
                 complain(str(message), WARNING)
             else:
                 before(message, category, *where)
@@ -130,15 +193,22 @@ def law_of(name: str, changes: list[str] | None = None) -> Law:
     """Return the material law of a given name, with parameters changed by texts KEY=VALUE."""
     given = dict(parse_change(item) for item in changes or [])
     if "law" in given:
-        raise ValueError(f"--set law={given['law']}: --set changes parameters of the law; choose the law with --law {given['law']}")
+        raise ValueError(
+            f"--set law={given['law']}: --set changes parameters of the law; choose the law with"
+            f" --law {given['law']}"
+        )
     return MaterialSpec(law=name, **given).build()
 
 
-def check_folder(folder: Path | None, report: str = "", asked: dict | None = None, overwrite: bool = False) -> None:
-    """Check, before any work, that files can be written to a folder, and that no report of other settings would be replaced there.
+def check_folder(
+    folder: Path | None, report: str = "", asked: dict | None = None, overwrite: bool = False
+) -> None:
+    """Check, before any work, that files can be written to a folder, and that no report of other
+    settings would be replaced there.
 
-    `report` is the name of the report's file and `asked` are the settings of the new report: an existing file must have been made with
-    equal settings, unless `overwrite` is set. Without a folder nothing is checked.
+    `report` is the name of the report's file and `asked` are the settings of the new report: an
+    existing file must have been made with equal settings, unless `overwrite` is set. Without a
+    folder nothing is checked.
     """
     if folder is not None:
         from ..results.files import check_writable

@@ -13,40 +13,78 @@ from ..results.loading_curve import SHOWN_SHARE
 from ..results.tables import column_unit
 from ..scenes.model import with_unit
 from .command import PictureFolder, check_folder
-from .terminal import WARNING, Bar, bad_input, complain, note, out, print_json, print_table, warn, writing
+from .terminal import (
+    WARNING,
+    Bar,
+    bad_input,
+    complain,
+    note,
+    out,
+    print_json,
+    print_table,
+    warn,
+    writing,
+)
 
-FIELD_HELP = "Field to draw, such as von_mises or stress_22; may be repeated (default: damage if there is any, else displacement)."
+FIELD_HELP = (
+    "Field to draw, such as von_mises or stress_22; may be repeated (default: damage if there is"
+    " any, else displacement)."
+)
 
 MARK = b'content="pdsurrogate show"'
-"""Bytes near the beginning of every HTML file that ``show --html`` writes; it replaces an existing file only if it has them."""
+"""Bytes near the beginning of every HTML file that ``show --html`` writes; it replaces an
+existing file only if it has them.
+"""
 
 
 def show(
-    folder: Annotated[Path, Argument(metavar="DIR", help="Folder with results of a run (its --out DIR).")],
+    folder: Annotated[
+        Path, Argument(metavar="DIR", help="Folder with results of a run (its --out DIR).")
+    ],
     field: Annotated[list[str] | None, Option(metavar="FIELD", help=FIELD_HELP)] = None,
-    level: Annotated[int | None, Option(help="Number of the output, from 0, or from the end: -1 is the last one (default: -1).")] = None,
+    level: Annotated[
+        int | None,
+        Option(
+            help="Number of the output, from 0, or from the end: -1 is the last one (default: -1)."
+        ),
+    ] = None,
     pictures: PictureFolder = None,
-    html: Annotated[Path | None, Option(metavar="FILE", help="Write one HTML page with all outputs, curves and tables instead.")] = None,
+    html: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE", help="Write one HTML page with all outputs, curves and tables instead."
+        ),
+    ] = None,
 ) -> None:
     """Print the history of saved results, and write pictures of fields or an HTML page."""
     with bad_input(OSError):
         if html is not None and (pictures is not None or level is not None):
             raise ValueError("--html writes all outputs to one file: leave out --out and --level")
         if html is not None and html.is_file() and MARK not in head_of(html):
-            raise ValueError(f"--html {html}: this file was not written by pdsurrogate show and would be overwritten; choose another name")
+            raise ValueError(
+                f"--html {html}: this file was not written by pdsurrogate show and would be"
+                " overwritten; choose another name"
+            )
         result = load_result(folder)
     pictures, level = pictures or Path(), -1 if level is None else level
     check_folder(pictures if html is None else html.parent)
     print_json({"fields": result.field_names() if result.states else [], "history": result.history})
     _print_history(result)
     if result.status != "done":
-        warn(f"{folder}: the run did not finish ({result.summary['failure']}); its outputs so far are shown.")
+        warn(
+            f"{folder}: the run did not finish ({result.summary['failure']}); its outputs so far"
+            " are shown."
+        )
     if html is not None:
         with Bar(result.scene.name), writing(html):
             write_text(html, html_page(result, field or ()))
         note(f"Wrote {html}")
     elif not result.states:
-        why = "the run has not finished; resume it with --resume" if result.status == RUNNING else "the run stopped before its first output"
+        why = (
+            "the run has not finished; resume it with --resume"
+            if result.status == RUNNING
+            else "the run stopped before its first output"
+        )
         complain(f"{folder}: there is no output to draw: {why}", WARNING)
     else:
         for name in field or (["damage"] if "damage" in result.field_names() else ["displacement"]):
@@ -57,24 +95,36 @@ def show(
 
 
 def _print_history(result: Result) -> None:
-    """Print the rows of the history in equilibrium or, if there are none, its last ten rows, and the names of the fields.
+    """Print the rows of the history in equilibrium or, if there are none, its last ten rows, and
+    the names of the fields.
 
-    Columns of moments and displacements are left out, as are columns of zeros, and columns of forces that nowhere exceed `SHOWN_SHARE`
-    times the greatest force.
+    Columns of moments and displacements are left out, as are columns of zeros, and columns of
+    forces that nowhere exceed `SHOWN_SHARE` times the greatest force.
     """
     rows = [row for row in result.history if "time" not in row] or result.history[-10:]
     if not rows:
         return
-    greatest = {column: max(abs(row.get(column, 0)) for row in rows) for column in dict.fromkeys(key for row in rows for key in row)}
+    greatest = {
+        column: max(abs(row.get(column, 0)) for row in rows)
+        for column in dict.fromkeys(key for row in rows for key in row)
+    }
     forces = [column for column in greatest if column.startswith("force_")]
-    zero = dict.fromkeys(forces, SHOWN_SHARE * max((greatest[column] for column in forces), default=0.0))
+    zero = dict.fromkeys(
+        forces, SHOWN_SHARE * max((greatest[column] for column in forces), default=0.0)
+    )
     # Moments and displacements are on the page and in the file.
     columns = [
         column
         for column, value in greatest.items()
-        if not (column.startswith("moment_") or "displacement_" in column) and value > zero.get(column, 0)
+        if not (column.startswith("moment_") or "displacement_" in column)
+        and value > zero.get(column, 0)
     ]
-    titles = [with_unit(column.replace("_", " "), column_unit(column, result.scene.units)) for column in columns]
+    titles = [
+        with_unit(column.replace("_", " "), column_unit(column, result.scene.units))
+        for column in columns
+    ]
     cells = ([f"{row[column]:.5g}" if column in row else "" for column in columns] for row in rows)
     print_table(repr(result)[1:-1], titles, cells, left=0)
-    out.print(f"Fields: {', '.join(result.field_names())}" if result.states else "No fields were saved.")
+    out.print(
+        f"Fields: {', '.join(result.field_names())}" if result.states else "No fields were saved."
+    )

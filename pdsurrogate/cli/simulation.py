@@ -18,16 +18,36 @@ from ..run.interruption import heard
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import Scene
 from .command import check_folder
-from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, note, out, print_json, print_table, warn, writing
+from .terminal import (
+    FAILED,
+    INTERRUPTED,
+    WARNING,
+    Bar,
+    ended,
+    note,
+    out,
+    print_json,
+    print_table,
+    warn,
+    writing,
+)
 
 LEAST_SHOWN = 5e-6
-"""Size of a number, relative to the greatest one of the table, up to which it is printed as 0: equilibria are not more accurate. Forces and
-moments are compared with each other, too, through the body's distance from the origin."""
+"""Size of a number, relative to the greatest one of the table, up to which it is printed as 0:
+equilibria are not more accurate. Forces and moments are compared with each other, too, through the
+body's distance from the origin.
+"""
 
 
-def simulated(ranks: Communicator, asked: Scene, force: str | None, threads: int | None, options: dict) -> None:
-    """Run a scene with a force model, print its result, and write it to a folder, if given; `options` are those of `simulate`."""
-    described, model = (asked, default_force(asked)) if force is None else with_material(asked, force)
+def simulated(
+    ranks: Communicator, asked: Scene, force: str | None, threads: int | None, options: dict
+) -> None:
+    """Run a scene with a force model, print its result, and write it to a folder, if given;
+    `options` are those of `simulate`.
+    """
+    described, model = (
+        (asked, default_force(asked)) if force is None else with_material(asked, force)
+    )
     if described is not asked:
         note(f"Material of {model.name}: {in_words(described.material.build())}")
     folder = None if options["folder"] is None else Path(options["folder"])
@@ -52,12 +72,17 @@ def simulated(ranks: Communicator, asked: Scene, force: str | None, threads: int
                     result.save(writes)
             note(f"Results in {writes}")
             if result.states.in_pieces:
-                note(f"Each rank wrote its own part of the fields, so no picture is drawn; open {described.name}.pvd in ParaView")
+                note(
+                    "Each rank wrote its own part of the fields, so no picture is drawn; open"
+                    f" {described.name}.pvd in ParaView"
+                )
         print_json(result.summary)
         ranks.barrier()  # a rank that is alone with an error ends the others
     _warn_of(result, described, model)
     if late:
-        raise ended(INTERRUPTED, "interrupted after the last output: only the pictures are missing", WARNING)
+        raise ended(
+            INTERRUPTED, "interrupted after the last output: only the pictures are missing", WARNING
+        )
     if isinstance(failure, SimulationInterrupted):
         raise ended(INTERRUPTED, f"{failure}; {how_to_resume(folder)}", WARNING)
     if failure is not None:
@@ -65,7 +90,9 @@ def simulated(ranks: Communicator, asked: Scene, force: str | None, threads: int
 
 
 def how_to_resume(folder: Path | None) -> str:
-    """Return a text that tells the user how to resume an interrupted run, or why it cannot be resumed."""
+    """Return a text that tells the user how to resume an interrupted run, or why it cannot be
+    resumed.
+    """
     if folder is None:
         return "the run cannot be resumed: only runs with --out write checkpoints"
     if not (folder / NAME).is_file():
@@ -74,12 +101,19 @@ def how_to_resume(folder: Path | None) -> str:
 
 
 def _warn_of(result: Result, scene: Scene, model: ForceModel) -> None:
-    """Print warnings if stability was not checked, or if states lay outside the test data of the surrogate."""
+    """Print warnings if stability was not checked, or if states lay outside the test data of the
+    surrogate.
+    """
     if any(level.get("stability") == "not checked" for level in result.levels):
-        pushed = "The grips compress the body" if scene.stretched else "Parts of the body are compressed"
+        pushed = (
+            "The grips compress the body" if scene.stretched else "Parts of the body are compressed"
+        )
         why = f"{model.name} defines no energy; use a force that does, such as bond-energy"
         if model.family == "bond energy":
-            why = "a pressure has no potential on a part of a closed boundary, and none in plane stress unless its thickness is undeformed"
+            why = (
+                "a pressure has no potential on a part of a closed boundary, and none in plane"
+                " stress unless its thickness is undeformed"
+            )
         warn(f"{pushed}, but whether it buckles was not checked: {why}.")
     rows = result.summary.get("beyond_data", [])
     worst = max(rows, key=lambda row: row["share"], default=None)
@@ -87,13 +121,16 @@ def _warn_of(result: Result, scene: Scene, model: ForceModel) -> None:
         farthest = max(row["log_stretch"] for row in rows)
         at = f"stretch {worst['stretch']:.4g}" if "stretch" in worst else f"t = {worst['t']:.4g}"
         warn(
-            f"Up to {100 * worst['share']:.3g} % of the bonds (at {at}) were outside the range of the test data of "
-            f"{result.summary['force']}, by at most {farthest:.2g} in logarithmic stretch; the fitted energy was extrapolated there."
+            f"Up to {100 * worst['share']:.3g} % of the bonds (at {at}) were outside the range of"
+            f" the test data of {result.summary['force']}, by at most {farthest:.2g} in logarithmic"
+            " stretch; the fitted energy was extrapolated there."
         )
 
 
 def print_result(result: Result) -> None:
-    """Print the result of a run: size of the cells, values at the outputs, cracks, error of the energy balance, and cost."""
+    """Print the result of a run: size of the cells, values at the outputs, cracks, error of the
+    energy balance, and cost.
+    """
     print_cells(result)
     if result.levels:
         (print_levels if result.scene.stretched else _print_outputs)(result)
@@ -106,49 +143,83 @@ def print_result(result: Result) -> None:
             out.print(f"Energy balance: {account['remark']}")
         else:
             put_in = result.scene.units.amount(account["energy_put_in"], "energy", ".4g")
-            out.print(f"Energy balance: closed to {account['energy_gap']:+.2g} % of the {put_in} put in")
+            out.print(
+                f"Energy balance: closed to {account['energy_gap']:+.2g} % of the {put_in} put in"
+            )
     threads = f"{summary['threads']} thread{'s' if summary['threads'] != 1 else ''}"
     if summary.get("ranks", 1) > 1:
         threads = f"{summary['ranks']} ranks of {threads}"
-    cost = f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_directed_bond']:.2f} ns per directed bond"
-    out.print(f"{cost} on {threads}\n{summary['seconds_total']:.1f} s in total, {summary['seconds_compile']:.1f} s of it compilation")
+    cost = (
+        f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_directed_bond']:.2f}"
+        " ns per directed bond"
+    )
+    out.print(
+        f"{cost} on {threads}\n{summary['seconds_total']:.1f} s in total,"
+        f" {summary['seconds_compile']:.1f} s of it compilation"
+    )
 
 
 def print_cells(result: Result) -> None:
-    """Print the spacing of a mesh, or the size of the cells if it differs from the spacing in the scene, and the horizon."""
+    """Print the spacing of a mesh, or the size of the cells if it differs from the spacing in
+    the scene, and the horizon.
+    """
     summary, asked, units = result.summary, result.scene.spacing, result.scene.units
     horizon = f"the horizon is {units.amount(summary['horizon'], 'length', '.6g')}"
     if result.scene.body.shape == "mesh":
-        out.print(f"The mesh has a spacing of {units.amount(summary['spacing'], 'length', '.6g')}; {horizon}")
+        out.print(
+            f"The mesh has a spacing of {units.amount(summary['spacing'], 'length', '.6g')};"
+            f" {horizon}"
+        )
     elif any(side != asked for side in summary["cell_size"]):
         cells = units.amount(" x ".join(f"{side:.6g}" for side in summary["cell_size"]), "length")
-        out.print(f"The cells measure {cells}, the nearest to the spacing of {asked:g} that fills the body; {horizon}")
+        out.print(
+            f"The cells measure {cells}, the nearest to the spacing of {asked:g} that fills the"
+            f" body; {horizon}"
+        )
 
 
 def print_levels(result: Result) -> None:
-    """Print a table of stress and lateral displacement at every stretch, with the exact solution or the reference if there is one."""
+    """Print a table of stress and lateral displacement at every stretch, with the exact solution
+    or the reference if there is one.
+    """
     units, levels = result.scene.units, result.levels
     compared = any("nominal_stress_reference" in level for level in levels)
     # The mean narrowing if the exact solution is homogeneous, else the greatest one.
     homogeneous = any("lateral_displacement_reference" in level for level in levels)
-    lateral = ("lateral_displacement", "lateral") if homogeneous else ("greatest_lateral_displacement", "greatest lateral")
+    lateral = (
+        ("lateral_displacement", "lateral")
+        if homogeneous
+        else ("greatest_lateral_displacement", "greatest lateral")
+    )
     columns = [("stretch", [f"{level['stretch']:.10g}" for level in levels])]
     for key, quantity, unit in ((*lateral, "length"), ("nominal_stress", "stress", "stress")):
-        values, references, errors = ([level.get(name) for level in levels] for name in (key, f"{key}_reference", f"{key}_error"))
+        values, references, errors = (
+            [level.get(name) for level in levels]
+            for name in (key, f"{key}_reference", f"{key}_error")
+        )
         if all(value is None for value in values):
             continue
         columns.append((units.label(quantity, unit), _figures(values)))
         if compared:
             percent = ["" if error is None else f"{100 * error:+.4f}" for error in errors]
-            columns += [("exact" if homogeneous else "reference", _figures(references)), ("error (%)", percent)]
+            columns += [
+                ("exact" if homogeneous else "reference", _figures(references)),
+                ("error (%)", percent),
+            ]
     headings, cells = zip(*columns, strict=True)
     print_table(_title(result), headings, zip(*cells, strict=True), left=0)
     print_grip(result)
 
 
 def print_grip(result: Result) -> None:
-    """Print to which grip's cross-section the nominal stress refers, if the cross-sections at the two grips differ."""
-    units, areas, used = result.scene.units, result.summary["grip_areas"], result.levels[-1]["nominal_stress_grip"]
+    """Print to which grip's cross-section the nominal stress refers, if the cross-sections at
+    the two grips differ.
+    """
+    units, areas, used = (
+        result.scene.units,
+        result.summary["grip_areas"],
+        result.levels[-1]["nominal_stress_grip"],
+    )
     other = next(edge for edge in areas if edge != used)
     if not math.isclose(areas[used], areas[other], rel_tol=1e-6):
         area, another = (units.amount(areas[edge], "area", ".5g") for edge in (used, other))
@@ -157,7 +228,8 @@ def print_grip(result: Result) -> None:
 
 
 def _print_outputs(result: Result) -> None:
-    """Print the forces on each region at every output, the displacements of the probes, and contact with obstacles.
+    """Print the forces on each region at every output, the displacements of the probes, and contact
+    with obstacles.
 
     Moments are printed in space, and in the plane where a region is turned.
     """
@@ -165,42 +237,75 @@ def _print_outputs(result: Result) -> None:
     out.print(_title(result), style="bold", highlight=False)
     distance = np.abs(result.body.points).max()
     force, moment = (
-        max((np.abs(value).max() for level in levels for value in level[key].values()), default=0.0) for key in ("forces", "moments")
+        max((np.abs(value).max() for level in levels for value in level[key].values()), default=0.0)
+        for key in ("forces", "moments")
     )
     scales = {"forces": max(force, moment / distance), "moments": max(moment, force * distance)}
-    axes, contact = ("x1", "x2", "x3"), (units.label("area", "area"), units.label("penetration", "length"))
+    axes, contact = (
+        ("x1", "x2", "x3"),
+        (
+            units.label("area", "area"),
+            units.label("penetration", "length"),
+        ),
+    )
     for title, key, components in (
         (units.label("Forces on the body", "force"), "forces", axes),
         (units.label("Moments about the origin", "energy"), "moments", axes),
         (units.label("Displacements of the probes", "length"), "probes", axes),
         ("Contact with obstacles", "contact", contact),
     ):
-        if key == "moments" and result.scene.dimension == 2 and not any(entry.rotation for entry in result.scene.prescribed):
+        if (
+            key == "moments"
+            and result.scene.dimension == 2
+            and not any(entry.rotation for entry in result.scene.prescribed)
+        ):
             continue
         rows: list = []
         for name in dict.fromkeys(name for level in levels for name in level.get(key, ())):
             for number, level in enumerate(levels):
                 found, at = level[key][name], f"{level['t']:g}"
-                found = found["displacement"] if key == "probes" else [*found.values()] if key == "contact" else np.atleast_1d(found)
+                found = (
+                    found["displacement"]
+                    if key == "probes"
+                    else [*found.values()]
+                    if key == "contact"
+                    else np.atleast_1d(found)
+                )
                 at += f", {units.amount(level['time'], 'time', '.4g')}" if "time" in level else ""
                 rows.append((name if number == 0 else "", at, np.array(found)))
             rows += [None] * (len(levels) > 1)
         if rows:
             least = LEAST_SHOWN * scales.get(key, max(np.abs(row[2]).max() for row in rows if row))
-            cells = (row and [*row[:2], *("0" if abs(x) <= least else f"{x:.5g}" for x in row[2])] for row in rows)
-            headings = components[: len(rows[0][2])] if len(rows[0][2]) > 1 else ["counter-clockwise"]
+            cells = (
+                row and [*row[:2], *("0" if abs(x) <= least else f"{x:.5g}" for x in row[2])]
+                for row in rows
+            )
+            headings = (
+                components[: len(rows[0][2])] if len(rows[0][2]) > 1 else ["counter-clockwise"]
+            )
             print_table(title, ("name", "t", *headings), cells, left=1)
 
 
 def _print_rates(result: Result) -> None:
-    """Print the energy release rates of cracks that grow from precuts, at the last output that has them."""
+    """Print the energy release rates of cracks that grow from precuts, at the last output that
+    has them.
+    """
     units, tips = result.scene.units, result.summary.get("crack", {}).get("tips", [])
     unit = f" {units.stress} {units.length}" if units.stress and units.length else ""
-    for crack in next((row["cracks"] for row in reversed([*result.levels, *tips]) if row.get("cracks")), ()):
-        rate, tip = crack["energy_release_rate"], ", ".join(f"{value:.3g}" for value in crack["tip"])
+    for crack in next(
+        (row["cracks"] for row in reversed([*result.levels, *tips]) if row.get("cracks")), ()
+    ):
+        rate, tip = (
+            crack["energy_release_rate"],
+            ", ".join(f"{value:.3g}" for value in crack["tip"]),
+        )
         length = units.amount(crack["length"], "length", ".4g")
         told = f"no G: {crack['remark']}" if rate is None else f"G = {rate:.4g}{unit}"
-        touch = "; its faces touch and pass through one another, so G has no meaning" if crack.get("closed") and rate is not None else ""
+        touch = (
+            "; its faces touch and pass through one another, so G has no meaning"
+            if crack.get("closed") and rate is not None
+            else ""
+        )
         out.print(f"Crack to ({tip}), length {length}: {told}{touch}")
 
 
@@ -209,7 +314,9 @@ def _print_crack(result: Result) -> None:
     crack = summary["crack"]
     if crack["start"] is None:
         materials = [summary, *summary.get("materials", ()), *summary.get("interfaces", ())]
-        stretches = sorted({f"{one['critical_stretch']:.4g}" for one in materials if "critical_stretch" in one})
+        stretches = sorted(
+            {f"{one['critical_stretch']:.4g}" for one in materials if "critical_stretch" in one}
+        )
         out.print(f"No bond broke: none reached the critical stretch {' or '.join(stretches)}")
         return
     start = crack["start"]
@@ -217,18 +324,32 @@ def _print_crack(result: Result) -> None:
     at = f"stretch {start['stretch']:.4f}" if "stretch" in start else f"t = {start['t']:.4f}"
     out.print(f"First broken bond: at {where}, {at}")
     if peak := crack.get("peak"):
-        out.print(f"Peak nominal stress: {units.amount(peak['nominal_stress'], 'stress', '.5g')} at stretch {peak['stretch']:.4f}")
+        out.print(
+            f"Peak nominal stress: {units.amount(peak['nominal_stress'], 'stress', '.5g')} at"
+            f" stretch {peak['stretch']:.4f}"
+        )
     body = "the body has come apart" if crack["through"] else "the body holds together"
-    out.print(f"{crack['broken_bonds']} bonds broken, {summary['unsupported_points']} points with too few bonds left; {body}")
+    out.print(
+        f"{crack['broken_bonds']} bonds broken, {summary['unsupported_points']} points with too few"
+        f" bonds left; {body}"
+    )
 
 
 def _title(result: Result) -> str:
-    return f"{result.summary['scene']}, force {result.summary['force']}, {result.summary['n_points']} points"
+    return (
+        f"{result.summary['scene']}, force {result.summary['force']}, {result.summary['n_points']}"
+        " points"
+    )
 
 
 def _figures(values: Sequence[float | None]) -> list[str]:
-    """Return numbers as text: all with five decimals, or all in the form 1.2345e-06 if the greatest does not fit; None is left empty."""
+    """Return numbers as text: all with five decimals, or all in the form 1.2345e-06 if the
+    greatest does not fit; None is left empty.
+    """
     greatest = max((abs(value) for value in values if value is not None), default=0.0)
     form = ".5f" if greatest == 0 or 0.01 <= greatest < 1e7 else ".4e"
     # Rounded first, so that no zero has a minus.
-    return ["" if value is None else format(round(value, 5) + 0.0 if form == ".5f" else value, form) for value in values]
+    return [
+        "" if value is None else format(round(value, 5) + 0.0 if form == ".5f" else value, form)
+        for value in values
+    ]

@@ -12,22 +12,51 @@ from .command import MaxTime
 from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, note, print_json, warn, writing
 
 MOST_FAILURES = 5
-"""Number of failures printed one by one; the table lists them all. Chosen: enough to see whether runs fail for one reason, and few enough
-for one screen."""
+"""Number of failures printed one by one; the table lists them all. Chosen: enough to see whether
+runs fail for one reason, and few enough for one screen.
+"""
 
 
 def study(
-    description: Annotated[Path, Argument(metavar="STUDY", help="Study file (.toml): a scene or a fit, and the parameters to vary.")],
-    folder: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the results (default: named after STUDY).")] = None,
-    jobs: Annotated[int | None, Option(help="Number of parallel runs (default: number of cores).", min=1)] = None,
-    threads: Annotated[int | None, Option(help="Number of threads of each run (default: cores divided by jobs).", min=1)] = None,
-    scheduler: Annotated[str | None, Option(metavar="ADDRESS", help="Dask scheduler for the runs, such as tcp://host:8786.")] = None,
-    overwrite: Annotated[bool, Option("--overwrite", help="Overwrite the table of a different study in DIR; runs are kept.")] = False,
+    description: Annotated[
+        Path,
+        Argument(
+            metavar="STUDY",
+            help="Study file (.toml): a scene or a fit, and the parameters to vary.",
+        ),
+    ],
+    folder: Annotated[
+        Path | None,
+        Option("--out", metavar="DIR", help="Folder for the results (default: named after STUDY)."),
+    ] = None,
+    jobs: Annotated[
+        int | None, Option(help="Number of parallel runs (default: number of cores).", min=1)
+    ] = None,
+    threads: Annotated[
+        int | None,
+        Option(help="Number of threads of each run (default: cores divided by jobs).", min=1),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        Option(metavar="ADDRESS", help="Dask scheduler for the runs, such as tcp://host:8786."),
+    ] = None,
+    overwrite: Annotated[
+        bool,
+        Option(
+            "--overwrite", help="Overwrite the table of a different study in DIR; runs are kept."
+        ),
+    ] = False,
     max_time: MaxTime = None,
 ) -> None:
     """Carry out the runs of a study that are not finished yet, and write its table and figure."""
     folder = Path(description.stem) if folder is None else folder
-    options = {"jobs": jobs, "threads": threads, "scheduler": scheduler, "overwrite": overwrite, "max_time": max_time}
+    options = {
+        "jobs": jobs,
+        "threads": threads,
+        "scheduler": scheduler,
+        "overwrite": overwrite,
+        "max_time": max_time,
+    }
     interrupted = None
     try:
         with writing(folder), Bar(description.stem):
@@ -40,11 +69,16 @@ def study(
             parameters = ", ".join(f"{key}={row[key]}" for key in result.study.parameters)
             warn(f"  {row['run']} ({parameters}): {row['failure']}")
         if len(result.failures) > MOST_FAILURES:
-            warn(f"  and {len(result.failures) - MOST_FAILURES} more, listed in {result.folder / TABLE}")
+            warn(
+                f"  and {len(result.failures) - MOST_FAILURES} more, listed in"
+                f" {result.folder / TABLE}"
+            )
     for caution in result.cautions():
         warn(caution)
     print_json(result.rows)
-    written = " and ".join(name for name in (TABLE, MEANS, FIGURE) if (result.folder / name).exists())
+    written = " and ".join(
+        name for name in (TABLE, MEANS, FIGURE) if (result.folder / name).exists()
+    )
     note(f"Wrote {written} of {len(result.rows)} runs in {folder}")
     if interrupted is not None:
         raise ended(INTERRUPTED, str(interrupted), WARNING)
@@ -52,4 +86,8 @@ def study(
         raise typer.Exit(FAILED)
     if result.not_done:
         late = f"{len(result.not_done)} runs reached --max-time"
-        raise ended(INTERRUPTED, f"{late}; repeat the command to resume them from their checkpoints", WARNING)
+        raise ended(
+            INTERRUPTED,
+            f"{late}; repeat the command to resume them from their checkpoints",
+            WARNING,
+        )

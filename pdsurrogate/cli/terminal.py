@@ -1,4 +1,6 @@
-"""Output of commands on the terminal: tables, JSON, remarks and progress bars; ending of a command in one process or on several ranks."""
+"""Output of commands on the terminal: tables, JSON, remarks and progress bars; ending of a
+command in one process or on several ranks.
+"""
 
 import json
 import logging
@@ -30,8 +32,9 @@ HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
 """Settings of every command, and of the group of commands, by which both options print help."""
 
 SECONDS_BETWEEN_LINES = 30.0
-"""Seconds between two lines about the progress of a task where standard error is not a terminal. Chosen: a minute tells something, and the
-log of an hour has some hundred lines."""
+"""Seconds between two lines about the progress of a task where standard error is not a terminal.
+Chosen: a minute tells something, and the log of an hour has some hundred lines.
+"""
 
 ERROR, WARNING = "[red]pdsurrogate:[/]", "[yellow]pdsurrogate:[/]"
 """Beginnings of lines on standard error."""
@@ -40,17 +43,25 @@ FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses; the last one is 128 and the number of the signal, as shells have it."""
 
 SECONDS_BEFORE_THE_OTHERS = 5.0
-"""Seconds that the ranks have to end the command together; the ranks that have not ended by then are killed. Chosen: a rank at work hears
-of an error after its present force evaluation; a longer wait only blocks the cores of a failed run."""
+"""Seconds that the ranks have to end the command together; the ranks that have not ended by then
+are killed. Chosen: a rank at work hears of an error after its present force evaluation; a longer
+wait only blocks the cores of a failed run.
+"""
 
 SECONDS_TO_END = 1.7
-"""Time after Ctrl-C until the process is ended; a run that has noticed it takes the time that it needs to save its state. Chosen above
-`SECONDS_TO_HEAR` of `run.interruption`, and below the two seconds that the guide promises."""
+"""Time after Ctrl-C until the process is ended; a run that has noticed it takes the time that it
+needs to save its state. Chosen above `SECONDS_TO_HEAR` of `run.interruption`, and below the two
+seconds that the guide promises.
+"""
 
-_INTERRUPTED_IN_A_CALL = b"pdsurrogate: interrupted during a calculation; results that were already written are kept\n"
+_INTERRUPTED_IN_A_CALL = (
+    b"pdsurrogate: interrupted during a calculation; results that were already written are kept\n"
+)
 
 _ranks = None
-"""Communicator of the ranks that share the command; None for a command that one process carries out."""
+"""Communicator of the ranks that share the command; None for a command that one process carries
+out.
+"""
 
 GAP = 2
 """Number of characters between two columns of a table."""
@@ -60,19 +71,25 @@ err = Console(stderr=True)
 
 
 settings = SimpleNamespace(quiet=False, as_json=False, printed=False)
-"""State of the output of the present command. `quiet`: neither progress nor remarks are printed; `as_json`: standard output is JSON; both
-are set when the command begins. `printed`: JSON has been printed."""
+"""State of the output of the present command. `quiet`: neither progress nor remarks are printed;
+`as_json`: standard output is JSON; both are set when the command begins. `printed`: JSON has been
+printed.
+"""
 
 
 def print_json(data) -> None:
-    """Print data as JSON on standard output, if the user gave ``--json``; on several ranks only the first rank prints."""
+    """Print data as JSON on standard output, if the user gave ``--json``; on several ranks only
+    the first rank prints.
+    """
     if settings.as_json and not err.quiet:
         settings.printed = True
         sys.stdout.write(json.dumps(data, indent=2) + "\n")
 
 
 def error_as_json(status: int, reason: str) -> None:
-    """Print the reason of an error and the exit status as JSON, unless a result in JSON, which states the reason, was printed before."""
+    """Print the reason of an error and the exit status as JSON, unless a result in JSON, which
+    states the reason, was printed before.
+    """
     if not settings.printed:
         print_json({"error": " ".join(reason.split()), "exit_status": status})
 
@@ -98,8 +115,15 @@ def on_standard_error(text: str) -> None:
     err.print(text, soft_wrap=not err.is_terminal, highlight=False)
 
 
-def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str] | None], left: int | None = None, **options) -> None:
-    """Print a title and a table of text on standard output; cells break between words, and a table that is too wide for that is wider.
+def print_table(
+    title: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str] | None],
+    left: int | None = None,
+    **options,
+) -> None:
+    """Print a title and a table of text on standard output; cells break between words, and a table
+    that is too wide for that is wider.
 
     Parameters
     ----------
@@ -109,7 +133,8 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
     rows : iterable
         Cells of each row; None leaves a line free.
     left : int, optional
-        Number of columns, from the first, that are left-aligned, while the others are right-aligned; by default all.
+        Number of columns, from the first, that are left-aligned, while the others are
+        right-aligned; by default all.
     **options
         See `rich.table.Table`.
     """
@@ -117,10 +142,14 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
     table = Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0), pad_edge=False, **options)
     columns, measured = list(map(escape, columns)), []
     for cells in zip(columns, *filter(None, rows), strict=True):
-        least, natural = zip(*(Measurement.get(out, out.options, cell) for cell in cells), strict=True)
+        least, natural = zip(
+            *(Measurement.get(out, out.options, cell) for cell in cells), strict=True
+        )
         measured.append((max(least), max(natural)))
     widths = [least for least, _ in measured]
-    for number in sorted(range(len(widths)), key=lambda number: measured[number][1] - widths[number]):  # who wants little gets it
+    for number in sorted(
+        range(len(widths)), key=lambda number: measured[number][1] - widths[number]
+    ):  # who wants little gets it
         spare = max(out.width - sum(widths) - GAP * (len(widths) - 1), 0)
         widths[number] = min(measured[number][1], widths[number] + spare)
     for number, width in enumerate(widths):
@@ -138,23 +167,45 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
 
 
 def print_rows(title: str, rows: Sequence[dict]) -> None:
-    """Print a table of dictionaries with equal keys, which are the headings: text, numbers, and None; without rows print nothing."""
+    """Print a table of dictionaries with equal keys, which are the headings: text, numbers, and
+    None; without rows print nothing.
+    """
     if rows:
-        cells = [["none" if one is None else f"{one:.4g}" if isinstance(one, float) else str(one) for one in row.values()] for row in rows]
-        print_table(title, list(rows[0]), cells, sum(isinstance(one, str) for one in rows[0].values()))
+        cells = [
+            [
+                "none" if one is None else f"{one:.4g}" if isinstance(one, float) else str(one)
+                for one in row.values()
+            ]
+            for row in rows
+        ]
+        print_table(
+            title, list(rows[0]), cells, sum(isinstance(one, str) for one in rows[0].values())
+        )
 
 
 class Bar(Progress):
-    """Progress bar that shows the events of a context: title, share done, time elapsed and left; on a second line counts and numbers.
+    """Progress bar that shows the events of a context: title, share done, time elapsed and left; on
+    a second line counts and numbers.
 
-    These have a line of their own because a narrow terminal would cut them off after the bar. If standard error is not a terminal, a line
-    every `SECONDS_BETWEEN_LINES` says the same; with ``--quiet`` there is neither.
+    These have a line of their own because a narrow terminal would cut them off after the bar. If
+    standard error is not a terminal, a line every `SECONDS_BETWEEN_LINES` says the same; with
+    ``--quiet`` there is neither.
     """
 
     def __init__(self, name: str = "") -> None:
-        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-        # The time left follows from the mean speed: single runs of a comparison take minutes, more than a window of the last half a minute.
-        drawn = {"console": err, "transient": True, "disable": settings.quiet or not err.is_terminal}
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+        )
+        # The time left follows from the mean speed: single runs of a comparison take minutes, more
+        # than a window of the last half a minute.
+        drawn = {
+            "console": err,
+            "transient": True,
+            "disable": settings.quiet or not err.is_terminal,
+        }
         super().__init__(*columns, **drawn, get_time=time.monotonic, speed_estimate_period=math.inf)
         self._name, self._stage, self._told = name, None, time.monotonic()
         self._counts: dict[str, tuple[float, int]] = {}
@@ -170,7 +221,9 @@ class Bar(Progress):
         self._listening.__exit__(*error)
 
     def get_renderables(self) -> Iterator[RenderableType]:
-        """Yield what rich draws for each task: the line of the bar, then the line of the state if there is one."""
+        """Yield what rich draws for each task: the line of the bar, then the line of the state
+        if there is one.
+        """
         for task in self.tasks:
             yield self.make_tasks_table([task])
             if task.fields["state"]:
@@ -196,7 +249,9 @@ class Bar(Progress):
             note(f"{title}: {100 * done / total:.0f} % done{rest}{state and f'; {state}'}")
 
     def _in_words(self, name: str, number: float | str) -> str:
-        """Return a number with its name, and for a whole one, which counts something, its growth per second."""
+        """Return a number with its name, and for a whole one, which counts something, its growth
+        per second.
+        """
         if isinstance(number, str):
             return number
         name = name.replace("_", " ")
@@ -204,11 +259,15 @@ class Bar(Progress):
             return f"{name} {number:.3g}"
         since, first = self._counts.setdefault(name, (time.monotonic(), number))
         elapsed = time.monotonic() - since
-        return f"{number} {name}" + (f" ({(number - first) / elapsed:.3g}/s)" if elapsed > 0 and number > first else "")
+        return f"{number} {name}" + (
+            f" ({(number - first) / elapsed:.3g}/s)" if elapsed > 0 and number > first else ""
+        )
 
 
 def use_ranks(ranks) -> None:
-    """Register the communicator whose ranks share this command: from now on only the first rank prints, and all ranks end together."""
+    """Register the communicator whose ranks share this command: from now on only the first rank
+    prints, and all ranks end together.
+    """
     global _ranks
     _ranks = ranks
     err.quiet = ranks.rank > 0
@@ -217,7 +276,9 @@ def use_ranks(ranks) -> None:
 
 
 def ended(status: int, reason: str, prefix: str = ERROR) -> typer.Exit:
-    """Print the reason of an error, on one rank only, and return the exception that ends the command with an exit status."""
+    """Print the reason of an error, on one rank only, and return the exception that ends the
+    command with an exit status.
+    """
     error_as_json(status, reason)
     complain(reason, prefix)
     if _ranks is not None and not _ranks.leave(SECONDS_BEFORE_THE_OTHERS) and err.quiet:
@@ -228,33 +289,48 @@ def ended(status: int, reason: str, prefix: str = ERROR) -> typer.Exit:
 
 @contextmanager
 def bad_input(*kinds: type[Exception], status: int = BAD_INPUT) -> Iterator[None]:
-    """Turn errors of given kinds, raised in a context, into one line on standard error and an exit status, by default 2 (bad input)."""
+    """Turn errors of given kinds, raised in a context, into one line on standard error and an
+    exit status, by default 2 (bad input).
+    """
     try:
         yield
     except kinds as error:
         if isinstance(error.__context__, KeyboardInterrupt):  # which kept a file from being closed
             raise error.__context__ from None
-        text = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
+        text = (
+            f"{error.filename}: {error.strerror}"
+            if isinstance(error, OSError) and error.filename
+            else str(error)
+        )
         raise ended(status, " ".join(text.split())) from None
 
 
 @contextmanager
 def writing(folder) -> Iterator[None]:
-    """Turn an OSError raised in a context that writes results, such as a full disk, into one line on standard error and exit status 1."""
+    """Turn an OSError raised in a context that writes results, such as a full disk, into one
+    line on standard error and exit status 1.
+    """
     try:
         yield
     except OSError as error:
-        reason = f"could not write {folder or error.filename or 'a file'}: {error.strerror or error}"
+        reason = (
+            f"could not write {folder or error.filename or 'a file'}: {error.strerror or error}"
+        )
         raise ended(FAILED, reason) from None
 
 
 def end_soon_after_interrupts() -> None:
-    """Make Ctrl-C end the process soon, also while it compiles or factorizes a matrix: Python itself waits until such a call returns.
+    """Make Ctrl-C end the process soon, also while it compiles or factorizes a matrix: Python
+    itself waits until such a call returns.
 
-    In a run on several MPI ranks no process is ended in this way, because the remaining ranks would wait for it.
+    In a run on several MPI ranks no process is ended in this way, because the remaining ranks would
+    wait for it.
     """
-    # Files that an interrupt leaves half written fail when Python closes them, which would print a traceback.
-    sys.unraisablehook = lambda failed: logging.getLogger("pdsurrogate").debug("ignored %r in %r", failed.exc_value, failed.object)
+    # Files that an interrupt leaves half written fail when Python closes them, which would print a
+    # traceback.
+    sys.unraisablehook = lambda failed: logging.getLogger("pdsurrogate").debug(
+        "ignored %r in %r", failed.exc_value, failed.object
+    )
     if threading.current_thread() is not threading.main_thread() or os.name == "nt":
         return
     receiver, sender = os.pipe()

@@ -1,4 +1,6 @@
-"""Discretization of a scene (the input of a simulation): the points of its body, and its boundary."""
+"""Discretization of a scene (the input of a simulation): the points of its body, and its
+boundary.
+"""
 
 from .planes import held_at_points
 from .points import contained, cuts_of, discretize, grip_areas

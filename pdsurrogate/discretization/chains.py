@@ -1,4 +1,6 @@
-"""Boundary of a plane body from closed polygons (chains of facets) of its outline and holes, which may cross or touch each other."""
+"""Boundary of a plane body from closed polygons (chains of facets) of its outline and holes,
+which may cross or touch each other.
+"""
 
 import numpy as np
 import scipy
@@ -12,15 +14,21 @@ ROUNDING = 1e-9
 def same_places(places: np.ndarray, tolerance: float) -> np.ndarray:
     """Return for each place (k, d) the number of the first place of its cluster.
 
-    Two places are in one cluster if a chain of places joins them in which neighbors lie within `tolerance` of each other.
+    Two places are in one cluster if a chain of places joins them in which neighbors lie within
+    `tolerance` of each other.
     """
-    _, labels = connected(len(places), *scipy.spatial.cKDTree(places).query_pairs(tolerance, output_type="ndarray").T)
+    _, labels = connected(
+        len(places), *scipy.spatial.cKDTree(places).query_pairs(tolerance, output_type="ndarray").T
+    )
     _, first = np.unique(labels, return_index=True)
     return first[labels]
 
 
-def boundary_of(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the boundary of a body with an outline and holes: its facets, between nodes of the polygons and the places where they cross.
+def boundary_of(
+    chains: list[np.ndarray], tolerance: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the boundary of a body with an outline and holes: its facets, between nodes of the
+    polygons and the places where they cross.
 
     Parameters
     ----------
@@ -33,15 +41,20 @@ def boundary_of(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray,
     -------
     nodes : ndarray, shape (k, 2)
     facets : ndarray of int, shape (f, 2)
-        First and second node of each facet, with the material on the left; polygon by polygon, in order around each.
+        First and second node of each facet, with the material on the left; polygon by polygon, in
+        order around each.
     chain : ndarray of int, shape (f,)
         Number of the polygon on which each facet lies; the least if it lies on several.
     """
     import shapely  # here, because few bodies need it
 
-    body, *holes = (shapely.make_valid(shapely.polygons(nodes), method="structure", keep_collapsed=False) for nodes in chains)
+    body, *holes = (
+        shapely.make_valid(shapely.polygons(nodes), method="structure", keep_collapsed=False)
+        for nodes in chains
+    )
     for hole in holes:
-        # Sides that run along each other receive the same nodes, so that no slivers are left between them.
+        # Sides that run along each other receive the same nodes, so that no slivers are left
+        # between them.
         body = shapely.snap(body, hole, tolerance)
         body = body.difference(shapely.snap(hole, body, tolerance))
     rings = shapely.get_rings(shapely.orient_polygons(shapely.get_parts(body)))
@@ -49,8 +62,13 @@ def boundary_of(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray,
     goes_on = np.flatnonzero(ring[:-1] == ring[1:])
     middles = shapely.points((places[goes_on] + places[goes_on + 1]) / 2)
     number = same_places(places, 4 * tolerance)
-    sides = np.concatenate([np.stack([nodes, np.roll(nodes, -1, axis=0)], axis=1) for nodes in chains])
-    sides, chain = shapely.linestrings(sides), np.repeat(np.arange(len(chains)), [len(nodes) for nodes in chains])
+    sides = np.concatenate(
+        [np.stack([nodes, np.roll(nodes, -1, axis=0)], axis=1) for nodes in chains]
+    )
+    sides, chain = (
+        shapely.linestrings(sides),
+        np.repeat(np.arange(len(chains)), [len(nodes) for nodes in chains]),
+    )
     facet, side = shapely.STRtree(sides).query(middles, predicate="dwithin", distance=2 * tolerance)
     facet, first = np.unique(facet, return_index=True)
     side = np.minimum.reduceat(side, first)

@@ -1,4 +1,6 @@
-"""Relaxed points: an irregular cloud without rows, along which a crack could run, made by Lloyd's method for a body of any shape."""
+"""Relaxed points: an irregular cloud without rows, along which a crack could run, made by
+Lloyd's method for a body of any shape.
+"""
 
 from __future__ import annotations
 
@@ -20,27 +22,37 @@ from ..engine.threads import Chunks, chunks_of
 from ..kernels.samples import sum_nearest
 
 UNITS = 2**16
-"""Side of a cell of the grid of samples, in the integers that all coordinates are: squared distances over a thousand cells are exact."""
+"""Side of a cell of the grid of samples, in the integers that all coordinates are: squared
+distances over a thousand cells are exact.
+"""
 
 SAMPLES = {2: 16, 3: 8}
 """Samples along each side of a cell, by dimension."""
 
 STEPS = {2: 10, 3: 15}
-"""Steps of Lloyd's method by dimension: few, since after some hundred a plane cloud is a patchwork of hexagonal lattices, along whose rows
-cracks would run. Chosen: neighbors are 0.6 spacings apart or more, and volumes deviate by some 9 % in the plane (standard deviation)."""
+"""Steps of Lloyd's method by dimension: few, since after some hundred a plane cloud is a patchwork
+of hexagonal lattices, along whose rows cracks would run. Chosen: neighbors are 0.6 spacings apart
+or more, and volumes deviate by some 9 % in the plane (standard deviation).
+"""
 
 GROUP = 2
-"""Cells along each side of a block, which has as many points as cells at the start. With one cell, four directions of the grid remain
-visible in the cloud; with more, or with random points, differences of density do."""
+"""Cells along each side of a block, which has as many points as cells at the start. With one cell,
+four directions of the grid remain visible in the cloud; with more, or with random points,
+differences of density do.
+"""
 
 METRIC = 2**10
-"""Factor of squared distances, with which their ratios along the axes of cells that are no squares are rounded to integers."""
+"""Factor of squared distances, with which their ratios along the axes of cells that are no
+squares are rounded to integers.
+"""
 
 MOST_PLACES = 1_000_000
 """Number of samples tested together."""
 
 MOST_THREADS, CHUNKS = 8, 256
-"""Greatest number of threads, each of which needs memory for sums at all points, and number of parts of the grid that they share."""
+"""Greatest number of threads, each of which needs memory for sums at all points, and number of
+parts of the grid that they share.
+"""
 
 FORMAT = 1
 """Version of the algorithm, a part of the digest of kept clouds."""
@@ -50,12 +62,19 @@ LEAST_KEPT = 20_000
 
 
 def relaxed_points(
-    cells: Cells, whole: np.ndarray, cut: np.ndarray, material: Callable[[np.ndarray], np.ndarray], spacing: float, seed: int
+    cells: Cells,
+    whole: np.ndarray,
+    cut: np.ndarray,
+    material: Callable[[np.ndarray], np.ndarray],
+    spacing: float,
+    seed: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points and volumes of a cloud in a body, the same on every machine and on any number of threads and ranks.
+    """Return the points and volumes of a cloud in a body, the same on every machine and on any
+    number of threads and ranks.
 
-    The body is represented by samples on a fine raster. The points start at samples that are drawn with `seed`, equally many in equal
-    volumes. In each step a point moves to the centroid of the samples that are nearer to it than to any other point.
+    The body is represented by samples on a fine raster. The points start at samples that are drawn
+    with `seed`, equally many in equal volumes. In each step a point moves to the centroid of the
+    samples that are nearer to it than to any other point.
 
     Parameters
     ----------
@@ -68,7 +87,8 @@ def relaxed_points(
     material : callable
         ``material(places)`` flags places, shape (k, d), in material.
     spacing : float
-        Mean distance of neighboring points; their number is that of squares or cubes with this side that fill the body.
+        Mean distance of neighboring points; their number is that of squares or cubes with this side
+        that fill the body.
     seed : int
         Number of the cloud; other seeds give other clouds.
     """
@@ -85,12 +105,20 @@ def relaxed_points(
 
 
 def nearest_volumes(
-    cells: Cells, whole: np.ndarray, cut: np.ndarray, material: Callable[[np.ndarray], np.ndarray], points: np.ndarray
+    cells: Cells,
+    whole: np.ndarray,
+    cut: np.ndarray,
+    material: Callable[[np.ndarray], np.ndarray],
+    points: np.ndarray,
 ) -> np.ndarray:
-    """Return the volumes of a part of the body nearest to each of its points, shape (n,); for the part see `relaxed_points`."""
+    """Return the volumes of a part of the body nearest to each of its points, shape (n,); for
+    the part see `relaxed_points`.
+    """
     samples = Samples.of(cells, whole, cut, material)
     places = np.zeros((len(points), 3))
-    places[:, : points.shape[1]] = np.rint((points - np.array(cells.lower)) / np.array(cells.sides) * UNITS)
+    places[:, : points.shape[1]] = np.rint(
+        (points - np.array(cells.lower)) / np.array(cells.sides) * UNITS
+    )
     sorted_places, sums = samples.sums(places)
     volumes = np.empty(len(points))
     volumes[np.lexsort(places.T)] = sums[np.lexsort(sorted_places.T), 0]
@@ -118,7 +146,13 @@ class Samples:
     masks: np.ndarray
 
     @classmethod
-    def of(cls, cells: Cells, whole: np.ndarray, cut: np.ndarray, material: Callable[[np.ndarray], np.ndarray]) -> Samples:
+    def of(
+        cls,
+        cells: Cells,
+        whole: np.ndarray,
+        cut: np.ndarray,
+        material: Callable[[np.ndarray], np.ndarray],
+    ) -> Samples:
         """Return the samples of a body; for the arguments see `relaxed_points`."""
         d, sides, centers = len(cells.counts), np.array(cells.sides), cells.centers()
         width = SAMPLES[d]
@@ -128,7 +162,9 @@ class Samples:
         places = (raster[:d].T / UNITS - 0.5) * sides
         masks = np.zeros((len(cut), width**d), dtype=np.uint8)
         for some in np.array_split(np.arange(len(cut)), masks.size // MOST_PLACES + 1):
-            masks[some] = material((centers[cut[some], None] + places).reshape(-1, d)).reshape(-1, width**d)
+            masks[some] = material((centers[cut[some], None] + places).reshape(-1, d)).reshape(
+                -1, width**d
+            )
         kinds = np.where(whole, -1, -2)
         kinds[cut] = np.arange(len(cut))
         return cls(cells, raster, kinds, masks)
@@ -151,27 +187,40 @@ class Samples:
         return int(self.counts.sum())
 
     def start(self, n: int, seed: int) -> np.ndarray:
-        """Return n different samples, shape (n, 3), drawn so that blocks of equal volume have equal numbers, see `GROUP`."""
+        """Return n different samples, shape (n, 3), drawn so that blocks of equal volume have
+        equal numbers, see `GROUP`.
+        """
         size, grid = GROUP ** len(self.cells.counts), (*self.cells.counts, 1)[:3]
         number = np.arange(len(self.counts))
-        place = np.stack([number % grid[0], number // grid[0] % grid[1], number // (grid[0] * grid[1])])
+        place = np.stack(
+            [number % grid[0], number // grid[0] % grid[1], number // (grid[0] * grid[1])]
+        )
         by_block = np.lexsort(place // GROUP)
         ends = np.cumsum(self.counts[by_block])
         point = np.arange(n, dtype=np.int64)
-        # The samples of a block are dealt to its points in turn, so that no two points draw the same.
+        # The samples of a block are dealt to its points in turn, so that no two points draw the
+        # same.
         begin, turn = point // size * size, point % size
         low = begin * self.total // n
         deals = (np.minimum(begin + size, n) * self.total // n - low) // np.minimum(size, n - begin)
         draws = np.random.PCG64(seed).random_raw(n)
-        chosen = low + (draws % deals.astype(np.uint64)).astype(np.int64) * np.minimum(size, n - begin) + turn
+        chosen = (
+            low
+            + (draws % deals.astype(np.uint64)).astype(np.int64) * np.minimum(size, n - begin)
+            + turn
+        )
         block = np.searchsorted(ends, chosen, side="right")
         cell, within = by_block[block], chosen - (ends - self.counts[by_block])[block]
         cut = np.flatnonzero(self.kinds[cell] >= 0)
-        within[cut] = (self.masks[self.kinds[cell[cut]]].cumsum(axis=1) <= within[cut, None]).sum(axis=1)
+        within[cut] = (self.masks[self.kinds[cell[cut]]].cumsum(axis=1) <= within[cut, None]).sum(
+            axis=1
+        )
         return UNITS * place[:, cell].T + self.raster[:, within].T
 
     def relaxed(self, points: np.ndarray) -> np.ndarray:
-        """Return points after steps of Lloyd's method, and the numbers of the samples nearest to them, shape (n, d + 1)."""
+        """Return points after steps of Lloyd's method, and the numbers of the samples nearest to
+        them, shape (n, d + 1).
+        """
         d = len(self.cells.counts)
         for step in range(STEPS[d] + 1):
             points, sums = self.sums(points)
@@ -182,7 +231,9 @@ class Samples:
         return np.column_stack([points[:, :d], sums[:, 0]])
 
     def sums(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return points (n, 3) sorted by cells, and the number and summed coordinates of the samples nearest to each, shape (n, 4)."""
+        """Return points (n, 3) sorted by cells, and the number and summed coordinates of the
+        samples nearest to each, shape (n, 4).
+        """
         grid = (*self.cells.counts, 1)[:3]
         ratios = (np.array(self.cells.sides) / min(self.cells.sides)) ** 2
         metric = (*(float(ratio) for ratio in np.rint(METRIC * ratios)), 0.0)[:3]
@@ -192,17 +243,47 @@ class Samples:
         order = np.argsort(cell, kind="stable")
         points = np.ascontiguousarray(points[order])
         starts = np.searchsorted(cell[order], np.arange(len(self.kinds) + 1))
-        buffers, sums = np.zeros((chunks.threads, 2, self.raster.shape[1])), np.zeros((chunks.threads, len(points), 4))
-        arrays = points, starts, (*grid, UNITS), metric, self.raster, self.kinds, self.masks, buffers, sums
+        buffers, sums = (
+            np.zeros((chunks.threads, 2, self.raster.shape[1])),
+            np.zeros((chunks.threads, len(points), 4)),
+        )
+        arrays = (
+            points,
+            starts,
+            (*grid, UNITS),
+            metric,
+            self.raster,
+            self.kinds,
+            self.masks,
+            buffers,
+            sums,
+        )
         sum_nearest.bind(*arrays, chunks=chunks)()
         return points, sums.sum(axis=0)
 
 
 def _path_of(samples: Samples, n: int, seed: int) -> Path | None:
-    """Return the file that keeps a cloud, beside the compiled code; None if no folder can be written to."""
+    """Return the file that keeps a cloud, beside the compiled code; None if no folder can be
+    written to.
+    """
     folder = cache_folder(relaxed_points)
-    settings = FORMAT, UNITS, METRIC, GROUP, STEPS, n, seed, samples.cells.counts, samples.cells.sides
-    parts = repr(settings).encode(), samples.raster.tobytes(), samples.kinds.tobytes(), samples.masks.tobytes()
+    settings = (
+        FORMAT,
+        UNITS,
+        METRIC,
+        GROUP,
+        STEPS,
+        n,
+        seed,
+        samples.cells.counts,
+        samples.cells.sides,
+    )
+    parts = (
+        repr(settings).encode(),
+        samples.raster.tobytes(),
+        samples.kinds.tobytes(),
+        samples.masks.tobytes(),
+    )
     return folder and folder / f"cloud-{hashlib.sha256(b''.join(parts)).hexdigest()[:40]}.npz"
 
 
@@ -214,7 +295,9 @@ def _kept(path: Path) -> np.ndarray | None:
 
 
 def _keep(path: Path, cloud: np.ndarray) -> None:
-    """Write a cloud to a file, whole or not at all; a folder that cannot be written to keeps none."""
+    """Write a cloud to a file, whole or not at all; a folder that cannot be written to keeps
+    none.
+    """
     with suppress(OSError):
         with NamedTemporaryFile(dir=path.parent, delete=False) as file:
             np.savez(file, cloud=cloud)

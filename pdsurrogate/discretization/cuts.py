@@ -1,4 +1,6 @@
-"""Precuts of a scene together: which bonds they cross, and where their ends and edges are touched."""
+"""Precuts of a scene together: which bonds they cross, and where their ends and edges are
+touched.
+"""
 
 from __future__ import annotations
 
@@ -18,21 +20,29 @@ if TYPE_CHECKING:
     import shapely
 
 BESIDE = 8.0
-"""Distance, in those within which places coincide, by which points on a cut are moved to its side. A piece may end one such distance beyond
-the cut on which it ends, and another one belongs to it there, so that points must be moved by more than three; where the normals of two
-pieces that meet form an angle of 90 degrees, by more than 4.2."""
+"""Distance, in those within which places coincide, by which points on a cut are moved to its side.
+A piece may end one such distance beyond the cut on which it ends, and another one belongs to it
+there, so that points must be moved by more than three; where the normals of two pieces that meet
+form an angle of 90 degrees, by more than 4.2.
+"""
 
 ALONG_ROWS = 1e-3
-"""Greatest distance, in cells, of the ends of a cut from a line (plane) between cells that still counts as lying along it."""
+"""Greatest distance, in cells, of the ends of a cut from a line (plane) between cells that still
+counts as lying along it.
+"""
 
 Crosses = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Function that takes starts and ends of segments (k, d) and returns flags (k,) of those that cross a cut."""
+"""Function that takes starts and ends of segments (k, d) and returns flags (k,) of those that
+cross a cut.
+"""
 
 
 class Cuts:
-    """Cuts of a body, together: a bond is cut if it crosses one of the pieces, or meets an end at which a piece touches something else.
+    """Cuts of a body, together: a bond is cut if it crosses one of the pieces, or meets an end at
+    which a piece touches something else.
 
-    Pieces touch where they coincide to rounding. A bond that meets the free end of a piece, a tip, is not cut.
+    Pieces touch where they coincide to rounding. A bond that meets the free end of a piece, a tip,
+    is not cut.
 
     Parameters
     ----------
@@ -45,16 +55,24 @@ class Cuts:
     Attributes
     ----------
     beside : float
-        Distance from a cut of places that lie beside it and not on it, far below all lengths of a body.
+        Distance from a cut of places that lie beside it and not on it, far below all lengths of a
+        body.
     pieces
     """
 
-    def __init__(self, pieces: Sequence[AnyPrecut], rounding: float, inside: Callable[[np.ndarray], np.ndarray]) -> None:
+    def __init__(
+        self,
+        pieces: Sequence[AnyPrecut],
+        rounding: float,
+        inside: Callable[[np.ndarray], np.ndarray],
+    ) -> None:
         self.pieces, self._rounding, self._inside = pieces, rounding, inside
         self.beside = 4 * BESIDE * rounding
 
     def touched(self, number: int, places: np.ndarray) -> np.ndarray:
-        """Return which places (k, d) on a piece, given by its number, another piece touches or the boundary of the body."""
+        """Return which places (k, d) on a piece, given by its number, another piece touches or
+        the boundary of the body.
+        """
         axes = np.eye(places.shape[1])
         touched = np.zeros(len(places), dtype=bool)
         for step in (*axes, *-axes):
@@ -67,7 +85,8 @@ class Cuts:
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return which segments from `starts` to `ends` (k, d) are cut.
 
-        Points on a cut count as lying to the left of each piece on which they are, in space on the side of its normal.
+        Points on a cut count as lying to the left of each piece on which they are, in space on the
+        side of its normal.
         """
         near, beside = np.zeros(len(starts), dtype=bool), BESIDE * self._rounding
         for piece in self.pieces:
@@ -86,10 +105,11 @@ class Cuts:
         return np.any([self._lie_on(number, places) for number in range(len(self.pieces))], axis=0)
 
     def straight_parts(self, boundary: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield the straight parts of plane cuts, between ends, places where pieces meet, and the boundary of the body.
+        """Yield the straight parts of plane cuts, between ends, places where pieces meet, and the
+        boundary of the body.
 
-        Each is given by its two ends (2, 2). Parts outside the body, of which `boundary` are the two ends of each facet (f, 2, 2), are
-        left out.
+        Each is given by its two ends (2, 2). Parts outside the body, of which `boundary` are the
+        two ends of each facet (f, 2, 2), are left out.
         """
         for number, piece in enumerate(self.pieces):
             ends = piece.edge(1.0)[0]
@@ -100,25 +120,36 @@ class Cuts:
                 theirs = other.edge(1.0)[0]
                 met = [piece.met_by(theirs[:1], theirs[1:], self._rounding)[1], theirs]
                 places = np.concatenate(met)
-                places = places[(piece.distances(places) <= self._rounding) & (other.distances(places) <= self._rounding)]
+                places = places[
+                    (piece.distances(places) <= self._rounding)
+                    & (other.distances(places) <= self._rounding)
+                ]
                 shares += ((places - start) @ along / length**2).tolist()
             starts, sides = boundary[:, 0] - start, boundary[:, 1] - boundary[:, 0]
             across = along[0] * sides[:, 1] - along[1] * sides[:, 0]
             with np.errstate(divide="ignore", invalid="ignore"):
                 share = (starts[:, 0] * sides[:, 1] - starts[:, 1] * sides[:, 0]) / across
                 of_side = (starts[:, 0] * along[1] - starts[:, 1] * along[0]) / across
-            shares += share[(of_side >= -ENDS) & (of_side <= 1 + ENDS) & (share > 0) & (share < 1)].tolist()
+            shares += share[
+                (of_side >= -ENDS) & (of_side <= 1 + ENDS) & (share > 0) & (share < 1)
+            ].tolist()
             shares = np.unique(np.clip(shares, 0, 1))
-            for low, high in pairwise(shares[np.append(True, np.diff(shares) > self._rounding / length)]):
+            for low, high in pairwise(
+                shares[np.append(True, np.diff(shares) > self._rounding / length)]
+            ):
                 part = start + np.array([[low], [high]]) * along
                 if encloses(part.mean(axis=0)[None], boundary[:, 0], boundary[:, 1])[0]:
                     yield part
 
-    def flat_parts(self, side: int, cell: Sequence[float], nodes: np.ndarray, facets: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
-        """Yield places (k, 3) beside every cut in space, and the areas times outward normals (k, 3) of its facets there.
+    def flat_parts(
+        self, side: int, cell: Sequence[float], nodes: np.ndarray, facets: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, ...]]:
+        """Yield places (k, 3) beside every cut in space, and the areas times outward normals (k, 3)
+        of its facets there.
 
-        They are of the face on the side of the normal if `side` is 1, else of the other one, within the boundary of the body, given by
-        triangles, `facets` of `nodes`. Facets are about as large as a cell; those that another piece divides are divided there.
+        They are of the face on the side of the normal if `side` is 1, else of the other one, within
+        the boundary of the body, given by triangles, `facets` of `nodes`. Facets are about as large
+        as a cell; those that another piece divides are divided there.
         """
         import shapely  # here, because few bodies need it
 
@@ -129,31 +160,46 @@ class Cuts:
             one = np.eye(3)[np.abs(normal).argmin()]
             one = (one - one @ normal * normal) / np.linalg.norm(one - one @ normal * normal)
             axes = np.stack([one, np.cross(normal, one)])
-            section = shapely.build_area(shapely.multilinestrings((_sections(nodes, facets, place, normal) - place) @ axes.T))
+            section = shapely.build_area(
+                shapely.multilinestrings((_sections(nodes, facets, place, normal) - place) @ axes.T)
+            )
             face = section.intersection(_hull((outlines[number] - place) @ axes.T))
             traces = []
             for outline in outlines:
                 ring = np.arange(len(outline))
-                ends = _sections(outline, np.stack([ring, np.roll(ring, -1)], axis=1), place, normal)
+                ends = _sections(
+                    outline, np.stack([ring, np.roll(ring, -1)], axis=1), place, normal
+                )
                 traces += [(ends.reshape(2, 3) - place) @ axes.T] if len(ends) == 2 else []
             shapely.prepare(face)
             for part in shapely.get_parts(face):
                 low, high = np.reshape(part.bounds, (2, 2))
-                counts = np.maximum(1, np.rint(np.linalg.norm((high - low)[:, None] * axes / cell, axis=1))).astype(int)
-                grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 2)
+                counts = np.maximum(
+                    1, np.rint(np.linalg.norm((high - low)[:, None] * axes / cell, axis=1))
+                ).astype(int)
+                grid = np.stack(
+                    np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1
+                ).reshape(-1, 2)
                 size = (high - low) / counts
                 tiles = shapely.box(*(low + grid * size).T, *(low + (grid + 1) * size).T)
                 whole = shapely.contains_properly(face, tiles)
-                tiles = np.concatenate([tiles[whole], shapely.get_parts(shapely.intersection(tiles[~whole], part))])
+                tiles = np.concatenate(
+                    [tiles[whole], shapely.get_parts(shapely.intersection(tiles[~whole], part))]
+                )
                 for trace in traces:
                     tiles = _split(tiles, trace, np.linalg.norm(high - low))
                 areas = shapely.area(tiles)
-                tiles, areas = tiles[areas > self._rounding * size.min()], areas[areas > self._rounding * size.min()]
+                tiles, areas = (
+                    tiles[areas > self._rounding * size.min()],
+                    areas[areas > self._rounding * size.min()],
+                )
                 centers = shapely.get_coordinates(shapely.centroid(tiles))
                 yield place + centers @ axes, -side * areas[:, None] * normal
 
     def _belong(self, number: int, places: np.ndarray) -> np.ndarray:
-        """Return which places (k, d) on the plane of a piece belong to it: those within it, and those of its edge that are touched."""
+        """Return which places (k, d) on the plane of a piece belong to it: those within it, and
+        those of its edge that are touched.
+        """
         piece = self.pieces[number]
         found = piece.covers(places)
         edge = np.flatnonzero(~found & (piece.distances(places) <= self._rounding))
@@ -169,36 +215,61 @@ class Cuts:
         return found
 
     def _beside(self, places: np.ndarray) -> np.ndarray:
-        """Return the places (k, d), those on a cut moved to the side on which they count as lying."""
+        """Return the places (k, d), those on a cut moved to the side on which they count as
+        lying.
+        """
         ways = np.zeros(places.shape)
         for number in reversed(range(len(self.pieces))):
             on, normal = self._lie_on(number, places), self.pieces[number].plane()[1]
             ways[on] += normal
-            ways[on & ~ways.any(axis=1)] = normal  # of two pieces with opposite sides, the first one decides
+            ways[on & ~ways.any(axis=1)] = (
+                normal  # of two pieces with opposite sides, the first one decides
+            )
         lengths = np.linalg.norm(ways, axis=1, keepdims=True)
         return places + BESIDE * self._rounding * ways / np.where(lengths > 0, lengths, 1.0)
 
 
 def between_cells(pieces: Sequence[AnyPrecut], cells: Cells, rounding: float) -> list[AnyPrecut]:
-    """Return the pieces, those along rows of a lattice moved to the boundary between the cells of the points that they part.
+    """Return the pieces, those along rows of a lattice moved to the boundary between the cells of
+    the points that they part.
 
-    A point of a lattice stands for its whole cell, so that the faces of a cut between two rows lie where their cells meet, wherever the
-    cut lies between the points. Pieces that touch are moved together, with tips elsewhere where they are; none is if they would part.
+    A point of a lattice stands for its whole cell, so that the faces of a cut between two rows lie
+    where their cells meet, wherever the cut lies between the points. Pieces that touch are moved
+    together, with tips elsewhere where they are; none is if they would part.
     """
-    levels = [[_level(piece, axis, cells, rounding) for axis in range(len(cells.sides))] for piece in pieces]
+    levels = [
+        [_level(piece, axis, cells, rounding) for axis in range(len(cells.sides))]
+        for piece in pieces
+    ]
     found = list(pieces)
     if all(level is None or level[0] == level[1] for of_piece in levels for level in of_piece):
         return found
-    touching = [pair for pair in combinations(range(len(pieces)), 2) if _touch(*(pieces[number] for number in pair), cells, rounding)]
-    graph = scipy.sparse.coo_array((np.ones(len(touching)), np.reshape(touching, (-1, 2)).T), shape=(len(pieces),) * 2)
+    touching = [
+        pair
+        for pair in combinations(range(len(pieces)), 2)
+        if _touch(*(pieces[number] for number in pair), cells, rounding)
+    ]
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(touching)), np.reshape(touching, (-1, 2)).T), shape=(len(pieces),) * 2
+    )
     group_of = scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
     for group in range(group_of.max() + 1):
         members = np.flatnonzero(group_of == group)
         ends = np.concatenate([pieces[number].edge(min(cells.sides) / 4)[0] for number in members])
         maps = []
         for axis, of_axis in enumerate(zip(*(levels[number] for number in members), strict=True)):
-            known, limits = dict(level for level in of_axis if level), (ends[:, axis].min(), ends[:, axis].max())
-            fixed = {end: end for end in limits if all(abs(end - height) > cells.sides[axis] for height in known)}
+            known, limits = (
+                dict(level for level in of_axis if level),
+                (
+                    ends[:, axis].min(),
+                    ends[:, axis].max(),
+                ),
+            )
+            fixed = {
+                end: end
+                for end in limits
+                if all(abs(end - height) > cells.sides[axis] for height in known)
+            }
             maps.append(sorted({**fixed, **known}.items()))
 
         def moved(places: np.ndarray, maps: list = maps) -> np.ndarray:
@@ -209,20 +280,31 @@ def between_cells(pieces: Sequence[AnyPrecut], cells: Cells, rounding: float) ->
             return places + np.stack(shifts, axis=1)
 
         there = {number: pieces[number].moved(moved) for number in members}
-        if all(_touch(there[one], there[other], cells, rounding) for one, other in touching if one in there):
+        if all(
+            _touch(there[one], there[other], cells, rounding)
+            for one, other in touching
+            if one in there
+        ):
             for number, piece in there.items():
                 found[number] = piece
     return found
 
 
-def _level(piece: AnyPrecut, axis: int, cells: Cells, rounding: float) -> tuple[float, float] | None:
-    """Return the coordinate of a piece normal to an axis, and that of the boundary between the rows that it parts; None if oblique."""
+def _level(
+    piece: AnyPrecut, axis: int, cells: Cells, rounding: float
+) -> tuple[float, float] | None:
+    """Return the coordinate of a piece normal to an axis, and that of the boundary between the
+    rows that it parts; None if oblique.
+    """
     place, normal, size = piece.plane()
     cell = cells.sides[axis]
     if size * np.delete(np.abs(normal), axis).max() > ALONG_ROWS * cell:
         return None
-    # Points on a cut count as lying on the side of its normal, so that the boundary is the one on the other side.
-    before = np.ceil((place[axis] - cells.lower[axis] - np.sign(normal[axis]) * rounding) / cell - 0.5)
+    # Points on a cut count as lying on the side of its normal, so that the boundary is the one on
+    # the other side.
+    before = np.ceil(
+        (place[axis] - cells.lower[axis] - np.sign(normal[axis]) * rounding) / cell - 0.5
+    )
     parts = 0 < before < cells.counts[axis]
     return place[axis], cells.lower[axis] + cell * before if parts else place[axis]
 
@@ -238,25 +320,34 @@ def _touch(one: AnyPrecut, other: AnyPrecut, cells: Cells, rounding: float) -> b
 
 
 def _outline(piece: AnyPrecut, cell: float) -> np.ndarray:
-    """Return the corners (k, 3) of a flat cut in order around it; those of a disc are ends of tangents, a quarter of a cell long."""
+    """Return the corners (k, 3) of a flat cut in order around it; those of a disc are ends of
+    tangents, a quarter of a cell long.
+    """
     places, outward, lengths = piece.edge(cell / 4)
     ways = np.cross(piece.plane()[1], outward) * lengths[:, None] / 2
     return np.stack([places - ways, places + ways], axis=1).reshape(-1, 3)
 
 
 def _hull(places: np.ndarray) -> shapely.Geometry:
-    """Return the convex hull of places (k, 2); as a polygon, ends of an outline that differ by rounding would make it invalid."""
+    """Return the convex hull of places (k, 2); as a polygon, ends of an outline that differ by
+    rounding would make it invalid.
+    """
     import shapely  # here, because few bodies need it
 
     return shapely.convex_hull(shapely.multipoints(places))
 
 
-def _sections(nodes: np.ndarray, facets: np.ndarray, place: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Return the places where a plane crosses sides of facets (f, m): in space the two ends of each segment (s, 2, 3), for sides (s, 3)."""
+def _sections(
+    nodes: np.ndarray, facets: np.ndarray, place: np.ndarray, normal: np.ndarray
+) -> np.ndarray:
+    """Return the places where a plane crosses sides of facets (f, m): in space the two ends of
+    each segment (s, 2, 3), for sides (s, 3).
+    """
     heights = (nodes - place) @ normal
     above = heights[facets] > 0
     crossed = facets[above.any(axis=1) & ~above.all(axis=1)]
-    # Ends in the same order on both facets that share a side, so that neighboring segments meet to the last digit.
+    # Ends in the same order on both facets that share a side, so that neighboring segments meet to
+    # the last digit.
     pairs = [(0, 1), (1, 2), (2, 0)][: 1 if facets.shape[1] == 2 else 3]
     sides = np.sort(np.stack([crossed[:, pair] for pair in pairs], axis=1), axis=2)
     first, second = sides[(heights[sides] > 0).sum(axis=2) == 1].T
@@ -266,7 +357,9 @@ def _sections(nodes: np.ndarray, facets: np.ndarray, place: np.ndarray, normal: 
 
 
 def _split(tiles: np.ndarray, trace: np.ndarray, reach: float) -> np.ndarray:
-    """Return polygons in which those that a segment, `trace` (2, 2), meets are divided along its line; their extent is at most `reach`."""
+    """Return polygons in which those that a segment, `trace` (2, 2), meets are divided along its
+    line; their extent is at most `reach`.
+    """
     import shapely  # here, because few bodies need it
 
     start, end = trace

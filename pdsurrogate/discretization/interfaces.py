@@ -1,4 +1,6 @@
-"""Round interfaces between the materials of a scene, and the cells of a lattice that they divide."""
+"""Round interfaces between the materials of a scene, and the cells of a lattice that they
+divide.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,12 +13,16 @@ from ..scenes import Region, Scene
 from .chains import ROUNDING
 
 MOST_PLACES = 1_000_000
-"""Number of sampled places in cells whose sides are found together. Chosen: their coordinates take 16 or 24 MB."""
+"""Number of sampled places in cells whose sides are found together. Chosen: their coordinates
+take 16 or 24 MB.
+"""
 
 TIED = 1e-6
-"""Relative difference of distances up to which points are equally near to a part of a cell, which is then divided among them: on the
-diagonal of a circle rounding, and so the unit of length, would otherwise choose one of two. Chosen: far above rounding, and far below the
-distance of sampled places."""
+"""Relative difference of distances up to which points are equally near to a part of a cell, which
+is then divided among them: on the diagonal of a circle rounding, and so the unit of length, would
+otherwise choose one of two. Chosen: far above rounding, and far below the distance of sampled
+places.
+"""
 
 
 def round_interfaces(scene: Scene) -> tuple[Round, ...]:
@@ -26,7 +32,9 @@ def round_interfaces(scene: Scene) -> tuple[Round, ...]:
 
 
 def _round_shapes(scene: Scene, reference: str | Region) -> Iterator:
-    """Yield the discs and balls of which a region of the scene, given itself or by name, consists."""
+    """Yield the discs and balls of which a region of the scene, given itself or by name,
+    consists.
+    """
     region = scene.regions.get(reference) if isinstance(reference, str) else reference
     if region is not None:
         yield from (shape for shape in (region.disc, region.ball) if shape is not None)
@@ -34,37 +42,67 @@ def _round_shapes(scene: Scene, reference: str | Region) -> Iterator:
             yield from _round_shapes(scene, member)
 
 
-def sides_of(places: np.ndarray, rounds: Sequence[Round], raster: np.ndarray | None = None) -> np.ndarray:
-    """Number the sides of round interfaces on which places (k, d) lie, shape (k,), or those of a `raster` (m, d) about each, shape (k, m).
+def sides_of(
+    places: np.ndarray, rounds: Sequence[Round], raster: np.ndarray | None = None
+) -> np.ndarray:
+    """Number the sides of round interfaces on which places (k, d) lie, shape (k,), or those of a
+    `raster` (m, d) about each, shape (k, m).
 
-    Two places have the same number if they lie within the same circles or spheres. A place on an interface, to rounding, lies within it, as
-    in the region that it bounds.
+    Two places have the same number if they lie within the same circles or spheres. A place on an
+    interface, to rounding, lies within it, as in the region that it bounds.
     """
     around = np.zeros((1, places.shape[1])) if raster is None else raster
-    numbers, limits = np.zeros((len(places), len(around)), dtype=np.int64), [each.radius * (1 + ROUNDING) for each in rounds]
-    row, which = _beside(places, rounds, np.array(limits) + np.linalg.norm(around, axis=1).max() * (1 + ROUNDING))
+    numbers, limits = (
+        np.zeros((len(places), len(around)), dtype=np.int64),
+        [each.radius * (1 + ROUNDING) for each in rounds],
+    )
+    row, which = _beside(
+        places, rounds, np.array(limits) + np.linalg.norm(around, axis=1).max() * (1 + ROUNDING)
+    )
     level = np.arange(len(row)) - np.searchsorted(row, row)
     for number in range(level.max(initial=-1) + 1):
         rows, of_rows = row[level == number], which[level == number]
-        centers, radii = (np.array([values[k] for k in of_rows]) for values in ([each.center for each in rounds], limits))
-        within = np.linalg.norm(places[rows, None] + around - centers[:, None], axis=2) <= radii[:, None]
-        # The digits of the number, to a base that is greater by one than the count of shapes, are the shapes that contain the place.
-        numbers[rows] = np.where(within, numbers[rows] * (len(rounds) + 1) + of_rows[:, None] + 1, numbers[rows])
+        centers, radii = (
+            np.array([values[k] for k in of_rows])
+            for values in ([each.center for each in rounds], limits)
+        )
+        within = (
+            np.linalg.norm(places[rows, None] + around - centers[:, None], axis=2) <= radii[:, None]
+        )
+        # The digits of the number, to a base that is greater by one than the count of shapes, are
+        # the shapes that contain the place.
+        numbers[rows] = np.where(
+            within, numbers[rows] * (len(rounds) + 1) + of_rows[:, None] + 1, numbers[rows]
+        )
     return numbers[:, 0] if raster is None else numbers
 
 
-def _beside(places: np.ndarray, rounds: Sequence[Round], limits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return all places within `limits` (r,) of the centers of round shapes, and the number of the shape of each, sorted by place."""
-    which, row = owners_and_items(scipy.spatial.cKDTree(places).query_ball_point([each.center for each in rounds], limits))
+def _beside(
+    places: np.ndarray, rounds: Sequence[Round], limits: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return all places within `limits` (r,) of the centers of round shapes, and the number of
+    the shape of each, sorted by place.
+    """
+    which, row = owners_and_items(
+        scipy.spatial.cKDTree(places).query_ball_point([each.center for each in rounds], limits)
+    )
     order = np.argsort(row, kind="stable")
     return row[order], which[order]
 
 
-def divided_volumes(points: np.ndarray, volumes: np.ndarray, sides: np.ndarray, raster: np.ndarray, rounds: Sequence[Round]) -> np.ndarray:
-    """Return volumes of the points of a lattice, shape (n,), so that the points on each side of round interfaces have its whole volume.
+def divided_volumes(
+    points: np.ndarray,
+    volumes: np.ndarray,
+    sides: np.ndarray,
+    raster: np.ndarray,
+    rounds: Sequence[Round],
+) -> np.ndarray:
+    """Return volumes of the points of a lattice, shape (n,), so that the points on each side of
+    round interfaces have its whole volume.
 
-    The point of a cell that an interface divides keeps the part of the cell on its own side. The other parts go to the nearest points of
-    theirs. Cells that the boundary of the body cuts remain as they are.
+    The point of a cell that an interface divides keeps the part of the cell on its own side. The
+    other parts go to the nearest points of theirs. Cells that the boundary of the body cuts remain
+    as they are.
 
     Parameters
     ----------
@@ -78,7 +116,10 @@ def divided_volumes(points: np.ndarray, volumes: np.ndarray, sides: np.ndarray, 
     """
     half, found = np.linalg.norm(sides) / 2, volumes.copy()
     row, which = _beside(points, rounds, np.array([each.radius for each in rounds]) + half)
-    centers, radii = np.array([each.center for each in rounds]), np.array([each.radius for each in rounds])
+    centers, radii = (
+        np.array([each.center for each in rounds]),
+        np.array([each.radius for each in rounds]),
+    )
     row = np.unique(row[lengths_of(points[row] - centers[which]) > radii[which] - half])
     whole = np.flatnonzero(np.isclose(volumes, sides.prod(), rtol=1e-9, atol=0))
     cut, own = np.intersect1d(row, whole), sides_of(points, rounds)
@@ -97,7 +138,9 @@ def divided_volumes(points: np.ndarray, volumes: np.ndarray, sides: np.ndarray, 
                 if not len(heirs):  # an inclusion smaller than a cell has no point
                     continue
                 tree = scipy.spatial.cKDTree(points[heirs])
-                giver, heir = owners_and_items(tree.query_ball_point(middles[mine], tree.query(middles[mine])[0] * (1 + TIED)))
+                giver, heir = owners_and_items(
+                    tree.query_ball_point(middles[mine], tree.query(middles[mine])[0] * (1 + TIED))
+                )
                 volume = sides.prod() * part[mine].mean(axis=1)
                 found[cells[mine]] -= volume
                 np.add.at(found, heirs[heir], (volume / np.bincount(giver))[giver])

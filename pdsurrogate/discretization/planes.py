@@ -1,4 +1,6 @@
-"""Reflection planes, beyond which mirrored points continue a body and so hold its edges, and these edges, found before the points exist."""
+"""Reflection planes, beyond which mirrored points continue a body and so hold its edges, and
+these edges, found before the points exist.
+"""
 
 from collections.abc import Mapping
 
@@ -14,17 +16,23 @@ from ..scenes.shapes import Outline, Shape
 from .meshes import MeshFile, mesh_of
 
 LEAST_RADIUS = 2.0
-"""Least radius of curvature, in spacings, of a boundary that mirrored points hold. The torque on a hole that turns in a disc is 20 % too
-small with mirrored points at 2 spacings and 7 % at 3, and 70 and 54 % too large with points held (measured once)."""
+"""Least radius of curvature, in spacings, of a boundary that mirrored points hold. The torque on a
+hole that turns in a disc is 20 % too small with mirrored points at 2 spacings and 7 % at 3, and 70
+and 54 % too large with points held (measured once).
+"""
 
 FLAT = 1e-6
-"""Extent of a group of a mesh's sides across its plane or line, divided by its extent along it, up to which it counts as flat."""
+"""Extent of a group of a mesh's sides across its plane or line, divided by its extent along it,
+up to which it counts as flat.
+"""
 
 
 def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) -> str | None:
-    """Return the name of the edge (or face) that a region of a scene covers whole; None if it covers none or only a part.
+    """Return the name of the edge (or face) that a region of a scene covers whole; None if it
+    covers none or only a part.
 
-    `faces` gives the names of whole edges by the names of the mesh groups that cover them, see `faces_of_groups`.
+    `faces` gives the names of whole edges by the names of the mesh groups that cover them, see
+    `faces_of_groups`.
     """
     if isinstance(region, str):
         if region in edge_names(scene.dimension):
@@ -37,7 +45,9 @@ def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) 
 
 
 def whole_boundaries(scene: Scene, region: RegionReference) -> tuple[str, ...]:
-    """Return the names of the outline and holes, or of the curved group of a mesh's sides, that a region consists of; empty for others."""
+    """Return the names of the outline and holes, or of the curved group of a mesh's sides, that
+    a region consists of; empty for others.
+    """
     if isinstance(region, str) and region in scene.regions:
         return whole_boundaries(scene, scene.regions[region])
     meshed = isinstance(scene.body, Mesh)
@@ -45,14 +55,20 @@ def whole_boundaries(scene: Scene, region: RegionReference) -> tuple[str, ...]:
         members = [member for _, member in region.members()]
         if len(members) == 1 and region.other is None:
             return whole_boundaries(scene, members[0])
-        return (f"group {region.group}",) if meshed and _is_curved(mesh_of(scene.body), region.group) else ()
+        return (
+            (f"group {region.group}",)
+            if meshed and _is_curved(mesh_of(scene.body), region.group)
+            else ()
+        )
     if region == "holes" and not meshed:
         return tuple(f"holes.{number}" for number in range(len(scene.holes)))
     return (region,) if region in ("outline", "holes") or region.startswith("holes.") else ()
 
 
 def _is_curved(mesh: MeshFile, group: str | None) -> bool:
-    """Return whether a group of a mesh is one of sides of cells that do not lie in a plane, or on a line in two dimensions."""
+    """Return whether a group of a mesh is one of sides of cells that do not lie in a plane, or
+    on a line in two dimensions.
+    """
     if group not in mesh.side_groups or not len(mesh.side_groups[group]):
         return False
     places = mesh.nodes[np.unique(mesh.side_groups[group])]
@@ -61,29 +77,40 @@ def _is_curved(mesh: MeshFile, group: str | None) -> bool:
 
 
 def held_boundaries(scene: Scene, curves: bool = True) -> tuple[HeldBoundary, ...]:
-    """Return the boundaries of a scene that mirrored points hold; `curves` as for `held_at_points`."""
+    """Return the boundaries of a scene that mirrored points hold; `curves` as for
+    `held_at_points`.
+    """
     able = (name for name, why in _boundaries_held(scene, curves).items() if not why)
-    return tuple(HeldBoundary(name, _shape_of(scene, name), name != "outline", (-1,) * scene.dimension) for name in able)
+    return tuple(
+        HeldBoundary(name, _shape_of(scene, name), name != "outline", (-1,) * scene.dimension)
+        for name in able
+    )
 
 
 def held_at_points(scene: Scene, curves: bool) -> dict[str, str]:
-    """Return the outlines, holes and curved groups that a scene holds at their points, by name, with the reason and what would help.
+    """Return the outlines, holes and curved groups that a scene holds at their points, by name,
+    with the reason and what would help.
 
-    Images beyond reentrant corners and tight bends (`LEAST_RADIUS`) would meet, and are left out. `curves` says whether the force model
-    supports mirrored points beyond curves.
+    Images beyond reentrant corners and tight bends (`LEAST_RADIUS`) would meet, and are left out.
+    `curves` says whether the force model supports mirrored points beyond curves.
     """
     return {name: why for name, why in _boundaries_held(scene, curves).items() if why}
 
 
 def _boundaries_held(scene: Scene, curves: bool) -> dict[str, str]:
-    """Return the boundaries of which a scene prescribes at least one component: by name why points hold them, or "" for mirrored points."""
+    """Return the boundaries of which a scene prescribes at least one component: by name why
+    points hold them, or "" for mirrored points.
+    """
     if scene.support != "reflected":
         return {}
     held = {}
     for entry in prescribed_in(scene).values():
         for name in whole_boundaries(scene, entry.region):
             held.setdefault(name, set()).update(prescribed_components(entry, scene.dimension))
-    return {name: _why_at_points(scene, name, components, curves) for name, components in sorted(held.items())}
+    return {
+        name: _why_at_points(scene, name, components, curves)
+        for name, components in sorted(held.items())
+    }
 
 
 def _shape_of(scene: Scene, name: str) -> Shape:
@@ -92,12 +119,20 @@ def _shape_of(scene: Scene, name: str) -> Shape:
 
 
 def _why_at_points(scene: Scene, name: str, components: set[int], curves: bool) -> str:
-    """Return why mirrored points do not hold a boundary whose given components are prescribed, and what would help; empty if they do."""
+    """Return why mirrored points do not hold a boundary whose given components are prescribed,
+    and what would help; empty if they do.
+    """
     finer = "use a smaller spacing"
     if isinstance(scene.body, Mesh):
-        return f"in bodies from meshes only whole edges of the bounding box have mirrored points; define the body by shapes, or {finer}"
+        return (
+            "in bodies from meshes only whole edges of the bounding box have mirrored points;"
+            f" define the body by shapes, or {finer}"
+        )
     if not curves:
-        return f"this force has no mirrored points at curved boundaries; use force=bond-energy or analytic, or {finer}"
+        return (
+            "this force has no mirrored points at curved boundaries; use force=bond-energy or"
+            f" analytic, or {finer}"
+        )
     if missing := set(range(scene.dimension)) - components:
         free = " and ".join(f"x{component + 1}" for component in sorted(missing))
         return f"{free} is free; prescribe all components if the boundary is bonded, or {finer}"
@@ -109,30 +144,47 @@ def _why_at_points(scene: Scene, name: str, components: set[int], curves: bool) 
         import shapely  # here, because few bodies need it
 
         polygon = shapely.polygons(nodes)
-        if polygon.convex_hull.area > (1 + 1e-9) * polygon.area if name == "outline" else isinstance(shape, Rectangle | Polygon):
+        if (
+            polygon.convex_hull.area > (1 + 1e-9) * polygon.area
+            if name == "outline"
+            else isinstance(shape, Rectangle | Polygon)
+        ):
             return f"it has reentrant corners; {finer}"
         curvature = float(shape.nearest(nodes)[1].max())
     elif not isinstance(shape, Sphere) or shape.part != "whole":
-        return f"in three dimensions only whole spheres have mirrored points; prescribe flat faces by their names, or {finer}"
+        return (
+            "in three dimensions only whole spheres have mirrored points; prescribe flat faces by"
+            f" their names, or {finer}"
+        )
     else:
         curvature = 1 / shape.radius
     if curvature * LEAST_RADIUS * scene.spacing <= 1:
         return ""
-    least = f"its least radius of curvature, {1 / curvature:.3g}, is below {LEAST_RADIUS:g} spacings"
+    least = (
+        f"its least radius of curvature, {1 / curvature:.3g}, is below {LEAST_RADIUS:g} spacings"
+    )
     return f"{least}; use a spacing of at most {1 / curvature / LEAST_RADIUS:.3g}"
 
 
 def prescribed_components(entry: Prescribed, dimension: int) -> tuple[int, ...]:
-    """Return the numbers, from 0 for x1, of the displacement components that an entry of `prescribed` fixes; all for a rotation."""
-    return tuple(component for component in range(dimension) if entry.rotation is not None or entry.displacement[component] is not None)
+    """Return the numbers, from 0 for x1, of the displacement components that an entry of
+    `prescribed` fixes; all for a rotation.
+    """
+    return tuple(
+        component
+        for component in range(dimension)
+        if entry.rotation is not None or entry.displacement[component] is not None
+    )
 
 
 def reflected_edges(scene: Scene, faces: Mapping[str, str]) -> dict[str, set[int]]:
-    """Return the edges of a scene that reflection planes hold, each with the displacement components that are held there, 0 for x1.
+    """Return the edges of a scene that reflection planes hold, each with the displacement
+    components that are held there, 0 for x1.
 
-    Reflection planes hold an edge if grips or entries of `prescribed` apply to the whole of it, by its name or by a mesh group that covers
-    it (see `whole_edge`, also for `faces`), and prescribe its normal component, alone or as part of a rotation. On other edges that a
-    scene holds, the outermost points are held instead.
+    Reflection planes hold an edge if grips or entries of `prescribed` apply to the whole of it, by
+    its name or by a mesh group that covers it (see `whole_edge`, also for `faces`), and prescribe
+    its normal component, alone or as part of a rotation. On other edges that a scene holds, the
+    outermost points are held instead.
     """
     if scene.support != "reflected":
         return {}
@@ -144,11 +196,13 @@ def reflected_edges(scene: Scene, faces: Mapping[str, str]) -> dict[str, set[int
     return {edge: components for edge, components in held.items() if EDGES[edge][0] in components}
 
 
-def reflection_planes(scene: Scene, lower, upper, faces: Mapping[str, str]) -> tuple[ReflectionPlane, ...]:
+def reflection_planes(
+    scene: Scene, lower, upper, faces: Mapping[str, str]
+) -> tuple[ReflectionPlane, ...]:
     """Return the reflection planes that hold edges of a scene, one for each of `reflected_edges`.
 
-    `lower` and `upper` are the corners of the body's bounding box, shape (d,); `faces` gives the names of whole edges by the names of the
-    mesh groups that cover them, see `faces_of_groups`.
+    `lower` and `upper` are the corners of the body's bounding box, shape (d,); `faces` gives the
+    names of whole edges by the names of the mesh groups that cover them, see `faces_of_groups`.
     """
     planes = []
     for edge, components in reflected_edges(scene, faces).items():

@@ -13,19 +13,23 @@ from .meshes import mesh_of
 from .points import material_at
 
 BYTES_PER_BOND = 50
-"""Least memory in bytes for every directed bond of a body, with its share of points, forces and equilibrium.
+"""Least memory in bytes for every directed bond of a body, with its share of points, forces and
+equilibrium.
 
-A sheet of a million points with 28 bonds each needed 1.4 GB (docs/validation/ranks.md). This is a lower bound: every body that it rejects
-would not have fitted.
+A sheet of a million points with 28 bonds each needed 1.4 GB (docs/validation/ranks.md). This is a
+lower bound: every body that it rejects would not have fitted.
 """
 
 SAMPLED = 32
-"""Sampled places along each side of the box around a body: 1,024 of a sheet and 32,768 of a solid estimate its share of material, which
-suffices for a bound on memory."""
+"""Sampled places along each side of the box around a body: 1,024 of a sheet and 32,768 of a solid
+estimate its share of material, which suffices for a bound on memory.
+"""
 
 
 def memory_here() -> float:
-    """Return the physical memory of this machine in bytes, or the limit of the process's control group if lower; infinite if unknown."""
+    """Return the physical memory of this machine in bytes, or the limit of the process's control
+    group if lower; infinite if unknown.
+    """
     found = [math.inf]
     with suppress(AttributeError, OSError, ValueError):
         found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
@@ -35,7 +39,8 @@ def memory_here() -> float:
 
 
 def estimated_points(scene: Scene) -> float:
-    """Return about how many points the body of a scene will have; of a mesh, the number of its cells.
+    """Return about how many points the body of a scene will have; of a mesh, the number of its
+    cells.
 
     Raises
     ------
@@ -50,8 +55,13 @@ def estimated_points(scene: Scene) -> float:
     lower, upper = (np.array(corner, dtype=float) for corner in scene.body.bounds())
     dimension = len(lower)
     axis = (np.arange(SAMPLED) + 0.5) / SAMPLED
-    places = np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
-    return float(np.prod((upper - lower) / scene.spacing) * material_at(scene, lower + places * (upper - lower)).mean())
+    places = np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(
+        -1, dimension
+    )
+    return float(
+        np.prod((upper - lower) / scene.spacing)
+        * material_at(scene, lower + places * (upper - lower)).mean()
+    )
 
 
 def check_size(scene: Scene, memory: float) -> None:
@@ -66,9 +76,12 @@ def check_size(scene: Scene, memory: float) -> None:
     Raises
     ------
     SceneError
-        If the body is too large; the message states its number of points and the least possible spacing.
+        If the body is too large; the message states its number of points and the least possible
+        spacing.
     """
-    if isinstance(scene.body, Mesh):  # its points are the cells of a file, which somebody has had in memory
+    if isinstance(
+        scene.body, Mesh
+    ):  # its points are the cells of a file, which somebody has had in memory
         return
     lower, upper = (np.array(corner, dtype=float) for corner in scene.body.bounds())
     dimension = len(lower)
@@ -85,6 +98,12 @@ def check_size(scene: Scene, memory: float) -> None:
         return
     why = f"the limit is {MOST_POINTS:.3g}"
     if needed > memory:
-        why = f"they need at least {needed / 1e9:.3g} GB of memory, and {memory / 1e9:.3g} GB are available"
+        why = (
+            f"they need at least {needed / 1e9:.3g} GB of memory, and {memory / 1e9:.3g} GB are"
+            " available"
+        )
     least = scene.spacing * excess ** (1 / dimension)
-    raise SceneError(f"scene {scene.name}: spacing {scene.spacing:g} makes {points:.3g} points; {why}; use a spacing above {least:.2g}")
+    raise SceneError(
+        f"scene {scene.name}: spacing {scene.spacing:g} makes {points:.3g} points; {why}; use a"
+        f" spacing above {least:.2g}"
+    )

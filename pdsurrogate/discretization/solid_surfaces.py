@@ -1,10 +1,11 @@
 """Boundary of a solid composed of shapes, as triangles.
 
-The boundary of a prism, such as a box, a cylinder or an extrusion, is the boundary of its section (found as in `surfaces` for the plane)
-extruded along its axis, and a cap on either end.  Holes that go all the way through along its axis are part of the section.  Other holes
-have a closed boundary of their own, and lie inside the body.  The boundary of a half, quarter or eighth of a sphere consists of curved
-faces, each an eighth of the whole sphere's surface, and flat faces within their rims; a spherical hole with its center on a flat face is
-cut by that face.
+The boundary of a prism, such as a box, a cylinder or an extrusion, is the boundary of its section
+(found as in `surfaces` for the plane) extruded along its axis, and a cap on either end.  Holes that
+go all the way through along its axis are part of the section.  Other holes have a closed boundary
+of their own, and lie inside the body.  The boundary of a half, quarter or eighth of a sphere
+consists of curved faces, each an eighth of the whole sphere's surface, and flat faces within their
+rims; a spherical hole with its center on a flat face is cut by that face.
 """
 
 import math
@@ -21,32 +22,45 @@ from ..scenes.solids import Prism, Solid, Straight
 from .chains import ROUNDING, boundary_of, same_places
 
 AWAY = 0.6
-"""Distance, in cells, from the boundary of a section within which a cap has no nodes other than those on the boundary. Chosen: the nodes
-within are a cell apart; a smaller distance makes flat triangles at the boundary, a greater one long ones."""
+"""Distance, in cells, from the boundary of a section within which a cap has no nodes other than
+those on the boundary. Chosen: the nodes within are a cell apart; a smaller distance makes flat
+triangles at the boundary, a greater one long ones.
+"""
 
 MOST_ROUNDS = 20
-"""Maximum number of times that sides of a section are halved until they are sides of its triangles; three do except at acute corners."""
+"""Maximum number of times that sides of a section are halved until they are sides of its
+triangles; three do except at acute corners.
+"""
 
 
-def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the boundary of a solid: nodes (k, 3), triangles (f, 3) of node numbers, and part names (f,): outline, holes.0, ...
+def boundary_of_solids(
+    scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the boundary of a solid: nodes (k, 3), triangles (f, 3) of node numbers, and part
+    names (f,): outline, holes.0, ...
 
-    Facets are about a cell long, on spheres half as long. A flat rectangle is divided into cells, and each cell into four triangles that
-    meet at its middle.
+    Facets are about a cell long, on spheres half as long. A flat rectangle is divided into cells,
+    and each cell into four triangles that meet at its middle.
 
     Raises
     ------
     ValueError
-        If the boundary of a hole meets the boundary of the body or of another hole, and the hole does not go all the way through along the
-        axis of the body.
+        If the boundary of a hole meets the boundary of the body or of another hole, and the hole
+        does not go all the way through along the axis of the body.
     """
     tolerance = ROUNDING * float((upper - lower).max())
     problem = None
     for axis in _axes_of(scene.body):
         body = _along(scene.body, axis)
-        through = [number for number, hole in enumerate(scene.holes) if _goes_through(_along(hole, axis), body, tolerance)]
+        through = [
+            number
+            for number, hole in enumerate(scene.holes)
+            if _goes_through(_along(hole, axis), body, tolerance)
+        ]
         parts = {
-            number: _closed(hole, _halved_with(scene.body, hole, tolerance), cell, tolerance)[:, ::-1]
+            number: _closed(hole, _halved_with(scene.body, hole, tolerance), cell, tolerance)[
+                :, ::-1
+            ]
             for number, hole in enumerate(scene.holes)
             if number not in through
         }
@@ -55,14 +69,17 @@ def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper:
             break
     if problem is not None:
         raise ValueError(
-            f"holes.{problem}: its boundary intersects another one; with loads or probes, a hole must lie inside the body, go all the way "
-            "through a box, cylinder, tube or extrusion along its axis, or be a sphere with its center on a flat face of a part of a sphere"
+            f"holes.{problem}: its boundary intersects another one; with loads or probes, a hole"
+            " must lie inside the body, go all the way through a box, cylinder, tube or extrusion"
+            " along its axis, or be a sphere with its center on a flat face of a part of a sphere"
         )
     if body is None:
         triangles, names = [_sphere(scene.body, scene.body.halved, cell)], ["outline"]
     else:
         holes = {f"holes.{number}": _along(scene.holes[number], axis).section for number in through}
-        holes |= {f"holes.{number}": bore for number, bore in enumerate(body.bores, len(scene.holes))}
+        holes |= {
+            f"holes.{number}": bore for number, bore in enumerate(body.bores, len(scene.holes))
+        }
         found = _prism(body, axis, cell, tolerance, tuple(holes.values()))
         triangles, names = found, ["outline", *holes]
     for number, of_hole in parts.items():
@@ -70,7 +87,11 @@ def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper:
         names.append(f"holes.{number}")
     if body is None:
         for axis in scene.body.halved:
-            triangles.append(_flat_face(scene.body, axis, np.concatenate(triangles[: 1 + len(parts)]), cell, tolerance))
+            triangles.append(
+                _flat_face(
+                    scene.body, axis, np.concatenate(triangles[: 1 + len(parts)]), cell, tolerance
+                )
+            )
             names.append("outline")
     nodes = np.concatenate(triangles).reshape(-1, 3)
     facets = same_places(nodes, 4 * tolerance).reshape(-1, 3)
@@ -78,12 +99,22 @@ def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper:
 
 
 def _axes_of(body: Solid) -> tuple[int, ...]:
-    """Return the axes along which to look for holes through a body: all for a box, the axis of a prism, x3 alone for a sphere."""
-    return (2, 0, 1) if isinstance(body, Box) else (body.straight.along,) if isinstance(body, Prism) else (2,)
+    """Return the axes along which to look for holes through a body: all for a box, the axis of a
+    prism, x3 alone for a sphere.
+    """
+    return (
+        (2, 0, 1)
+        if isinstance(body, Box)
+        else (body.straight.along,)
+        if isinstance(body, Prism)
+        else (2,)
+    )
 
 
 def _along(shape: Solid, axis: int) -> Straight | None:
-    """Return the description of a shape as a prism along an axis; None if it is not such a prism."""
+    """Return the description of a shape as a prism along an axis; None if it is not such a
+    prism.
+    """
     if isinstance(shape, Box):
         return shape.straight_along(axis)
     return shape.straight if isinstance(shape, Prism) and shape.straight.along == axis else None
@@ -96,28 +127,37 @@ def _goes_through(hole: Straight | None, body: Straight | None, tolerance: float
 
 
 def _halved_with(body: Solid, hole: Solid, tolerance: float) -> tuple[int, ...]:
-    """Return the axes normal to the planes that cut off a part of a spherical hole; none for holes of other shapes.
+    """Return the axes normal to the planes that cut off a part of a spherical hole; none for holes
+    of other shapes.
 
-    For a part of a sphere they are those of its own flat faces; for a whole sphere, those of the flat faces of the body, itself a part of
-    a sphere, on which the center of the hole lies.
+    For a part of a sphere they are those of its own flat faces; for a whole sphere, those of the
+    flat faces of the body, itself a part of a sphere, on which the center of the hole lies.
     """
     if not isinstance(hole, Sphere):
         return ()
-    cut = tuple(axis for axis in _faces_of_part(body) if abs(hole.center[axis] - body.center[axis]) <= tolerance)
+    cut = tuple(
+        axis
+        for axis in _faces_of_part(body)
+        if abs(hole.center[axis] - body.center[axis]) <= tolerance
+    )
     return hole.halved or cut
 
 
 def _faces_of_part(body: Solid) -> tuple[int, ...]:
-    """Return the normal axes of the flat faces of a body that is a part of a sphere; none for other bodies."""
+    """Return the normal axes of the flat faces of a body that is a part of a sphere; none for
+    other bodies.
+    """
     return body.halved if isinstance(body, Sphere) else ()
 
 
 def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> int | None:
-    """Return the number of the first hole, among the holes in `closed`, whose boundary leaves the body or meets another hole; else None.
+    """Return the number of the first hole, among the holes in `closed`, whose boundary leaves the
+    body or meets another hole; else None.
 
     `closed` gives the boundaries as triangles, shape (f, 3, 3), by the numbers of the holes.
 
-    The rims of spherical holes that flat faces cut lie on these faces and do not count as leaving the body.
+    The rims of spherical holes that flat faces cut lie on these faces and do not count as leaving
+    the body.
     """
     inward = np.zeros(3)
     inward[list(_faces_of_part(scene.body))] = 4 * tolerance
@@ -134,10 +174,14 @@ def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> i
     return None
 
 
-def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return the boundary of one shape as triangles (f, 3, 3), counter-clockwise as seen from outside.
+def _closed(
+    shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: float
+) -> np.ndarray:
+    """Return the boundary of one shape as triangles (f, 3, 3), counter-clockwise as seen from
+    outside.
 
-    The boundary is closed, except for a sphere cut by planes normal to the axes `halved`: it is then the curved surface without flat faces.
+    The boundary is closed, except for a sphere cut by planes normal to the axes `halved`: it is
+    then the curved surface without flat faces.
     """
     if isinstance(shape, Sphere):
         return _sphere(shape, halved, cell)
@@ -146,26 +190,42 @@ def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: 
 
 
 def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.ndarray:
-    """Return the curved surface of a sphere, or of its part with greater coordinates than the center along each of the axes `halved`.
+    """Return the curved surface of a sphere, or of its part with greater coordinates than the
+    center along each of the axes `halved`.
 
     The result is triangles, shape (f, 3, 3).
 
     The triangles of the whole sphere enclose exactly its volume.
 
-    A whole sphere is a divided icosahedron, a part of one is made of divided eighths. Nodes lie outside the sphere about as far as the
-    middles of facets lie inside, so that the work of a pressure in an affine motion is exact. Facets are about half a cell long: the work
-    of a pressure that widens a hole of six cells' radius is then 0.25 % too small; with facets of a whole cell it is 1 %.
+    A whole sphere is a divided icosahedron, a part of one is made of divided eighths. Nodes lie
+    outside the sphere about as far as the middles of facets lie inside, so that the work of a
+    pressure in an affine motion is exact. Facets are about half a cell long: the work of a pressure
+    that widens a hole of six cells' radius is then 0.25 % too small; with facets of a whole cell it
+    is 1 %.
     """
     if halved:
-        signs = np.array(list(product(*((1.0,) if axis in halved else (1.0, -1.0) for axis in range(3)))))
+        signs = np.array(
+            list(product(*((1.0,) if axis in halved else (1.0, -1.0) for axis in range(3))))
+        )
         faces = signs[:, :, None] * np.eye(3)
-        # The sides of an eighth are divided evenly; in its middle the facets are larger by 1.4, as are those of the icosahedron by 1.3.
+        # The sides of an eighth are divided evenly; in its middle the facets are larger by 1.4, as
+        # are those of the icosahedron by 1.3.
         count, whole = max(3, math.ceil(2.5 * math.pi / 2 * sphere.radius / cell.min())), 8
     else:
         golden = (1 + math.sqrt(5)) / 2
-        corners = np.array([np.roll([0.0, one, golden * other], turn) for turn in range(3) for one in (-1, 1) for other in (-1, 1)])
-        faces = corners[np.unique(np.sort(scipy.spatial.ConvexHull(corners).simplices, axis=1)[:, ::-1], axis=0)]
-        # The greatest of the projected sides is 1.3 times the even division of the arc, and the arc 1.107 radii.
+        corners = np.array(
+            [
+                np.roll([0.0, one, golden * other], turn)
+                for turn in range(3)
+                for one in (-1, 1)
+                for other in (-1, 1)
+            ]
+        )
+        faces = corners[
+            np.unique(np.sort(scipy.spatial.ConvexHull(corners).simplices, axis=1)[:, ::-1], axis=0)
+        ]
+        # The greatest of the projected sides is 1.3 times the even division of the arc, and the arc
+        # 1.107 radii.
         count, whole = max(3, math.ceil(2.5 * sphere.radius / cell.min())), 20
     inward = np.linalg.det(faces) < 0
     faces[inward] = faces[inward][:, ::-1]
@@ -175,9 +235,13 @@ def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.nda
             corner = np.array([[row, column], [row + 1, column], [row, column + 1]])
             triangles.append(corner)
             if column < count - row - 1:
-                triangles.append(np.array([[row + 1, column], [row + 1, column + 1], [row, column + 1]]))
+                triangles.append(
+                    np.array([[row + 1, column], [row + 1, column + 1], [row, column + 1]])
+                )
     shares = np.array(triangles) / count
-    weights = np.concatenate([1 - shares.sum(axis=2, keepdims=True), shares], axis=2)  # of the corners of a face
+    weights = np.concatenate(
+        [1 - shares.sum(axis=2, keepdims=True), shares], axis=2
+    )  # of the corners of a face
     if halved:
         weights = np.sin(np.pi / 2 * weights)
     found = np.einsum("tnc,fcd->ftnd", weights, faces).reshape(-1, 3, 3)
@@ -186,10 +250,14 @@ def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.nda
     return np.array(sphere.center) + sphere.radius * np.cbrt(4 * np.pi / 3 / volume) * found
 
 
-def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return the triangles (f, 3, 3) of the flat face of a part of a sphere, normal to `axis`, between the rims of its curved faces.
+def _flat_face(
+    sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, tolerance: float
+) -> np.ndarray:
+    """Return the triangles (f, 3, 3) of the flat face of a part of a sphere, normal to `axis`,
+    between the rims of its curved faces.
 
-    `curved` are the triangles of these, shape (f, 3, 3). Two flat faces have common nodes along the line where they meet.
+    `curved` are the triangles of these, shape (f, 3, 3). Two flat faces have common nodes along the
+    line where they meet.
     """
     center, across = np.array(sphere.center), [(axis + 1) % 3, (axis + 2) % 3]
     nodes = curved.reshape(-1, 3)
@@ -203,7 +271,9 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
         if other == axis:
             continue
         along = 3 - axis - other
-        line = [end for end in (*starts, *ends) if abs(nodes[end, other] - center[other]) <= tolerance]
+        line = [
+            end for end in (*starts, *ends) if abs(nodes[end, other] - center[other]) <= tolerance
+        ]
         line.sort(key=lambda end: nodes[end, along])
         if len(line) % 2:  # the corner where three flat faces meet
             line.insert(0, len(nodes))
@@ -212,7 +282,10 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
         for low, high in zip(line[::2], line[1::2], strict=True):
             pieces_of_line = max(1, round((places[high][along] - places[low][along]) / cell[along]))
             between = [low, *range(len(places), len(places) + pieces_of_line - 1), high]
-            places.extend(places[low] + (places[high] - places[low]) * part / pieces_of_line for part in range(1, pieces_of_line))
+            places.extend(
+                places[low] + (places[high] - places[low]) * part / pieces_of_line
+                for part in range(1, pieces_of_line)
+            )
             # A rim that ends at a place goes on along the line.
             added += pairwise(between if low in ends or high in starts else between[::-1])
     sides = np.concatenate([sides, np.array(added, dtype=int).reshape(-1, 2)])
@@ -223,11 +296,14 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
     return found[:, ::-1]
 
 
-def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]) -> list[np.ndarray]:
-    """Return the boundary of a prism as triangle arrays (f, 3, 3): its outline with both caps, then each hole through it.
+def _prism(
+    straight: Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]
+) -> list[np.ndarray]:
+    """Return the boundary of a prism as triangle arrays (f, 3, 3): its outline with both caps, then
+    each hole through it.
 
-    The argument `straight` describes the prism, which extends along `axis`, and `holes` are the plane sections of the holes. `cell` are the
-    sizes of a cell along the three axes.
+    The argument `straight` describes the prism, which extends along `axis`, and `holes` are the
+    plane sections of the holes. `cell` are the sizes of a cell along the three axes.
     """
     across = [(axis + 1) % 3, (axis + 2) % 3]
     beside = cell[across]
@@ -238,10 +314,15 @@ def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, ho
 
     if isinstance(straight.section, Rectangle) and not holes:
         nodes = straight.section.boundary(beside)
-        sides, chain = np.stack([np.arange(len(nodes)), np.roll(np.arange(len(nodes)), -1)], axis=1), np.zeros(len(nodes), dtype=int)
+        sides, chain = (
+            np.stack([np.arange(len(nodes)), np.roll(np.arange(len(nodes)), -1)], axis=1),
+            np.zeros(len(nodes), dtype=int),
+        )
         cap = _tiles(nodes)
     else:
-        chains = [shape.boundary(beside * (1 + isinstance(shape, Circle | Ellipse))) for shape in shapes]
+        chains = [
+            shape.boundary(beside * (1 + isinstance(shape, Circle | Ellipse))) for shape in shapes
+        ]
         nodes, sides, chain, cap = _triangulated(*boundary_of(chains, tolerance), beside)
 
     def placed(places: np.ndarray, level: np.ndarray | float) -> np.ndarray:
@@ -266,19 +347,25 @@ def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, ho
 
 
 def quarters(quadrilaterals: np.ndarray) -> np.ndarray:
-    """Divide each quadrilateral (q, 4, d) into four triangles about the mean of its corners; return the triangles, shape (4 q, 3, d)."""
+    """Divide each quadrilateral (q, 4, d) into four triangles about the mean of its corners;
+    return the triangles, shape (4 q, 3, d).
+    """
     middles = np.broadcast_to(quadrilaterals.mean(axis=1, keepdims=True), quadrilaterals.shape)
     triangles = np.stack([quadrilaterals, np.roll(quadrilaterals, -1, axis=1), middles], axis=2)
     return triangles.reshape(-1, *triangles.shape[2:])
 
 
 def _tiles(nodes: np.ndarray) -> np.ndarray:
-    """Divide a rectangle into the tiles between nodes on its edges, and each tile into four triangles; return them, shape (t, 3, 2)."""
+    """Divide a rectangle into the tiles between nodes on its edges, and each tile into four
+    triangles; return them, shape (t, 3, 2).
+    """
     low = nodes.min(axis=0)
     on_edges = nodes - low <= ROUNDING * np.ptp(nodes, axis=0).max()
     x1, x2 = (np.unique(nodes[on_edges[:, 1 - axis], axis]) for axis in (0, 1))
     corners = np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1)
-    tiles = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]], axis=2)
+    tiles = np.stack(
+        [corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]], axis=2
+    )
     return quarters(tiles.reshape(-1, 4, 2))
 
 
@@ -287,32 +374,47 @@ def _triangulated(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Divide the area within closed polygons (chains of sides) into triangles about a cell long.
 
-    They are the Delaunay triangles of the nodes of the polygons and of a lattice within; sides of polygons that are sides of no triangle
-    are halved.
+    They are the Delaunay triangles of the nodes of the polygons and of a lattice within; sides of
+    polygons that are sides of no triangle are halved.
 
     Returns
     -------
     nodes, sides, chain
-        Nodes of the polygons, sides and the number of the polygon of each side, with halved sides and new numbers of nodes.
+        Nodes of the polygons, sides and the number of the polygon of each side, with halved sides
+        and new numbers of nodes.
     triangles : ndarray, shape (t, 3, 2)
         Positions of the corners, counter-clockwise.
     """
     used, sides = np.unique(sides, return_inverse=True)
-    middle = nodes[used].mean(axis=0)  # areas and Delaunay's criterion have products of coordinates, which far from the origin are rounded
+    middle = nodes[used].mean(
+        axis=0
+        # areas and Delaunay's criterion have products of coordinates, which far from the origin are
+        # rounded
+    )
     nodes, sides = (nodes[used] - middle) / cell, sides.reshape(-1, 2)
     outline = Surface(nodes, sides, np.array([]), None)
     lower, upper = nodes.min(axis=0), nodes.max(axis=0)
     count = np.ceil((upper - lower) / 2 / [1, math.sqrt(0.75)]).astype(int) + 1
-    column, row = np.meshgrid(np.arange(-count[0], count[0] + 1), np.arange(-count[1], count[1] + 1), indexing="ij")
-    lattice = (lower + upper) / 2 + np.stack([column + row % 2 / 2, math.sqrt(0.75) * row], axis=-1).reshape(-1, 2)
+    column, row = np.meshgrid(
+        np.arange(-count[0], count[0] + 1), np.arange(-count[1], count[1] + 1), indexing="ij"
+    )
+    lattice = (lower + upper) / 2 + np.stack(
+        [column + row % 2 / 2, math.sqrt(0.75) * row], axis=-1
+    ).reshape(-1, 2)
     lattice = lattice[outline.encloses(lattice)]
     lattice = lattice[~np.isfinite(outline.distances(lattice, AWAY))]
     for _ in range(MOST_ROUNDS):
         places = np.concatenate([nodes, lattice])
-        found = scipy.spatial.Delaunay(places).simplices.astype(np.int64)  # products of two numbers of nodes exceed 32 bits
-        edges = np.sort(np.concatenate([found[:, [0, 1]], found[:, [1, 2]], found[:, [2, 0]]]), axis=1)
+        found = scipy.spatial.Delaunay(places).simplices.astype(
+            np.int64
+        )  # products of two numbers of nodes exceed 32 bits
+        edges = np.sort(
+            np.concatenate([found[:, [0, 1]], found[:, [1, 2]], found[:, [2, 0]]]), axis=1
+        )
         ends = np.sort(sides, axis=1)
-        missing = np.flatnonzero(~np.isin(ends[:, 0] * len(places) + ends[:, 1], edges[:, 0] * len(places) + edges[:, 1]))
+        missing = np.flatnonzero(
+            ~np.isin(ends[:, 0] * len(places) + ends[:, 1], edges[:, 0] * len(places) + edges[:, 1])
+        )
         if not len(missing):
             break
         middles = len(nodes) + np.arange(len(missing))
@@ -328,5 +430,8 @@ def _triangulated(
     triangles = triangles[np.abs(areas) > 1e-12]
     area = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum() / 2
     if len(missing) or abs(np.abs(areas).sum() - area) > 1e-9 * area:
-        raise ValueError("body: its cross-section has corners that are too sharp for a triangulation, so loads and probes are not possible")
+        raise ValueError(
+            "body: its cross-section has corners that are too sharp for a triangulation, so loads"
+            " and probes are not possible"
+        )
     return middle + nodes * cell, sides, chain, middle + triangles * cell

@@ -1,1 +1,3 @@
-"""Compilation of functions with a cache on disk, parallel passes over a body, vector loads and stores, arrays of constant row length."""
+"""Compilation of functions with a cache on disk, parallel passes over a body, vector loads and
+stores, arrays of constant row length.
+"""

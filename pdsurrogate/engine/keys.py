@@ -1,9 +1,11 @@
-"""Digests of everything that the compiled code of a function depends on, which serve as keys of the disk cache.
+"""Digests of everything that the compiled code of a function depends on, which serve as keys of the
+disk cache.
 
-numba keys its cache by the file that holds a function. It does not see changes in called functions or in imported constants, which it
-freezes. The digest made here covers the code of the function, the values of its globals, closures and defaults, and, recursively, the code
-of every function that it calls, in whatever file; comments and docstrings are left out. Functions of installed libraries count by name and
-version.
+numba keys its cache by the file that holds a function. It does not see changes in called functions
+or in imported constants, which it freezes. The digest made here covers the code of the function,
+the values of its globals, closures and defaults, and, recursively, the code of every function that
+it calls, in whatever file; comments and docstrings are left out. Functions of installed libraries
+count by name and version.
 """
 
 from __future__ import annotations
@@ -26,10 +28,15 @@ from numba.core.typing.templates import builtin_registry
 from numba.extending import _Intrinsic
 
 LIBRARIES = frozenset({"numba", "numpy", "llvmlite", "scipy"})
-"""Libraries whose functions enter a digest by name only, together with the versions of numba, NumPy and llvmlite."""
+"""Libraries whose functions enter a digest by name only, together with the versions of numba,
+NumPy and llvmlite.
+"""
 
 
-_FOLDERS = ("<frozen", *(os.path.dirname(module.__file__) + os.sep for module in (numba, np, llvmlite, scipy, os)))
+_FOLDERS = (
+    "<frozen",
+    *(os.path.dirname(module.__file__) + os.sep for module in (numba, np, llvmlite, scipy, os)),
+)
 
 
 class NotKeyable(TypeError):
@@ -39,18 +46,26 @@ class NotKeyable(TypeError):
 def code_digest(*values) -> str:
     """Return a digest of functions with everything that their code depends on, and of plain values.
 
-    Values are functions (plain, compiled by numba, or intrinsics), numbers, texts, arrays, dtypes, and tuples, lists, sets and dicts of
-    these. Raise NotKeyable, naming the function and the value, for a value of any other kind.
+    Values are functions (plain, compiled by numba, or intrinsics), numbers, texts, arrays, dtypes,
+    and tuples, lists, sets and dicts of these. Raise NotKeyable, naming the function and the value,
+    for a value of any other kind.
     """
     walk = _Walk()
-    versions = (numba.__version__, np.__version__, llvmlite.__version__, tuple(sys.version_info[:2]))
+    versions = (
+        numba.__version__,
+        np.__version__,
+        llvmlite.__version__,
+        tuple(sys.version_info[:2]),
+    )
     for value in (versions, *values):
         walk.add(value)
     return walk.digest.hexdigest()
 
 
 class _Walk:
-    """Computation of one digest: it visits a function and everything that the function depends on, and hashes each function once."""
+    """Computation of one digest: it visits a function and everything that the function depends
+    on, and hashes each function once.
+    """
 
     def __init__(self) -> None:
         self.digest = hashlib.sha256()
@@ -62,9 +77,18 @@ class _Walk:
         if isinstance(value, np.ndarray):
             if value.dtype.hasobject:
                 raise NotKeyable("an array of objects")
-            self._write("array", value.dtype.str, value.shape, np.ascontiguousarray(value).tobytes())
-        elif value is None or value is Ellipsis or isinstance(value, bool | int | float | complex | str | bytes | np.generic | np.dtype):
-            self._write(type(value).__name__, value.tobytes() if isinstance(value, np.generic) else repr(value))
+            self._write(
+                "array", value.dtype.str, value.shape, np.ascontiguousarray(value).tobytes()
+            )
+        elif (
+            value is None
+            or value is Ellipsis
+            or isinstance(value, bool | int | float | complex | str | bytes | np.generic | np.dtype)
+        ):
+            self._write(
+                type(value).__name__,
+                value.tobytes() if isinstance(value, np.generic) else repr(value),
+            )
         elif isinstance(value, tuple | list | set | frozenset | dict):
             self._write(type(value).__name__, len(value))
             items = value.items() if isinstance(value, dict) else value
@@ -80,12 +104,17 @@ class _Walk:
         elif inspect.ismodule(value) and _is_of_library(value):
             self._write("library", value.__name__)
         elif _is_of_library(value):
-            self._write("library", value.__module__ or "", getattr(value, "__qualname__", value.__name__))
+            self._write(
+                "library", value.__module__ or "", getattr(value, "__qualname__", value.__name__)
+            )
         elif isinstance(value, python_types.CodeType):
             self._code(value)
         elif isinstance(value, python_types.FunctionType):
             self._function(value)
-        elif isinstance(value, numba.types.Type | numba.core.typing.templates.Signature) or _root(type(value).__module__) in LIBRARIES:
+        elif (
+            isinstance(value, numba.types.Type | numba.core.typing.templates.Signature)
+            or _root(type(value).__module__) in LIBRARIES
+        ):
             shown = repr(value)
             if " at 0x" in shown:
                 raise NotKeyable(f"an object of type {type(value).__name__}")
@@ -114,20 +143,40 @@ class _Walk:
         self._code(code, function.__doc__ is not None and code.co_consts[:1] == (function.__doc__,))
         self.add(function.__defaults__)
         self.add(function.__kwdefaults__)
-        closed = dict(zip(code.co_freevars, (cell.cell_contents for cell in function.__closure__ or ()), strict=True))
+        closed = dict(
+            zip(
+                code.co_freevars,
+                (cell.cell_contents for cell in function.__closure__ or ()),
+                strict=True,
+            )
+        )
         names = _names(code)
-        for name, value in [*_values_behind(names | closed.keys(), closed), *_values_behind(names, function.__globals__)]:
+        for name, value in [
+            *_values_behind(names | closed.keys(), closed),
+            *_values_behind(names, function.__globals__),
+        ]:
             self._write(name)
             try:
                 self.add(value)
             except NotKeyable as error:
-                raise NotKeyable(f"{function.__qualname__} uses {name}: {error}" if "uses" not in str(error) else str(error)) from None
+                raise NotKeyable(
+                    f"{function.__qualname__} uses {name}: {error}"
+                    if "uses" not in str(error)
+                    else str(error)
+                ) from None
         for implementation in self._overloads.get(id(function), ()):
             self.add(implementation)
 
     def _code(self, code: python_types.CodeType, documented: bool = False) -> None:
         self._write(
-            "code", code.co_code, code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars, code.co_argcount, code.co_flags
+            "code",
+            code.co_code,
+            code.co_names,
+            code.co_varnames,
+            code.co_freevars,
+            code.co_cellvars,
+            code.co_argcount,
+            code.co_flags,
         )
         # A docstring is the first constant, where a function without one has None.
         for constant in (None, *code.co_consts[1:]) if documented else code.co_consts:
@@ -136,7 +185,9 @@ class _Walk:
 
 @cache
 def _names(code: python_types.CodeType) -> frozenset[str]:
-    """Return the names of all globals and attributes that a code object and the code objects nested in it read."""
+    """Return the names of all globals and attributes that a code object and the code objects
+    nested in it read.
+    """
     names = set(code.co_names)
     for constant in code.co_consts:
         if isinstance(constant, python_types.CodeType):
@@ -145,10 +196,11 @@ def _names(code: python_types.CodeType) -> frozenset[str]:
 
 
 def _values_behind(names: frozenset[str], space: dict) -> Iterator[tuple[str, object]]:
-    """Yield (name, value) for each of `names` in the namespace `space`; search modules of the project for the names instead.
+    """Yield (name, value) for each of `names` in the namespace `space`; search modules of the
+    project for the names instead.
 
-    A module of the project is not yielded, a module of a library is not searched. Attributes are not resolved: a name that several modules
-    define is yielded for each.
+    A module of the project is not yielded, a module of a library is not searched. Attributes are
+    not resolved: a name that several modules define is yielded for each.
     """
     for name in sorted(names & space.keys()):
         value = space[name]
@@ -163,7 +215,8 @@ def _root(module: str | None) -> str:
 
 
 def _is_of_library(value) -> bool:
-    """Return whether a module, class or function belongs to Python's standard library or to a library of `LIBRARIES`.
+    """Return whether a module, class or function belongs to Python's standard library or to a
+    library of `LIBRARIES`.
 
     Such a value enters a digest by its name, not by its code.
     """
@@ -177,14 +230,18 @@ def _is_of_library(value) -> bool:
         return False
     root = _root(name)
     # A user's file may share the name of a standard module; a module without a file is built in.
-    return (root in LIBRARIES or root in sys.stdlib_module_names) and (file is None or file.startswith(_FOLDERS))
+    return (root in LIBRARIES or root in sys.stdlib_module_names) and (
+        file is None or file.startswith(_FOLDERS)
+    )
 
 
 @cache
 def _overloads(registered: int) -> dict[int, list[Callable]]:
-    """Return the compiled-code implementations registered with `numba.extending.overload`, by the id of the function that each replaces.
+    """Return the compiled-code implementations registered with `numba.extending.overload`, by the
+    id of the function that each replaces.
 
-    Functions and implementations of libraries are left out. `registered` is the number of all that are registered, which only grows.
+    Functions and implementations of libraries are left out. `registered` is the number of all that
+    are registered, which only grows.
     """
     found: dict[int, list[Callable]] = {}
     for function, kind in builtin_registry.globals:

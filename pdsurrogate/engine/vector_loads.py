@@ -1,13 +1,16 @@
-"""Loads, stores and sums of short rows of reals (records), written with explicit vector instructions.
+"""Loads, stores and sums of short rows of reals (records), written with explicit vector
+instructions.
 
-A record is what an array holds for one point or pair: two or three doubles of a position, four or nine reals of a gradient. LLVM compiles
-indexed loads in a loop over bonds into gather instructions, one component at a time; loading a record as a few vectors of four, two or one
-reals is faster. Each function states how many times as long a plain loop takes, by ``python pipelines/vector_loads.py`` on a processor with
-AVX2, in single and in double precision; functions with a factor below 1.3 are not kept. ``tests/kernels/test_kernels.py`` compares
-the results.
+A record is what an array holds for one point or pair: two or three doubles of a position, four or
+nine reals of a gradient. LLVM compiles indexed loads in a loop over bonds into gather instructions,
+one component at a time; loading a record as a few vectors of four, two or one reals is faster. Each
+function states how many times as long a plain loop takes, by ``python pipelines/vector_loads.py``
+on a processor with AVX2, in single and in double precision; functions with a factor below 1.3 are
+not kept. ``tests/kernels/test_kernels.py`` compares the results.
 
-The arrays of a solid do not fit into the caches, and a processor foresees neither which records a list names nor that a new block begins.
-Passes over solids therefore ask for memory before they need it (`fetch`). No result depends on that.
+The arrays of a solid do not fit into the caches, and a processor foresees neither which records a
+list names nor that a new block begins. Passes over solids therefore ask for memory before they need
+it (`fetch`). No result depends on that.
 """
 
 from functools import cache
@@ -24,8 +27,9 @@ _INDEX = ir.IntType(64)
 _DOUBLE = ir.DoubleType()
 
 AHEAD = 64
-"""Number of bonds by which a sum over bonds asks for memory ahead of its additions. Chosen: of 16, 32, 64 and 96, the energies of solids of
-8,000 and 32,768 points are fastest with 64 and with 96."""
+"""Number of bonds by which a sum over bonds asks for memory ahead of its additions. Chosen: of 16,
+32, 64 and 96, the energies of solids of 8,000 and 32,768 points are fastest with 64 and with 96.
+"""
 
 _CONTRACT = ("contract",)
 """Flag of LLVM instructions that allows a product and a sum to become one instruction."""
@@ -68,7 +72,9 @@ def _store(builder, value, address):
 
 
 def _parts(length):
-    """Return how a record of `length` reals is cut into vectors of four, two or one reals: the first index and the length of each."""
+    """Return how a record of `length` reals is cut into vectors of four, two or one reals: the
+    first index and the length of each.
+    """
     parts = [(at, 4) for at in range(0, length - 3, 4)]
     for count in (2, 1):
         if length % 4 & count:
@@ -77,25 +83,35 @@ def _parts(length):
 
 
 def _record(builder, data, index, length):
-    """Load the record at an index of an array; return it as a list of vectors, cut as `_parts` defines."""
+    """Load the record at an index of an array; return it as a list of vectors, cut as `_parts`
+    defines.
+    """
     base = _element(builder, data, index, length)
-    return [_load(builder, _element(builder, base, _constant(at)), count) for at, count in _parts(length)]
+    return [
+        _load(builder, _element(builder, base, _constant(at)), count)
+        for at, count in _parts(length)
+    ]
 
 
 def _put_record(builder, parts, data, index, length):
-    """Write a record, given as a list of vectors cut as `_parts` defines, to an index of an array."""
+    """Write a record, given as a list of vectors cut as `_parts` defines, to an index of an
+    array.
+    """
     base = _element(builder, data, index, length)
     for part, (at, _) in zip(parts, _parts(length), strict=True):
         _store(builder, part, _element(builder, base, _constant(at)))
 
 
 def _fetch(builder, data, start, count, to_write=False):
-    """Ask for the `count` reals of an array from element `start` on, so that they are in the cache when they are read, or written.
+    """Ask for the `count` reals of an array from element `start` on, so that they are in the cache
+    when they are read, or written.
 
     They may lie beyond the end of the array: then nothing happens.
     """
     number, byte = ir.IntType(32), ir.IntType(8).as_pointer()
-    ask = builder.module.declare_intrinsic("llvm.prefetch", [byte], ir.FunctionType(ir.VoidType(), [byte, number, number, number]))
+    ask = builder.module.declare_intrinsic(
+        "llvm.prefetch", [byte], ir.FunctionType(ir.VoidType(), [byte, number, number, number])
+    )
     start = builder.zext(start, _INDEX) if start.type.width < 64 else start
     reals = CACHE_LINE // (4 if data.type.pointee == ir.FloatType() else 8)
     for at in range(0, count, reals):
@@ -106,7 +122,9 @@ def _fetch(builder, data, start, count, to_write=False):
 
 @cache
 def fetch(count, to_write=False):
-    """Return an intrinsic that asks for `count` reals of an array, from its element `start` in the order of memory, see `_fetch`."""
+    """Return an intrinsic that asks for `count` reals of an array, from its element `start` in
+    the order of memory, see `_fetch`.
+    """
 
     @writes
     def fetch_reals(builder, array, start):
@@ -116,7 +134,9 @@ def fetch(count, to_write=False):
 
 
 def _shuffle(builder, first, second, lanes):
-    return builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), lanes))
+    return builder.shuffle_vector(
+        first, second, ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), lanes)
+    )
 
 
 def _as_real(builder, value, scalar):
@@ -124,7 +144,9 @@ def _as_real(builder, value, scalar):
     if value.type.element == scalar:
         return value
     target = ir.VectorType(scalar, value.type.count)
-    return builder.fptrunc(value, target) if scalar == ir.FloatType() else builder.fpext(value, target)
+    return (
+        builder.fptrunc(value, target) if scalar == ir.FloatType() else builder.fpext(value, target)
+    )
 
 
 def _vector(builder, values):
@@ -140,7 +162,9 @@ def _add(builder, term, accumulator):
 
 
 def _zeros(builder, scalar, counts):
-    """Allocate accumulators on the stack, vectors of the lengths `counts`, set them to zero, and return their addresses."""
+    """Allocate accumulators on the stack, vectors of the lengths `counts`, set them to zero, and
+    return their addresses.
+    """
     accumulators = [cgutils.alloca_once(builder, ir.VectorType(scalar, count)) for count in counts]
     for accumulator, count in zip(accumulators, counts, strict=True):
         builder.store(ir.Constant(ir.VectorType(scalar, count), [0.0] * count), accumulator)
@@ -148,7 +172,9 @@ def _zeros(builder, scalar, counts):
 
 
 def _in_steps(builder, start, stop, step, body):
-    """Call ``body(position)`` from `start` to `stop` in whole steps of `step`, a power of two; return where the remainder begins."""
+    """Call ``body(position)`` from `start` to `stop` in whole steps of `step`, a power of two;
+    return where the remainder begins.
+    """
     shift = _constant(step.bit_length() - 1)
     steps = builder.lshr(builder.sub(stop, start), shift)
     with cgutils.for_range(builder, steps) as loop:
@@ -159,8 +185,9 @@ def _in_steps(builder, start, stop, step, body):
 def _accumulate(builder, bonds, add, counts, scalar=_DOUBLE, chains=4, together=1):
     """Return sums over the positions of `bonds` (start, stop), as vectors of the lengths `counts`.
 
-    ``add(accumulators, position)`` adds the terms of one position, or of two positions where `together` is 2. Several sets of accumulators
-    (`chains`) are summed side by side, so that an addition need not wait for the addition before.
+    ``add(accumulators, position)`` adds the terms of one position, or of two positions where
+    `together` is 2. Several sets of accumulators (`chains`) are summed side by side, so that an
+    addition need not wait for the addition before.
     """
     start, stop = bonds
     sums = [_zeros(builder, scalar, counts) for _ in range(chains)]
@@ -168,7 +195,10 @@ def _accumulate(builder, bonds, add, counts, scalar=_DOUBLE, chains=4, together=
     def add_to(used, count):
         def body(base):
             for n, accumulators in enumerate(used):
-                add(accumulators, *(builder.add(base, _constant(n * count + m)) for m in range(count)))
+                add(
+                    accumulators,
+                    *(builder.add(base, _constant(n * count + m)) for m in range(count)),
+                )
 
         return body
 
@@ -178,14 +208,21 @@ def _accumulate(builder, bonds, add, counts, scalar=_DOUBLE, chains=4, together=
     _in_steps(builder, rest, stop, 1, add_to(sums[:1] if together == 1 else sums[-1:], 1))
     found = [[builder.load(accumulator) for accumulator in accumulators] for accumulators in sums]
     while len(found) > 1:
-        found = [[builder.fadd(*both) for both in zip(*found[n : n + 2], strict=True)] for n in range(0, len(found), 2)]
+        found = [
+            [builder.fadd(*both) for both in zip(*found[n : n + 2], strict=True)]
+            for n in range(0, len(found), 2)
+        ]
     return found[0]
 
 
 def _one_or_two(builder, records, places):
-    """Return one or two records of two reals as one vector of four, the second half zero if there is only one place."""
+    """Return one or two records of two reals as one vector of four, the second half zero if
+    there is only one place.
+    """
     found = [_record(builder, records, place, 2)[0] for place in places]
-    return _joined(builder, found[0], found[1] if len(found) == 2 else ir.Constant(found[0].type, [0.0, 0.0]))
+    return _joined(
+        builder, found[0], found[1] if len(found) == 2 else ir.Constant(found[0].type, [0.0, 0.0])
+    )
 
 
 def _joined(builder, first, second):
@@ -196,35 +233,56 @@ def _joined(builder, first, second):
 def _sum_halves(builder, vector, flags=()):
     """Return the first half of a vector plus its second half, a vector of half the length."""
     half = vector.type.count // 2
-    return builder.fadd(*(_shuffle(builder, vector, vector, list(range(at, at + half))) for at in (0, half)), flags=flags)
+    return builder.fadd(
+        *(_shuffle(builder, vector, vector, list(range(at, at + half))) for at in (0, half)),
+        flags=flags,
+    )
 
 
 def _transposed(builder, rows):
-    """Return the transpose of four vectors of equal length: one vector of four lanes for each component."""
+    """Return the transpose of four vectors of equal length: one vector of four lanes for each
+    component.
+    """
     count, ends = rows[0].type.count, (0, 2)
     if count == 4:
-        low, high = ([_shuffle(builder, rows[n], rows[n + 1], lanes) for n in ends] for lanes in ([0, 4, 1, 5], [2, 6, 3, 7]))
-        return [_shuffle(builder, *pair, lanes) for pair in (low, high) for lanes in ([0, 1, 4, 5], [2, 3, 6, 7])]
+        low, high = (
+            [_shuffle(builder, rows[n], rows[n + 1], lanes) for n in ends]
+            for lanes in ([0, 4, 1, 5], [2, 6, 3, 7])
+        )
+        return [
+            _shuffle(builder, *pair, lanes)
+            for pair in (low, high)
+            for lanes in ([0, 1, 4, 5], [2, 3, 6, 7])
+        ]
     halves = [_joined(builder, rows[n], rows[n + 1]) for n in ends]
     return [_shuffle(builder, *halves, list(range(c, 4 * count, count))) for c in range(count)]
 
 
 def _put_combined(builder, data, pairs, length, combine, rows, column):
-    """Combine the records at both ends of four pairs of points, and write component r of the results to row r of a block.
+    """Combine the records at both ends of four pairs of points, and write component r of the
+    results to row r of a block.
 
-    The results of the four pairs lie in the columns from `column` on; ``combine(first, second)`` returns the vector of a result.
+    The results of the four pairs lie in the columns from `column` on; ``combine(first, second)``
+    returns the vector of a result.
     """
     records = []
     for pair in pairs:
         ends = [_record(builder, data, end, length) for end in pair]
         records.append([combine(*parts) for parts in zip(*ends, strict=True)])
-    components = [component for parts in zip(*records, strict=True) for component in _transposed(builder, parts)]
+    components = [
+        component
+        for parts in zip(*records, strict=True)
+        for component in _transposed(builder, parts)
+    ]
     for r, component in enumerate(components):
-        _store(builder, component, _element(builder, rows, builder.add(_constant(r * BLOCK), column)))
+        _store(
+            builder, component, _element(builder, rows, builder.add(_constant(r * BLOCK), column))
+        )
 
 
 def _ends_of(builder, ends, at):
-    """Return, for the four pairs from number `at` on, the numbers of the points at their first and second ends.
+    """Return, for the four pairs from number `at` on, the numbers of the points at their first and
+    second ends.
 
     `ends` holds two arrays, the first and the second point of every pair.
     """
@@ -234,40 +292,58 @@ def _ends_of(builder, ends, at):
 
 @cache
 def gather_pairs(dimension):
-    """Return an intrinsic that, for four pairs of points, writes sums of the matrices and differences of the positions of both ends.
+    """Return an intrinsic that, for four pairs of points, writes sums of the matrices and
+    differences of the positions of both ends.
 
-    ``sums[r, column + k] = matrices[first[at + k], r] + matrices[second[at + k], r]`` and ``differences[r, column + k] =
-    positions[second[at + k], r] - positions[first[at + k], r]``, each for k in 0 … 3, where ``ends = first, second``: one row for each
-    component. A plain loop takes 3.5 (float32) or 2.4 (float64) times as long in the plane, 2.1 or 1.9 times in three dimensions.
+    ``sums[r, column + k] = matrices[first[at + k], r] + matrices[second[at + k], r]`` and
+    ``differences[r, column + k] = positions[second[at + k], r] - positions[first[at + k], r]``,
+    each for k in 0 … 3, where ``ends = first, second``: one row for each component. A plain loop
+    takes 3.5 (float32) or 2.4 (float64) times as long in the plane, 2.1 or 1.9 times in three
+    dimensions.
     """
 
     @writes
     def gather(builder, matrices, positions, ends, at, sums, differences, column):
         pairs = _ends_of(builder, ends, at)
         _put_combined(builder, matrices, pairs, dimension**2, builder.fadd, sums, column)
-        _put_combined(builder, positions, pairs, dimension, lambda first, second: builder.fsub(second, first), differences, column)
+        _put_combined(
+            builder,
+            positions,
+            pairs,
+            dimension,
+            lambda first, second: builder.fsub(second, first),
+            differences,
+            column,
+        )
 
     return gather
 
 
 @cache
 def put_records(length):
-    """Return an intrinsic that writes four records: ``records[at + k, r] = rows[r, column + k]`` for r below `length` and k from 0 to 3.
+    """Return an intrinsic that writes four records: ``records[at + k, r] = rows[r, column + k]``
+    for r below `length` and k from 0 to 3.
 
-    LLVM writes records one real at a time: a plain loop takes 1.5 to 2.4 times as long (on a processor with AVX-512), and with it the
-    energies of pairs in three dimensions take 1.2 times as long.
+    LLVM writes records one real at a time: a plain loop takes 1.5 to 2.4 times as long (on a
+    processor with AVX-512), and with it the energies of pairs in three dimensions take 1.2 times as
+    long.
     """
 
     @writes
     def put(builder, rows, column, records, at):
-        columns = [_load(builder, _element(builder, rows, builder.add(_constant(r * BLOCK), column)), 4) for r in range(length)]
+        columns = [
+            _load(builder, _element(builder, rows, builder.add(_constant(r * BLOCK), column)), 4)
+            for r in range(length)
+        ]
         parts = []
         for start, count in _parts(length):
             part = columns[start : start + count]
             if count == 4:
                 parts.append(_transposed(builder, part))
             else:
-                parts.append([_shuffle(builder, part[0], part[-1], [k, 4 + k][:count]) for k in range(4)])
+                parts.append(
+                    [_shuffle(builder, part[0], part[-1], [k, 4 + k][:count]) for k in range(4)]
+                )
         for k, pieces in enumerate(zip(*parts, strict=True)):
             _put_record(builder, pieces, records, builder.add(at, _constant(k)), length)
 
@@ -276,38 +352,59 @@ def put_records(length):
 
 @cache
 def subtract_positions(dimension):
-    """Return an intrinsic that writes the differences of the positions of both ends of four pairs, one row for each component.
+    """Return an intrinsic that writes the differences of the positions of both ends of four pairs,
+    one row for each component.
 
-    ``out[r, column + k] = positions[second[at + k], r] - positions[first[at + k], r]`` for k in 0 … 3, where ``ends = first, second``. A
-    plain loop takes 2.0 times as long.
+    ``out[r, column + k] = positions[second[at + k], r] - positions[first[at + k], r]`` for k in 0 …
+    3, where ``ends = first, second``. A plain loop takes 2.0 times as long.
     """
 
     @writes
     def subtract(builder, positions, ends, at, out, column):
         pairs = _ends_of(builder, ends, at)
-        _put_combined(builder, positions, pairs, dimension, lambda first, second: builder.fsub(second, first), out, column)
+        _put_combined(
+            builder,
+            positions,
+            pairs,
+            dimension,
+            lambda first, second: builder.fsub(second, first),
+            out,
+            column,
+        )
 
     return subtract
 
 
 @writes
 def sum_outer_products(builder, positions, neighbors, weights, bonds, point, out):
-    """Write ``out[point] = sum over b in bonds of (positions[neighbors[b]] - positions[point]) (x) weights[b]``, by columns.
+    """Write ``out[point] = sum over b in bonds of (positions[neighbors[b]] - positions[point]) (x)
+    weights[b]``, by columns.
 
-    `bonds` are start and stop; positions and weights are in the plane. A plain loop takes 2.4 (float32) or 2.2 (float64) times as long.
+    `bonds` are start and stop; positions and weights are in the plane. A plain loop takes 2.4
+    (float32) or 2.2 (float64) times as long.
     """
     own = _one_or_two(builder, positions, [point, point])
 
     def add(accumulators, *places):
-        """Add one bond, or two at once if two `places` in the list of bonds are given, to both accumulators.
+        """Add one bond, or two at once if two `places` in the list of bonds are given, to both
+        accumulators.
 
-        The first sums the difference of positions times the first component of the weight, the second that times the second component.
+        The first sums the difference of positions times the first component of the weight, the
+        second that times the second component.
         """
-        ends = _one_or_two(builder, positions, [_listed(builder, neighbors, place) for place in places])
+        ends = _one_or_two(
+            builder, positions, [_listed(builder, neighbors, place) for place in places]
+        )
         factors = _as_real(builder, _one_or_two(builder, weights, places), _DOUBLE)
         differences = builder.fsub(ends, own)
         for accumulator, lanes in zip(accumulators, ([0, 0, 2, 2], [1, 1, 3, 3]), strict=True):
-            _add(builder, builder.fmul(differences, _shuffle(builder, factors, factors, lanes), flags=_CONTRACT), accumulator)
+            _add(
+                builder,
+                builder.fmul(
+                    differences, _shuffle(builder, factors, factors, lanes), flags=_CONTRACT
+                ),
+                accumulator,
+            )
 
     sums = _accumulate(builder, bonds, add, [4, 4], chains=2, together=2)
     halves = (_shuffle(builder, *sums, lanes) for lanes in ([0, 1, 4, 5], [2, 3, 6, 7]))
@@ -316,7 +413,8 @@ def sum_outer_products(builder, positions, neighbors, weights, bonds, point, out
 
 @writes
 def outer_products(builder, positions, neighbors, weights, bonds, point, out):
-    """Write ``out[b - start] = (positions[neighbors[b]] - positions[point]) (x) weights[b]`` for b in bonds, by columns, in the plane.
+    """Write ``out[b - start] = (positions[neighbors[b]] - positions[point]) (x) weights[b]`` for b
+    in bonds, by columns, in the plane.
 
     `bonds` are start and stop. A plain loop takes 1.6 times as long.
     """
@@ -327,21 +425,30 @@ def outer_products(builder, positions, neighbors, weights, bonds, point, out):
         (factor,) = _record(builder, weights, b, 2)
         end = _listed(builder, neighbors, b)
         difference = builder.fsub(_one_or_two(builder, positions, [end, end]), own)
-        _put_record(builder, [builder.fmul(difference, _shuffle(builder, factor, factor, [0, 0, 1, 1]))], out, loop.index, 4)
+        _put_record(
+            builder,
+            [builder.fmul(difference, _shuffle(builder, factor, factor, [0, 0, 1, 1]))],
+            out,
+            loop.index,
+            4,
+        )
 
 
 @cache
 def sum_matrix_products(dimension):
-    """Return an intrinsic that sums products of matrices and vectors: ``out[point] = sum of (matrices[point] + matrices[j]) vectors[b]``.
+    """Return an intrinsic that sums products of matrices and vectors: ``out[point] = sum of
+    (matrices[point] + matrices[j]) vectors[b]``.
 
-    The sum is over b from start to stop, the two items of `bonds`, and j is ``neighbors[b]``; matrices are stored by columns. A plain loop
-    takes 3.0 (float32) or 2.9 (float64) times as long in the plane, 1.9 or 2.1 times in three dimensions.
+    The sum is over b from start to stop, the two items of `bonds`, and j is ``neighbors[b]``;
+    matrices are stored by columns. A plain loop takes 3.0 (float32) or 2.9 (float64) times as long
+    in the plane, 1.9 or 2.1 times in three dimensions.
     """
 
     @writes
     def add_up(builder, matrices, neighbors, vectors, bonds, point, out):
         def columns(number):
-            """Load matrix `number`: return a 2 x 2 matrix as one vector, and a 3 x 3 matrix as its columns.
+            """Load matrix `number`: return a 2 x 2 matrix as one vector, and a 3 x 3 matrix as its
+            columns.
 
             Each column of a 3 x 3 matrix has a fourth, unused component.
             """
@@ -352,35 +459,55 @@ def sum_matrix_products(dimension):
             return [*loaded[:2], _shuffle(builder, loaded[2], loaded[2], [1, 2, 3, 3])]
 
         def spread(position):
-            """Return vector number `position` as factors of the columns of a matrix, each component repeated for every row."""
+            """Return vector number `position` as factors of the columns of a matrix, each
+            component repeated for every row.
+            """
             if dimension == 2:
                 factor = _as_real(builder, *_record(builder, vectors, position, 2), _DOUBLE)
                 return [_shuffle(builder, factor, factor, [0, 0, 1, 1])]
             place = _element(builder, vectors, position, 3)
             components = [builder.load(_element(builder, place, _constant(r))) for r in range(3)]
-            return [_as_real(builder, _vector(builder, [component] * 4), _DOUBLE) for component in components]
+            return [
+                _as_real(builder, _vector(builder, [component] * 4), _DOUBLE)
+                for component in components
+            ]
 
         own = columns(point)
 
         def add_bond(accumulators, position):
             if dimension == 3:
-                _fetch(builder, vectors, builder.mul(builder.add(position, _constant(AHEAD)), _constant(3)), 3)
+                _fetch(
+                    builder,
+                    vectors,
+                    builder.mul(builder.add(position, _constant(AHEAD)), _constant(3)),
+                    3,
+                )
             others = columns(_listed(builder, neighbors, position))
             for mine, other, factor in zip(own, others, spread(position), strict=True):
-                _add(builder, builder.fmul(builder.fadd(mine, other), factor, flags=_CONTRACT), accumulators[0])
+                _add(
+                    builder,
+                    builder.fmul(builder.fadd(mine, other), factor, flags=_CONTRACT),
+                    accumulators[0],
+                )
 
         (total,) = _accumulate(builder, bonds, add_bond, [4])
-        parts = [_sum_halves(builder, total)] if dimension == 2 else [_shuffle(builder, total, total, lanes) for lanes in ([0, 1], [2])]
+        parts = (
+            [_sum_halves(builder, total)]
+            if dimension == 2
+            else [_shuffle(builder, total, total, lanes) for lanes in ([0, 1], [2])]
+        )
         _put_record(builder, parts, out, point, dimension)
 
     return add_up
 
 
 def _sum_of(builder, records, length, bonds, listed=None, factors=None, size=None):
-    """Return the sum of the records at ``start … stop``, or at ``listed[start … stop]``, as a list of vectors cut as `_parts` defines.
+    """Return the sum of the records at ``start … stop``, or at ``listed[start … stop]``, as a list
+    of vectors cut as `_parts` defines.
 
-    Without `factors` the sum is in double precision. With `factors`, records times factors are summed in the precision of the records. With
-    `size`, the number of all entries of `listed`, the function asks for records before they are needed.
+    Without `factors` the sum is in double precision. With `factors`, records times factors are
+    summed in the precision of the records. With `size`, the number of all entries of `listed`, the
+    function asks for records before they are needed.
     """
     scalar = _DOUBLE if factors is None else records.type.pointee
 
@@ -388,51 +515,82 @@ def _sum_of(builder, records, length, bonds, listed=None, factors=None, size=Non
         ahead = builder.add(position, _constant(AHEAD))
         if listed is not None:
             last = builder.sub(size, _constant(1))
-            ahead = _listed(builder, listed, builder.select(builder.icmp_signed("<", ahead, last), ahead, last))
+            ahead = _listed(
+                builder, listed, builder.select(builder.icmp_signed("<", ahead, last), ahead, last)
+            )
         _fetch(builder, records, builder.mul(ahead, _constant(length)), length)
 
     def add(accumulators, *positions):
         for position in positions if size is not None else ():
             fetch_ahead(position)
-        places = positions if listed is None else [_listed(builder, listed, position) for position in positions]
-        parts = [_one_or_two(builder, records, places)] if length == 2 else _record(builder, records, places[0], length)
+        places = (
+            positions
+            if listed is None
+            else [_listed(builder, listed, position) for position in positions]
+        )
+        parts = (
+            [_one_or_two(builder, records, places)]
+            if length == 2
+            else _record(builder, records, places[0], length)
+        )
         for part, accumulator in zip(parts, accumulators, strict=True):
             term = _as_real(builder, part, scalar)
             if factors is not None:
                 factor = builder.load(_element(builder, factors, places[0]))
-                term = builder.fmul(term, _vector(builder, [factor] * term.type.count), flags=_CONTRACT)
+                term = builder.fmul(
+                    term, _vector(builder, [factor] * term.type.count), flags=_CONTRACT
+                )
             _add(builder, term, accumulator)
 
     if length == 2:
         (total,) = _accumulate(builder, bonds, add, [4], chains=2, together=2)
         return [_sum_halves(builder, total)]
-    return _accumulate(builder, bonds, add, [count for _, count in _parts(length)], scalar, 4 if factors is None else 1)
+    return _accumulate(
+        builder,
+        bonds,
+        add,
+        [count for _, count in _parts(length)],
+        scalar,
+        4 if factors is None else 1,
+    )
 
 
 @cache
 def sum_records(length, sign, fetched):
-    """Return an intrinsic that sums records: ``out[point] = factor * (sum of records[own] + sign * sum of records[indices[others]])``.
+    """Return an intrinsic that sums records: ``out[point] = factor * (sum of records[own] + sign *
+    sum of records[indices[others]])``.
 
-    Each record has `length` reals. `own` and `others` are start and stop, and `listed` holds the `indices` and their number; the sums are
-    in double precision, and `sign` is 1 or -1. If `fetched`, records are asked for before they are needed. A plain loop takes 2.4
-    (float32) or 1.8 (float64) times as long for records of two reals, 1.8 times for three, 3.9 or 2.6 times for four, 3.2 or 2.4 times for
-    nine.
+    Each record has `length` reals. `own` and `others` are start and stop, and `listed` holds the
+    `indices` and their number; the sums are in double precision, and `sign` is 1 or -1. If
+    `fetched`, records are asked for before they are needed. A plain loop takes 2.4 (float32) or 1.8
+    (float64) times as long for records of two reals, 1.8 times for three, 3.9 or 2.6 times for
+    four, 3.2 or 2.4 times for nine.
     """
 
     @writes
     def add_up(builder, records, own, listed, others, factor, point, out):
         indices, size = listed[0], listed[1] if fetched else None
         combine = builder.fadd if sign > 0 else builder.fsub
-        sums = (_sum_of(builder, records, length, *bonds, size=size) for bonds in ((own,), (others, indices)))
+        sums = (
+            _sum_of(builder, records, length, *bonds, size=size)
+            for bonds in ((own,), (others, indices))
+        )
         both = [combine(*parts) for parts in zip(*sums, strict=True)]
-        _put_record(builder, [builder.fmul(part, _vector(builder, [factor] * part.type.count)) for part in both], out, point, length)
+        _put_record(
+            builder,
+            [builder.fmul(part, _vector(builder, [factor] * part.type.count)) for part in both],
+            out,
+            point,
+            length,
+        )
 
     return add_up
 
 
 @writes
 def sum_listed_records(builder, records, listed, bonds, out, at):
-    """Write ``out[at] = sum of records[listed[b]] for b in bonds``, where records have four doubles and `bonds` are start and stop.
+    """Write ``out[at] = sum of records[listed[b]] for b in bonds``, where records have four doubles
+    and `bonds` are start and stop.
 
     A plain loop takes 3.2 times as long.
     """
@@ -441,11 +599,13 @@ def sum_listed_records(builder, records, listed, bonds, out, at):
 
 @cache
 def multiply_pairs(dimension):
-    """Return an intrinsic that computes scalar products of the records of pairs with the records of their two points, in single precision.
+    """Return an intrinsic that computes scalar products of the records of pairs with the records of
+    their two points, in single precision.
 
-    ``out[b] = records[b] . (points[second[b]] + s * points[first])`` for b in bonds (start, stop), where `first` is one point, records have
-    d + d d reals, and s is -1 for the first d reals and 1 for the others. A plain loop takes 2.3 times as long in the plane and 4.1 times
-    in three dimensions.
+    ``out[b] = records[b] . (points[second[b]] + s * points[first])`` for b in bonds (start, stop),
+    where `first` is one point, records have d + d d reals, and s is -1 for the first d reals and 1
+    for the others. A plain loop takes 2.3 times as long in the plane and 4.1 times in three
+    dimensions.
     """
     length = dimension + dimension**2
     signs = [-1.0] * dimension + [1.0] * dimension**2
@@ -455,17 +615,33 @@ def multiply_pairs(dimension):
         start, stop = bonds
         own = [
             builder.fmul(part, ir.Constant(part.type, signs[at : at + count]))
-            for part, (at, count) in zip(_record(builder, points, first, length), _parts(length), strict=True)
+            for part, (at, count) in zip(
+                _record(builder, points, first, length), _parts(length), strict=True
+            )
         ]
         with cgutils.for_range(builder, builder.sub(stop, start)) as loop:
             b = builder.add(start, loop.index)
             if dimension == 3:
-                _fetch(builder, records, builder.mul(builder.add(b, _constant(AHEAD)), _constant(length)), length)
+                _fetch(
+                    builder,
+                    records,
+                    builder.mul(builder.add(b, _constant(AHEAD)), _constant(length)),
+                    length,
+                )
             others = _record(builder, points, _listed(builder, second, b), length)
             totals = {}
-            for record, mine, other in zip(_record(builder, records, b, length), own, others, strict=True):
-                product, count = builder.fmul(record, builder.fadd(mine, other), flags=_CONTRACT), record.type.count
-                totals[count] = builder.fadd(totals[count], product, flags=_CONTRACT) if count in totals else product
+            for record, mine, other in zip(
+                _record(builder, records, b, length), own, others, strict=True
+            ):
+                product, count = (
+                    builder.fmul(record, builder.fadd(mine, other), flags=_CONTRACT),
+                    record.type.count,
+                )
+                totals[count] = (
+                    builder.fadd(totals[count], product, flags=_CONTRACT)
+                    if count in totals
+                    else product
+                )
             total = _sum_halves(builder, totals[4])
             total = builder.fadd(total, totals[2]) if 2 in totals else total
             both = (builder.extract_element(total, _lane(n)) for n in range(2))
@@ -478,10 +654,12 @@ def multiply_pairs(dimension):
 def sum_scaled_records(dimension):
     """Return an intrinsic that sums, at a point, the records of its pairs, each times a factor.
 
-    A record has d + d*d reals in single precision. Two sums are formed: over the pairs `own` that have `point` as first point, and over the
-    pairs ``indices[others]`` that have it as second point; `listed` holds the `indices` and their number. `outputs` are two arrays: row
-    `point` of ``outputs[0]`` receives the first d entries of (first sum - second sum), and row `point` of ``outputs[1]`` the other d*d
-    entries of (first sum + second sum). A plain loop takes 5.6 times as long in the plane and 5.8 times in three dimensions.
+    A record has d + d*d reals in single precision. Two sums are formed: over the pairs `own` that
+    have `point` as first point, and over the pairs ``indices[others]`` that have it as second
+    point; `listed` holds the `indices` and their number. `outputs` are two arrays: row `point` of
+    ``outputs[0]`` receives the first d entries of (first sum - second sum), and row `point` of
+    ``outputs[1]`` the other d*d entries of (first sum + second sum). A plain loop takes 5.6 times
+    as long in the plane and 5.8 times in three dimensions.
     """
     length = dimension + dimension**2
 
@@ -490,32 +668,54 @@ def sum_scaled_records(dimension):
         indices, size = listed[0], listed[1] if dimension == 3 else None
 
         def components(sums):
-            return [builder.extract_element(part, _lane(n)) for part in sums for n in range(part.type.count)]
+            return [
+                builder.extract_element(part, _lane(n))
+                for part in sums
+                for n in range(part.type.count)
+            ]
 
         mine = components(_sum_of(builder, records, length, own, None, factors, size))
-        pairs = list(zip(mine, components(_sum_of(builder, records, length, others, indices, factors, size)), strict=True))
-        for target, combine, values in zip(outputs, (builder.fsub, builder.fadd), (pairs[:dimension], pairs[dimension:]), strict=True):
+        pairs = list(
+            zip(
+                mine,
+                components(_sum_of(builder, records, length, others, indices, factors, size)),
+                strict=True,
+            )
+        )
+        for target, combine, values in zip(
+            outputs,
+            (builder.fsub, builder.fadd),
+            (pairs[:dimension], pairs[dimension:]),
+            strict=True,
+        ):
             base = _element(builder, target, point, len(values))
             for r, both in enumerate(values):
-                _store(builder, _vector(builder, [combine(*both)]), _element(builder, base, _constant(r)))
+                _store(
+                    builder,
+                    _vector(builder, [combine(*both)]),
+                    _element(builder, base, _constant(r)),
+                )
 
     return add_up
 
 
 @cache
 def sum_weighted_rows(width):
-    """Return an intrinsic for one row of a sparse matrix times an array: ``out[point] = sum of weights[e] * rows[columns[e]]``.
+    """Return an intrinsic for one row of a sparse matrix times an array: ``out[point] = sum of
+    weights[e] * rows[columns[e]]``.
 
-    The sum is over e from start to stop, the two items of `entries`. `rows` is an array with rows of `width` reals, in the precision of
-    `weights`.
-    LLVM gathers as many entries at a time as fit into a register, which rows of seven never fill: a plain loop takes 3.3 times as long for
-    seven reals, 2.1 times for two or three, and 1.3 times for one.
+    The sum is over e from start to stop, the two items of `entries`. `rows` is an array with rows
+    of `width` reals, in the precision of `weights`. LLVM gathers as many entries at a time as fit
+    into a register, which rows of seven never fill: a plain loop takes 3.3 times as long for seven
+    reals, 2.1 times for two or three, and 1.3 times for one.
     """
 
     @writes
     def add_up(builder, weights, columns, entries, rows, point, out):
         def add(accumulators, e):
-            row = _load(builder, _element(builder, rows, _listed(builder, columns, e), width), width)
+            row = _load(
+                builder, _element(builder, rows, _listed(builder, columns, e), width), width
+            )
             factor = _vector(builder, [builder.load(_element(builder, weights, e))] * width)
             _add(builder, builder.fmul(row, factor, flags=_CONTRACT), *accumulators)
 
@@ -527,25 +727,37 @@ def sum_weighted_rows(width):
 
 @intrinsic
 def sums_of_rows(typingctx, table, begin, row, first, second):
-    """Return two sums over p and q < 4: of ``first[p] second[q] table[k]`` and of ``first[p] second[q] table[k + 1]``.
+    """Return two sums over p and q < 4: of ``first[p] second[q] table[k]`` and of ``first[p]
+    second[q] table[k + 1]``.
 
-    Here k is ``begin + p row + 2 q``; `first` and `second` are tuples of four, and the numbers in `table` are coefficients of the two
-    outputs of a spline. Eight consecutive numbers, four places with two outputs each, are loaded as one vector: written as sixteen sums,
-    LLVM gathers every number by itself, which takes three times as long.
+    Here k is ``begin + p row + 2 q``; `first` and `second` are tuples of four, and the numbers in
+    `table` are coefficients of the two outputs of a spline. Eight consecutive numbers, four places
+    with two outputs each, are loaded as one vector: written as sixteen sums, LLVM gathers every
+    number by itself, which takes three times as long.
     """
     real, flags = table.dtype, ("contract", "reassoc", "nsz")
 
     def codegen(context, builder, signature, arguments):
-        data, begin, row, weights, across = (data_of(context, builder, *pair) for pair in zip(signature.args, arguments, strict=True))
+        data, begin, row, weights, across = (
+            data_of(context, builder, *pair) for pair in zip(signature.args, arguments, strict=True)
+        )
         total = None
         for number, weight in enumerate(weights):
             at = builder.add(begin, builder.mul(row, ir.Constant(begin.type, number)))
-            part = builder.fmul(_vector(builder, [weight] * 8), _load(builder, _element(builder, data, at), 8), flags=flags)
+            part = builder.fmul(
+                _vector(builder, [weight] * 8),
+                _load(builder, _element(builder, data, at), 8),
+                flags=flags,
+            )
             total = part if total is None else builder.fadd(total, part, flags=flags)
         factors = _vector(builder, across)
-        total = builder.fmul(total, _shuffle(builder, factors, factors, [n // 2 for n in range(8)]), flags=flags)
+        total = builder.fmul(
+            total, _shuffle(builder, factors, factors, [n // 2 for n in range(8)]), flags=flags
+        )
         while total.type.count > 2:
             total = _sum_halves(builder, total, flags)
-        return cgutils.pack_array(builder, [builder.extract_element(total, _lane(n)) for n in range(2)])
+        return cgutils.pack_array(
+            builder, [builder.extract_element(total, _lane(n)) for n in range(2)]
+        )
 
     return types.UniTuple(real, 2)(table, begin, row, first, second), codegen

@@ -1,4 +1,6 @@
-"""Sources of exported files: the energy of a law or an artifact, the facts that a reader needs, and states that check the file."""
+"""Sources of exported files: the energy of a law or an artifact, the facts that a reader needs,
+and states that check the file.
+"""
 
 from dataclasses import dataclass
 
@@ -11,8 +13,10 @@ from ..materials.consistency import check_consistency
 from ..materials.states import cofactor, invariants
 
 N_STATES, LEAST, GREATEST = 4, 0.85, 1.2
-"""Number of states by which an exported file is checked, and the bounds of their principal stretches. Chosen: a wrong constant shows
-at 20 % of strain; a law that ends before has smaller strains."""
+"""Number of states by which an exported file is checked, and the bounds of their principal
+stretches. Chosen: a wrong constant shows at 20 % of strain; a law that ends before has smaller
+strains.
+"""
 
 
 @dataclass(frozen=True)
@@ -24,7 +28,8 @@ class Source:
     title : str
         Name of the law, or name and version of the artifact.
     law : Law
-        Law with the moduli that the exported file has as defaults; it gives the volumetric energy of an isochoric network.
+        Law with the moduli that the exported file has as defaults; it gives the volumetric energy
+        of an isochoric network.
     network : EnergyNetwork or IsochoricNetwork, optional
         Learned energy; None for the energy of the law.
     facts : tuple of str
@@ -38,16 +43,25 @@ class Source:
 
     @property
     def is_sheet(self) -> bool:
-        """Whether the energy is that of a sheet under plane stress, a function of the deformation gradient in the plane."""
+        """Whether the energy is that of a sheet under plane stress, a function of the
+        deformation gradient in the plane.
+        """
         return isinstance(self.network, EnergyNetwork)
 
     @property
     def moduli(self) -> tuple[float, ...]:
-        """Shear modulus and bulk modulus, the parameters of an exported file; of a sheet the first alone."""
-        return (self.law.shear_modulus,) if self.is_sheet else (self.law.shear_modulus, self.law.bulk_modulus)
+        """Shear modulus and bulk modulus, the parameters of an exported file; of a sheet the
+        first alone.
+        """
+        return (
+            (self.law.shear_modulus,)
+            if self.is_sheet
+            else (self.law.shear_modulus, self.law.bulk_modulus)
+        )
 
     def energy_and_stress(self, F) -> tuple[np.ndarray, np.ndarray]:
-        """Return the energy density (n,) and the first Piola-Kirchhoff stress of deformation gradients of shape (n, 3, 3) or (n, 2, 2).
+        """Return the energy density (n,) and the first Piola-Kirchhoff stress of deformation
+        gradients of shape (n, 3, 3) or (n, 2, 2).
 
         The sheets of `is_sheet` have the latter shape. The package computes both in NumPy.
         """
@@ -63,11 +77,15 @@ class Source:
             none = np.zeros_like(state[0])
             W = network.isochoric_derivatives(*response.invariants(state))
             isochoric = response.of_invariants(state, (*W, none, none, none), (none, none, none))
-        stress, energy = solid.stress_and_energy(law, F, state[-1], law.volumetric(state[-1], law.parameters)[1], isochoric)
+        stress, energy = solid.stress_and_energy(
+            law, F, state[-1], law.volumetric(state[-1], law.parameters)[1], isochoric
+        )
         return energy, stress
 
     def states(self) -> np.ndarray:
-        """Return rows of F, energy density and first Piola-Kirchhoff stress at a few random deformations within the limit of the law."""
+        """Return rows of F, energy density and first Piola-Kirchhoff stress at a few random
+        deformations within the limit of the law.
+        """
         d, random = 2 if self.is_sheet else 3, np.random.default_rng(0)
         turns = np.linalg.qr(random.standard_normal((2, N_STATES, d, d)))[0]
         stretches, energy = random.uniform(LEAST, GREATEST, (N_STATES, d, 1)), np.array(np.nan)
@@ -81,11 +99,18 @@ class Source:
 
 
 def source_of_law(law: Law) -> Source:
-    """Return the energy of a law as an object to export; raise ValueError if its derivatives are wrong or it has an unknown form."""
+    """Return the energy of a law as an object to export; raise ValueError if its derivatives are
+    wrong or it has an unknown form.
+    """
     if not isinstance(law, InvariantLaw | PrincipalStretchLaw):
-        raise ValueError(f"{law.name}: this is neither an InvariantLaw nor a PrincipalStretchLaw, which can be exported")
+        raise ValueError(
+            f"{law.name}: this is neither an InvariantLaw nor a PrincipalStretchLaw, which can be"
+            " exported"
+        )
     check_consistency(law)
-    parameters = ", ".join(f"{key} = {value}" for key, value in law.describe().items() if key != "law")
+    parameters = ", ".join(
+        f"{key} = {value}" for key, value in law.describe().items() if key != "law"
+    )
     first = " ".join((type(law).__doc__ or "").partition("\n\n")[0].split())
     return Source(law.name, law, None, (first, f"Parameters: {parameters}."))
 
@@ -93,8 +118,8 @@ def source_of_law(law: Law) -> Source:
 def source_of_artifact(reference: str) -> Source:
     """Return the energy of an artifact as an object to export.
 
-    An artifact with a bond force, which no energy gives, exports the energy of the law from which it was learned. Raise ArtifactError if
-    the artifact is unknown or damaged.
+    An artifact with a bond force, which no energy gives, exports the energy of the law from which
+    it was learned. Raise ArtifactError if the artifact is unknown or damaged.
     """
     folder = find_artifact(reference, ())
     card, model = load_card(reference), load_surrogate(reference)
@@ -102,15 +127,27 @@ def source_of_artifact(reference: str) -> Source:
     origin = f"Artifact {title}, digest {card.found_digest()}."
     if not isinstance(model, EnergyNetwork | IsochoricNetwork):
         exact = source_of_law(law)
-        learned = "The artifact has a bond force, which no energy gives: this is the energy of the law from which it was learned."
+        learned = (
+            "The artifact has a bond force, which no energy gives: this is the energy of the law"
+            " from which it was learned."
+        )
         return Source(title, law, None, (origin, learned, *exact.facts))
     low, high = model.domain.least_stretch, model.domain.greatest_stretch
     stretches = f"principal stretches from {low:g} to {high:g}"
-    error = f"The stress has a relative RMS error of {card.errors['box']['on_surface']['rms']:.1e} against the law {law.name}."
+    error = (
+        f"The stress has a relative RMS error of {card.errors['box']['on_surface']['rms']:.1e}"
+        f" against the law {law.name}."
+    )
     if isinstance(model, EnergyNetwork):
-        what = f"Learned energy of a sheet under plane stress, for bulk_modulus/shear_modulus = {law.bulk_modulus / law.shear_modulus:g}."
+        what = (
+            "Learned energy of a sheet under plane stress, for bulk_modulus/shear_modulus ="
+            f" {law.bulk_modulus / law.shear_modulus:g}."
+        )
     else:
         stretches = f"isochoric {stretches}"
         what = f"Learned isochoric energy, with the volumetric energy U(J3) of the law {law.name}."
-    limits = f"Domain: {stretches}. Outside, the network is extrapolated, as in a run with outside=extrapolate."
+    limits = (
+        f"Domain: {stretches}. Outside, the network is extrapolated, as in a run with"
+        " outside=extrapolate."
+    )
     return Source(title, law, model, (origin, what, error, limits))

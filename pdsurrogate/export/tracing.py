@@ -1,7 +1,9 @@
-"""Tracing of elementwise Python expressions, such as those of material laws, and their printing as statements of other languages.
+"""Tracing of elementwise Python expressions, such as those of material laws, and their printing as
+statements of other languages.
 
-A function that is called with `Value` objects instead of numbers records its operations. The recorded values are printed as statements that
-keep the names of the function's variables. Laws of users are traced like those of the package.
+A function that is called with `Value` objects instead of numbers records its operations. The
+recorded values are printed as statements that keep the names of the function's variables. Laws of
+users are traced like those of the package.
 """
 
 import math
@@ -27,7 +29,13 @@ ARITHMETIC = {
     "/": operator.truediv,
     "neg": operator.neg,
     "power": operator.pow,
-    **dict(zip(COMPARISONS, (operator.lt, operator.le, operator.gt, operator.ge, operator.eq), strict=True)),
+    **dict(
+        zip(
+            COMPARISONS,
+            (operator.lt, operator.le, operator.gt, operator.ge, operator.eq),
+            strict=True,
+        )
+    ),
 }
 """Operations of numbers and of `Value` objects by their names in `Value.operation`."""
 
@@ -50,15 +58,18 @@ UFUNCS = {
 }
 
 KEYWORDS = (
-    "auto break case char const continue default do double else enum exp extern float for goto if inline int log long merge nan register "
-    "restrict return short signed sizeof sqrt static struct switch tanh typedef union unsigned void volatile where while"
+    "auto break case char const continue default do double else enum exp extern float for goto if"
+    " inline int log long merge nan register restrict return short signed sizeof sqrt static struct"
+    " switch tanh typedef union unsigned void volatile where while"
 )
 """Words of the languages and names of functions that local variables cannot have as names."""
 
 
 @dataclass(frozen=True, eq=False)
 class Value:
-    """A value of a traced function: a number, a symbol, or the result of an operation on other values; equal values are one object."""
+    """A value of a traced function: a number, a symbol, or the result of an operation on other
+    values; equal values are one object.
+    """
 
     operation: str
     operands: tuple
@@ -72,11 +83,17 @@ class Value:
         return _result(FUNCTIONS.get(function, function.__name__), *operands)
 
     def __bool__(self):
-        raise ValueError("its expressions branch on a value: write np.where instead of if, min or max")
+        raise ValueError(
+            "its expressions branch on a value: write np.where instead of if, min or max"
+        )
 
 
 def _operator(name: str, reflected: bool = False) -> Callable:
-    return (lambda one, other: _result(name, other, one)) if reflected else lambda *operands: _result(name, *operands)
+    return (
+        (lambda one, other: _result(name, other, one))
+        if reflected
+        else lambda *operands: _result(name, *operands)
+    )
 
 
 for _name, _operation in ARITHMETIC.items():
@@ -104,7 +121,9 @@ def constant(number) -> Value:
 
 
 def _result(operation: str, *operands) -> Value:
-    """Return the value of an operation; operations on numbers are carried out, and sums and products with 0 and 1 are shortened."""
+    """Return the value of an operation; operations on numbers are carried out, and sums and
+    products with 0 and 1 are shortened.
+    """
     if operation not in (*ARITHMETIC, *FUNCTIONS.values()):
         raise ValueError(f"its expressions use {operation}, which cannot be exported")
     operands = tuple(map(constant, operands))
@@ -129,7 +148,9 @@ def _result(operation: str, *operands) -> Value:
 
 @contextmanager
 def _naming(names: dict[Value, str]) -> Iterator[None]:
-    """Record in `names`, during a context, the names of the values that local variables hold when a function returns."""
+    """Record in `names`, during a context, the names of the values that local variables hold
+    when a function returns.
+    """
 
     def on_event(frame, event, found):
         # Arguments have names of their own in the calling function, which returns later.
@@ -154,7 +175,8 @@ class Language:
     Attributes
     ----------
     functions : dict of str
-        Forms of functions that differ from ``name(operands)``, with ``{0}`` for the first operand, and of NaN as ``nan``.
+        Forms of functions that differ from ``name(operands)``, with ``{0}`` for the first operand,
+        and of NaN as ``nan``.
     line : callable
         ``line(statement)`` returns the lines of a statement in a function.
     row : callable
@@ -164,7 +186,8 @@ class Language:
     assignment : str
         Assignment of ``{1}`` to a new local variable ``{0}``.
     element : callable, optional
-        ``element(array, number)`` returns an element of an array, counted from 0; without it functions return single values.
+        ``element(array, number)`` returns an element of an array, counted from 0; without it
+        functions return single values.
     declaration : str, optional
         Declaration of the local variables ``{0}``.
     """
@@ -179,24 +202,36 @@ class Language:
 
     def literal(self, number: float) -> str:
         """Return a number, with all its digits, as a literal."""
-        text = self.functions["nan"] if math.isnan(number) else self.number(repr(abs(float(number))))
+        text = (
+            self.functions["nan"] if math.isnan(number) else self.number(repr(abs(float(number))))
+        )
         return f"-{text}" if number < 0 else text
 
     def table(self, rows: np.ndarray) -> str:
         """Return the lines of a table of numbers."""
-        return "\n".join(self.row(at, [self.literal(number) for number in row]) for at, row in enumerate(rows, 1))
+        return "\n".join(
+            self.row(at, [self.literal(number) for number in row]) for at, row in enumerate(rows, 1)
+        )
 
     def body(self, function: Callable, arguments: str, results: str, *more) -> str:
-        """Return the statements of a function that is traced; names of arguments and results are separated by blanks.
+        """Return the statements of a function that is traced; names of arguments and results are
+        separated by blanks.
 
-        The array in which the results stand has the name of the first one. `more` are arguments after the named ones.
+        The array in which the results stand has the name of the first one. `more` are arguments
+        after the named ones.
         """
         names = results.split()
         array = names[0]
         if self.element:
             names = [self.element(array, number) for number in range(len(names))]
-        taken = {*KEYWORDS.split(), *arguments.lower().split(), *(name.lower() for name in (array, *names))}
-        local, lines = printed(function, [*map(symbol, arguments.split()), *more], names, self, taken)
+        taken = {
+            *KEYWORDS.split(),
+            *arguments.lower().split(),
+            *(name.lower() for name in (array, *names)),
+        }
+        local, lines = printed(
+            function, [*map(symbol, arguments.split()), *more], names, self, taken
+        )
         if self.declaration and local:
             lines.insert(0, self.declaration.format(", ".join(local)))
         if not self.element:
@@ -204,15 +239,26 @@ class Language:
         return "\n".join(map(self.line, lines))
 
 
-def printed(function: Callable, arguments: Sequence, results: Sequence[str], language: Language, taken: set[str]) -> tuple:
-    """Trace a function, and return the names of its local variables and the statements that compute its results.
+def printed(
+    function: Callable,
+    arguments: Sequence,
+    results: Sequence[str],
+    language: Language,
+    taken: set[str],
+) -> tuple:
+    """Trace a function, and return the names of its local variables and the statements that compute
+    its results.
 
-    `results` are the names to which the first results are assigned, and `taken` names that local variables cannot have, apart from symbols.
+    `results` are the names to which the first results are assigned, and `taken` names that local
+    variables cannot have, apart from symbols.
     """
     names: dict[Value, str] = {}
     with _naming(names):
         found = function(*arguments)
-    found = [constant(value) for value in (found if isinstance(found, tuple | list) else [found])[: len(results)]]
+    found = [
+        constant(value)
+        for value in (found if isinstance(found, tuple | list) else [found])[: len(results)]
+    ]
     order: dict[Value, None] = {}
     uses, ends = Counter(found), set(found)
 
@@ -225,21 +271,30 @@ def printed(function: Callable, arguments: Sequence, results: Sequence[str], lan
 
     for value in found:
         visit(value)
-    taken |= {re.split(r"\W", one.operands[0])[0].lower() for one in uses if one.operation == "symbol"}
+    taken |= {
+        re.split(r"\W", one.operands[0])[0].lower() for one in uses if one.operation == "symbol"
+    }
     local: dict[Value, str] = {}
     lines = []
     for value in order:
         # A comparison has no name of its own, since it is no number.
-        if value.operation not in COMPARISONS and ((value in names and value not in ends) or uses[value] > 1):
+        if value.operation not in COMPARISONS and (
+            (value in names and value not in ends) or uses[value] > 1
+        ):
             name = _free(names.get(value, "t").strip("_"), taken)
             lines.append(language.assignment.format(name, _text(value, local, language)))
             local[value] = name
-    lines += [f"{name} = {_text(value, local, language)}" for name, value in zip(results, found, strict=True)]
+    lines += [
+        f"{name} = {_text(value, local, language)}"
+        for name, value in zip(results, found, strict=True)
+    ]
     return list(local.values()), lines
 
 
 def _free(name: str, taken: set[str]) -> str:
-    """Return a name with the first number behind it that makes it a new one, and add it to `taken`, since Fortran ignores case."""
+    """Return a name with the first number behind it that makes it a new one, and add it to
+    `taken`, since Fortran ignores case.
+    """
     number, found = 1, name
     while found.lower() in taken:
         number += 1
@@ -249,7 +304,9 @@ def _free(name: str, taken: set[str]) -> str:
 
 
 def _text(value: Value, local: dict[Value, str], language: Language, least: int = 0) -> str:
-    """Return the expression of a value, in brackets if its operator has a lower precedence than `least`; `local` are named values."""
+    """Return the expression of a value, in brackets if its operator has a lower precedence than
+    `least`; `local` are named values.
+    """
     if value in local:
         return local[value]
     operation, operands = value.operation, value.operands
@@ -269,5 +326,7 @@ def _text(value: Value, local: dict[Value, str], language: Language, least: int 
         return f"(-{inner[0]})"
     if operation in COMPARISONS:
         return f"{inner[0]} {operation} {inner[1]}"
-    form = language.functions.get(operation, f"{operation}({', '.join(f'{{{number}}}' for number in range(len(inner)))})")
+    form = language.functions.get(
+        operation, f"{operation}({', '.join(f'{{{number}}}' for number in range(len(inner)))})"
+    )
     return form.format(*inner)

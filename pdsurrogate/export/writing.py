@@ -1,4 +1,6 @@
-"""Writing of an energy as a source file for another program: a template with the expressions and constants of the energy."""
+"""Writing of an energy as a source file for another program: a template with the expressions and
+constants of the energy.
+"""
 
 import re
 import textwrap
@@ -15,11 +17,15 @@ from .source import Source
 from .tracing import Language, symbol
 
 ALLOWED = 1e-10
-"""Deviation from the package's energy and stress, relative to the greatest stress of the check, that the check of a file allows."""
+"""Deviation from the package's energy and stress, relative to the greatest stress of the check,
+that the check of a file allows.
+"""
 
 REST_STATES, REST_STRAIN = 200, 0.03
-"""Number of states, and the size of their log-strains, at which `_near_rest` fits a polynomial. Chosen: at smaller strains rounding, and at
-larger ones the terms that are left out, would change its coefficients."""
+"""Number of states, and the size of their log-strains, at which `_near_rest` fits a polynomial.
+Chosen: at smaller strains rounding, and at larger ones the terms that are left out, would change
+its coefficients.
+"""
 
 
 @dataclass(frozen=True)
@@ -46,7 +52,9 @@ class Target:
 
 def _in_fortran(statement: str) -> str:
     """Return the lines of a statement in fixed form: from column 7 to 72."""
-    return "      " + "\n     & ".join(textwrap.wrap(statement, 64, break_long_words=False, break_on_hyphens=False))
+    return "      " + "\n     & ".join(
+        textwrap.wrap(statement, 64, break_long_words=False, break_on_hyphens=False)
+    )
 
 
 PYTHON = Language(
@@ -62,9 +70,15 @@ C = Language(
     element=lambda array, number: f"{array}[{number}]",
 )
 FORTRAN = Language(
-    functions={"power": "({0})**({1})", "where": "merge({1}, {2}, {0})", "nan": "ieee_value(1.D0, ieee_quiet_nan)"},
+    functions={
+        "power": "({0})**({1})",
+        "where": "merge({1}, {2}, {0})",
+        "nan": "ieee_value(1.D0, ieee_quiet_nan)",
+    },
     line=_in_fortran,
-    row=lambda at, literals: _in_fortran(f"DATA (T(J,{at}),J=1,{len(literals)}) / {', '.join(literals)} /"),
+    row=lambda at, literals: _in_fortran(
+        f"DATA (T(J,{at}),J=1,{len(literals)}) / {', '.join(literals)} /"
+    ),
     number=lambda text: text.replace("e", "D") if "e" in text else f"{text}D0",
     element=lambda array, number: f"{array}({number + 1})",
     declaration="REAL*8 {0}",
@@ -76,32 +90,36 @@ TARGETS = {
         "_felupe.py",
         PYTHON,
         "",
-        "from {name}_felupe import Material, then felupe.SolidBody(umat=Material(), field=field); Material takes other moduli. The file "
-        "needs NumPy alone; `python {name}_felupe.py` compares it with pdsurrogate.",
+        "from {name}_felupe import Material, then felupe.SolidBody(umat=Material(), field=field);"
+        " Material takes other moduli. The file needs NumPy alone; `python {name}_felupe.py`"
+        " compares it with pdsurrogate.",
     ),
     "umat": Target(
         "umat.f",
         "_umat.f",
         FORTRAN,
         "C     ",
-        "abaqus job=JOB user={name}_umat.f, with *User Material, constants={constants}: {props}. The stress is Cauchy's and the tangent "
-        "that of its Jaumann rate, in the order 11, 22, 33, 12, 13, 23, for {elements}.",
+        "abaqus job=JOB user={name}_umat.f, with *User Material, constants={constants}: {props}."
+        " The stress is Cauchy's and the tangent that of its Jaumann rate, in the order 11, 22, 33,"
+        " 12, 13, 23, for {elements}.",
     ),
     "ufl": Target(
         "ufl.txt",
         "_ufl.py",
         PYTHON,
         "",
-        "from {name}_ufl import psi; psi(F) is the energy per undeformed volume as an expression of UFL, whose derivative is the stress. "
-        "psi takes other moduli, which may be constants of UFL.",
+        "from {name}_ufl import psi; psi(F) is the energy per undeformed volume as an expression of"
+        " UFL, whose derivative is the stress. psi takes other moduli, which may be constants of"
+        " UFL.",
     ),
     "c": Target(
         "energy.h",
         ".h",
         C,
         " * ",
-        "{name}_energy, {name}_stress and {name}_tangent take F by rows and the moduli; P and A = dP/dF are stored by rows. They allocate "
-        "no memory. `cc -x c -D{name}_check {name}.h -lm` makes a program that compares the file with pdsurrogate.",
+        "{name}_energy, {name}_stress and {name}_tangent take F by rows and the moduli; P and A ="
+        " dP/dF are stored by rows. They allocate no memory. `cc -x c -D{name}_check {name}.h -lm`"
+        " makes a program that compares the file with pdsurrogate.",
     ),
 }
 """Programs for which an energy can be exported, by their names on the command line."""
@@ -130,7 +148,11 @@ def exported(source: Source, target: str) -> str:
         raise ValueError(f"{source.law.name}: {error}") from None
     text = (resources.files(__package__) / "templates" / found.template).read_text("utf-8")
     sections = re.split(r"^%% (.*)\n", text, flags=re.MULTILINE)[1:]
-    kept = (part for words, part in zip(sections[::2], sections[1::2], strict=True) if tags.issuperset(words.split()))
+    kept = (
+        part
+        for words, part in zip(sections[::2], sections[1::2], strict=True)
+        if tags.issuperset(words.split())
+    )
     values = {"header": _header(source, found), **_values(source, found.language), **parts}
     return re.sub(r"\n{4,}", "\n\n\n", Template("".join(kept)).substitute(values)).rstrip() + "\n"
 
@@ -156,37 +178,56 @@ def _values(source: Source, language: Language) -> dict:
 
 
 def _parts(source: Source, language: Language, energy_alone: bool) -> tuple[set[str], dict]:
-    """Return the tags of the sections of a template that an energy needs, and its expressions and constants by their names there.
+    """Return the tags of the sections of a template that an energy needs, and its expressions and
+    constants by their names there.
 
     `energy_alone` leaves out derivatives, for UFL, which differentiates.
     """
     law, network, tags, found = source.law, source.network, {"begin", "check", "end"}, {}
 
     def body(function, arguments: str, results: str, *more) -> str:
-        return language.body(function, arguments, results.split()[0] if energy_alone else results, *more)
+        return language.body(
+            function, arguments, results.split()[0] if energy_alone else results, *more
+        )
 
     if source.is_sheet:
         tags |= {"sheet"}
     else:
         tags |= {"space"}
-        found["volumetric"] = body(law.volumetric, "J3", "U U1 U2", [symbol("K"), *law.parameters[1:]])
+        found["volumetric"] = body(
+            law.volumetric, "J3", "U U1 U2", [symbol("K"), *law.parameters[1:]]
+        )
     if network is not None:
         tags |= {"network"} if source.is_sheet else {"network", "isochoric", "invariants"}
         units = np.vstack([network.hidden_weights, network.hidden_biases, network.output_weights]).T
         found |= {"units": language.table(units), "n_units": len(units)}
         found["activation"] = body(ACTIVATIONS[network.activation], "x", "a a1 a2")
         found |= dict(zip(("at_rest", "flat"), map(language.literal, network.at_rest), strict=True))
-        found["least"], found["greatest"] = map(language.literal, (network.domain.least_stretch, network.domain.greatest_stretch))
+        found["least"], found["greatest"] = map(
+            language.literal, (network.domain.least_stretch, network.domain.greatest_stretch)
+        )
     elif isinstance(law, InvariantLaw):
         tags |= {"law", "invariants"}
-        found["isochoric"] = body(law.isochoric, "I1 I2", "W W1 W2 W11 W12 W22", list(law.parameters))
+        found["isochoric"] = body(
+            law.isochoric, "I1 I2", "W W1 W2 W11 W12 W22", list(law.parameters)
+        )
     else:
         tags |= {"stretches"}
         terms = np.array([law.coefficients(law.parameters, k) for k in range(len(law.terms))])
-        found |= {"terms": language.table(terms), "n_terms": len(terms), "n_constants": terms.shape[1]}
-        constants = tuple(symbol((language.element or C.element)("c", at)) for at in range(terms.shape[1]))
+        found |= {
+            "terms": language.table(terms),
+            "n_terms": len(terms),
+            "n_constants": terms.shape[1],
+        }
+        constants = tuple(
+            symbol((language.element or C.element)("c", at)) for at in range(terms.shape[1])
+        )
         found["term"] = body(law.term, "x1 x2 x3 s1 s2 s3", "W g1 g2 g3 h", constants)
-        found |= {f"rest_{key}": language.literal(value) for key, value in _near_rest(law).items()} if energy_alone else {}
+        found |= (
+            {f"rest_{key}": language.literal(value) for key, value in _near_rest(law).items()}
+            if energy_alone
+            else {}
+        )
     return tags, found
 
 
@@ -195,13 +236,33 @@ def _header(source: Source, target: Target) -> str:
     sheet = " of a sheet under plane stress" if source.is_sheet else ""
     moduli = f"unit of the shear modulus, here {source.law.shear_modulus:g}"
     props = ["PROPS(1) is the shear modulus", "PROPS(2) the bulk modulus"][: len(source.moduli)]
-    elements = ["solids, plane strain, axisymmetry and plane stress (continuum elements)", "plane stress, of a sheet that keeps its volume"]
-    use = target.use.format(name=_identifier(source), constants=len(props), props=", ".join(props), elements=elements[source.is_sheet])
+    elements = [
+        "solids, plane strain, axisymmetry and plane stress (continuum elements)",
+        "plane stress, of a sheet that keeps its volume",
+    ]
+    use = target.use.format(
+        name=_identifier(source),
+        constants=len(props),
+        props=", ".join(props),
+        elements=elements[source.is_sheet],
+    )
     if source.network is not None:
-        use += " STATEV(1), if there is one, is 1 outside the domain." if target.language is FORTRAN else ""
-    facts = (f"Hyperelastic energy{sheet}: {source.title}.", f"Written by pdsurrogate {__version__}.", *source.facts)
+        use += (
+            " STATEV(1), if there is one, is 1 outside the domain."
+            if target.language is FORTRAN
+            else ""
+        )
+    facts = (
+        f"Hyperelastic energy{sheet}: {source.title}.",
+        f"Written by pdsurrogate {__version__}.",
+        *source.facts,
+    )
     paragraphs = [*facts, f"Units: energies and stresses have the {moduli}.", f"Use: {use}"]
-    lines = [line for text in paragraphs for line in (*textwrap.wrap(text, 66, break_long_words=False, break_on_hyphens=False), "")][:-1]
+    lines = [
+        line
+        for text in paragraphs
+        for line in (*textwrap.wrap(text, 66, break_long_words=False, break_on_hyphens=False), "")
+    ][:-1]
     if not target.comment:
         return "\n".join(lines) + "\n"
     lines = [f"{target.comment}{line}".rstrip() for line in lines]
@@ -209,9 +270,11 @@ def _header(source: Source, target: Target) -> str:
 
 
 def _near_rest(law: Law) -> dict[str, float]:
-    """Fit the coefficients of W near rest, a polynomial of a = I1bar - 3 and b = I1bar - I2bar, which a law of stretches does not state.
+    """Fit the coefficients of W near rest, a polynomial of a = I1bar - 3 and b = I1bar - I2bar,
+    which a law of stretches does not state.
 
-    a is of second and b of third order in the strain; the terms of W up to the fifth order are returned, by name.
+    a is of second and b of third order in the strain; the terms of W up to the fifth order are
+    returned, by name.
     """
     random = np.random.default_rng(0)
     logs = random.standard_normal((3, REST_STATES))
@@ -219,8 +282,23 @@ def _near_rest(law: Law) -> dict[str, float]:
     logs *= REST_STRAIN * random.uniform(0.2, 1, REST_STATES) / abs(logs).max(axis=0)
     squares = np.exp(2 * logs)
     a, b = squares.sum(axis=0) - 3, (squares - 1 / squares).sum(axis=0)
-    terms = {"a": a, "b": b, "aa": a * a, "ab": a * b, "aaa": a**3, "bb": b * b, "aab": a * a * b, "aaaa": a**4, "abb": a * b * b}
+    terms = {
+        "a": a,
+        "b": b,
+        "aa": a * a,
+        "ab": a * b,
+        "aaa": a**3,
+        "bb": b * b,
+        "aab": a * a * b,
+        "aaaa": a**4,
+        "abb": a * b * b,
+    }
     columns = np.stack(list(terms.values()), axis=1)
     scale = abs(columns).max(axis=0)
-    found = np.linalg.lstsq(columns / scale, law.sums((*logs, *squares), law.parameters)[0], rcond=None)[0] / scale
+    found = (
+        np.linalg.lstsq(
+            columns / scale, law.sums((*logs, *squares), law.parameters)[0], rcond=None
+        )[0]
+        / scale
+    )
     return dict(zip(terms, found.tolist(), strict=True))

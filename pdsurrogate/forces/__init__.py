@@ -14,9 +14,27 @@ from .own import OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
 from .protocol import ForceModel, Member, bind_portions
 from .settings import ForceSettings
 
-FORCES = {model.name: model for model in (AnalyticBondForce, BANOSBForce, BondEnergyForce, NOSBForce)}
+FORCES = {
+    model.name: model for model in (AnalyticBondForce, BANOSBForce, BondEnergyForce, NOSBForce)
+}
 """Force models that need no artifact, by their names in scenes and on the command line."""
 
-__all__ = ["AnalyticBondForce", "BANOSBForce", "BondEnergyForce", "ForceModel", "ForceSettings", "NOSBForce", "OwnBondForce"]
-__all__ += ["EnergyNetwork", "EnergySurrogate", "ForceSurrogate", "IsochoricNetwork", "NetworkForce", "PolynomialForce", "SplineForce"]
+__all__ = [
+    "AnalyticBondForce",
+    "BANOSBForce",
+    "BondEnergyForce",
+    "ForceModel",
+    "ForceSettings",
+    "NOSBForce",
+    "OwnBondForce",
+]
+__all__ += [
+    "EnergyNetwork",
+    "EnergySurrogate",
+    "ForceSurrogate",
+    "IsochoricNetwork",
+    "NetworkForce",
+    "PolynomialForce",
+    "SplineForce",
+]
 __all__ += ["InvalidState", "OutsideDomain", "OutsideDomainWarning"]

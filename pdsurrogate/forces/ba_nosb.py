@@ -1,4 +1,6 @@
-"""Bond-associated correspondence model, paper (11)-(15): the stable reference method of the paper."""
+"""Bond-associated correspondence model, paper (11)-(15): the stable reference method of the
+paper.
+"""
 
 from typing import ClassVar
 
@@ -20,13 +22,14 @@ from .term import MaterialTerm, StateArray, Term
 
 
 class BondAssociatedStress(MaterialTerm):
-    """Internal force of BA-NOSB: forces from the stresses of the bonds, each of which has a deformation gradient of its own.
+    """Internal force of BA-NOSB: forces from the stresses of the bonds, each of which has a
+    deformation gradient of its own.
 
     Attributes
     ----------
     bond_vectors : ndarray, shape (n_bonds, 2)
-        Vector by which the stress of every directed bond is multiplied to give its force: first the bonds that start at points, then those
-        that start at ghosts.
+        Vector by which the stress of every directed bond is multiplied to give its force: first the
+        bonds that start at points, then those that start at ghosts.
     bond_forces : ndarray, shape (n_bonds, 2)
         Force of every directed bond in the state last evaluated, divided by the shear modulus.
     """
@@ -36,15 +39,23 @@ class BondAssociatedStress(MaterialTerm):
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
         material, body, kinematics = self.points_of(0), self.body, self.kinematics
-        bonds, points, volumes, chunks = body.bonds, body.all_points, body.all_volumes, kinematics.chunks
+        bonds, points, volumes, chunks = (
+            body.bonds,
+            body.all_points,
+            body.all_volumes,
+            kinematics.chunks,
+        )
         n, total = len(body), len(points)
 
         # Directed bonds by owner: a point's own, then those of images toward points of the body.
         order = np.argsort(bonds.second[kinematics.outer_pairs], kind="stable")
         from_image = kinematics.outer_pairs[order]
-        self._owners = owners = np.concatenate([body.bond_owners, bonds.second[from_image]]).astype(np.uint32)
+        self._owners = owners = np.concatenate([body.bond_owners, bonds.second[from_image]]).astype(
+            np.uint32
+        )
         self._targets = targets = np.concatenate([bonds.neighbors, bonds.first[from_image]])
-        # Iterations at the bonds of images begin where those at the mirrored bonds ended, so that bonds of points are all the state.
+        # Iterations at the bonds of images begin where those at the mirrored bonds ended, so that
+        # bonds of points are all the state.
         self._mirrored = kinematics.bonds_of_pairs[0][kinematics.mirrored_pairs[order]]
         pair_of = np.concatenate([bonds.pair_of, from_image])
         self._forward, backward = np.argsort(pair_of, kind="stable").reshape(-1, 2).T
@@ -53,8 +64,12 @@ class BondAssociatedStress(MaterialTerm):
         bond_pointers = pointers_to(owners, total)
 
         # Tables: all points within the horizon; of an image, those that exist.
-        near = scipy.spatial.cKDTree(points).query_ball_point(points[n:], body.horizon * WITH_ROUNDING)
-        around_images = np.array([[i, j] for i, others in enumerate(near, n) for j in others if j != i], dtype=np.int64).reshape(-1, 2)
+        near = scipy.spatial.cKDTree(points).query_ball_point(
+            points[n:], body.horizon * WITH_ROUNDING
+        )
+        around_images = np.array(
+            [[i, j] for i, others in enumerate(near, n) for j in others if j != i], dtype=np.int64
+        ).reshape(-1, 2)
         self._table = np.concatenate([bonds.neighbors, around_images[:, 1].astype(np.uint32)])
         table_owners = np.concatenate([owners[: len(bonds.neighbors)], around_images[:, 0]])
         self._table_pointers = pointers_to(table_owners, total)
@@ -62,33 +77,64 @@ class BondAssociatedStress(MaterialTerm):
         weights = body.weigh(lengths_of(bond))
         self._table_weights = np.ascontiguousarray(bond * (weights * volumes[self._table])[:, None])
         horizon_volumes = np.bincount(table_owners, volumes[self._table], total)
-        # The horizon of an image extends beyond the existing images, so it has the volume of the mirrored point's horizon.
+        # The horizon of an image extends beyond the existing images, so it has the volume of the
+        # mirrored point's horizon.
         body.ghosts.fill(horizon_volumes)
 
         table = self._table_pointers, self._table
-        self._common_pointers, self._common = np.zeros(len(owners) + 1, dtype=np.uint64), np.empty(0, dtype=np.uint16)
+        self._common_pointers, self._common = (
+            np.zeros(len(owners) + 1, dtype=np.uint64),
+            np.empty(0, dtype=np.uint16),
+        )
         for count in (True, False):
             common = count, self._common_pointers, self._common
-            ba_nosb.list_common_points(points, *table, bond_pointers, targets, body.horizon, *common)
+            ba_nosb.list_common_points(
+                points, *table, bond_pointers, targets, body.horizon, *common
+            )
             if count:
                 self._common = np.empty(int(self._common_pointers[-1]), dtype=np.uint16)
         direction = points[targets] - points[owners]
-        self.bond_vectors = np.ascontiguousarray(direction * body.weigh(np.linalg.norm(direction, axis=1))[:, None])
+        self.bond_vectors = np.ascontiguousarray(
+            direction * body.weigh(np.linalg.norm(direction, axis=1))[:, None]
+        )
         self._inverse_shapes = np.empty((len(owners), 3))
         weighted, shared = (*table, self._table_weights), (self._common_pointers, self._common)
         shapes = self._inverse_shapes, self.bond_vectors
-        ba_nosb.bond_references(points, volumes, weighted, (owners, targets), shared, horizon_volumes, *shapes)
+        ba_nosb.bond_references(
+            points, volumes, weighted, (owners, targets), shared, horizon_volumes, *shapes
+        )
         self._volume_ratios, self.bond_forces = np.ones(len(owners)), np.empty((len(owners), 2))
-        self.state.append(StateArray("bond_volume_ratios", "bonds", self._volume_ratios[: len(bonds.neighbors)]))
+        self.state.append(
+            StateArray("bond_volume_ratios", "bonds", self._volume_ratios[: len(bonds.neighbors)])
+        )
         of_table = aligned_rows((chunks.threads, int(np.diff(self._table_pointers).max()), 4))
-        of_bonds, scratch = (aligned_rows((chunks.threads, *shape), value=1) for shape in ((BLOCK, 4), (SCRATCH_ROWS + 4, BLOCK)))
+        of_bonds, scratch = (
+            aligned_rows((chunks.threads, *shape), value=1)
+            for shape in ((BLOCK, 4), (SCRATCH_ROWS + 4, BLOCK))
+        )
         state = self._volume_ratios, material.response.address, material.parameters
-        arrays = kinematics.positions, weighted, (bond_pointers, *shared, *shapes), *state, (of_table, of_bonds, scratch), self.bond_forces
+        arrays = (
+            kinematics.positions,
+            weighted,
+            (bond_pointers, *shared, *shapes),
+            *state,
+            (of_table, of_bonds, scratch),
+            self.bond_forces,
+        )
         # The force on a point is the sum of its bonds' forces minus those of the reverse bonds.
-        sums = self.bond_forces, bond_pointers, bond_pointers, self._reverse, material.law.shear_modulus, np.empty_like(body.points)
+        sums = (
+            self.bond_forces,
+            bond_pointers,
+            bond_pointers,
+            self._reverse,
+            material.law.shear_modulus,
+            np.empty_like(body.points),
+        )
         self._sum_forces = sum_pair_forces[2].bind(*sums, chunks=chunks)
         self.in_units = [(0, self._sum_forces)]
-        self._find_forces = Chain(ba_nosb.ba_nosb_forces.bind(*arrays, chunks=chunks), self._sum_forces)
+        self._find_forces = Chain(
+            ba_nosb.ba_nosb_forces.bind(*arrays, chunks=chunks), self._sum_forces
+        )
 
     def find(self, out: np.ndarray) -> None:
         unsolved, without_force = self.pass_bonds(out)
@@ -99,13 +145,17 @@ class BondAssociatedStress(MaterialTerm):
             raise InvalidState(self.diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> list[int]:
-        """Write the forces on the points to `out`; return the numbers of bonds without a stress and of points without a finite force."""
+        """Write the forces on the points to `out`; return the numbers of bonds without a stress
+        and of points without a finite force.
+        """
         self._sum_forces.give("out", out)
         self._volume_ratios[len(self.body.bonds.neighbors) :] = self._volume_ratios[self._mirrored]
         return self._find_forces()
 
     def _without_state(self) -> str:
-        """Return an error message about a bond without a stress; the gradients of all bonds are recomputed for it."""
+        """Return an error message about a bond without a stress; the gradients of all bonds are
+        recomputed for it.
+        """
         body, positions, owners = self.body, self.kinematics.positions, self._owners
         bonds = np.repeat(np.arange(len(owners)), np.diff(self._common_pointers).astype(np.int64))
         entries = self._table_pointers[owners[bonds]].astype(np.int64) + self._common
@@ -114,19 +164,28 @@ class BondAssociatedStress(MaterialTerm):
         np.add.at(F, bonds, np.einsum("ci,cj->cij", vectors, self._table_weights[entries]))
         F = F @ symmetric(self._inverse_shapes)
         F[self._inverse_shapes[:, 0] == 0] = np.eye(2)
-        bond, reason = why_invalid(F, " of the bond", "stress", lambda _: [self.binding.portions[0].law])
+        bond, reason = why_invalid(
+            F, " of the bond", "stress", lambda _: [self.binding.portions[0].law]
+        )
         x1, x2 = body.all_points[self._targets[bond]]
-        return at_point(body, int(self.kinematics.sources[owners[bond]]), f"its bond to ({x1:.4g}, {x2:.4g}) has no stress: {reason}")
+        return at_point(
+            body,
+            int(self.kinematics.sources[owners[bond]]),
+            f"its bond to ({x1:.4g}, {x2:.4g}) has no stress: {reason}",
+        )
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         forward = self._forward[pairs]
-        return self.binding.portions[0].law.shear_modulus * (self.bond_forces[forward] - self.bond_forces[self._reverse[forward]])
+        return self.binding.portions[0].law.shear_modulus * (
+            self.bond_forces[forward] - self.bond_forces[self._reverse[forward]]
+        )
 
 
 class BANOSBForce(ForceModel):
     """Force model BA-NOSB (bond-associated correspondence peridynamics), without zero-energy modes.
 
-    Every bond has a deformation gradient of its own, from the points in the horizons of both its ends.
+    Every bond has a deformation gradient of its own, from the points in the horizons of both its
+    ends.
 
     See Also
     --------
@@ -142,7 +201,8 @@ class BANOSBForce(ForceModel):
 
     name = family = "ba-nosb"
     differentiable = False
-    # Fracture is not supported: the shared horizons around every broken bond would have to be recomputed.
+    # Fracture is not supported: the shared horizons around every broken bond would have to be
+    # recomputed.
     honors: ClassVar = {"precision": ("float64",), "correction": ("none",), "plane": SHEETS}
 
     def terms(self, plane: str) -> tuple[type[Term], ...]:

@@ -1,4 +1,6 @@
-"""Gradients with which a uniform stress exerts the boundary's load on every point of a body (theory (78)-(80))."""
+"""Gradients with which a uniform stress exerts the boundary's load on every point of a body
+(theory (78)-(80)).
+"""
 
 from __future__ import annotations
 
@@ -22,37 +24,58 @@ if TYPE_CHECKING:
     from .bond_shares import BondShares
 
 REACH = 2.3
-"""Greatest length, in spacings, of a bond whose weight changes. Chosen: the bonds beyond it, half of those at a horizon of 3.15, hardly
-make the changes smaller; with 1.6 spacings the changes are up to four times the weights."""
+"""Greatest length, in spacings, of a bond whose weight changes. Chosen: the bonds beyond it, half
+of those at a horizon of 3.15, hardly make the changes smaller; with 1.6 spacings the changes are up
+to four times the weights.
+"""
 
 FEW = 4
-"""Number of bonds within `REACH`, divided by the dimension, below which all bonds of a point change. Chosen: a point in the corner of a
-square lattice has 7 within `REACH`."""
+"""Number of bonds within `REACH`, divided by the dimension, below which all bonds of a point
+change. Chosen: a point in the corner of a square lattice has 7 within `REACH`.
+"""
 
 DEFINITE = 0.25
-"""Least eigenvalue of the factor B of a point beside an interface, relative to the mean one, with which its bonds change. Chosen: it is
-0.37 and more beside boundaries, and negative where images of a much softer material follow the gradient of the point."""
+"""Least eigenvalue of the factor B of a point beside an interface, relative to the mean one, with
+which its bonds change. Chosen: it is 0.37 and more beside boundaries, and negative where images of
+a much softer material follow the gradient of the point.
+"""
 
 
-def balanced_changes(binding: Binding, shares: BondShares) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return numbers of directed bonds, the changes (k, d) of their weights in the gradients of their first points, and their functions.
+def balanced_changes(
+    binding: Binding, shares: BondShares
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return numbers of directed bonds, the changes (k, d) of their weights in the gradients of
+    their first points, and their functions.
 
-    Gradients remain exact for affine motions, and for continuous motions that are affine on either side of an interface: the sums of the
-    products of the changes with each of the functions (k, d or d + 1) vanish. Among the changes with which the force of a uniform stress on
-    every point is the load of the boundary on it, `Body.outward`, the least ones are chosen (`_least_changes`). On a lattice the points
-    within a horizon of those on which the boundary acts have changes, otherwise all points; but none within a horizon of a point that a cut
-    which `Body.outward` does not contain separates, and none that see images beyond a curved held boundary, or in the corner of a clamp
-    and a free side beyond the clamp. Points within two horizons of an interface have changes if the body is `Body.loaded`.
-    None is returned for a body that does not know its boundary.
+    Gradients remain exact for affine motions, and for continuous motions that are affine on either
+    side of an interface: the sums of the products of the changes with each of the functions (k, d
+    or d + 1) vanish. Among the changes with which the force of a uniform stress on every point is
+    the load of the boundary on it, `Body.outward`, the least ones are chosen (`_least_changes`). On
+    a lattice the points within a horizon of those on which the boundary acts have changes,
+    otherwise all points; but none within a horizon of a point that a cut which `Body.outward` does
+    not contain separates, and none that see images beyond a curved held boundary, or in the corner
+    of a clamp and a free side beyond the clamp. Points within two horizons of an interface have
+    changes if the body is `Body.loaded`. None is returned for a body that does not know its
+    boundary.
     """
     kinematics, portion_of = binding.kinematics, binding.portion_of
     body, d = kinematics.body, kinematics.body.dimension
     if body.outward is None:
         return None
-    bonds, share, ghosts, n, owners = body.bonds, body.share, body.ghosts, len(body), body.bond_owners
+    bonds, share, ghosts, n, owners = (
+        body.bonds,
+        body.share,
+        body.ghosts,
+        len(body),
+        body.bond_owners,
+    )
     regular = body.mesh_cells is None and not body.relaxed
     at_sides = beside(body, np.abs(body.outward).max(axis=1) > 0)
-    unknown, clamped, pairs = ends_of_unknown(body), sees_clamps(body), _pairs_across(body, portion_of)
+    unknown, clamped, pairs = (
+        ends_of_unknown(body),
+        sees_clamps(body),
+        _pairs_across(body, portion_of),
+    )
     across = _ends_of(body, np.stack([bonds.first[pairs], bonds.second[pairs]], axis=1))
     several = body.loaded and share.any(len(pairs) > 0)
     if several:
@@ -60,18 +83,24 @@ def balanced_changes(binding: Binding, shares: BondShares) -> tuple[np.ndarray, 
         across &= beside(body, clamped)
     left_out = beside(body, unknown | across)
     left_out |= _sees(body, [plane.axis is None for plane in body.planes])
-    # Beyond a clamp gradients continue otherwise than displacements do, and the corners of clamps and free sides are not homogeneous.
+    # Beyond a clamp gradients continue otherwise than displacements do, and the corners of clamps
+    # and free sides are not homogeneous.
     left_out |= clamped & at_sides
     share.fill(left_out)
     chosen = at_sides if regular else np.ones(n, dtype=bool)
     chosen &= (kinematics.supported[:n] > 0) & ~left_out
-    factors, loads = _factors_and_loads(binding, shares, beside(body, chosen | at_sides), pairs if several else None)
+    factors, loads = _factors_and_loads(
+        binding, shares, beside(body, chosen | at_sides), pairs if several else None
+    )
     loads[left_out] = np.nan
     stiff = np.ones(n)
     if several:
         moduli = np.array([*(portion.law.shear_modulus for portion in binding.portions), np.inf])
-        # Changes in stiff materials store more energy. In steps, so that derivatives by moduli leave the changes as they are.
-        stiff = np.exp2(np.floor(np.log2(16 * moduli / moduli.min() / YIELDING) / 2))[portion_of[:n]]
+        # Changes in stiff materials store more energy. In steps, so that derivatives by moduli
+        # leave the changes as they are.
+        stiff = np.exp2(np.floor(np.log2(16 * moduli / moduli.min() / YIELDING) / 2))[
+            portion_of[:n]
+        ]
         loads[np.isinf(stiff)] = np.nan
         least = np.linalg.eigvalsh(factors + factors.transpose(0, 2, 1))[:, 0] / 2
         chosen &= np.isfinite(stiff) & (least >= DEFINITE * np.einsum("nii->n", factors) / d)
@@ -90,9 +119,14 @@ def balanced_changes(binding: Binding, shares: BondShares) -> tuple[np.ndarray, 
     near |= (count < FEW * d)[owner]
     numbers, owner, ends, vectors = numbers[near], owner[near], ends[near], vectors[near]
     if several:
-        beyond = np.where(portion_of[ends] != portion_of[owner], kinematics.interfaces.depths[ends], 0.0)
-        squares, of_vectors = (np.bincount(owner, values, n) for values in (beyond**2, (vectors**2).sum(axis=1) / d))
-        # As large as the vectors, so that functions which the bonds do not tell apart are recognized.
+        beyond = np.where(
+            portion_of[ends] != portion_of[owner], kinematics.interfaces.depths[ends], 0.0
+        )
+        squares, of_vectors = (
+            np.bincount(owner, values, n) for values in (beyond**2, (vectors**2).sum(axis=1) / d)
+        )
+        # As large as the vectors, so that functions which the bonds do not tell apart are
+        # recognized.
         beyond *= np.sqrt(of_vectors / np.where(squares > 0, squares, 1.0))[owner]
         vectors = np.column_stack([vectors, beyond])
     signs = np.vstack([np.ones((n, d)), ghosts.reflection])[ends]
@@ -106,16 +140,29 @@ def balanced_changes(binding: Binding, shares: BondShares) -> tuple[np.ndarray, 
         places = np.searchsorted(whole, places)
     at_ends = np.abs(body.outward).max(axis=1) > 0
     at_ends[ghosts.source] = True
-    *of_points, points = [share.gather(values) for values in (factors, loads, stiff, at_ends, body.points)]
-    # Far from the origin, points divided by the spacing would differ by other vectors than those between them.
-    changes = _least_changes(arrays, *of_points, (points - points[0]) / body.spacing) if share.leads else None
+    *of_points, points = [
+        share.gather(values) for values in (factors, loads, stiff, at_ends, body.points)
+    ]
+    # Far from the origin, points divided by the spacing would differ by other vectors than those
+    # between them.
+    changes = (
+        _least_changes(arrays, *of_points, (points - points[0]) / body.spacing)
+        if share.leads
+        else None
+    )
     changes = share.ranks.to_all(changes)[places]
     return numbers, changes, vectors
 
 
 def beside(body: Body, flags: np.ndarray) -> np.ndarray:
-    """Return flags of the points (n,) that are flagged, or have a bond to a flagged point or to an image of one."""
-    found, bonds, sources = flags.copy(), body.bonds, np.concatenate([np.arange(len(body)), body.ghosts.source])
+    """Return flags of the points (n,) that are flagged, or have a bond to a flagged point or to
+    an image of one.
+    """
+    found, bonds, sources = (
+        flags.copy(),
+        body.bonds,
+        np.concatenate([np.arange(len(body)), body.ghosts.source]),
+    )
     body.share.fill(found)
     every = found[sources]
     found[bonds.first[every[bonds.second]]] = True
@@ -125,7 +172,9 @@ def beside(body: Body, flags: np.ndarray) -> np.ndarray:
 
 
 def _sees(body: Body, planes: list[bool]) -> np.ndarray:
-    """Return flags of the points (n,) that have images beyond chosen planes, or other boundaries, as neighbors."""
+    """Return flags of the points (n,) that have images beyond chosen planes, or other
+    boundaries, as neighbors.
+    """
     images, found = np.array([*planes, False])[body.ghosts.plane], np.zeros(len(body), dtype=bool)
     found[body.bond_owners[np.concatenate([found, images])[body.bonds.neighbors]]] = True
     return found
@@ -137,7 +186,9 @@ def sees_clamps(body: Body) -> np.ndarray:
 
 
 def ends_of_unknown(body: Body) -> np.ndarray:
-    """Return flags of the points (n,) of which a cut that `Body.outward` does not contain took bonds."""
+    """Return flags of the points (n,) of which a cut that `Body.outward` does not contain took
+    bonds.
+    """
     loaded = np.abs(body.outward).max(axis=1) > 0
     loaded = np.concatenate([loaded, loaded[body.ghosts.source]])
     cut = body.bonds.cut
@@ -145,7 +196,9 @@ def ends_of_unknown(body: Body) -> np.ndarray:
 
 
 def _ends_of(body: Body, pairs: np.ndarray) -> np.ndarray:
-    """Return flags of the points (n,) that are ends of pairs (k, 2) of points and images, or mirrored by such ends."""
+    """Return flags of the points (n,) that are ends of pairs (k, 2) of points and images, or
+    mirrored by such ends.
+    """
     found = np.zeros(len(body), dtype=bool)
     found[np.concatenate([np.arange(len(body)), body.ghosts.source])[pairs]] = True
     body.share.fill(found)
@@ -154,18 +207,31 @@ def _ends_of(body: Body, pairs: np.ndarray) -> np.ndarray:
 
 def _pairs_across(body: Body, portion_of: np.ndarray | None) -> np.ndarray:
     """Return the numbers of the pairs of two materials, or of a material and a rigid part."""
-    return np.flatnonzero([] if portion_of is None else portion_of[body.bonds.first] != portion_of[body.bonds.second])
+    return np.flatnonzero(
+        [] if portion_of is None else portion_of[body.bonds.first] != portion_of[body.bonds.second]
+    )
 
 
 def _factors_and_loads(
     binding: Binding, shares: BondShares, reached: np.ndarray, across: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return B (n, d, d) of (80), and the loads a - g (n, d) that changes must exert, on points that are `reached`.
+    """Return B (n, d, d) of (80), and the loads a - g (n, d) that changes must exert, on points
+    that are `reached`.
 
-    With numbers of the pairs `across` interfaces, they are those of energies that depend on the jumps there.
+    With numbers of the pairs `across` interfaces, they are those of energies that depend on the
+    jumps there.
     """
-    kinematics, body, bonds = binding.kinematics, binding.kinematics.body, binding.kinematics.body.bonds
-    sources, around, owners, (n, d) = kinematics.sources, beside(body, reached), body.bond_owners, body.points.shape
+    kinematics, body, bonds = (
+        binding.kinematics,
+        binding.kinematics.body,
+        binding.kinematics.body.bonds,
+    )
+    sources, around, owners, (n, d) = (
+        kinematics.sources,
+        beside(body, reached),
+        body.bond_owners,
+        body.points.shape,
+    )
     signs, deformable = np.vstack([np.ones((n, d)), body.ghosts.reflection]), None
     if across is not None:
         deformable = binding.portion_of[owners] < len(binding.portions)
@@ -180,22 +246,35 @@ def _factors_and_loads(
     for ends in (first, second):
         for a, b in np.ndindex(d, d):
             transverse = (0.5 * volumes) * (float(a == b) - along[:, a] * along[:, b])
-            factors[:, a, b] += np.bincount(sources[ends], signs[ends, a] * signs[ends, b] * transverse, n)
+            factors[:, a, b] += np.bincount(
+                sources[ends], signs[ends, a] * signs[ends, b] * transverse, n
+            )
     body.share.fill(factors)
     if across is not None:
         loads += _through_jumps(binding, shares, across, factors)
     numbers = np.flatnonzero(around[owners])
     owner, ends = owners[numbers], bonds.neighbors[numbers]
     inverse = symmetric(kinematics.inverse_shape)[owner]
-    weights = np.einsum("bij,bjk,bk->bi", factors[owner], inverse, kinematics.weighted_bonds[numbers])
-    for sign, points, forces in ((1, first, pull), (-1, second, pull), (1, owner, weights), (-1, ends, weights)):
+    weights = np.einsum(
+        "bij,bjk,bk->bi", factors[owner], inverse, kinematics.weighted_bonds[numbers]
+    )
+    for sign, points, forces in (
+        (1, first, pull),
+        (-1, second, pull),
+        (1, owner, weights),
+        (-1, ends, weights),
+    ):
         for a in range(d):
             loads[:, a] += sign * np.bincount(sources[points], signs[points, a] * forces[:, a], n)
     return factors, loads
 
 
-def _through_jumps(binding: Binding, shares: BondShares, pairs: np.ndarray, factors: np.ndarray) -> np.ndarray:
-    """Return the forces (n, d) that a unit tension exerts through the jumps at interfaces, crossed by `pairs`; add to the `factors` B."""
+def _through_jumps(
+    binding: Binding, shares: BondShares, pairs: np.ndarray, factors: np.ndarray
+) -> np.ndarray:
+    """Return the forces (n, d) that a unit tension exerts through the jumps at interfaces,
+    crossed by `pairs`; add to the `factors` B.
+    """
     kinematics, portion_of = binding.kinematics, binding.portion_of
     body, (n, d), total = kinematics.body, kinematics.body.points.shape, len(kinematics.positions)
     forces, moments, pulls = np.zeros((total, d)), np.zeros((total, d * d)), np.zeros((total, d))
@@ -212,19 +291,27 @@ def _through_jumps(binding: Binding, shares: BondShares, pairs: np.ndarray, fact
             seen = (volumes * (portion_of[ends] != number))[:, None]
             np.add.at(forces, ends, sign * seen / length * along)
             np.add.at(moments, ends, seen * transverse)
-    Steps(body.share, *kinematics.interfaces.steps_back(forces, moments, own_moments, on_points, pulls))()
+    Steps(
+        body.share,
+        *kinematics.interfaces.steps_back(forces, moments, own_moments, on_points, pulls),
+    )()
     factors[:] = matrices(own_moments)
     return on_points + pulls[:n]
 
 
-def _least_changes(bonds: tuple[np.ndarray, ...], factors, loads, stiff, at_ends, points) -> np.ndarray:
-    """Return the least changes (k, d) of bonds that exert the `loads` (n, d) on the points, where changes reach and loads are not NaN.
+def _least_changes(
+    bonds: tuple[np.ndarray, ...], factors, loads, stiff, at_ends, points
+) -> np.ndarray:
+    """Return the least changes (k, d) of bonds that exert the `loads` (n, d) on the points, where
+    changes reach and loads are not NaN.
 
-    The `bonds`, sorted by owner, are given by their owners and ends, the reflections of ends that are images, and their undeformed vectors
-    (k, d) in spacings, beside interfaces with one more function that changes must not see. The change c of a bond exerts the force B c on
-    its end, and the opposite force on its owner, where B (n, d, d) are the owners' `factors`. The changes have the least sum of squares
-    of s B c/b, with the mean eigenvalue b of B and the owner's number s in `stiff`: each component of B c then has equations of its own,
-    and their matrices differ in the signs of images alone. `at_ends` flags the points where interfaces may end.
+    The `bonds`, sorted by owner, are given by their owners and ends, the reflections of ends that
+    are images, and their undeformed vectors (k, d) in spacings, beside interfaces with one more
+    function that changes must not see. The change c of a bond exerts the force B c on its end, and
+    the opposite force on its owner, where B (n, d, d) are the owners' `factors`. The changes have
+    the least sum of squares of s B c/b, with the mean eigenvalue b of B and the owner's number s in
+    `stiff`: each component of B c then has equations of its own, and their matrices differ in the
+    signs of images alone. `at_ends` flags the points where interfaces may end.
     """
     (owners, ends, signs, vectors), (n, d) = bonds, loads.shape
     count, changes, functions = len(owners), np.zeros((len(owners), d)), range(vectors.shape[1])
@@ -233,7 +320,8 @@ def _least_changes(bonds: tuple[np.ndarray, ...], factors, loads, stiff, at_ends
     weights = np.where(thin, 0.0, means / means[~thin].mean()) / stiff
     roots = np.linalg.cholesky(np.linalg.inv(moments))
     of_owner, places = weights[owners], np.arange(count)
-    # Changes do not see kinks along straight interfaces, which end at the boundary; around a piece inside there is none.
+    # Changes do not see kinks along straight interfaces, which end at the boundary; around a piece
+    # inside there is none.
     within = ~vectors[:, d:].any(axis=1)
     _, pieces = connected(n, owners[within], ends[within])
     inside = ~np.isin(pieces, pieces[at_ends])
@@ -241,23 +329,44 @@ def _least_changes(bonds: tuple[np.ndarray, ...], factors, loads, stiff, at_ends
     _, pieces = connected(n, owners[within], ends[within])
     for components in _alike(signs):
         sign = signs[:, components[0]]
-        entries = np.concatenate([of_owner * sign, -of_owner]), (np.tile(places, 2), np.concatenate([ends, owners]))
+        entries = (
+            np.concatenate([of_owner * sign, -of_owner]),
+            (
+                np.tile(places, 2),
+                np.concatenate([ends, owners]),
+            ),
+        )
         differences = scipy.sparse.csr_array(entries, shape=(count, n))
-        affine = [scipy.sparse.csr_array((vectors[:, a], (owners, places)), shape=(n, count)) @ differences for a in functions]
-        slopes = [sum(scipy.sparse.diags_array(roots[:, a, b]) @ affine[a] for a in functions) for b in functions]
+        affine = [
+            scipy.sparse.csr_array((vectors[:, a], (owners, places)), shape=(n, count))
+            @ differences
+            for a in functions
+        ]
+        slopes = [
+            sum(scipy.sparse.diags_array(roots[:, a, b]) @ affine[a] for a in functions)
+            for b in functions
+        ]
         matrix = (differences.T @ differences - sum(each.T @ each for each in slopes)).tocsr()
         wanted = loads[:, components] / means[~thin].mean()
         found = solution_of(matrix, wanted, points, pieces)
         moved = differences @ found
-        # Projection onto changes that keep the gradients of affine motions: their sum over a point's bonds, times the functions, vanishes.
+        # Projection onto changes that keep the gradients of affine motions: their sum over a
+        # point's bonds, times the functions, vanishes.
         fits = np.linalg.solve(moments, sums_of_products(owners, vectors, moved, n))
         moved -= np.einsum("ba,bac->bc", vectors, fits[owners])
         changes[:, components] = moved / stiff[owners, None]
-    factors = np.where(thin[:, None, None], np.eye(d), factors / np.where(means == 0, 1.0, means)[:, None, None])
-    return np.where(thin[owners, None], 0.0, np.linalg.solve(factors[owners], changes[:, :, None])[:, :, 0])
+    factors = np.where(
+        thin[:, None, None], np.eye(d), factors / np.where(means == 0, 1.0, means)[:, None, None]
+    )
+    return np.where(
+        thin[owners, None], 0.0, np.linalg.solve(factors[owners], changes[:, :, None])[:, :, 0]
+    )
 
 
 def _alike(signs: np.ndarray) -> list[list[int]]:
     """Return the components in groups with the same signs (k, d) of all bonds."""
     columns = [column.tobytes() for column in signs.T]
-    return [[number for number, each in enumerate(columns) if each == column] for column in dict.fromkeys(columns)]
+    return [
+        [number for number, each in enumerate(columns) if each == column]
+        for column in dict.fromkeys(columns)
+    ]

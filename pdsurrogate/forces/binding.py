@@ -1,4 +1,6 @@
-"""Materials of a body with their force models, and what the terms of an internal force have in common."""
+"""Materials of a body with their force models, and what the terms of an internal force have in
+common.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +33,8 @@ class Portion:
 
 @dataclass(frozen=True)
 class Binding:
-    """Data that the terms of an internal force have in common: body and kinematics, materials, and settings.
+    """Data that the terms of an internal force have in common: body and kinematics, materials, and
+    settings.
 
     Attributes
     ----------
@@ -41,7 +44,8 @@ class Binding:
     precision : str
         Precision of the bond pass.
     portion_of : ndarray of int, shape (n + m,), or None
-        Number of the material (index into `portions`) of every point and ghost, ``len(portions)`` for rigid ones; None with one material.
+        Number of the material (index into `portions`) of every point and ghost, ``len(portions)``
+        for rigid ones; None with one material.
     number : int
         Number of the term that is bound, from 0; the first one of the force may place the points.
     """

@@ -1,4 +1,6 @@
-"""Force models that compute the energy of a bond from invariants of its deformation gradient, exact or learned."""
+"""Force models that compute the energy of a bond from invariants of its deformation gradient,
+exact or learned.
+"""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -23,7 +25,8 @@ from .term import Term
 
 @dataclass(frozen=True)
 class IsochoricEnergy:
-    """Isochoric energy W of the bonds, exact or learned, in the form that compiled kernels evaluate.
+    """Isochoric energy W of the bonds, exact or learned, in the form that compiled kernels
+    evaluate.
 
     The result at a state is (p, q, r, energy) as in `pdsurrogate.materials.response`.
 
@@ -34,7 +37,8 @@ class IsochoricEnergy:
     parameters : ndarray
         Parameters of the law.
     address : int
-        Address of the compiled function of a learned energy (`pdsurrogate.kernels.isochoric_energy`); 0 for the exact energy.
+        Address of the compiled function of a learned energy
+        (`pdsurrogate.kernels.isochoric_energy`); 0 for the exact energy.
     sizes : ndarray of int64, shape (N_SIZES,)
         Integer constants of a learned energy, and the number of states found outside its domain.
     weights : ndarray
@@ -52,7 +56,9 @@ class IsochoricEnergy:
 
     @classmethod
     def exact(cls, law: Law, plane: str) -> Self:
-        """Return the exact isochoric energy of a law; `plane` is "strain" or "space" (three dimensions)."""
+        """Return the exact isochoric energy of a law; `plane` is "strain" or "space" (three
+        dimensions).
+        """
         return cls(PLANES[plane].isochoric_response.block(law).address or 0, law.parameters.copy())
 
     @property
@@ -61,15 +67,24 @@ class IsochoricEnergy:
         return self.address, (self.sizes, self.weights, self.response, self.parameters)
 
     def count_outside(self) -> int:
-        """Return the number of states found outside the domain of a learned energy since the last call, and reset it."""
+        """Return the number of states found outside the domain of a learned energy since the
+        last call, and reset it.
+        """
         count = int(self.sizes[OUTSIDE])
         self.sizes[OUTSIDE] = 0
         return count
 
     def evaluate(self, *state) -> np.ndarray:
-        """Return (p, q, r, energy), shape (4, n), at n states given as three vectors; `count_outside` does not count these states."""
+        """Return (p, q, r, energy), shape (4, n), at n states given as three vectors;
+        `count_outside` does not count these states.
+        """
         counted = self.sizes.copy()
-        found = by_blocks(partial(evaluate_isochoric_energy, *self.arguments), np.stack(state), RESULT_ROWS, self.precision)
+        found = by_blocks(
+            partial(evaluate_isochoric_energy, *self.arguments),
+            np.stack(state),
+            RESULT_ROWS,
+            self.precision,
+        )
         self.sizes[:] = counted
         return found
 
@@ -77,7 +92,8 @@ class IsochoricEnergy:
 class EnergyModel(ForceModel):
     """Base class of force models whose forces are minus the derivative of the energy of the bonds.
 
-    The planes in `several_materials` are also those that the model accepts for a body of one material.
+    The planes in `several_materials` are also those that the model accepts for a body of one
+    material.
 
     Attributes
     ----------
@@ -90,7 +106,8 @@ class EnergyModel(ForceModel):
 
     @property
     def isochoric_weights(self) -> np.ndarray:
-        """Floating-point constants of the isochoric energy, shape (k,); a number without effect for the exact energy.
+        """Floating-point constants of the isochoric energy, shape (k,); a number without effect for
+        the exact energy.
 
         Examples
         --------
@@ -102,7 +119,8 @@ class EnergyModel(ForceModel):
 
     @property
     def honors(self) -> Mapping[str, tuple]:
-        # Gradients are balanced on incomplete horizons, and the energy's invariants do not depend on rotations.
+        # Gradients are balanced on incomplete horizons, and the energy's invariants do not depend
+        # on rotations.
         honors = {"precision": PRECISIONS, "breakable": (True,), "plane": self.several_materials}
         return honors | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
@@ -111,7 +129,8 @@ class EnergyModel(ForceModel):
 
 
 class EnergySurrogate(EnergyModel):
-    """Force model that maps the invariants of a bond's deformation gradient to its energy: a surrogate, or the exact energy.
+    """Force model that maps the invariants of a bond's deformation gradient to its energy: a
+    surrogate, or the exact energy.
 
     Attributes
     ----------
@@ -129,7 +148,8 @@ class EnergySurrogate(EnergyModel):
 
     @abstractmethod
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
-        """Return the plane-stress energy with its first and second derivatives by tr C and J in NumPy, for checks and for the tangent.
+        """Return the plane-stress energy with its first and second derivatives by tr C and J in
+        NumPy, for checks and for the tangent.
 
         Parameters
         ----------
@@ -142,20 +162,24 @@ class EnergySurrogate(EnergyModel):
         Returns
         -------
         EnergyDerivatives
-            Vectors ``psi``, ``by_trace``, ``by_area``, ``by_trace_trace``, ``by_trace_area`` and ``by_area_area``, in units of mu.
+            Vectors ``psi``, ``by_trace``, ``by_area``, ``by_trace_trace``, ``by_trace_area`` and
+            ``by_area_area``, in units of mu.
 
         Examples
         --------
         >>> import numpy as np
         >>> import pdsurrogate as pds
-        >>> found = pds.BondEnergyForce().energy_derivatives(pds.materials.NeoHookean(), np.array([2.0, 2.5]), np.array([1.0, 1.1]))
+        >>> found = pds.BondEnergyForce().energy_derivatives(
+        ...     pds.materials.NeoHookean(), np.array([2.0, 2.5]), np.array([1.0, 1.1])
+        ... )
         >>> found.psi.round(4).tolist()
         [0.0, 0.1628]
         """
 
     @abstractmethod
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the energy and its first derivatives as a function compiled for blocks of bonds (`pdsurrogate.kernels.energy_density`).
+        """Return the energy and its first derivatives as a function compiled for blocks of bonds
+        (`pdsurrogate.kernels.energy_density`).
 
         Parameters
         ----------
@@ -177,9 +201,9 @@ class EnergySurrogate(EnergyModel):
 class BondEnergyForce(EnergySurrogate):
     """Exact stored energy of any law, from the deformation gradients of the bonds.
 
-    Under plane stress every bond contributes its whole energy, and every evaluation solves for C33. In plane strain and in three
-    dimensions the isochoric part is evaluated at the bonds and the volumetric part at the points, which avoids locking
-    (`pdsurrogate.forces.volume_energy`).
+    Under plane stress every bond contributes its whole energy, and every evaluation solves for C33.
+    In plane strain and in three dimensions the isochoric part is evaluated at the bonds and the
+    volumetric part at the points, which avoids locking (`pdsurrogate.forces.volume_energy`).
 
     See Also
     --------
@@ -190,7 +214,9 @@ class BondEnergyForce(EnergySurrogate):
     --------
     >>> import pdsurrogate as pds
     >>> body = pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
-    >>> force = pds.BondEnergyForce().bind(body, pds.materials.NeoHookean(), pds.ForceSettings(precision="float64"))
+    >>> force = pds.BondEnergyForce().bind(
+    ...     body, pds.materials.NeoHookean(), pds.ForceSettings(precision="float64")
+    ... )
     >>> force.place(body.points * [1.1, 1.0])
     >>> bool(force.stress_and_energy()[1].min() > 0)
     True
@@ -201,11 +227,14 @@ class BondEnergyForce(EnergySurrogate):
     domain = None
 
     def honored(self, plane: str) -> Mapping[str, tuple]:
-        # In a selective energy, single precision of the pairs' forces and moments would save only 4 percent of the time.
+        # In a selective energy, single precision of the pairs' forces and moments would save only 4
+        # percent of the time.
         honors = super().honored(plane)
         return honors if plane == "stress" else {**honors, "precision": ("float64",)}
 
-    def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
+    def isochoric_energy(
+        self, law: Law, plane: str, outside: str, precision: str
+    ) -> IsochoricEnergy:
         """Return the exact isochoric energy of the bonds.
 
         Parameters
@@ -222,7 +251,9 @@ class BondEnergyForce(EnergySurrogate):
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> pds.BondEnergyForce().isochoric_energy(pds.materials.NeoHookean(), "space", "fallback", "float64").precision
+        >>> pds.BondEnergyForce().isochoric_energy(
+        ...     pds.materials.NeoHookean(), "space", "fallback", "float64"
+        ... ).precision
         'float64'
         """
         return IsochoricEnergy.exact(law, plane)
@@ -231,4 +262,9 @@ class BondEnergyForce(EnergySurrogate):
         return EnergyDerivatives(*plane_stress.energy_derivatives(law, trace, area_ratio))
 
     def compiled(self, dtype) -> CompiledBondForce:
-        return CompiledBondForce(analytic_energy_density(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
+        return CompiledBondForce(
+            analytic_energy_density(dtype).address,
+            np.zeros(1, dtype=np.int64),
+            np.zeros(1, dtype=dtype),
+            0,
+        )

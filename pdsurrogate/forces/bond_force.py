@@ -1,4 +1,6 @@
-"""Force models that map quantities of a bond to its force (learned or exact), and the force term that evaluates such models."""
+"""Force models that map quantities of a bond to its force (learned or exact), and the force term
+that evaluates such models.
+"""
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
@@ -31,16 +33,18 @@ from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from .term import DomainWatch, MaterialTerm, Term, sum_on_pairs
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
-"""Relative step of the volume ratio J3 at which the iteration for the thickness ends, by precision of the bond forces: a few times the
-error of J3 that rounding in the forces causes at K = 10 mu."""
+"""Relative step of the volume ratio J3 at which the iteration for the thickness ends, by precision
+of the bond forces: a few times the error of J3 that rounding in the forces causes at K = 10 mu.
+"""
 
 
 @dataclass(frozen=True)
 class BondStates:
     """States of n bonds, in vectors of length n.
 
-    The components of the stretch tensor U along the undeformed bond (n) and across it (m) are ``a`` = U_nn and ``b`` = U_nm (theory (10));
-    ``length`` is the undeformed length divided by the horizon, ``C33`` the squared thickness stretch, and ``J`` is det F in the plane.
+    The components of the stretch tensor U along the undeformed bond (n) and across it (m) are ``a``
+    = U_nn and ``b`` = U_nm (theory (10)); ``length`` is the undeformed length divided by the
+    horizon, ``C33`` the squared thickness stretch, and ``J`` is det F in the plane.
     """
 
     a: np.ndarray
@@ -51,7 +55,9 @@ class BondStates:
 
     @property
     def has_stretch_tensor(self) -> np.ndarray:
-        """Flags of the bonds that have a stretch tensor (U_nn > `LEAST_NORMAL_STRETCH`): those turned by less than a right angle."""
+        """Flags of the bonds that have a stretch tensor (U_nn > `LEAST_NORMAL_STRETCH`): those
+        turned by less than a right angle.
+        """
         return self.a > LEAST_NORMAL_STRETCH
 
     @cached_property
@@ -66,12 +72,15 @@ class BondStates:
         return type(self)(*(getattr(self, part.name)[which] for part in fields(self)))
 
     def quantities(self) -> tuple[np.ndarray, ...]:
-        """Return the values of stretch, rotation, length, C33 and J of the bonds, the arguments of `ForceSurrogate.bond_force`."""
+        """Return the values of stretch, rotation, length, C33 and J of the bonds, the arguments
+        of `ForceSurrogate.bond_force`.
+        """
         return np.hypot(self.a, self.b), np.arctan2(self.b, self.a), self.length, self.C33, self.J
 
 
 class PairForces:
-    """Forces of the pairs (undirected bonds) of one material, with their arrays and the compiled pass that computes them.
+    """Forces of the pairs (undirected bonds) of one material, with their arrays and the compiled
+    pass that computes them.
 
     Parameters
     ----------
@@ -86,19 +95,37 @@ class PairForces:
     Attributes
     ----------
     geometry : ndarray, shape (n_blocks, 4 to 6, BLOCK)
-        Reference vectors of the pairs in blocks, see `pdsurrogate.kernels.reference_state.pair_rows`.
+        Reference vectors of the pairs in blocks, see
+        `pdsurrogate.kernels.reference_state.pair_rows`.
     forces : ndarray, shape (n_blocks * BLOCK, 2)
         Dimensionless force on the first point of every pair.
     find : BoundPass
         Pass that finds `forces` and counts the pairs outside the model's domain.
     learns_thickness : bool
-        Whether the volume ratios J3 of the points are computed with the model, since the law is costly to evaluate.
+        Whether the volume ratios J3 of the points are computed with the model, since the law is
+        costly to evaluate.
     """
 
-    def __init__(self, binding: Binding, model, points: MaterialPoints, strength: np.ndarray, correction: str) -> None:
-        law, kinematics, precision, plane = points.law, binding.kinematics, binding.precision, binding.settings.plane
-        body, threads, blocks = kinematics.body, kinematics.chunks.threads, len(points.first) // BLOCK
-        self.model, self.points, self._kinematics, self._precision = model, points, kinematics, precision
+    def __init__(
+        self, binding: Binding, model, points: MaterialPoints, strength: np.ndarray, correction: str
+    ) -> None:
+        law, kinematics, precision, plane = (
+            points.law,
+            binding.kinematics,
+            binding.precision,
+            binding.settings.plane,
+        )
+        body, threads, blocks = (
+            kinematics.body,
+            kinematics.chunks.threads,
+            len(points.first) // BLOCK,
+        )
+        self.model, self.points, self._kinematics, self._precision = (
+            model,
+            points,
+            kinematics,
+            precision,
+        )
         compiled = model.compiled(precision)
         self._weights = compiled.weights
         if plane == "strain" and not compiled.asks_law:
@@ -107,22 +134,39 @@ class PairForces:
         rows = bond_force.COUNTED_ROW + 1 if divided else 5 if compiled.needs_length else 4
         self.geometry = aligned_rows((blocks, rows, BLOCK), precision)
         if divided:
-            numbers, counted = np.arange(len(strength)), body.share.own[body.bonds.first[points.pairs]]
+            numbers, counted = (
+                np.arange(len(strength)),
+                body.share.own[body.bonds.first[points.pairs]],
+            )
             self.geometry[numbers // BLOCK, bond_force.COUNTED_ROW, numbers % BLOCK] = counted
         self.find_geometry(np.arange(len(strength), dtype=np.uint32), strength, correction)
-        self.learns_thickness = law.costly and model.domain is not None and model.gives_transverse and plane == "stress"
+        self.learns_thickness = (
+            law.costly and model.domain is not None and model.gives_transverse and plane == "stress"
+        )
         if self.learns_thickness:
-            points.state_pass = surrogate_states(points, compiled, model.domain, precision, kinematics.chunks)
+            points.state_pass = surrogate_states(
+                points, compiled, model.domain, precision, kinematics.chunks
+            )
         guard = bond_force.UNGUARDED if model.domain is None else OUTSIDE_POLICIES[binding.outside]
-        domain = EVERYWHERE if model.domain is None or binding.outside == "extrapolate" else model.domain
+        domain = (
+            EVERYWHERE if model.domain is None or binding.outside == "extrapolate" else model.domain
+        )
         within = domain.interior if binding.outside == "fallback" else domain
         limits = np.stack([domain.limits(precision), within.limits(precision)])
         self.forces = aligned_rows((len(points.first), 2), precision)
         arrays = points.positions, points.records, ((points.first, points.second), self.geometry)
-        force = compiled.address, bond_force.analytic_bond_force(precision).address, compiled.constants(points), guard, limits
+        force = (
+            compiled.address,
+            bond_force.analytic_bond_force(precision).address,
+            compiled.constants(points),
+            guard,
+            limits,
+        )
         buffers = aligned_rows((threads, bond_force.BUFFER_ROWS, BLOCK), precision)
         memory = buffers, compiled.memory(threads, precision), kinematics.scratch
-        self.find = bond_force.pair_forces.bind(*arrays, *force, memory, self.forces, chunks=kinematics.chunks)
+        self.find = bond_force.pair_forces.bind(
+            *arrays, *force, memory, self.forces, chunks=kinematics.chunks
+        )
 
     @property
     def unit(self) -> float:
@@ -130,12 +174,16 @@ class PairForces:
         return self.points.law.shear_modulus
 
     def take_numbers(self, model) -> None:
-        """Replace the model by one of the same kind with other numbers, after `points` have taken those of the law."""
+        """Replace the model by one of the same kind with other numbers, after `points` have
+        taken those of the law.
+        """
         self.model = model
         self._weights[:] = model.compiled(self._precision).weights
 
     def find_geometry(self, pairs: np.ndarray, strength: np.ndarray, correction: str) -> None:
-        """Compute the rows of `geometry` for some `pairs` of the material; `strength` holds `pair_strength` of all its pairs."""
+        """Compute the rows of `geometry` for some `pairs` of the material; `strength` holds
+        `pair_strength` of all its pairs.
+        """
         kinematics, points, body = self._kinematics, self.points, self._kinematics.body
         ends = points.first, points.second, body.all_points[points.numbers]
         shapes = kinematics.inverse_shape[points.numbers], kinematics.supported[points.numbers]
@@ -145,41 +193,64 @@ class PairForces:
     def reference_vectors(self) -> np.ndarray:
         """Return the reference vectors (theory (21)) of the pairs, shape (n_pairs, 2)."""
         n1, n2, along, across = (self.geometry[:, row] for row in range(4))
-        return np.stack([n1 * along - n2 * across, n2 * along + n1 * across], axis=-1).reshape(-1, 2)
+        return np.stack([n1 * along - n2 * across, n2 * along + n1 * across], axis=-1).reshape(
+            -1, 2
+        )
 
     def add(self, pairs: np.ndarray, changes: np.ndarray) -> None:
         """Add `changes` (k, 2) to the reference vectors of some `pairs` that carry force."""
         block, lane = pairs // BLOCK, pairs % BLOCK
         (n1, n2, along), (one, other) = self.geometry[block, :3, lane].T.astype(float), changes.T
-        factors = np.where(along == 0, 0.0, [n1 * one + n2 * other, n1 * other - n2 * one] / (n1**2 + n2**2))
+        factors = np.where(
+            along == 0, 0.0, [n1 * one + n2 * other, n1 * other - n2 * one] / (n1**2 + n2**2)
+        )
         self.geometry[block, 2:4, lane] += factors.T
 
 
 class BondForces(MaterialTerm):
-    """Internal force that sums the forces of bonds, each a function of the states of the bond's two ends, theory (55).
+    """Internal force that sums the forces of bonds, each a function of the states of the bond's two
+    ends, theory (55).
 
-    A pair within one material carries its bond force. A pair across an interface carries the mean of two bond forces, one from the model
-    and law of each material, each evaluated with the states of both ends, so that the forces on the two ends are opposite.
+    A pair within one material carries its bond force. A pair across an interface carries the mean
+    of two bond forces, one from the model and law of each material, each evaluated with the states
+    of both ends, so that the forces on the two ends are opposite.
     """
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        body, bonds, models = self.body, self.body.bonds, cast("list[ForceSurrogate]", [portion.model for portion in binding.portions])
-        self.correction = binding.settings.correction or ("tensor" if all(model.gives_transverse for model in models) else "scalar")
+        body, bonds, models = (
+            self.body,
+            self.body.bonds,
+            cast("list[ForceSurrogate]", [portion.model for portion in binding.portions]),
+        )
+        self.correction = binding.settings.correction or (
+            "tensor" if all(model.gives_transverse for model in models) else "scalar"
+        )
         if models[0].members and binding.settings.plane == "strain":
             name = models[0].name
-            raise ValueError(f"{name}: the deviation of members needs plane stress; for plane=strain fit with --energy")
+            raise ValueError(
+                f"{name}: the deviation of members needs plane stress; for plane=strain fit with"
+                " --energy"
+            )
         self._strength, self._parts = pair_strength(body), []
         if binding.portion_of is not None:
             of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]
             shares = np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
             self._strength *= shares
         for number, model in enumerate(models):
-            points = self.points_of(number, None if binding.whole else np.flatnonzero((of_ends == number).any(axis=0)))
-            self._parts.append(PairForces(binding, model, points, self._strength[points.pairs], self.correction))
+            points = self.points_of(
+                number, None if binding.whole else np.flatnonzero((of_ends == number).any(axis=0))
+            )
+            self._parts.append(
+                PairForces(binding, model, points, self._strength[points.pairs], self.correction)
+            )
             self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
-        # Changes that balance pairs, and the first moments that points have lost of them with broken bonds.
-        self._changes, self._lost = (np.empty(0, dtype=np.int64), np.empty((0, 2))), np.zeros((len(body.all_points), 2, 2))
+        # Changes that balance pairs, and the first moments that points have lost of them with
+        # broken bonds.
+        self._changes, self._lost = (
+            (np.empty(0, dtype=np.int64), np.empty((0, 2))),
+            np.zeros((len(body.all_points), 2, 2)),
+        )
         if self.correction == "tensor" and body.outward is not None:
             vectors = np.zeros((len(bonds.first), 2), dtype=binding.precision)
             for part in self._parts:
@@ -192,7 +263,14 @@ class BondForces(MaterialTerm):
         self._model, self._domain = models[0], models[0].domain if binding.whole else None
         out, chunks = np.empty_like(body.points), self.kinematics.chunks
         if binding.whole:
-            (part,), lists = self._parts, (bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence)
+            (part,), lists = (
+                self._parts,
+                (
+                    bonds.pair_pointers,
+                    bonds.incidence_pointers,
+                    bonds.incidence,
+                ),
+            )
             sums = [sum_pair_forces[2].bind(part.forces, *lists, part.unit, out, chunks=chunks)]
             self.in_units = [(0, sums[0])]
         else:
@@ -208,19 +286,29 @@ class BondForces(MaterialTerm):
 
     def diagnose(self, out: np.ndarray) -> str:
         body = self.body
-        broken = np.flatnonzero(~np.isfinite(self.pair_forces(slice(len(body.bonds.first)))).all(axis=1))
+        broken = np.flatnonzero(
+            ~np.isfinite(self.pair_forces(slice(len(body.bonds.first)))).all(axis=1)
+        )
         if len(broken) == 0:
             return super().diagnose(out)
         i, j = int(body.bonds.first[broken[0]]), int(body.bonds.second[broken[0]])
         positions, points = self.kinematics.positions, body.all_points
-        stretch = np.linalg.norm(positions[j] - positions[i]) / np.linalg.norm(points[j] - points[i])
+        stretch = np.linalg.norm(positions[j] - positions[i]) / np.linalg.norm(
+            points[j] - points[i]
+        )
         x1, x2 = points[j]
-        law = max((portion.law for portion in self.binding.portions), key=lambda law: law.shear_modulus)
-        what = f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times, has no finite force"
+        law = max(
+            (portion.law for portion in self.binding.portions), key=lambda law: law.shear_modulus
+        )
+        what = (
+            f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times, has no finite force"
+        )
         return at_point(body, i, f"{what}: that is beyond the limit of {law.name}")
 
     def _change(self, pairs: np.ndarray) -> None:
-        """Add the changes that balance the body to the reference vectors of some `pairs`, in ascending order, as computed without them."""
+        """Add the changes that balance the body to the reference vectors of some `pairs`, in
+        ascending order, as computed without them.
+        """
         changes = np.zeros((len(pairs), 2))
         changed, of_changed = self._changes
         _, here, there = np.intersect1d(pairs, changed, assume_unique=True, return_indices=True)
@@ -231,7 +319,9 @@ class BondForces(MaterialTerm):
             factors = self._strength[pairs] / (2 * lengths_of(vectors))
             for end in ends:
                 restored = self._lost[end] @ symmetric(self.kinematics.inverse_shape[end])
-                changes += (factors / body.all_volumes[end])[:, None] * np.einsum("bij,bj->bi", restored, vectors)
+                changes += (factors / body.all_volumes[end])[:, None] * np.einsum(
+                    "bij,bj->bi", restored, vectors
+                )
         for part in self._parts:
             places, theirs = part.points.places_of_pairs(pairs)
             part.add(places, changes[np.searchsorted(pairs, theirs)])
@@ -246,10 +336,14 @@ class BondForces(MaterialTerm):
             np.add.at(self._lost, end, changes[broken][:, :, None] * vectors[:, None] / 2)
         self._changes = numbers[~broken], changes[~broken]
         body.ghosts.fill(self._lost)
-        self._lost[len(body) :] *= body.ghosts.reflection[:, :, None] * body.ghosts.reflection[:, None]
+        self._lost[len(body) :] *= (
+            body.ghosts.reflection[:, :, None] * body.ghosts.reflection[:, None]
+        )
         for part in self._parts:
             places, _ = part.points.places_of_pairs(changed)
-            part.find_geometry(places.astype(np.uint32), self._strength[part.points.pairs], self.correction)
+            part.find_geometry(
+                places.astype(np.uint32), self._strength[part.points.pairs], self.correction
+            )
         self._change(changed)
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
@@ -260,7 +354,9 @@ class BondForces(MaterialTerm):
     def domain_deviation(self) -> np.ndarray | None:
         if self._domain is None:
             return None
-        return self._domain.deviation(principal_stretches(self.kinematics.deformation_gradients()), self.volume_ratios() ** 2)
+        return self._domain.deviation(
+            principal_stretches(self.kinematics.deformation_gradients()), self.volume_ratios() ** 2
+        )
 
     def beyond_data(self) -> np.ndarray | None:
         if self._domain is None or self._domain.hull is None:
@@ -275,21 +371,31 @@ class BondForces(MaterialTerm):
         if not self._model.members:
             return None
         body, (pairs, states) = self.body, self.bonds()
-        found, of_points = self._model.member_deviations(self.materials[0].law, states), np.zeros(len(body))
+        found, of_points = (
+            self._model.member_deviations(self.materials[0].law, states),
+            np.zeros(len(body)),
+        )
         for ends in (body.bonds.first[pairs], body.bonds.second[pairs]):
             own = ends < len(body)
             np.maximum.at(of_points, ends[own], found[own])
         return self._parts[0].unit * of_points
 
     def bonds(self) -> tuple[np.ndarray, BondStates]:
-        """Return the numbers of the pairs that carry a force, and their `BondStates`, in a body of one material."""
+        """Return the numbers of the pairs that carry a force, and their `BondStates`, in a body
+        of one material.
+        """
         body, part, bonds, points = self.body, self._parts[0], self.body.bonds, self.body.all_points
         part.points.find()
         pairs = np.flatnonzero(part.geometry[:, 2].ravel()[: len(bonds.first)])
         first, second = bonds.first[pairs], bonds.second[pairs]
-        vectors, between = points[second] - points[first], self.kinematics.positions[second] - self.kinematics.positions[first]
+        vectors, between = (
+            points[second] - points[first],
+            self.kinematics.positions[second] - self.kinematics.positions[first],
+        )
         length = lengths_of(vectors)
-        cos, sin, J, C33 = (part.points.records[first].astype(float) + part.points.records[second]).T
+        cos, sin, J, C33 = (
+            part.points.records[first].astype(float) + part.points.records[second]
+        ).T
         turn = np.hypot(cos, sin)
         n1 = (cos * vectors[:, 0] - sin * vectors[:, 1]) / turn
         n2 = (sin * vectors[:, 0] + cos * vectors[:, 1]) / turn
@@ -298,35 +404,58 @@ class BondForces(MaterialTerm):
         return pairs, BondStates(a, b, length / body.horizon, C33 / 2, J / 2)
 
 
-def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain: Domain, precision: str, chunks: Chunks) -> BoundPass:
-    """Return the compiled pass that finds J3 and `MaterialPoints.records` with a learned force, and counts the points without a state.
+def surrogate_states(
+    points: MaterialPoints,
+    compiled: CompiledBondForce,
+    domain: Domain,
+    precision: str,
+    chunks: Chunks,
+) -> BoundPass:
+    """Return the compiled pass that finds J3 and `MaterialPoints.records` with a learned force, and
+    counts the points without a state.
 
-    The learned force `compiled` must provide the stress component T_mm across a bond. The law of the points determines the states of points
-    outside `domain`.
+    The learned force `compiled` must provide the stress component T_mm across a bond. The law of
+    the points determines the states of points outside `domain`.
     """
     limits = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
     tolerance, volumetric = THICKNESS_TOLERANCE[precision], volume_residual_block(points.law)
     force = volumetric.address, compiled.address, compiled.constants(points), limits, tolerance
     buffers = aligned_rows((chunks.threads, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1)
     scratch = aligned_rows((chunks.threads, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1)
-    memory, states = (buffers, compiled.memory(chunks.threads, precision), scratch), (points.gradients, points.volume_ratios)
-    return surrogate_thickness.surrogate_node_states.bind(*states, *force, memory, points.records, chunks=chunks)
+    memory, states = (
+        (buffers, compiled.memory(chunks.threads, precision), scratch),
+        (
+            points.gradients,
+            points.volume_ratios,
+        ),
+    )
+    return surrogate_thickness.surrogate_node_states.bind(
+        *states, *force, memory, points.records, chunks=chunks
+    )
 
 
 def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBondForce:
-    """Return the compiled bond force for plane strain: a force learned under plane stress plus a pressure (theory (47)).
+    """Return the compiled bond force for plane strain: a force learned under plane stress plus a
+    pressure (theory (47)).
 
-    The learned force must provide the stress component T_mm across a bond. The only function of the law that is evaluated is the derivative
-    of its volumetric energy U, so that an expensive law adds no cost.
+    The learned force must provide the stress component T_mm across a bond. The only function of the
+    law that is evaluated is the derivative of its volumetric energy U, so that an expensive law
+    adds no cost.
     """
     addresses = [compiled.address, volume_residual_block(law).address]
-    return replace(compiled, address=bond_force.plane_strain_bond_force(dtype).address, sizes=np.concatenate([addresses, compiled.sizes]))
+    return replace(
+        compiled,
+        address=bond_force.plane_strain_bond_force(dtype).address,
+        sizes=np.concatenate([addresses, compiled.sizes]),
+    )
 
 
 def pair_strength(body: Body) -> np.ndarray:
-    """Return the strength 2 w l V_i V_j of every pair, the factor of its dimensionless force (`kernels.reference_state.pair_rows`).
+    """Return the strength 2 w l V_i V_j of every pair, the factor of its dimensionless force
+    (`kernels.reference_state.pair_rows`).
 
-    w is the weight of the pair, l its undeformed length, and V_i and V_j are the volumes of its ends.
+    w is the weight of the pair, l its undeformed length, and V_i and V_j are the volumes of its
+    ends.
     """
     bonds, volumes = body.bonds, body.all_volumes
     length = lengths_of(body.all_points[bonds.second] - body.all_points[bonds.first])
@@ -334,7 +463,8 @@ def pair_strength(body: Body) -> np.ndarray:
 
 
 class ForceSurrogate(ForceModel):
-    """Base class of force models that map quantities of a bond to its force: surrogates, or the exact map.
+    """Base class of force models that map quantities of a bond to its force: surrogates, or the
+    exact map.
 
     Attributes
     ----------
@@ -343,7 +473,8 @@ class ForceSurrogate(ForceModel):
     domain : Domain or None
         States on which the model was trained; None if it is valid everywhere.
     gives_transverse : bool
-        Whether the model provides the stress component T_mm across a bond, which the tensor correction of incomplete horizons needs.
+        Whether the model provides the stress component T_mm across a bond, which the tensor
+        correction of incomplete horizons needs.
     default_precision : str
         Precision of the bond forces under plane stress, unless the settings give one.
 
@@ -363,10 +494,20 @@ class ForceSurrogate(ForceModel):
 
     @property
     def honors(self) -> Mapping[str, tuple]:
-        corrections = tuple(name for name in reference_state.CORRECTIONS if self.gives_transverse or name != "tensor")
+        corrections = tuple(
+            name
+            for name in reference_state.CORRECTIONS
+            if self.gives_transverse or name != "tensor"
+        )
         # The pressure of plane strain is the trace of the stress, of which T_mm is a part.
         planes = SHEETS if self.gives_transverse else ("stress",)
-        honors = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,), "plane": planes}
+        honors = {
+            "precision": PRECISIONS,
+            "correction": corrections,
+            "rotation": tuple(ROTATIONS),
+            "breakable": (True,),
+            "plane": planes,
+        }
         return honors | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
     def terms(self, plane: str) -> tuple[type[Term], ...]:
@@ -381,7 +522,8 @@ class ForceSurrogate(ForceModel):
         stretch : array_like, shape (n,)
             Stretch lambda_b of the bond.
         rotation : array_like, shape (n,)
-            Rotation dtheta of the bond relative to the material around it (its horizon), in radians, counter-clockwise.
+            Rotation dtheta of the bond relative to the material around it (its horizon), in
+            radians, counter-clockwise.
         length : array_like, shape (n,)
             Undeformed length of the bond divided by the horizon.
         C33 : array_like, shape (n,)
@@ -392,18 +534,22 @@ class ForceSurrogate(ForceModel):
         Returns
         -------
         ndarray, shape (n, 2)
-            Components t_n and t_tau along and across the deformed bond, in units of w l mu/kappa, with the weight w and length l of the
-            bond, the shear modulus mu, and the shape tensor kappa I of a full horizon.
+            Components t_n and t_tau along and across the deformed bond, in units of w l mu/kappa,
+            with the weight w and length l of the bond, the shear modulus mu, and the shape tensor
+            kappa I of a full horizon.
 
         Raises
         ------
         ValueError
-            If the arguments do not broadcast to one vector, are not finite, or a stretch, C33 or J is not positive.
+            If the arguments do not broadcast to one vector, are not finite, or a stretch, C33 or J
+            is not positive.
 
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> pds.AnalyticBondForce().bond_force(stretch=[1.0, 1.2], rotation=0.0, length=1.0, C33=[1.0, 0.8], J=[1.0, 1.1]).round(4).tolist()
+        >>> pds.AnalyticBondForce().bond_force(
+        ...     stretch=[1.0, 1.2], rotation=0.0, length=1.0, C33=[1.0, 0.8], J=[1.0, 1.1]
+        ... ).round(4).tolist()
         [[0.0, 0.0], [0.5391, 0.0]]
         """
 
@@ -455,19 +601,25 @@ class ForceSurrogate(ForceModel):
         >>> committee = replace(model, members=(Member(model, law, 1.1),))
         >>> states = BondStates(*np.array([[1.2], [0.0], [1.0], [0.8], [1.1]]))
         >>> deviation = committee.member_deviations(law, states)
-        >>> print((deviation / np.linalg.norm(model.bond_force(*states.quantities()), axis=1)).round(3))
+        >>> print(
+        ...     (deviation / np.linalg.norm(model.bond_force(*states.quantities()), axis=1)).round(
+        ...         3
+        ...     )
+        ... )
         [0.1]
         """
         raise NotImplementedError
 
 
 class AnalyticBondForce(ForceSurrogate):
-    """Exact bond force of a material law, as a function of the features that surrogates use (theory (7), (11)).
+    """Exact bond force of a material law, as a function of the features that surrogates use (theory
+    (7), (11)).
 
     Parameters
     ----------
     law : Law, optional
-        Law that `bond_force` evaluates, by default neo-Hookean. A simulation uses the law of its scene instead.
+        Law that `bond_force` evaluates, by default neo-Hookean. A simulation uses the law of its
+        scene instead.
 
     See Also
     --------
@@ -494,11 +646,15 @@ class AnalyticBondForce(ForceSurrogate):
 
     def compiled(self, dtype) -> CompiledBondForce:
         none = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype)
-        return CompiledBondForce(bond_force.analytic_bond_force(dtype).address, *none, 0, asks_law=True)
+        return CompiledBondForce(
+            bond_force.analytic_bond_force(dtype).address, *none, 0, asks_law=True
+        )
 
 
 def exact_bond_force(law: Law, stretch, rotation, C33, J) -> np.ndarray:
-    """Return the exact bond force of a law, shape (n, 2), for arguments as in `ForceSurrogate.bond_force`."""
+    """Return the exact bond force of a law, shape (n, 2), for arguments as in
+    `ForceSurrogate.bond_force`.
+    """
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
     T_nn, T_nm, _ = plane_stress.bond_traction(law, a, b, J, C33)
     return along_and_across(T_nn, T_nm, a, b, stretch)
@@ -510,9 +666,15 @@ def bond_arrays(stretch, rotation, length, C33, J) -> tuple[np.ndarray, ...]:
     Raises
     ------
     ValueError
-        If they do not broadcast to one vector, are not finite, or a stretch, C33 or J is not positive.
+        If they do not broadcast to one vector, are not finite, or a stretch, C33 or J is not
+        positive.
     """
-    arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, dtype=float)) for value in (stretch, rotation, length, C33, J)))
+    arrays = np.broadcast_arrays(
+        *(
+            np.atleast_1d(np.asarray(value, dtype=float))
+            for value in (stretch, rotation, length, C33, J)
+        )
+    )
     if arrays[0].ndim != 1:
         raise ValueError(f"bond quantities must be vectors, not of shape {arrays[0].shape}")
     for name, array in zip(ForceSurrogate.features, arrays, strict=True):

@@ -1,4 +1,6 @@
-"""Shares of the points' volumes that bonds represent, and the sum of forces and moments of pairs at the points."""
+"""Shares of the points' volumes that bonds represent, and the sum of forces and moments of pairs
+at the points.
+"""
 
 import numpy as np
 
@@ -13,11 +15,13 @@ from .steps import Step
 
 
 class BondShares:
-    """Division of the points' volumes among their bonds, and sums of forces and moments of pairs at points and ghosts.
+    """Division of the points' volumes among their bonds, and sums of forces and moments of pairs at
+    points and ghosts.
 
-    The energy of a pair of points counts for the volume shares of both ends. In a pair with a ghost only the share of the point counts,
-    since the ghost lies beyond the reflection plane. Forces and moments (derivatives of the energy by a deformation gradient) of a ghost
-    are added to those of the point that it mirrors.
+    The energy of a pair of points counts for the volume shares of both ends. In a pair with a ghost
+    only the share of the point counts, since the ghost lies beyond the reflection plane. Forces and
+    moments (derivatives of the energy by a deformation gradient) of a ghost are added to those of
+    the point that it mirrors.
 
     Parameters
     ----------
@@ -30,7 +34,8 @@ class BondShares:
     bond_shares : ndarray, shape (n_bonds,)
         Share of its point's volume that every directed bond represents.
     strength : ndarray, shape (n_pairs,)
-        Product w V_i V_j of the weight of every pair and the volumes of its ends; zero for broken pairs.
+        Product w V_i V_j of the weight of every pair and the volumes of its ends; zero for broken
+        pairs.
     pairs_of_points : tuple of ndarray
         Pairs of every point and ghost, see `pdsurrogate.forces.kinematics.pairs_of_points`.
     """
@@ -40,27 +45,42 @@ class BondShares:
         body, bonds = self._body, self._body.bonds
         n, total = len(body), len(body.all_points)
         length = lengths_of(body.all_points[bonds.second] - body.all_points[bonds.first])
-        self.strength = body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        self.pairs_of_points = pairs_of_points(bonds.first, bonds.second, total)  # ghosts are first in none
+        self.strength = (
+            body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
+        )
+        self.pairs_of_points = pairs_of_points(
+            bonds.first, bonds.second, total
+        )  # ghosts are first in none
         # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
         toward = np.flatnonzero(bonds.neighbors >= n)
         self._ghost_bonds = toward[np.argsort(bonds.neighbors[toward], kind="stable")]
         neighbors = body.bond_owners[self._ghost_bonds].astype(np.uint32)
-        # The precision is that of the points' own arrays: another one would make `add_node_forces` compile a second time.
+        # The precision is that of the points' own arrays: another one would make `add_node_forces`
+        # compile a second time.
         weighted_bonds = aligned_rows((len(toward), body.dimension), precision)
         self._of_points = bonds.pointers, bonds.neighbors, kinematics.weighted_bonds, body.volumes
-        self._of_ghosts = pointers_to(bonds.neighbors[toward] - n, total - n), neighbors, weighted_bonds, body.all_volumes
+        self._of_ghosts = (
+            pointers_to(bonds.neighbors[toward] - n, total - n),
+            neighbors,
+            weighted_bonds,
+            body.all_volumes,
+        )
         self._node_parts = np.zeros((total, body.dimension))
         self.bond_shares = np.zeros(len(bonds.neighbors))
         self.renew(np.arange(len(length)))
 
     def renew(self, pairs: np.ndarray) -> np.ndarray:
-        """Update `bond_shares` after a change of `pairs`; return all pairs whose weights (`weights_of`) may have changed.
+        """Update `bond_shares` after a change of `pairs`; return all pairs whose weights
+        (`weights_of`) may have changed.
 
-        `pairs` must contain all pairs whose `strength`, or whose ends' flags `Kinematics.supported`, have changed.
+        `pairs` must contain all pairs whose `strength`, or whose ends' flags
+        `Kinematics.supported`, have changed.
         """
         kinematics, body, bonds, n = self._kinematics, self._body, self._body.bonds, len(self._body)
-        touched, affected = np.zeros(len(body.all_points), dtype=bool), np.zeros(len(bonds.first), dtype=bool)
+        touched, affected = (
+            np.zeros(len(body.all_points), dtype=bool),
+            np.zeros(len(bonds.first), dtype=bool),
+        )
         touched[bonds.first[pairs]] = touched[bonds.second[pairs]] = True
         touched = np.flatnonzero(touched[:n])
         affected[bonds.pair_of[entries_of(bonds.pointers, touched)]] = True
@@ -74,17 +94,26 @@ class BondShares:
         weighted_bonds[:] = -kinematics.weighted_bonds[self._ghost_bonds] * ratio[:, None]
         return affected
 
-    def weights_of(self, pairs: np.ndarray | slice = slice(None), own: np.ndarray | None = None) -> np.ndarray:
-        """Return the volumes for which the energies of pairs count, by default of all; zero for pairs that carry no force.
+    def weights_of(
+        self, pairs: np.ndarray | slice = slice(None), own: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return the volumes for which the energies of pairs count, by default of all; zero for
+        pairs that carry no force.
 
-        They are the sums of the shares of both directed bonds of a pair, or of those flagged in `own`.
+        They are the sums of the shares of both directed bonds of a pair, or of those flagged in
+        `own`.
         """
         one, other = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
-        of_one, of_other = (self.bond_shares[bonds] if own is None else self.bond_shares[bonds] * own[bonds] for bonds in (one, other))
+        of_one, of_other = (
+            self.bond_shares[bonds] if own is None else self.bond_shares[bonds] * own[bonds]
+            for bonds in (one, other)
+        )
         return of_one + np.where(other != one, of_other, 0.0)
 
     def _divide_volumes(self, rows: np.ndarray) -> None:
-        """Divide the volumes of the points `rows` among their directed bonds; bonds that an interface omits get no share."""
+        """Divide the volumes of the points `rows` among their directed bonds; bonds that an
+        interface omits get no share.
+        """
         body, bonds, interfaces = self._body, self._body.bonds, self._kinematics.interfaces
         numbers, strength = bonds.pair_of, self.strength
         if interfaces is not None:
@@ -98,42 +127,62 @@ class BondShares:
     def carrying(self, breakable: bool) -> np.ndarray:
         """Return flags of the pairs that carry forces.
 
-        If bonds may break (`breakable`), a pair with a ghost is flagged only if its mirrored pair carries force too: the smoothing of
-        volume ratios is then symmetric.
+        If bonds may break (`breakable`), a pair with a ghost is flagged only if its mirrored pair
+        carries force too: the smoothing of volume ratios is then symmetric.
         """
         carries = self.weights_of() > 0
         if breakable and len(self._body.ghosts):
             carries[self._kinematics.outer_pairs] &= carries[self._kinematics.mirrored_pairs]
         return carries
 
-    def geometry(self, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:
-        """Return reference data of pairs of the body in blocks, shape (n_blocks, d + 2 or d + 3, BLOCK).
+    def geometry(
+        self, pairs: np.ndarray | slice, weights: np.ndarray, precision: str
+    ) -> np.ndarray:
+        """Return reference data of pairs of the body in blocks, shape (n_blocks, d + 2 or d + 3,
+        BLOCK).
 
-        The rows are the direction n of the undeformed pair, its inverse length 1/l, the volume `weights` for which its energy counts, and
-        in a body divided among ranks the part of that volume that this rank counts.
+        The rows are the direction n of the undeformed pair, its inverse length 1/l, the volume
+        `weights` for which its energy counts, and in a body divided among ranks the part of that
+        volume that this rank counts.
         """
         body, d = self._body, self._body.dimension
         pairs = np.arange(len(body.bonds.first))[pairs]
-        vectors = body.all_points[body.bonds.second[pairs]] - body.all_points[body.bonds.first[pairs]]
+        vectors = (
+            body.all_points[body.bonds.second[pairs]] - body.all_points[body.bonds.first[pairs]]
+        )
         length = lengths_of(vectors)
         places, rows = np.arange(len(pairs)), d + (3 if body.share.divided else 2)
         geometry = aligned_rows((-(-len(pairs) // BLOCK), rows, BLOCK), precision)
-        geometry[places // BLOCK, : d + 1, places % BLOCK] = np.column_stack([vectors / length[:, None], 1 / length])
+        geometry[places // BLOCK, : d + 1, places % BLOCK] = np.column_stack(
+            [vectors / length[:, None], 1 / length]
+        )
         self.put_weights(geometry, places, pairs, weights)
         return geometry
 
-    def put_weights(self, geometry: np.ndarray, places: np.ndarray, pairs: np.ndarray, weights: np.ndarray) -> None:
-        """Write the volumes `weights` for which the energies of given pairs of the body count into an array made by `geometry`.
+    def put_weights(
+        self, geometry: np.ndarray, places: np.ndarray, pairs: np.ndarray, weights: np.ndarray
+    ) -> None:
+        """Write the volumes `weights` for which the energies of given pairs of the body count into
+        an array made by `geometry`.
 
         `places` are the positions of these pairs in the array.
         """
         body, d = self._body, self._body.dimension
         geometry[places // BLOCK, d + 1, places % BLOCK] = weights
         if body.share.divided:
-            geometry[places // BLOCK, d + 2, places % BLOCK] = weights * body.share.own[body.bonds.first[pairs]]
+            geometry[places // BLOCK, d + 2, places % BLOCK] = (
+                weights * body.share.own[body.bonds.first[pairs]]
+            )
 
-    def fill_end_shares(self, end_shares: np.ndarray, places: np.ndarray, pairs: np.ndarray, own: np.ndarray | None = None) -> None:
-        """Write the shares that pairs have of the volumes of their two ends into `end_shares` (n_blocks, 2, BLOCK); zero at ghosts.
+    def fill_end_shares(
+        self,
+        end_shares: np.ndarray,
+        places: np.ndarray,
+        pairs: np.ndarray,
+        own: np.ndarray | None = None,
+    ) -> None:
+        """Write the shares that pairs have of the volumes of their two ends into `end_shares`
+        (n_blocks, 2, BLOCK); zero at ghosts.
 
         Parameters
         ----------
@@ -145,30 +194,45 @@ class BondShares:
             Flags of the directed bonds whose shares count; by default all.
         """
         ends = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
-        one, other = (self.bond_shares[bonds] if own is None else self.bond_shares[bonds] * own[bonds] for bonds in ends)
+        one, other = (
+            self.bond_shares[bonds] if own is None else self.bond_shares[bonds] * own[bonds]
+            for bonds in ends
+        )
         end_shares[places // BLOCK, 0, places % BLOCK] = one
-        end_shares[places // BLOCK, 1, places % BLOCK] = np.where(self._body.bonds.second[pairs] < len(self._body), other, 0.0)
+        end_shares[places // BLOCK, 1, places % BLOCK] = np.where(
+            self._body.bonds.second[pairs] < len(self._body), other, 0.0
+        )
 
-    def steps_to_points(self, moments: np.ndarray, forces: np.ndarray, unit: float, *before: Step) -> list[Step]:
-        """Return the steps of an evaluation that turn moments of points into forces, and add forces on ghosts to the points they mirror.
+    def steps_to_points(
+        self, moments: np.ndarray, forces: np.ndarray, unit: float, *before: Step
+    ) -> list[Step]:
+        """Return the steps of an evaluation that turn moments of points into forces, and add forces
+        on ghosts to the points they mirror.
 
         Parameters
         ----------
         moments : ndarray, shape (n + m, d d)
-            Derivatives of the energy by the deformation gradients, by columns; overwritten by the steps.
+            Derivatives of the energy by the deformation gradients, by columns; overwritten by the
+            steps.
         forces : ndarray, shape (n + m, d), or (n, d) without ghosts
             Forces to which the steps add.
         unit : float
             Factor of all forces.
         *before : Step
-            Steps that compute the other forces, run after the moments of ghosts have been added to those of the points they mirror.
+            Steps that compute the other forces, run after the moments of ghosts have been added to
+            those of the points they mirror.
         """
         body, ghosts, kinematics = self._body, self._body.ghosts, self._kinematics
         d, chunks = body.dimension, kinematics.chunks
-        weigh = weigh_moments[d].bind(moments, kinematics.inverse_shape, body.volumes, chunks=chunks)
+        weigh = weigh_moments[d].bind(
+            moments, kinematics.inverse_shape, body.volumes, chunks=chunks
+        )
         of_both = (self._of_points, 0), (self._of_ghosts, len(body))
         own, others = (
-            add_node_forces[d].bind(moments, *bonds, unit, first, self._node_parts, forces, chunks=chunks) for bonds, first in of_both
+            add_node_forces[d].bind(
+                moments, *bonds, unit, first, self._node_parts, forces, chunks=chunks
+            )
+            for bonds, first in of_both
         )
         if kinematics.changed is not None:
             before = *before, *kinematics.changed.pull_steps(moments, forces)
@@ -178,11 +242,15 @@ class BondShares:
         fold_forces = fold_vectors.bind(forces, ghosts.source, ghosts.parity, chunks=chunks)
         return [fold, moments, *before, weigh, own, others, fold_forces]
 
-    def on_ghosts(self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the forces on the ghosts, shape (m, d), and the moments of the ghosts, shape (m, d d).
+    def on_ghosts(
+        self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray, unit: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the forces on the ghosts, shape (m, d), and the moments of the ghosts, shape (m, d
+        d).
 
-        `forces` (n_pairs, d) and `moments` (n_pairs, d d) are those of the pairs, and `stresses` the moments of points and ghosts after the
-        steps of `steps_to_points`; `unit` is a factor of the forces alone.
+        `forces` (n_pairs, d) and `moments` (n_pairs, d d) are those of the pairs, and `stresses`
+        the moments of points and ghosts after the steps of `steps_to_points`; `unit` is a factor of
+        the forces alone.
         """
         n, d, (own, others, incidence) = len(self._body), self._body.dimension, self.pairs_of_points
         pairs = own[n:], others[n:], incidence
@@ -196,13 +264,21 @@ class BondShares:
         return on_ghosts[n:], found
 
     def pulls(self, stresses: np.ndarray, owners: np.ndarray, changes: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the energy by the ends of bonds whose weights in gradients of their `owners` are changed, (k, d).
+        """Return the derivatives of the energy by the ends of bonds whose weights in gradients of
+        their `owners` are changed, (k, d).
 
-        `stresses` are those after `steps_to_points`: moments of the points, weighed by their shapes.
+        `stresses` are those after `steps_to_points`: moments of the points, weighed by their
+        shapes.
         """
         points, places = np.unique(owners, return_inverse=True)
         # A point without a gradient has no moments: any shape will do.
         lost = self._kinematics.supported[points, None, None] == 0
-        shapes = np.where(lost, np.eye(self._body.dimension), symmetric(self._kinematics.inverse_shape[points]))
-        moments = matrices(stresses[points]) @ np.linalg.inv(shapes) * self._body.volumes[points, None, None]
+        shapes = np.where(
+            lost, np.eye(self._body.dimension), symmetric(self._kinematics.inverse_shape[points])
+        )
+        moments = (
+            matrices(stresses[points])
+            @ np.linalg.inv(shapes)
+            * self._body.volumes[points, None, None]
+        )
         return np.einsum("bij,bj->bi", moments[places], changes)

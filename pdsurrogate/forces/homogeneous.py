@@ -1,4 +1,6 @@
-"""Stresses of a uniformly stretched test piece (a small body) with any force model, evaluated as in a simulation."""
+"""Stresses of a uniformly stretched test piece (a small body) with any force model, evaluated as
+in a simulation.
+"""
 
 from collections.abc import Sequence
 
@@ -11,23 +13,31 @@ from .protocol import ForceModel
 from .settings import ForceSettings
 
 SPACING = 0.25
-"""Spacing of the points of the test piece, a unit square or cube. Chosen: the deformation is homogeneous, so that more points would only
-repeat the same state."""
+"""Spacing of the points of the test piece, a unit square or cube. Chosen: the deformation is
+homogeneous, so that more points would only repeat the same state.
+"""
 
 TOLERANCE = 1e-9
-"""Relative change of the free stretch at which the secant method ends. Chosen: the method converges faster than linearly, so that the error
-of the stretch is then far smaller than this, and rounding in double precision is smaller still."""
+"""Relative change of the free stretch at which the secant method ends. Chosen: the method converges
+faster than linearly, so that the error of the stretch is then far smaller than this, and rounding
+in double precision is smaller still.
+"""
 
 MOST_STEPS = 30
-"""Maximum number of secant steps in the search for the free stretch. Chosen: the search begins at the exact state by the law, close to that
-of a good model; a search that does not end within so many steps has failed, and its result is NaN."""
+"""Maximum number of secant steps in the search for the free stretch. Chosen: the search begins at
+the exact state by the law, close to that of a good model; a search that does not end within so many
+steps has failed, and its result is NaN.
+"""
 
 
-def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+def nominal_states(
+    model: ForceModel, law: Law, stretches: Sequence[tuple[float, float]]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the nominal stresses of a small body with a force model at given uniform stretches.
 
-    The given stretches fix the positions. The force model determines the thickness of a sheet; the free stretches of a body in three
-    dimensions, and of the sides in uniaxial tension, are those at which the free stresses vanish.
+    The given stretches fix the positions. The force model determines the thickness of a sheet; the
+    free stretches of a body in three dimensions, and of the sides in uniaxial tension, are those at
+    which the free stresses vanish.
 
     Parameters
     ----------
@@ -40,10 +50,11 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
     Returns
     -------
     stresses : ndarray, shape (n,)
-        Nominal stress P11, in the same unit as the shear modulus; NaN where the model has no such state.
+        Nominal stress P11, in the same unit as the shear modulus; NaN where the model has no such
+        state.
     beyond : ndarray, shape (n,)
-        Distance of each state beyond the model's domain (`Domain.deviation`); -inf for a model without a domain, or where the model has no
-        such state.
+        Distance of each state beyond the model's domain (`Domain.deviation`); -inf for a model
+        without a domain, or where the model has no such state.
 
     Raises
     ------
@@ -54,7 +65,9 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.forces.homogeneous import nominal_states
-    >>> stress, _ = nominal_states(pds.load_surrogate("neo-hookean"), pds.materials.NeoHookean(), [(1.5, float("nan"))])
+    >>> stress, _ = nominal_states(
+    ...     pds.load_surrogate("neo-hookean"), pds.materials.NeoHookean(), [(1.5, float("nan"))]
+    ... )
     >>> round(float(stress[0]), 3)
     1.05
     """
@@ -87,10 +100,11 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
 
 
 def _relaxed(stress_at, at: np.ndarray, free: list[int]) -> np.ndarray:
-    """Find the common stretch of the free axes at which the stress along them is zero, and return the stresses there; NaN if it fails.
+    """Find the common stretch of the free axes at which the stress along them is zero, and return
+    the stresses there; NaN if it fails.
 
-    ``stress_at(stretches)`` returns the stresses along the axes at given stretches. The secant method starts at the stretches `at`; `free`
-    holds the indices of the free axes.
+    ``stress_at(stretches)`` returns the stresses along the axes at given stretches. The secant
+    method starts at the stretches `at`; `free` holds the indices of the free axes.
     """
     stress, at = stress_at(at), at.copy()
     if not free:

@@ -15,20 +15,29 @@ def identity_of(model: ForceModel) -> list[str]:
 
 
 def digest_of_model(model: ForceModel) -> str:
-    """Return a digest of the learned numbers of a model, and of the members of its committee if it has any."""
+    """Return a digest of the learned numbers of a model, and of the members of its committee if
+    it has any.
+    """
     payload = model.payload()
     if model.members:
-        payload = {"runs": payload, "members": [[str(one.law), one.ratio, one.model.payload()] for one in model.members]}
+        payload = {
+            "runs": payload,
+            "members": [[str(one.law), one.ratio, one.model.payload()] for one in model.members],
+        }
     return digest_of(payload)
 
 
 def digest_of(value: Any) -> str:
-    """Return the SHA-256 of arrays, numbers and text, in mappings and lists of any depth; the order of keys does not count."""
+    """Return the SHA-256 of arrays, numbers and text, in mappings and lists of any depth; the
+    order of keys does not count.
+    """
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=_plain).encode()).hexdigest()
 
 
 def _plain(value: Any) -> list | str:
-    """Return a stand-in that JSON can hold: shape and digest of an array, or ``str`` of any other value."""
+    """Return a stand-in that JSON can hold: shape and digest of an array, or ``str`` of any
+    other value.
+    """
     if isinstance(value, np.ndarray):
         return [value.shape, hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
     return str(value)

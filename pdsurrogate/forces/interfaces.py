@@ -1,4 +1,6 @@
-"""Jumps of the deformation gradient at interfaces between materials, and the motion of each material continued beyond them."""
+"""Jumps of the deformation gradient at interfaces between materials, and the motion of each
+material continued beyond them.
+"""
 
 from __future__ import annotations
 
@@ -16,17 +18,21 @@ from .steps import Step, sparse_product
 
 
 class Interfaces:
-    """Interfaces between the materials of a body, straight within a horizon, circles or spheres, and the jumps of F across them.
+    """Interfaces between the materials of a body, straight within a horizon, circles or spheres,
+    and the jumps of F across them.
 
-    Across the interface of two bonded materials F jumps by c (x) N, with its normal N: the displacement is continuous, its slope along N
-    is not. For every point near an interface, c follows from a least-squares fit of the positions by a continuous function that is linear
-    or quadratic on either side, theory (54), and is linear in the positions. With c the motion of one material is continued beyond the
-    interface: points of the other material are placed where they would be if they moved with this one.
+    Across the interface of two bonded materials F jumps by c (x) N, with its normal N: the
+    displacement is continuous, its slope along N is not. For every point near an interface, c
+    follows from a least-squares fit of the positions by a continuous function that is linear or
+    quadratic on either side, theory (54), and is linear in the positions. With c the motion of one
+    material is continued beyond the interface: points of the other material are placed where they
+    would be if they moved with this one.
 
-    A point with more than two materials in its horizon, or without such an interface, has c = 0, and all materials use its actual
-    position. Beside a crack or a cut along the interface, where the displacement is not continuous, c follows from linear functions
-    that are fitted to the two sides separately, within `TORN_REACH`. If that fit contains a point that has lost a bond within one
-    material, c = 0.
+    A point with more than two materials in its horizon, or without such an interface, has c = 0,
+    and all materials use its actual position. Beside a crack or a cut along the interface, where
+    the displacement is not continuous, c follows from linear functions that are fitted to the two
+    sides separately, within `TORN_REACH`. If that fit contains a point that has lost a bond within
+    one material, c = 0.
 
     Parameters
     ----------
@@ -36,15 +42,19 @@ class Interfaces:
     moduli : ndarray, shape (n + m,)
         Shear modulus of every point and ghost; infinite for rigid ones.
     quadratic : bool
-        Whether the fit on either side is quadratic, and the energy of a much stiffer material depends on its own points only. Linear fits
-        leave an error of first order in c, which plane strain multiplies by K; quadratic fits give single points more weight, so that bond
-        forces, which are not the gradient of an energy, find no equilibrium next to a material a hundred times as stiff.
+        Whether the fit on either side is quadratic, and the energy of a much stiffer material
+        depends on its own points only. Linear fits leave an error of first order in c, which plane
+        strain multiplies by K; quadratic fits give single points more weight, so that bond forces,
+        which are not the gradient of an energy, find no equilibrium next to a material a hundred
+        times as stiff.
     volumes_held : bool
-        Whether the deformed place on the interface about which a stiff point is mirrored follows from the gradient of this point, and not
-        from the nearest points: the force is then distributed like the stiff material's own stress. Otherwise it alternates from point to
-        point, which only the shear modulus resists where volumes are constrained: a confined layer 4 cells thick was 57 % too soft next to
-        one 10 times as stiff (K = 100 mu, plane strain), and is 14 % too soft with the gradient. In plane stress the nearest points are
-        better, by 1 % in shear.
+        Whether the deformed place on the interface about which a stiff point is mirrored follows
+        from the gradient of this point, and not from the nearest points: the force is then
+        distributed like the stiff material's own stress. Otherwise it alternates from point to
+        point, which only the shear modulus resists where volumes are constrained: a confined layer
+        4 cells thick was 57 % too soft next to one 10 times as stiff (K = 100 mu, plane strain),
+        and is 14 % too soft with the gradient. In plane stress the nearest points are better, by 1
+        % in shear.
     breakable : bool
         Whether bonds may break, see `break_bonds`.
 
@@ -55,29 +65,47 @@ class Interfaces:
     normals : ndarray, shape (n, d)
         Direction from every point to its interface.
     left_out : ndarray of int
-        Directed bonds across an interface that the gradient and the energy of their first point omit.
+        Directed bonds across an interface that the gradient and the energy of their first point
+        omit.
     one_sided_bonds : tuple or None
-        For points that omit bonds: the directed bonds of these points, the point of each bond, and the changes of the bonds' weights in the
-        deformation gradients; None if no point omits bonds.
+        For points that omit bonds: the directed bonds of these points, the point of each bond, and
+        the changes of the bonds' weights in the deformation gradients; None if no point omits
+        bonds.
     jumps, changes : ndarray, shapes (n + m, d) and (n + m, d d)
-        Jumps of the slope along the normal of every point and ghost, and the changes of its gradient, by columns, to the other material.
+        Jumps of the slope along the normal of every point and ghost, and the changes of its
+        gradient, by columns, to the other material.
     corrections, continuation : list of Step
-        Steps that find the jumps and correct the gradients of the points for the other material's different motion; and steps that find
-        `changes`, once the gradients of halo points are known.
+        Steps that find the jumps and correct the gradients of the points for the other material's
+        different motion; and steps that find `changes`, once the gradients of halo points are
+        known.
     """
 
     def __init__(
-        self, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool, breakable: bool
+        self,
+        kinematics: Kinematics,
+        portion_of: np.ndarray,
+        moduli: np.ndarray,
+        quadratic: bool,
+        volumes_held: bool,
+        breakable: bool,
     ) -> None:
         # With a circle of references the body would stay in memory until a collection of garbage.
-        self._body, self._portion_of, self._kinematics = kinematics.body, portion_of, weakref.proxy(kinematics)
+        self._body, self._portion_of, self._kinematics = (
+            kinematics.body,
+            portion_of,
+            weakref.proxy(kinematics),
+        )
         body, share = self._body, self._body.share
         n, total, bonds, owners = len(body), len(body.all_points), body.bonds, body.bond_owners
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbors])
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
-        near = np.unique(kinematics.sources[np.concatenate([owners[across], bonds.neighbors[across]])])
+        near = np.unique(
+            kinematics.sources[np.concatenate([owners[across], bonds.neighbors[across]])]
+        )
         watched = breakable or share.any(len(bonds.cut) > 0)
-        fits = fitted_jumps(body, portion_of, moduli, near[share.own[near]], quadratic, volumes_held, watched)
+        fits = fitted_jumps(
+            body, portion_of, moduli, near[share.own[near]], quadratic, volumes_held, watched
+        )
         self.depths[:n], self.normals[:] = fits.depths, fits.normals
         of_all = share.with_rows_of_others(fits.jumps)
         self._jump = _by_different_rows(fits.jumps)
@@ -86,7 +114,10 @@ class Interfaces:
         body.ghosts.fill(self.depths)
         d = body.dimension
         self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-        self._one_sided, self._product = scipy.sparse.csr_array((n * d, total)), partial(sparse_product, kinematics.chunks)
+        self._one_sided, self._product = (
+            scipy.sparse.csr_array((n * d, total)),
+            partial(sparse_product, kinematics.chunks),
+        )
         self._one_sided_back = self._one_sided.T.tocsr()
         self._kept = None
         weights = kinematics.gradient_weights(kinematics.weighted_bonds, kinematics.inverse_shape)
@@ -96,36 +127,64 @@ class Interfaces:
         self._across, self._breakable = (across, owners[across], bonds.neighbors[across]), breakable
         self._correct, self._correct_back = self._of_corrections(weights[across])
         self.jumps, self.changes = np.zeros((total, d)), np.zeros((total, d * d))
-        # The matrix that spreads slopes along the normals to columns of gradients; the products with columns are its transpose.
+        # The matrix that spreads slopes along the normals to columns of gradients; the products
+        # with columns are its transpose.
         dyads = self._by_normals(scipy.sparse.diags_array((self.depths[:n] > 0).astype(float)))
         images, is_image = fits.images, (fits.images.diagonal() != 0).astype(float)
         back = share.with_rows_of_others(images).T.tocsr()
-        # Along the normal an image has the gradient of the softer material at the mirrored place, as a clamp's has.
-        self._changes_by_jumps, by_columns = dyads @ scipy.sparse.diags_array(1 - is_image), dyads @ self._by_normals(images.T).T
+        # Along the normal an image has the gradient of the softer material at the mirrored place,
+        # as a clamp's has.
+        self._changes_by_jumps, by_columns = (
+            dyads @ scipy.sparse.diags_array(1 - is_image),
+            dyads @ self._by_normals(images.T).T,
+        )
         self._changes_back = self._by_normals(back) @ dyads.T
-        self._jumps_by_columns = scipy.sparse.diags_array(-2.0 * volumes_held * is_image * fits.growth) @ dyads.T
+        self._jumps_by_columns = (
+            scipy.sparse.diags_array(-2.0 * volumes_held * is_image * fits.growth) @ dyads.T
+        )
         self._changes_by_columns = by_columns
         self._tears = None
         if watched:
-            self._tears = _Tears(kinematics, portion_of, fits, share.with_rows_of_others(fits.apart).T.tocsr())
+            self._tears = _Tears(
+                kinematics, portion_of, fits, share.with_rows_of_others(fits.apart).T.tocsr()
+            )
             self._tears.lose(*bonds.cut.T)
-        self.corrections, self.continuation = self.steps(kinematics.positions, kinematics.gradients, self.jumps, self.changes)
+        self.corrections, self.continuation = self.steps(
+            kinematics.positions, kinematics.gradients, self.jumps, self.changes
+        )
 
-    def steps(self, positions: np.ndarray, gradients: np.ndarray, jumps: np.ndarray, changes: np.ndarray) -> tuple[list[Step], list[Step]]:
-        """Return the steps `corrections` and `continuation` for given positions, or displacements; they write `jumps` and `changes`.
+    def steps(
+        self, positions: np.ndarray, gradients: np.ndarray, jumps: np.ndarray, changes: np.ndarray
+    ) -> tuple[list[Step], list[Step]]:
+        """Return the steps `corrections` and `continuation` for given positions, or displacements;
+        they write `jumps` and `changes`.
 
-        `gradients` (n + m, d d) are those of these positions, without and then with the corrections.
+        `gradients` (n + m, d d) are those of these positions, without and then with the
+        corrections.
         """
-        n, d, images, chunks = len(self._body), self._body.dimension, self._body.ghosts, self._kinematics.chunks
+        n, d, images, chunks = (
+            len(self._body),
+            self._body.dimension,
+            self._body.ghosts,
+            self._kinematics.chunks,
+        )
         columns, of_changes = gradients[:n].reshape(-1, d), changes[:n].reshape(-1, d)
-        on_ghosts, at_rest = self._kinematics.gradient_ghosts.of_gradients, (np.zeros((len(images), d)), np.zeros((len(images), d * d)))
+        on_ghosts, at_rest = (
+            self._kinematics.gradient_ghosts.of_gradients,
+            (
+                np.zeros((len(images), d)),
+                np.zeros((len(images), d * d)),
+            ),
+        )
         return [
             *self._product(self._one_sided, positions, columns, add=True, variable=True),
             *self._products(self._jump, positions, jumps),
             *self._product(self._jumps_by_columns, columns, jumps, add=True),
             *(self._tears.steps(positions, jumps) if self._tears else []),
             jumps,
-            place_points.bind(jumps[:n], images.source, images.parity, at_rest[0], jumps, chunks=chunks),
+            place_points.bind(
+                jumps[:n], images.source, images.parity, at_rest[0], jumps, chunks=chunks
+            ),
             *self._product(self._correct, jumps, columns, add=True, variable=self._breakable),
         ], [
             *self._product(self._changes_by_jumps, jumps, of_changes),
@@ -136,7 +195,9 @@ class Interfaces:
         ]
 
     def break_bonds(self, pairs: np.ndarray) -> None:
-        """Take account of broken pairs, after `Kinematics.weighted_bonds` and `Kinematics.inverse_shape` were updated."""
+        """Take account of broken pairs, after `Kinematics.weighted_bonds` and
+        `Kinematics.inverse_shape` were updated.
+        """
         bonds, kinematics = self._body.bonds, self._kinematics
         self._tears.lose(bonds.first[pairs], bonds.second[pairs])
         numbers, owners, _ = self._across
@@ -144,73 +205,114 @@ class Interfaces:
         weights = _weights(*of_all, numbers, owners)
         if self._kept is not None:
             kept, inverse, supported = self._kept
-            beside, points, changes = self.one_sided_bonds or (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 1)))
+            beside, points, changes = self.one_sided_bonds or (
+                np.zeros(0, np.int64),
+                np.zeros(0, np.int64),
+                np.zeros((0, 1)),
+            )
             kept[beside] = kinematics.weighted_bonds[beside]
             kept[self.left_out] = 0.0
             find_shapes(self._body, np.unique(points).astype(np.uint32), kept, inverse, supported)
             # A point whose other bonds no longer determine a gradient has that of all its bonds.
-            weights = np.where(supported[owners, None] > 0, _weights(kept, inverse, numbers, owners), weights)
+            weights = np.where(
+                supported[owners, None] > 0, _weights(kept, inverse, numbers, owners), weights
+            )
             if len(beside):
-                changes[:] = _weights(kept, inverse, beside, points) - _weights(*of_all, beside, points)
+                changes[:] = _weights(kept, inverse, beside, points) - _weights(
+                    *of_all, beside, points
+                )
                 changes[supported[points] == 0] = 0.0
                 _refill((self._one_sided, self._one_sided_back), self._of_changes())
         _refill((self._correct, self._correct_back), self._of_corrections(weights))
 
-    def _of_corrections(self, weights: np.ndarray) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
-        """Return the matrix that maps jumps to corrections of gradients, by the weights of the bonds across, and minus its transpose."""
+    def _of_corrections(
+        self, weights: np.ndarray
+    ) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
+        """Return the matrix that maps jumps to corrections of gradients, by the weights of the
+        bonds across, and minus its transpose.
+        """
         _, owners, neighbors = self._across
         return self._with_back(-weights * self.depths[neighbors, None], owners, neighbors)
 
     def _by_normals(self, matrix) -> scipy.sparse.csr_array:
-        """Return the matrix (n d, n) that maps vectors at points to columns of gradients: v (x) normal, spread by a matrix (n, n)."""
+        """Return the matrix (n d, n) that maps vectors at points to columns of gradients: v (x)
+        normal, spread by a matrix (n, n).
+        """
         entries = scipy.sparse.coo_array(matrix)
-        return self._on_columns(entries.data[:, None] * self.normals[entries.col], entries.row, entries.col)[:, : len(self._body)]
+        return self._on_columns(
+            entries.data[:, None] * self.normals[entries.col], entries.row, entries.col
+        )[:, : len(self._body)]
 
-    def _products(self, matrices: list, values: np.ndarray, out: np.ndarray, every: bool = False) -> list[Step]:
-        """Return the passes that write the product of matrices, the last one first, and `values` to rows of `out`, see `sparse_product`."""
+    def _products(
+        self, matrices: list, values: np.ndarray, out: np.ndarray, every: bool = False
+    ) -> list[Step]:
+        """Return the passes that write the product of matrices, the last one first, and `values`
+        to rows of `out`, see `sparse_product`.
+        """
         *further, first = matrices
         if not further:
             return self._product(first, values, out, every=every)
         between = np.zeros((first.shape[0], values.shape[1]))
-        return [*self._product(first, values, between), *self._products(further, between, out, every)]
+        return [
+            *self._product(first, values, between),
+            *self._products(further, between, out, every),
+        ]
 
-    def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> scipy.sparse.csr_array:
-        """Return the matrix (n d, n + m) that maps values at points and ghosts to columns of gradients at points.
+    def _on_columns(
+        self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray
+    ) -> scipy.sparse.csr_array:
+        """Return the matrix (n d, n + m) that maps values at points and ghosts to columns of
+        gradients at points.
 
         The k bonds from `owners` to `others` have the weights (k, d) in the gradients of `owners`.
         """
         d, n, total = self._body.dimension, len(self._body), len(self._body.all_points)
         rows = (d * owners.astype(np.int64)[:, None] + np.arange(d)).ravel()
-        return scipy.sparse.csr_array((weights.ravel(), (rows, np.repeat(others, d))), shape=(n * d, total))
+        return scipy.sparse.csr_array(
+            (weights.ravel(), (rows, np.repeat(others, d))), shape=(n * d, total)
+        )
 
-    def _with_back(self, *bonds: np.ndarray) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
+    def _with_back(
+        self, *bonds: np.ndarray
+    ) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
         """Return the matrix of `_on_columns`, and minus its transpose."""
         found = self._on_columns(*bonds)
         found.sort_indices()
         return found, (-found).T.tocsr()
 
     def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
-        """Return those directed bonds `across` interfaces that the gradient and energy of their first point omit (`left_out`).
+        """Return those directed bonds `across` interfaces that the gradient and energy of their
+        first point omit (`left_out`).
 
-        `owners` are the first points of all directed bonds, and `moduli` the shear moduli of all points and ghosts.
+        `owners` are the first points of all directed bonds, and `moduli` the shear moduli of all
+        points and ghosts.
         """
         body, neighbors = self._body, self._body.bonds.neighbors[across]
         normals = np.vstack([self.normals, body.ghosts.reflected_vectors(self.normals)])[neighbors]
         arms = body.all_points[owners[across]] - body.all_points[neighbors]
         # A bond along the interface counts as one behind it, whatever rounding says.
-        behind = (self.depths[neighbors] > 0) & (np.einsum("bi,bi->b", arms, normals) <= 1e-9 * body.spacing)
+        behind = (self.depths[neighbors] > 0) & (
+            np.einsum("bi,bi->b", arms, normals) <= 1e-9 * body.spacing
+        )
         return across[(moduli[owners[across]] > YIELDING * moduli[neighbors]) | behind]
 
-    def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray, breakable: bool) -> np.ndarray:
-        """Remove the bonds `left_out` from the gradients of their first points; return new `Kinematics.gradient_weights` of all bonds.
+    def _leave_out(
+        self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray, breakable: bool
+    ) -> np.ndarray:
+        """Remove the bonds `left_out` from the gradients of their first points; return new
+        `Kinematics.gradient_weights` of all bonds.
 
-        `owners` are the first points of all directed bonds, and `weights` their present weights. Bonds of points whose other bonds do not
-        determine a gradient are removed from `left_out` instead.
+        `owners` are the first points of all directed bonds, and `weights` their present weights.
+        Bonds of points whose other bonds do not determine a gradient are removed from `left_out`
+        instead.
         """
         for _ in range(2):
             kept = kinematics.weighted_bonds.copy()
             kept[self.left_out] = 0.0
-            inverse, supported = np.zeros_like(kinematics.inverse_shape), np.zeros_like(kinematics.supported)
+            inverse, supported = (
+                np.zeros_like(kinematics.inverse_shape),
+                np.zeros_like(kinematics.supported),
+            )
             rows = np.unique(owners[self.left_out]).astype(np.uint32)
             find_shapes(self._body, rows, kept, inverse, supported)
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
@@ -227,18 +329,24 @@ class Interfaces:
         return weights
 
     def _of_changes(self) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
-        """Return the matrix that maps positions to the changes of gradients by `one_sided_bonds`, and minus its transpose."""
+        """Return the matrix that maps positions to the changes of gradients by
+        `one_sided_bonds`, and minus its transpose.
+        """
         numbers, points, changes = self.one_sided_bonds
         ends = np.concatenate([self._body.bonds.neighbors[numbers], points])
         return self._with_back(np.concatenate([changes, -changes]), np.tile(points, 2), ends)
 
     def cells_across(self, number: int, most: int) -> float:
-        """Return the median thickness, in spacings and at most `most`, of the layer of a material next to its interfaces; 0 if it has none.
+        """Return the median thickness, in spacings and at most `most`, of the layer of a material
+        next to its interfaces; 0 if it has none.
 
-        `number` is the number of the material in `portion_of`, or the number that stands for rigid parts there.
+        `number` is the number of the material in `portion_of`, or the number that stands for rigid
+        parts there.
         """
         body, portion_of = self._body, self._portion_of
-        beside = np.flatnonzero((portion_of[: len(body)] == number) & (self.depths[: len(body)] > 0))
+        beside = np.flatnonzero(
+            (portion_of[: len(body)] == number) & (self.depths[: len(body)] > 0)
+        )
         beside = beside[self.depths[beside] < body.spacing]
         if not len(beside):
             return 0.0
@@ -250,28 +358,50 @@ class Interfaces:
         return float(np.median(np.where(within.all(axis=1), most, within.argmin(axis=1))))
 
     def steps_back(
-        self, forces: np.ndarray, moments: np.ndarray, own_moments: np.ndarray, on_points: np.ndarray, pulls: np.ndarray
+        self,
+        forces: np.ndarray,
+        moments: np.ndarray,
+        own_moments: np.ndarray,
+        on_points: np.ndarray,
+        pulls: np.ndarray,
     ) -> list[Step]:
-        """Return the steps that find the forces of an energy that depends on the jumps: the transpose of `corrections` and `continuation`.
+        """Return the steps that find the forces of an energy that depends on the jumps: the
+        transpose of `corrections` and `continuation`.
 
         Parameters
         ----------
         forces, moments : ndarray, shapes (n + m, d) and (n + m, d d)
-            Minus the derivative of the energy by positions in the continued motion of the other material, and its derivative by gradients
-            in that motion; `moments` is overwritten.
+            Minus the derivative of the energy by positions in the continued motion of the other
+            material, and its derivative by gradients in that motion; `moments` is overwritten.
         own_moments : ndarray, shape (n, d d)
-            Derivative of the energy by the points' own gradients; terms of mirror images are added in place.
+            Derivative of the energy by the points' own gradients; terms of mirror images are added
+            in place.
         on_points : ndarray, shape (n, d)
             Receives the forces on the points that determine the jumps.
         pulls : ndarray, shape (n + m, d)
             Receives the changes of the forces on the points where gradients omit bonds.
         """
-        n, d, ghosts, product, chunks = len(self._body), self._body.dimension, self._body.ghosts, self._product, self._kinematics.chunks
-        on_jumps, theirs, columns = np.zeros_like(self.jumps), moments[:n].reshape(-1, d), own_moments.reshape(-1, d)
-        fold = [fold_vectors.bind(each, ghosts.source, ghosts.parity, chunks=chunks) for each in (on_jumps, pulls)]
+        n, d, ghosts, product, chunks = (
+            len(self._body),
+            self._body.dimension,
+            self._body.ghosts,
+            self._product,
+            self._kinematics.chunks,
+        )
+        on_jumps, theirs, columns = (
+            np.zeros_like(self.jumps),
+            moments[:n].reshape(-1, d),
+            own_moments.reshape(-1, d),
+        )
+        fold = [
+            fold_vectors.bind(each, ghosts.source, ghosts.parity, chunks=chunks)
+            for each in (on_jumps, pulls)
+        ]
         apart, on_apart = self._tears.steps_back(on_jumps, on_points) if self._tears else ([], [])
         return [
-            fold_matrices.bind(moments, *self._kinematics.gradient_ghosts.of_gradients, chunks=chunks),
+            fold_matrices.bind(
+                moments, *self._kinematics.gradient_ghosts.of_gradients, chunks=chunks
+            ),
             moments,
             *(self._tears.kept_rows(moments) if self._tears else []),
             *product(scipy.sparse.diags_array(-self.depths), forces, on_jumps, every=True),
@@ -283,15 +413,25 @@ class Interfaces:
             *apart,
             *product(-self._jumps_by_columns.T, on_jumps, columns, add=True),
             on_jumps[:n],
-            *self._products([each.T for each in reversed(self._jump_of_all)], on_jumps, on_points, every=self._tears is not None),
+            *self._products(
+                [each.T for each in reversed(self._jump_of_all)],
+                on_jumps,
+                on_points,
+                every=self._tears is not None,
+            ),
             *on_apart,
             own_moments,
-            *([*product(self._one_sided_back, columns, pulls, every=True, variable=True), fold[1]] if self._one_sided.nnz else []),
+            *(
+                [*product(self._one_sided_back, columns, pulls, every=True, variable=True), fold[1]]
+                if self._one_sided.nnz
+                else []
+            ),
         ]
 
 
 class _Tears:
-    """Choice of the fits of jumps beside cuts and cracks: that of both sides together, those of either side, or none.
+    """Choice of the fits of jumps beside cuts and cracks: that of both sides together, those of
+    either side, or none.
 
     Parameters
     ----------
@@ -302,27 +442,66 @@ class _Tears:
         Transpose of ``fits.apart`` with the rows of halo points.
     """
 
-    def __init__(self, kinematics: Kinematics, portion_of: np.ndarray, fits: Fits, apart_back: scipy.sparse.csr_array) -> None:
-        self._kinematics, self._portion_of, n = weakref.proxy(kinematics), portion_of, len(kinematics.body)
-        self._apart, self._apart_back, self._is_image = fits.apart, apart_back, fits.images.diagonal() != 0
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        portion_of: np.ndarray,
+        fits: Fits,
+        apart_back: scipy.sparse.csr_array,
+    ) -> None:
+        self._kinematics, self._portion_of, n = (
+            weakref.proxy(kinematics),
+            portion_of,
+            len(kinematics.body),
+        )
+        self._apart, self._apart_back, self._is_image = (
+            fits.apart,
+            apart_back,
+            fits.images.diagonal() != 0,
+        )
         self._fitted, self._fitted_apart = abs(fits.jumps) + abs(fits.images), abs(fits.apart)
-        # Points that have lost bonds within one material, and across; factors of the fits of both sides together, and of either side.
-        self._lost, self._intact, self._parted = np.zeros((2, n), dtype=bool), np.ones((n, 1)), np.zeros((n, 1))
+        # Points that have lost bonds within one material, and across; factors of the fits of both
+        # sides together, and of either side.
+        self._lost, self._intact, self._parted = (
+            np.zeros((2, n), dtype=bool),
+            np.ones((n, 1)),
+            np.zeros((n, 1)),
+        )
 
     def steps(self, positions: np.ndarray, jumps: np.ndarray) -> list[Step]:
-        """Return the steps that replace jumps, where the sides are parted, by those of separate fits, and by zero where neither holds."""
+        """Return the steps that replace jumps, where the sides are parted, by those of separate
+        fits, and by zero where neither holds.
+        """
         rows, apart = jumps[: len(self._intact)], np.zeros((len(self._intact), jumps.shape[1]))
         scale, add = partial(_scale, rows, self._intact), partial(np.add, rows, apart, out=rows)
-        return [*sparse_product(self._kinematics.chunks, self._apart, positions, apart), partial(_scale, apart, self._parted), scale, add]
+        return [
+            *sparse_product(self._kinematics.chunks, self._apart, positions, apart),
+            partial(_scale, apart, self._parted),
+            scale,
+            add,
+        ]
 
-    def steps_back(self, on_jumps: np.ndarray, on_points: np.ndarray) -> tuple[list[Step], list[Step]]:
-        """Return the steps that divide forces `on_jumps` among the fits, and those that add the part of separate fits to `on_points`."""
+    def steps_back(
+        self, on_jumps: np.ndarray, on_points: np.ndarray
+    ) -> tuple[list[Step], list[Step]]:
+        """Return the steps that divide forces `on_jumps` among the fits, and those that add the
+        part of separate fits to `on_points`.
+        """
         rows, parted = on_jumps[: len(self._intact)], np.zeros_like(on_points)
-        divide = [partial(np.multiply, rows, self._parted, out=parted), parted, partial(_scale, rows, self._intact)]
-        return divide, [parted, *sparse_product(self._kinematics.chunks, self._apart_back, parted, on_points, add=True)]
+        divide = [
+            partial(np.multiply, rows, self._parted, out=parted),
+            parted,
+            partial(_scale, rows, self._intact),
+        ]
+        return divide, [
+            parted,
+            *sparse_product(self._kinematics.chunks, self._apart_back, parted, on_points, add=True),
+        ]
 
     def kept_rows(self, values: np.ndarray) -> list[Step]:
-        """Return the step that sets the first n rows of an array to zero where points have no jump because of a cut or a crack."""
+        """Return the step that sets the first n rows of an array to zero where points have no
+        jump because of a cut or a crack.
+        """
         rows = values[: len(self._intact)]
         return [lambda: _scale(rows, self._intact + self._parted)]
 
@@ -333,7 +512,10 @@ class _Tears:
         for lost, chosen in zip(self._lost, (~across, across), strict=True):
             lost[sources[np.concatenate([first[chosen], second[chosen]])]] = True
             share.fill(lost)
-        within, any_lost = self._fitted @ self._lost[0] > 0, self._fitted @ self._lost.any(axis=0) > 0
+        within, any_lost = (
+            self._fitted @ self._lost[0] > 0,
+            self._fitted @ self._lost.any(axis=0) > 0,
+        )
         # An image is made from the points of each side alone.
         self._intact[:, 0] = ~np.where(self._is_image, within, any_lost)
         self._parted[:, 0] = ~self._is_image & any_lost & (self._fitted_apart @ self._lost[0] == 0)
@@ -341,15 +523,25 @@ class _Tears:
 
 
 def _by_different_rows(matrix: scipy.sparse.csr_array) -> list[scipy.sparse.csr_array]:
-    """Return matrices whose product is `matrix`: a selection of rows, and these rows; only `matrix` itself if all its rows differ."""
+    """Return matrices whose product is `matrix`: a selection of rows, and these rows; only
+    `matrix` itself if all its rows differ.
+    """
     filled, different = np.flatnonzero(np.diff(matrix.indptr)), {}
     ends = zip(matrix.indptr[filled], matrix.indptr[filled + 1], strict=True)
-    keys = [matrix.indices[begin:end].tobytes() + matrix.data[begin:end].tobytes() for begin, end in ends]
+    keys = [
+        matrix.indices[begin:end].tobytes() + matrix.data[begin:end].tobytes()
+        for begin, end in ends
+    ]
     which = [different.setdefault(key, len(different)) for key in keys]
     if len(different) == len(filled):
         return [matrix]
     first = filled[np.unique(which, return_index=True)[1]]
-    return [scipy.sparse.csr_array((np.ones(len(filled)), (filled, which)), shape=(matrix.shape[0], len(first))), matrix[first]]
+    return [
+        scipy.sparse.csr_array(
+            (np.ones(len(filled)), (filled, which)), shape=(matrix.shape[0], len(first))
+        ),
+        matrix[first],
+    ]
 
 
 def _scale(rows: np.ndarray, factors: np.ndarray) -> None:
@@ -357,8 +549,12 @@ def _scale(rows: np.ndarray, factors: np.ndarray) -> None:
     np.multiply(rows, factors, out=rows)
 
 
-def _weights(weighted_bonds: np.ndarray, inverse_shape: np.ndarray, numbers: np.ndarray, owners: np.ndarray) -> np.ndarray:
-    """Return `Kinematics.gradient_weights` of some bonds, given by their numbers and their first points."""
+def _weights(
+    weighted_bonds: np.ndarray, inverse_shape: np.ndarray, numbers: np.ndarray, owners: np.ndarray
+) -> np.ndarray:
+    """Return `Kinematics.gradient_weights` of some bonds, given by their numbers and their first
+    points.
+    """
     return np.einsum("bij,bj->bi", symmetric(inverse_shape[owners]), weighted_bonds[numbers])
 
 

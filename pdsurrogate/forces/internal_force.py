@@ -1,4 +1,6 @@
-"""Internal force on the points of a body, the object that solvers evaluate: the sum of the terms of a force model."""
+"""Internal force on the points of a body, the object that solvers evaluate: the sum of the terms
+of a force model.
+"""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -23,14 +25,17 @@ from .term import MaterialTerm, StateArray, Term
 from .volume_energy import LinearizedDilatation
 
 PROBE = 1e-5
-"""Greatest displacement of a point, in spacings, in the central differences of `tangent_of`. Chosen: curvature and rounding
-leave errors of 1e-8 or less."""
+"""Greatest displacement of a point, in spacings, in the central differences of `tangent_of`.
+Chosen: curvature and rounding leave errors of 1e-8 or less.
+"""
 
 
 class InternalForce:
-    """Internal force on the points of a body with one or several materials: the sum of the terms of their force model.
+    """Internal force on the points of a body with one or several materials: the sum of the terms of
+    their force model.
 
-    `ForceModel.bind` makes it for a body of one material, and `bind_portions` for a body of several.
+    `ForceModel.bind` makes it for a body of one material, and `bind_portions` for a body of
+    several.
 
     Parameters
     ----------
@@ -44,7 +49,8 @@ class InternalForce:
     body : Body
     portions : sequence of Portion
     portion_of : ndarray of int, shape (n + m,), or None
-        Number of the material (index into `portions`) of every point and ghost, ``len(portions)`` for rigid ones; None with one material.
+        Number of the material (index into `portions`) of every point and ghost, ``len(portions)``
+        for rigid ones; None with one material.
     positions : ndarray, shape (n + m, d)
         Positions of points and ghosts as last set by `place` or a call.
     interfaces : Interfaces or None
@@ -64,26 +70,28 @@ class InternalForce:
     has_energy : bool
         Whether the forces are minus the derivative of an energy, which `energy` returns.
     nearly_incompressible : bool
-        Whether the force has a `linearized_dilatation`: the derivative by the positions of the points' volumes, whose change the bulk
-        modulus resists.
+        Whether the force has a `linearized_dilatation`: the derivative by the positions of the
+        points' volumes, whose change the bulk modulus resists.
     zero_energy_modes : bool
         Whether the force does not resist some displacements that alternate from point to point.
     learned_thickness : bool
-        Whether the volume ratios J3 of the points are computed with a learned force, and not by the law.
+        Whether the volume ratios J3 of the points are computed with a learned force, and not by the
+        law.
     learned : Term
-        Term that reports the distance of the state from the training data: `domain_deviation`, `beyond_data`, `member_deviation`. At most
-        one term may have a model with training data.
+        Term that reports the distance of the state from the training data: `domain_deviation`,
+        `beyond_data`, `member_deviation`. At most one term may have a model with training data.
     stiffness_moduli : float or ndarray, shape (n,)
-        Shear modulus that measures the stiffness around a point. With several materials it is the mean over the bonds of the point, where
-        each bond has the mean modulus of its two ends, since bonds across an interface stiffen all points that they reach.
+        Shear modulus that measures the stiffness around a point. With several materials it is the
+        mean over the bonds of the point, where each bond has the mean modulus of its two ends,
+        since bonds across an interface stiffen all points that they reach.
     force_scale : float or ndarray, shape (n,)
-        Shear modulus that scales the force on a point. With several materials it is the greatest among the point and its neighbors, since
-        forces and their rounding errors are that large.
+        Shear modulus that scales the force on a point. With several materials it is the greatest
+        among the point and its neighbors, since forces and their rounding errors are that large.
     states : list of StateArray
         All arrays that the next evaluation starts from, apart from positions and broken bonds.
     state_arrays : dict of ndarray
-        Their values by name. A solution that is saved with copies of these, and restored by copying them back, continues with identical
-        bits.
+        Their values by name. A solution that is saved with copies of these, and restored by copying
+        them back, continues with identical bits.
     history : dict of ndarray
         Those of them that `accept` alone changes: the history of the terms, see `Term.keeps`.
     evaluations : int
@@ -98,12 +106,18 @@ class InternalForce:
         Number of evaluations that `seconds` covers.
     """
 
-    # Solvers ask every force for these parts, which `pdsurrogate.solvers.loads.LoadedForce` may have.
+    # Solvers ask every force for these parts, which `pdsurrogate.solvers.loads.LoadedForce` may
+    # have.
     supports = rigid = obstacles = ()
 
     def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
         settings.check_body(body)
-        self.body, self.portions, self.breakable, self.plane = body, portions, settings.breakable, settings.plane
+        self.body, self.portions, self.breakable, self.plane = (
+            body,
+            portions,
+            settings.breakable,
+            settings.plane,
+        )
         self.law = max((portion.law for portion in portions), key=lambda law: law.shear_modulus)
         self.laws = [(portion.law, portion.points) for portion in portions]
         self.precision = max(portion.model.usual_precision(settings) for portion in portions)
@@ -111,12 +125,18 @@ class InternalForce:
         self.positions = kinematics.positions
         kinds: Sequence[type[Term]] = portions[0].model.terms(settings.plane)
         self.has_energy = all(kind.has_energy for kind in kinds)
-        self.portion_of = None if isinstance(portions[0].points, slice) else _numbers_of(body, portions)
+        self.portion_of = (
+            None if isinstance(portions[0].points, slice) else _numbers_of(body, portions)
+        )
         self.stiffness_moduli = self.force_scale = self.law.shear_modulus
         if self.portion_of is not None:
-            moduli = np.array([*(portion.law.shear_modulus for portion in portions), np.inf])[self.portion_of]
+            moduli = np.array([*(portion.law.shear_modulus for portion in portions), np.inf])[
+                self.portion_of
+            ]
             held = settings.plane != "stress"
-            kinematics.interfaces = Interfaces(kinematics, self.portion_of, moduli, self.has_energy, held, settings.breakable)
+            kinematics.interfaces = Interfaces(
+                kinematics, self.portion_of, moduli, self.has_energy, held, settings.breakable
+            )
             self.stiffness_moduli, self.force_scale = self._moduli(moduli)
         self.interfaces = kinematics.interfaces
         binding = Binding(kinematics, portions, settings, self.precision, self.portion_of)
@@ -126,37 +146,55 @@ class InternalForce:
         self._forms = any(term.needs_gradients for term in self.terms)
         self._watches = [watch for term in self.terms for watch in term.watches]
         self.learned = _term_with_domain(self.terms)
-        self.correction = next((term.correction for term in self.terms if term.correction != "none"), "none")
+        self.correction = next(
+            (term.correction for term in self.terms if term.correction != "none"), "none"
+        )
         self.zero_energy_modes = all(term.zero_energy_modes for term in self.terms)
         self.nearly_incompressible = any(term.volume is not None for term in self.terms)
         self.learned_thickness = any(term.learned_thickness for term in self.terms)
         self.states: list[StateArray] = [array for term in self.terms for array in term.state]
         self.state_arrays = {array.name: array.values for array in self.states}
         if len(self.state_arrays) < len(self.states):
-            raise ValueError(f"two terms of a force keep arrays of one name, of {[array.name for array in self.states]}")
+            raise ValueError(
+                "two terms of a force keep arrays of one name, of"
+                f" {[array.name for array in self.states]}"
+            )
         self._remembering = [term for term in self.terms if term.keeps]
-        self.history = {name: values for term in self._remembering for name, values in term.kept.items()}
+        self.history = {
+            name: values for term in self._remembering for name, values in term.kept.items()
+        }
         self.evaluations = self.pairs_outside = self.most_outside = self.timed = 0
         self.seconds = 0.0
 
     def _moduli(self, moduli: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and ghosts, which are infinite for rigid ones."""
+        """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and
+        ghosts, which are infinite for rigid ones.
+        """
         body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self.body.bond_owners
-        around, length = moduli[bonds.neighbors], lengths_of(body.all_points[bonds.neighbors] - body.points[owners])
-        # A bond between very different moduli carries the force of the softer material: each point counts its own modulus only.
-        apart = self.has_energy & (np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners]))
+        around, length = (
+            moduli[bonds.neighbors],
+            lengths_of(body.all_points[bonds.neighbors] - body.points[owners]),
+        )
+        # A bond between very different moduli carries the force of the softer material: each point
+        # counts its own modulus only.
+        apart = self.has_energy & (
+            np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners])
+        )
         around[apart] = moduli[owners[apart]]
         moduli = np.minimum(moduli, self.law.shear_modulus)  # rigid points have none of their own
         around = np.minimum(around, self.law.shear_modulus)
         weights = body.weigh(length) * body.all_volumes[bonds.neighbors]
-        stiffness = (moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)) / 2
+        stiffness = (
+            moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)
+        ) / 2
         greatest = moduli[:n].copy()
         np.maximum.at(greatest, owners, around)
         body.share.fill(stiffness, greatest)
         return stiffness, greatest
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        """Write the internal force on every point per unit thickness at positions (n, d) to `out` (n, d).
+        """Write the internal force on every point per unit thickness at positions (n, d) to `out`
+        (n, d).
 
         Raises
         ------
@@ -175,7 +213,9 @@ class InternalForce:
             else:
                 self._kinematics.place(positions, self._forms)
             self._add_up([term.find for term in self.terms], out)
-        except RuntimeError as found:  # the error concerns the state, or comes from a user's own force
+        except (
+            RuntimeError
+        ) as found:  # the error concerns the state, or comes from a user's own force
             error = self.portions[0].model.cause_of(found)
         outside = sum(watch.found for watch in self._watches)
         self.pairs_outside += outside
@@ -188,7 +228,9 @@ class InternalForce:
         self.timed += 1
 
     def _add_up(self, writers: Sequence[Callable[[np.ndarray], object]], out: np.ndarray) -> None:
-        """Write the sum of the forces that several functions ``write(array)`` compute into `out`."""
+        """Write the sum of the forces that several functions ``write(array)`` compute into
+        `out`.
+        """
         first, *others = writers
         first(out)
         for write in others:
@@ -196,11 +238,14 @@ class InternalForce:
             out += self._further
 
     def elapse(self, time: float) -> None:
-        """Set the time since the state that was last accepted, at which the next evaluations try states of a body with history."""
+        """Set the time since the state that was last accepted, at which the next evaluations try
+        states of a body with history.
+        """
         self._kinematics.elapsed = time
 
     def accept(self, positions: np.ndarray) -> None:
-        """Accept a state of the body: add it to the `history`, which evaluations never change, and begin a new time at it (`elapse`).
+        """Accept a state of the body: add it to the `history`, which evaluations never change, and
+        begin a new time at it (`elapse`).
 
         Parameters
         ----------
@@ -214,36 +259,46 @@ class InternalForce:
         self._kinematics.elapsed = 0.0
 
     def pass_bonds(self, out: np.ndarray) -> None:
-        """Write the forces to `out` from the states of the points as last computed, without checks; for timings, and for broken bonds.
+        """Write the forces to `out` from the states of the points as last computed, without checks;
+        for timings, and for broken bonds.
 
-        A force with an energy computes these states at the positions last set. Where they have no energy, `energy` then returns NaN.
+        A force with an energy computes these states at the positions last set. Where they have no
+        energy, `energy` then returns NaN.
         """
         self._kinematics.form_gradients()
         self._add_up([term.pass_bonds for term in self.terms], out)
 
     def place(self, positions: np.ndarray) -> None:
-        """Set the positions of points (n, d) and ghosts without computing forces, before queries for gradients, stresses and the like."""
+        """Set the positions of points (n, d) and ghosts without computing forces, before queries
+        for gradients, stresses and the like.
+        """
         self._kinematics.place(positions)
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
-        """Displace a reflection plane of the body by u(X) = displacement + turn X; its ghosts follow when positions are next set.
+        """Displace a reflection plane of the body by u(X) = displacement + turn X; its ghosts
+        follow when positions are next set.
 
-        `displacement` has the shape (d,) and `turn` (d, d). Only clamped planes (odd parity of all components) may be turned; if `turn` is
-        None, the plane keeps the turn of the last call.
+        `displacement` has the shape (d,) and `turn` (d, d). Only clamped planes (odd parity of all
+        components) may be turned; if `turn` is None, the plane keeps the turn of the last call.
         """
         self._kinematics.move_plane(plane, displacement, turn)
 
     def deformation_gradients(self) -> np.ndarray:
-        """Return the deformation gradients F of the points at the positions last set, shape (n, d, d)."""
+        """Return the deformation gradients F of the points at the positions last set, shape (n,
+        d, d).
+        """
         return self._kinematics.deformation_gradients()
 
     @property
     def supported(self) -> np.ndarray:
-        """Flags of the points that have bonds enough for a deformation gradient, bool, shape (n,); for others F is the identity."""
+        """Flags of the points that have bonds enough for a deformation gradient, bool, shape
+        (n,); for others F is the identity.
+        """
         return self._kinematics.supported[: len(self.body)] != 0
 
     def volume_ratios(self) -> np.ndarray:
-        """Return the volume ratios J3 at which the volumetric energy of the points is evaluated, at the positions last set, shape (n,).
+        """Return the volume ratios J3 at which the volumetric energy of the points is evaluated, at
+        the positions last set, shape (n,).
 
         Raises
         ------
@@ -253,10 +308,12 @@ class InternalForce:
         return self._volumes.volume_ratios()
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return stress and energy density of the points from their own deformation gradients, at the positions last set.
+        """Return stress and energy density of the points from their own deformation gradients, at
+        the positions last set.
 
-        A learned energy of a sheet provides the energy and its derivative. For all other models, which are exact or provide only bond
-        forces, both follow from the laws of the points, at the volume ratios and bulk stresses that the force evaluation computed.
+        A learned energy of a sheet provides the energy and its derivative. For all other models,
+        which are exact or provide only bond forces, both follow from the laws of the points, at the
+        volume ratios and bulk stresses that the force evaluation computed.
 
         Returns
         -------
@@ -269,40 +326,53 @@ class InternalForce:
         return reduce(add, stresses), reduce(add, energies)
 
     def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
-        """Return the force on the first point of given pairs, by default of all, in the state last evaluated, shape (k, d)."""
+        """Return the force on the first point of given pairs, by default of all, in the state
+        last evaluated, shape (k, d).
+        """
         chosen = slice(len(self.body.bonds.first)) if pairs is None else pairs
         return reduce(add, (term.pair_forces(chosen) for term in self.terms))
 
     def forces_beside_pairs(self) -> np.ndarray | None:
-        """Return the forces on points that are not forces of pairs, in the state last evaluated, shape (n, d); None if there are none.
+        """Return the forces on points that are not forces of pairs, in the state last evaluated,
+        shape (n, d); None if there are none.
 
-        Such forces arise at interfaces between materials, where an energy depends on the jumps of the deformation gradient.
+        Such forces arise at interfaces between materials, where an energy depends on the jumps of
+        the deformation gradient.
         """
-        found = [forces for term in self.terms if (forces := term.forces_beside_pairs()) is not None]
+        found = [
+            forces for term in self.terms if (forces := term.forces_beside_pairs()) is not None
+        ]
         return reduce(add, found) if found else None
 
     def levers_on_planes(self) -> np.ndarray | None:
-        """Return the first moments of the forces that reflection planes exert on the body, sums of f (x) y, shape (planes, d, d).
+        """Return the first moments of the forces that reflection planes exert on the body, sums of
+        f (x) y, shape (planes, d, d).
 
-        f is a force of a plane and y the place where it acts; the sums follow from virtual work in the state last evaluated. None for a
-        force with a term that does not know them, such as one without energy.
+        f is a force of a plane and y the place where it acts; the sums follow from virtual work in
+        the state last evaluated. None for a force with a term that does not know them, such as one
+        without energy.
         """
         found = [levers for term in self.terms if (levers := term.levers_on_planes()) is not None]
         return reduce(add, found) if len(found) == len(self.terms) else None
 
     def applied(self) -> np.ndarray:
-        """Return zeros, shape (n, d): no loads are part of an internal force; a `LoadedForce` returns the forces of its loads instead."""
+        """Return zeros, shape (n, d): no loads are part of an internal force; a `LoadedForce`
+        returns the forces of its loads instead.
+        """
         return np.zeros_like(self.body.points)
 
     def mean_stress(self) -> np.ndarray:
-        """Return the volume mean of the first Piola-Kirchhoff stress in the state last evaluated, shape (d, d).
+        """Return the volume mean of the first Piola-Kirchhoff stress in the state last evaluated,
+        shape (d, d).
 
         In a body divided among ranks, it is the contribution of this rank to the mean.
         """
         return reduce(add, (term.mean_stress() for term in self.terms))
 
     def energy(self) -> float:
-        """Return the stored energy per unit thickness in the state last evaluated, for a force that `has_energy`."""
+        """Return the stored energy per unit thickness in the state last evaluated, for a force
+        that `has_energy`.
+        """
         return reduce(add, (term.energy() for term in self.terms))
 
     def tangent(self, positions: np.ndarray) -> scipy.sparse.linalg.LinearOperator:
@@ -310,11 +380,14 @@ class InternalForce:
         return tangent_of(self, positions)
 
     def linearized_dilatation(self) -> LinearizedDilatation:
-        """Return the derivative of the points' volume ratios by the positions, for a force that is `nearly_incompressible`."""
+        """Return the derivative of the points' volume ratios by the positions, for a force that
+        is `nearly_incompressible`.
+        """
         return LinearizedDilatation([term.volume for term in self.terms if term.volume is not None])
 
     def break_bonds(self, pairs: np.ndarray) -> None:
-        """Break pairs (bonds): remove them for good from the horizons of their ends, from corrections, and from forces.
+        """Break pairs (bonds): remove them for good from the horizons of their ends, from
+        corrections, and from forces.
 
         Raises
         ------
@@ -322,34 +395,46 @@ class InternalForce:
             If the force was bound without `ForceSettings.breakable`.
         """
         if not self.breakable:
-            raise ValueError("the bonds of this force cannot break; bind it with ForceSettings(breakable=True)")
+            raise ValueError(
+                "the bonds of this force cannot break; bind it with ForceSettings(breakable=True)"
+            )
         changed = self._kinematics.break_bonds(pairs)
         for term in self.terms:
             term.break_bonds(pairs, changed)
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Return the numbers of pairs nearly or fully turned inside out in the last evaluation; empty for models that do not check."""
+        """Return the numbers of pairs nearly or fully turned inside out in the last evaluation;
+        empty for models that do not check.
+        """
         return reduce(np.union1d, (term.collapsed_pairs() for term in self.terms))
 
     @property
     def fraction_outside(self) -> float:
-        """Fraction of all pair evaluations so far that were outside the model's domain; pairs across an interface count twice."""
+        """Fraction of all pair evaluations so far that were outside the model's domain; pairs
+        across an interface count twice.
+        """
         total = self.body.share.total
-        outside, pairs = total(self.pairs_outside), total(sum(watch.n_pairs for watch in self._watches))
+        outside, pairs = (
+            total(self.pairs_outside),
+            total(sum(watch.n_pairs for watch in self._watches)),
+        )
         return outside / max(1, self.evaluations * pairs)
 
 
 def tangent_of(force: InternalForce, positions: np.ndarray) -> scipy.sparse.linalg.LinearOperator:
-    """Return minus the derivative of an internal or loaded force at positions (n, d), in a body that is not divided among ranks.
+    """Return minus the derivative of an internal or loaded force at positions (n, d), in a body
+    that is not divided among ranks.
 
-    The operator is of shape (n d, n d), in the order of ``positions.ravel()``; with an energy it is symmetric. A product is a central
-    difference over `PROBE` spacings, which costs two evaluations of the force in its present state of bonds and planes, and leaves the
-    force in the state last evaluated, beside these positions.
+    The operator is of shape (n d, n d), in the order of ``positions.ravel()``; with an energy it is
+    symmetric. A product is a central difference over `PROBE` spacings, which costs two evaluations
+    of the force in its present state of bonds and planes, and leaves the force in the state last
+    evaluated, beside these positions.
 
     Raises
     ------
     ValueError
-        If the force is not bound with ``precision="float64"``, or if the body is divided among ranks.
+        If the force is not bound with ``precision="float64"``, or if the body is divided among
+        ranks.
     """
     if force.precision != "float64" or force.body.share.divided:
         needs = "bind the force with precision='float64', to a body on one rank"
@@ -367,21 +452,26 @@ def tangent_of(force: InternalForce, positions: np.ndarray) -> scipy.sparse.lina
         return ((behind - ahead) / (2 * step)).ravel()
 
     adjoint = multiply if force.has_energy else None
-    return scipy.sparse.linalg.LinearOperator((positions.size, positions.size), multiply, adjoint, dtype=float)
+    return scipy.sparse.linalg.LinearOperator(
+        (positions.size, positions.size), multiply, adjoint, dtype=float
+    )
 
 
 @contextmanager
 def numbers_in_place(force: InternalForce, materials: Sequence[tuple[Law, Any]]) -> Iterator[None]:
-    """Replace the laws and models of a force by others that differ in numbers alone, until the end of a ``with`` block.
+    """Replace the laws and models of a force by others that differ in numbers alone, until the end
+    of a ``with`` block.
 
-    The forces are then those of a force that is bound to these laws and models. `stiffness_moduli`, `force_scale`, and the interfaces
-    across which one material is much stiffer than the other remain those of the laws with which the force was bound.
+    The forces are then those of a force that is bound to these laws and models. `stiffness_moduli`,
+    `force_scale`, and the interfaces across which one material is much stiffer than the other
+    remain those of the laws with which the force was bound.
 
     Parameters
     ----------
     force : InternalForce
     materials : sequence of tuple
-        Law and model of each of its `portions`, of the same classes and with arrays of the same shapes.
+        Law and model of each of its `portions`, of the same classes and with arrays of the same
+        shapes.
 
     Raises
     ------
@@ -389,15 +479,23 @@ def numbers_in_place(force: InternalForce, materials: Sequence[tuple[Law, Any]])
         If the number of materials or a class differs, or laws have lists of other lengths.
     """
     own = [(portion.law, portion.model) for portion in force.portions]
-    kinds = [[(type(law), type(model), law.parameters.shape) for law, model in each] for each in (own, materials)]
+    kinds = [
+        [(type(law), type(model), law.parameters.shape) for law, model in each]
+        for each in (own, materials)
+    ]
     if kinds[0] != kinds[1]:
-        raise ValueError("a force takes other numbers of its laws and models, but no other laws or models: bind a force to these")
+        raise ValueError(
+            "a force takes other numbers of its laws and models, but no other laws or models: bind"
+            " a force to these"
+        )
 
     def give(materials: Sequence[tuple[Law, Any]]) -> None:
         """Give the numbers to all terms of the force, which have copies of them."""
         new = zip(force.portions, materials, strict=True)
         force.portions = [replace(portion, law=law, model=model) for portion, (law, model) in new]
-        force.law = max((portion.law for portion in force.portions), key=lambda law: law.shear_modulus)
+        force.law = max(
+            (portion.law for portion in force.portions), key=lambda law: law.shear_modulus
+        )
         force.laws = [(portion.law, portion.points) for portion in force.portions]
         for term in force.terms:
             term.take_numbers(force.portions)
@@ -410,7 +508,8 @@ def numbers_in_place(force: InternalForce, materials: Sequence[tuple[Law, Any]])
 
 
 def released_by(force: InternalForce, motion: np.ndarray) -> float | None:
-    """Return minus the derivative of the energy by a motion Q of the undeformed points, at fixed positions in the state last evaluated.
+    """Return minus the derivative of the energy by a motion Q of the undeformed points, at fixed
+    positions in the state last evaluated.
 
     Bonds, and the shares of volumes that they represent, move with the points, theory (74).
 
@@ -430,26 +529,41 @@ def released_by(force: InternalForce, motion: np.ndarray) -> float | None:
 
 
 def _term_with_volumes(terms: Sequence[Term], plane: str) -> MaterialTerm:
-    """Return the term by which the volume ratios of the points are defined: one with a volumetric energy, or else with laws of materials.
+    """Return the term by which the volume ratios of the points are defined: one with a volumetric
+    energy, or else with laws of materials.
 
     Raises
     ------
     ValueError
-        If no term has materials; or if, under plane stress, the laws of two terms do not determine the same thickness: each would be
-        evaluated as a sheet of its own, and the two do not add up to one.
+        If no term has materials; or if, under plane stress, the laws of two terms do not determine
+        the same thickness: each would be evaluated as a sheet of its own, and the two do not add up
+        to one.
     """
     found = [term for term in terms if isinstance(term, MaterialTerm)]
     if not found:
-        raise ValueError("a force needs a term with materials, whose laws determine the volumes of its points")
-    for one, other in ((one.law, other.law) for term in found[1:] for one, other in zip(found[0].materials, term.materials, strict=True)):
-        if plane == "stress" and (type(one) is not type(other) or not np.array_equal(one.parameters, other.parameters)):
+        raise ValueError(
+            "a force needs a term with materials, whose laws determine the volumes of its points"
+        )
+    for one, other in (
+        (one.law, other.law)
+        for term in found[1:]
+        for one, other in zip(found[0].materials, term.materials, strict=True)
+    ):
+        if plane == "stress" and (
+            type(one) is not type(other) or not np.array_equal(one.parameters, other.parameters)
+        ):
             thickness = "under plane stress the thickness follows from the sum of all stresses"
-            raise ValueError(f"two terms of a force have the laws {one.name} and {other.name}: {thickness}; write one term for both")
+            raise ValueError(
+                f"two terms of a force have the laws {one.name} and {other.name}: {thickness};"
+                " write one term for both"
+            )
     return next((term for term in found if term.volume is not None), found[0])
 
 
 def _term_with_domain(terms: Sequence[Term]) -> Term:
-    """Return the term whose model has training data, or else the first; raise ValueError if two have."""
+    """Return the term whose model has training data, or else the first; raise ValueError if two
+    have.
+    """
     found = [term for term in terms if any(watch.bounded for watch in term.watches)]
     if len(found) > 1:
         raise ValueError("two terms of a force have models with training data; only one may")
@@ -457,7 +571,9 @@ def _term_with_domain(terms: Sequence[Term]) -> Term:
 
 
 def _numbers_of(body: Body, portions: Sequence[Portion]) -> np.ndarray:
-    """Return the material (index into `portions`) of every point and ghost; ``len(portions)`` for rigid points, which have none."""
+    """Return the material (index into `portions`) of every point and ghost; ``len(portions)``
+    for rigid points, which have none.
+    """
     found = np.full(len(body.all_points), len(portions))
     for number, portion in enumerate(portions):
         found[portion.points] = number

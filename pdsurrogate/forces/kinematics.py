@@ -1,4 +1,6 @@
-"""Positions, shape tensors and deformation gradients of the points of a body and of their mirror images."""
+"""Positions, shape tensors and deformation gradients of the points of a body and of their mirror
+images.
+"""
 
 import math
 from functools import cached_property
@@ -18,22 +20,26 @@ from ..kernels.reference_state import shape_rows
 from .steps import Step, Steps, sparse_product
 
 THINNEST = 1e-3
-"""Least eigenvalue of the sum of x (x) x over the bonds of a point, relative to its trace, with which the weights of these bonds may
-change: less means that they lie on a line or in a plane."""
+"""Least eigenvalue of the sum of x (x) x over the bonds of a point, relative to its trace, with
+which the weights of these bonds may change: less means that they lie on a line or in a plane.
+"""
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
-"""Share of the gradient along a clamped plane that ghosts (mirror images) beyond the plane copy from the points they mirror.
+"""Share of the gradient along a clamped plane that ghosts (mirror images) beyond the plane copy
+from the points they mirror.
 
-The keys are plane strain and three dimensions, in which volumes are constrained. The gradient of the clamped plane makes up the rest.
-The shares follow from comparisons with finite elements. For the bonded cube of 24 points a side (K = 100 mu) stretched to 1.5, the force is
-0.02 % and the side 0.07 % off with share 0, 0.20 % and 0.28 % with share 1; compressed to 0.9, the force is 0.13 % off with share 0 and
-1.07 % with share 1. In plane strain the wide block of `plane-strain-block` at -5 % (32 points) is 1.5 % too stiff with share 0 and 0.4 %
-with share 1; at +30 % both are equally good.
+The keys are plane strain and three dimensions, in which volumes are constrained. The gradient of
+the clamped plane makes up the rest. The shares follow from comparisons with finite elements. For
+the bonded cube of 24 points a side (K = 100 mu) stretched to 1.5, the force is 0.02 % and the side
+0.07 % off with share 0, 0.20 % and 0.28 % with share 1; compressed to 0.9, the force is 0.13 % off
+with share 0 and 1.07 % with share 1. In plane strain the wide block of `plane-strain-block` at -5 %
+(32 points) is 1.5 % too stiff with share 0 and 0.4 % with share 1; at +30 % both are equally good.
 """
 
 
 class Kinematics:
-    """Positions, shape tensors and deformation gradients of a body, updated in place and independent of materials.
+    """Positions, shape tensors and deformation gradients of a body, updated in place and
+    independent of materials.
 
     Parameters
     ----------
@@ -49,19 +55,24 @@ class Kinematics:
     gradients : ndarray, shape (n + m, d d)
         Deformation gradients F of points and ghosts, by columns.
     weighted_bonds : ndarray, shape (n_bonds, d)
-        w x V_j of every directed bond, with the weight w, the reference vector x and the volume V_j of its second end; zero if broken.
+        w x V_j of every directed bond, with the weight w, the reference vector x and the volume V_j
+        of its second end; zero if broken.
     inverse_shape : ndarray, shape (n + m, d (d + 1)/2)
-        Inverse shape tensor K^-1 as its upper triangle row by row, zero where the bonds do not span all dimensions.
+        Inverse shape tensor K^-1 as its upper triangle row by row, zero where the bonds do not span
+        all dimensions.
     supported : ndarray of uint8, shape (n + m,)
         1 where the bonds span all dimensions.
     gradient_ghosts : Ghosts
-        Ghosts with the continuation that is used for deformation gradients and derivatives by these.
+        Ghosts with the continuation that is used for deformation gradients and derivatives by
+        these.
     interfaces : Interfaces or None
         Interfaces between materials, in a body of several.
     changed : ChangedWeights or None
-        Changes of the weights of directed bonds in the gradients of their first points, see `change_weights`.
+        Changes of the weights of directed bonds in the gradients of their first points, see
+        `change_weights`.
     changes : int
-        Number of changes of positions and bonds, by which dependent states detect that they are out of date.
+        Number of changes of positions and bonds, by which dependent states detect that they are out
+        of date.
     formed : bool
         Whether `gradients` belong to `positions`.
     elapsed : float
@@ -80,7 +91,13 @@ class Kinematics:
         self.weighted_bonds[:] = vectors * factors[:, None]
         self.inverse_shape = np.zeros((total, d * (d + 1) // 2))
         self.supported = np.zeros(total, dtype=np.uint8)
-        find_shapes(body, np.arange(len(body), dtype=np.uint32), self.weighted_bonds, self.inverse_shape, self.supported)
+        find_shapes(
+            body,
+            np.arange(len(body), dtype=np.uint32),
+            self.weighted_bonds,
+            self.inverse_shape,
+            self.supported,
+        )
 
         self.changed: ChangedWeights | None = None
         self.positions, self.gradients = points.copy(), aligned_rows((total, d * d))
@@ -91,20 +108,31 @@ class Kinematics:
         ghosts = body.ghosts
         self._unmoved = ghosts.shifts(body.points, self._plane_displacements)
         self._shifts = self._unmoved.copy()
-        self.gradient_ghosts = ghosts if plane == "stress" else ghosts.held_by_clamps(SHARE_ALONG_CLAMPS[plane])
+        self.gradient_ghosts = (
+            ghosts if plane == "stress" else ghosts.held_by_clamps(SHARE_ALONG_CLAMPS[plane])
+        )
         images = ghosts.source, ghosts.parity, self._shifts
-        self._place = place_points.bind(np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks)
-        self._gradient_shifts, self._place_alone = np.zeros((len(ghosts), d * d)), Chain(self._place)
+        self._place = place_points.bind(
+            np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks
+        )
+        self._gradient_shifts, self._place_alone = (
+            np.zeros((len(ghosts), d * d)),
+            Chain(self._place),
+        )
 
     @cached_property
     def sources(self) -> np.ndarray:
-        """Number of each point itself, then of the point that each ghost mirrors, shape (n + m,)."""
+        """Number of each point itself, then of the point that each ghost mirrors, shape (n +
+        m,).
+        """
         return np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])
 
     def break_bonds(self, pairs: np.ndarray) -> np.ndarray:
-        """Break pairs: remove them from the horizons of their ends; return the numbers of all pairs that a changed horizon affects.
+        """Break pairs: remove them from the horizons of their ends; return the numbers of all pairs
+        that a changed horizon affects.
 
-        An end of these pairs is a point whose shape tensor has changed, or a mirror image of such a point.
+        An end of these pairs is a point whose shape tensor has changed, or a mirror image of such a
+        point.
         """
         bonds, n = self.body.bonds, len(self.body)
         self.weighted_bonds[np.concatenate([bonds[pairs] for bonds in self.bonds_of_pairs])] = 0.0
@@ -113,19 +141,30 @@ class Kinematics:
         reached = np.zeros(len(self.body.all_points), dtype=bool)
         reached[touched] = True
         self.body.ghosts.fill(reached)
-        find_shapes(self.body, touched, self.weighted_bonds, self.inverse_shape, self.supported, np.flatnonzero(reached[n:]))
+        find_shapes(
+            self.body,
+            touched,
+            self.weighted_bonds,
+            self.inverse_shape,
+            self.supported,
+            np.flatnonzero(reached[n:]),
+        )
         if self.interfaces is not None:
             self.interfaces.break_bonds(pairs)
         if self.changed is not None:
             self.changed.renew(touched)
         self.formed, self.changes = False, self.changes + 1
         own, outer = bonds.pair_of[entries_of(bonds.pointers, touched)], self.outer_pairs
-        beside = self.body.share.beside_halo(bonds.first, bonds.second)  # other ranks may have broken pairs that this rank does not have
+        beside = self.body.share.beside_halo(
+            bonds.first, bonds.second
+        )  # other ranks may have broken pairs that this rank does not have
         return np.unique(np.concatenate([own, outer[reached[bonds.second[outer]]], beside]))
 
     @cached_property
     def bonds_of_pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers of the two directed bonds of every pair, from its first and its second end; for a pair with a ghost, the first twice."""
+        """Numbers of the two directed bonds of every pair, from its first and its second end;
+        for a pair with a ghost, the first twice.
+        """
         pair_of = self.body.bonds.pair_of
         order = np.argsort(pair_of, kind="stable").astype(np.uint32)
         pointers = pointers_to(pair_of, len(self.body.bonds.first)).astype(np.int64)
@@ -138,11 +177,22 @@ class Kinematics:
 
     @cached_property
     def mirrored_pairs(self) -> np.ndarray:
-        """Mirrored pair of each of the `outer_pairs`: for a pair of i and an image of k, the pair of k and the same plane's image of i."""
-        bonds, ghosts, outer, n = self.body.bonds, self.body.ghosts, self.outer_pairs, len(self.body)
+        """Mirrored pair of each of the `outer_pairs`: for a pair of i and an image of k, the
+        pair of k and the same plane's image of i.
+        """
+        bonds, ghosts, outer, n = (
+            self.body.bonds,
+            self.body.ghosts,
+            self.outer_pairs,
+            len(self.body),
+        )
         if not len(ghosts):
             return outer
-        first, ghost, total = bonds.first[outer].astype(np.int64), bonds.second[outer].astype(np.int64) - n, n + len(ghosts)
+        first, ghost, total = (
+            bonds.first[outer].astype(np.int64),
+            bonds.second[outer].astype(np.int64) - n,
+            n + len(ghosts),
+        )
         keys = first * total + n + ghost
         # The products exceed 32 bits in bodies of more than 65,535 points.
         wanted = ghosts.source[ghost].astype(np.int64) * total + n + ghosts.mirrored(first, ghost)
@@ -150,38 +200,63 @@ class Kinematics:
         return outer[order[np.searchsorted(keys, wanted, sorter=order)]]
 
     def gradient_weights(self, weighted_bonds: np.ndarray, inverse_shape: np.ndarray) -> np.ndarray:
-        """Return the weights K^-1 w x V_j of directed bonds in the deformation gradients of their first points, shape (n_bonds, d).
+        """Return the weights K^-1 w x V_j of directed bonds in the deformation gradients of their
+        first points, shape (n_bonds, d).
 
-        `weighted_bonds` holds w x V_j and `inverse_shape` K^-1, as the attributes of the same names.
+        `weighted_bonds` holds w x V_j and `inverse_shape` K^-1, as the attributes of the same
+        names.
         """
-        return np.einsum("bij,bj->bi", symmetric(inverse_shape)[self.body.bond_owners], weighted_bonds)
+        return np.einsum(
+            "bij,bj->bi", symmetric(inverse_shape)[self.body.bond_owners], weighted_bonds
+        )
 
-    def gradient_steps(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> list[Step]:
-        """Return the steps that compute deformation gradients from positions, or changes of gradients from displacements.
+    def gradient_steps(
+        self, positions: np.ndarray, gradients: np.ndarray, unsupported: float
+    ) -> list[Step]:
+        """Return the steps that compute deformation gradients from positions, or changes of
+        gradients from displacements.
 
-        `unsupported` is the value that they write on the diagonal at points without `supported`: 1 for gradients, 0 for changes.
+        `unsupported` is the value that they write on the diagonal at points without `supported`: 1
+        for gradients, 0 for changes.
         """
         bonds = self.body.bonds
         arrays = bonds.pointers, bonds.neighbors, self.weighted_bonds, self.inverse_shape
-        form = deformation_gradients[self.body.dimension].bind(positions, *arrays, unsupported, gradients, chunks=self.chunks)
-        return [form] if self.changed is None else [form, *self.changed.gradient_steps(positions, gradients)]
+        form = deformation_gradients[self.body.dimension].bind(
+            positions, *arrays, unsupported, gradients, chunks=self.chunks
+        )
+        return (
+            [form]
+            if self.changed is None
+            else [form, *self.changed.gradient_steps(positions, gradients)]
+        )
 
-    def change_weights(self, numbers: np.ndarray, changes: np.ndarray, functions: np.ndarray) -> None:
-        """Add `changes` (k, d) to the weights of directed bonds in the gradients of their first points, before any steps are made.
+    def change_weights(
+        self, numbers: np.ndarray, changes: np.ndarray, functions: np.ndarray
+    ) -> None:
+        """Add `changes` (k, d) to the weights of directed bonds in the gradients of their first
+        points, before any steps are made.
 
-        The sums of f c over the bonds of a point must vanish for its changes c and each of the `functions` f (k, d or d + 1). They begin
-        with the undeformed bonds, so that gradients of affine motions stay as they are.
+        The sums of f c over the bonds of a point must vanish for its changes c and each of the
+        `functions` f (k, d or d + 1). They begin with the undeformed bonds, so that gradients of
+        affine motions stay as they are.
         """
         if self._has_steps:
-            raise ValueError("the first term of a force must be one with an energy if others have one: it balances the gradients of all")
+            raise ValueError(
+                "the first term of a force must be one with an energy if others have one: it"
+                " balances the gradients of all"
+            )
         self.changed = ChangedWeights(self, numbers, changes, functions)
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
-        """Displace a reflection plane by u(X) = displacement + turn X; its images follow when positions are next set.
+        """Displace a reflection plane by u(X) = displacement + turn X; its images follow when
+        positions are next set.
 
-        `plane` is the number of the plane. If `turn`, shape (d, d), is None, the plane keeps the turn of the last call.
+        `plane` is the number of the plane. If `turn`, shape (d, d), is None, the plane keeps the
+        turn of the last call.
         """
-        turned = turn is not None and (self._plane_turns is None or (self._plane_turns[plane] != turn).any())
+        turned = turn is not None and (
+            self._plane_turns is None or (self._plane_turns[plane] != turn).any()
+        )
         if not turned and (self._plane_displacements[plane] == displacement).all():
             return
         self._plane_displacements[plane] = displacement
@@ -190,17 +265,31 @@ class Kinematics:
                 self._plane_turns = np.zeros((len(self.body.planes), *turn.shape))
             self._plane_turns[plane] = turn
             self._gradient_shifts[:] = self.gradient_ghosts.gradient_shifts(self._plane_turns)
-        np.add(self._unmoved, self.body.ghosts.moved_by_planes(self._plane_displacements, self._plane_turns), out=self._shifts)
+        np.add(
+            self._unmoved,
+            self.body.ghosts.moved_by_planes(self._plane_displacements, self._plane_turns),
+            out=self._shifts,
+        )
 
     def steps(self) -> list[Step]:
-        """Return the steps that place points and ghosts at the positions last taken and compute deformation gradients.
+        """Return the steps that place points and ghosts at the positions last taken and compute
+        deformation gradients.
 
-        A term that runs these steps before its own, in one call of compiled code, then sets `formed`.
+        A term that runs these steps before its own, in one call of compiled code, then sets
+        `formed`.
         """
         self._has_steps = True
-        before, after = ([], []) if self.interfaces is None else (self.interfaces.corrections, self.interfaces.continuation)
+        before, after = (
+            ([], [])
+            if self.interfaces is None
+            else (self.interfaces.corrections, self.interfaces.continuation)
+        )
         of_ghosts = *self.gradient_ghosts.of_gradients, 1.0, self._gradient_shifts
-        on_ghosts = [fill_matrices.bind(self.gradients, *of_ghosts, chunks=self.chunks)] if len(self.body.ghosts) else []
+        on_ghosts = (
+            [fill_matrices.bind(self.gradients, *of_ghosts, chunks=self.chunks)]
+            if len(self.body.ghosts)
+            else []
+        )
         form = self.gradient_steps(self.positions, self.gradients, 1.0)
         return [self._place, *form, *before, self.gradients, *on_ghosts, *after]
 
@@ -221,7 +310,9 @@ class Kinematics:
         self.formed, self.changes = False, self.changes + 1
 
     def place(self, positions: np.ndarray, form: bool = False) -> None:
-        """Set the positions of the points and ghosts; compute deformation gradients at once if `form`, or else when they are needed."""
+        """Set the positions of the points and ghosts; compute deformation gradients at once if
+        `form`, or else when they are needed.
+        """
         self.take(positions)
         if form:
             self._place_and_form()
@@ -249,61 +340,95 @@ def find_shapes(
     supported: np.ndarray,
     images: np.ndarray | slice = slice(None),
 ) -> None:
-    """Write inverse shape tensors and flags of support of the points `rows`, see `Kinematics`, and complete them on halo and ghosts.
+    """Write inverse shape tensors and flags of support of the points `rows`, see `Kinematics`, and
+    complete them on halo and ghosts.
 
-    `images` are the ghosts of points that change, by default all; those of halo points that other ranks change are among them.
+    `images` are the ghosts of points that change, by default all; those of halo points that other
+    ranks change are among them.
     """
     bonds = body.bonds
-    shape_rows[body.dimension](rows, bonds.pointers, bonds.neighbors, body.all_points, weighted_bonds, inverse_shape, supported)
+    shape_rows[body.dimension](
+        rows,
+        bonds.pointers,
+        bonds.neighbors,
+        body.all_points,
+        weighted_bonds,
+        inverse_shape,
+        supported,
+    )
     body.ghosts.fill_shapes(inverse_shape, images)
     body.ghosts.fill(supported)
 
 
-def sums_of_products(places: np.ndarray, one: np.ndarray, other: np.ndarray, count: int) -> np.ndarray:
-    """Return the sums of a (x) b over the vectors a (k, d) and b (k, c) in each of `count` places, shape (count, d, c)."""
+def sums_of_products(
+    places: np.ndarray, one: np.ndarray, other: np.ndarray, count: int
+) -> np.ndarray:
+    """Return the sums of a (x) b over the vectors a (k, d) and b (k, c) in each of `count`
+    places, shape (count, d, c).
+    """
     shape = one.shape[1], other.shape[1]
-    return np.stack([np.bincount(places, one[:, a] * other[:, b], count) for a, b in np.ndindex(shape)], axis=1).reshape(count, *shape)
+    return np.stack(
+        [np.bincount(places, one[:, a] * other[:, b], count) for a, b in np.ndindex(shape)], axis=1
+    ).reshape(count, *shape)
 
 
-def moments_of(places: np.ndarray, functions: np.ndarray, dimension: int, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sums of products of functions (k, c) in each of `count` places, as regular matrices, and flags of places that are thin.
+def moments_of(
+    places: np.ndarray, functions: np.ndarray, dimension: int, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sums of products of functions (k, c) in each of `count` places, as regular
+    matrices, and flags of places that are thin.
 
-    The first functions are the vectors of bonds; a further one may be zero. In thin places, where bonds do not tell functions apart, the
-    matrices are the identity.
+    The first functions are the vectors of bonds; a further one may be zero. In thin places, where
+    bonds do not tell functions apart, the matrices are the identity.
     """
     moments = sums_of_products(places, functions, functions, count)
     sizes = np.trace(moments, axis1=1, axis2=2)
     for further in range(dimension, functions.shape[1]):
-        moments[:, further, further] += np.where(moments[:, further, further] == 0, sizes / dimension, 0.0)
+        moments[:, further, further] += np.where(
+            moments[:, further, further] == 0, sizes / dimension, 0.0
+        )
     thin = np.linalg.eigvalsh(moments)[:, 0] <= THINNEST * sizes
     moments[thin] = np.eye(functions.shape[1])
     return moments, thin
 
 
 def entries_of(pointers: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return the indices of all entries of the given rows, row by row; row i extends from ``pointers[i]`` to ``pointers[i + 1]``."""
+    """Return the indices of all entries of the given rows, row by row; row i extends from
+    ``pointers[i]`` to ``pointers[i + 1]``.
+    """
     starts = pointers[rows].astype(np.int64)
     counts = pointers[rows + 1].astype(np.int64) - starts
     return np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
 
 
-def pairs_of_points(first: np.ndarray, second: np.ndarray, total: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the pairs of each of `total` points, given by their ends, where `first` is sorted, in three arrays.
+def pairs_of_points(
+    first: np.ndarray, second: np.ndarray, total: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the pairs of each of `total` points, given by their ends, where `first` is sorted, in
+    three arrays.
 
-    They are: index at which the pairs with each point as first end begin; index into the third array at which the pairs with each as second
-    end begin; numbers of the pairs ordered by second end.
+    They are: index at which the pairs with each point as first end begin; index into the third
+    array at which the pairs with each as second end begin; numbers of the pairs ordered by second
+    end.
     """
-    return pointers_to(first, total), pointers_to(second, total), np.argsort(second, kind="stable").astype(np.uint32)
+    return (
+        pointers_to(first, total),
+        pointers_to(second, total),
+        np.argsort(second, kind="stable").astype(np.uint32),
+    )
 
 
 def matrices(columns: np.ndarray) -> np.ndarray:
-    """Return matrices, shape (k, d, d), from arrays that store them by columns, shape (k, d d); a view where possible."""
+    """Return matrices, shape (k, d, d), from arrays that store them by columns, shape (k, d d);
+    a view where possible.
+    """
     d = math.isqrt(columns.shape[1])
     return columns.reshape(-1, d, d).transpose(0, 2, 1)
 
 
 class ChangedWeights:
-    """Changes of the weights of some directed bonds in the deformation gradients of their first points, theory (79).
+    """Changes of the weights of some directed bonds in the deformation gradients of their first
+    points, theory (79).
 
     Parameters
     ----------
@@ -321,18 +446,32 @@ class ChangedWeights:
     numbers, changes
     """
 
-    def __init__(self, kinematics: Kinematics, numbers: np.ndarray, changes: np.ndarray, functions: np.ndarray) -> None:
-        # Not the kinematics themselves, which have these changes: a cycle would keep both in memory.
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        numbers: np.ndarray,
+        changes: np.ndarray,
+        functions: np.ndarray,
+    ) -> None:
+        # Not the kinematics themselves, which have these changes: a cycle would keep both in
+        # memory.
         self._body, self._chunks = kinematics.body, kinematics.chunks
         self._weighted_bonds, self._supported = kinematics.weighted_bonds, kinematics.supported
-        # Those of a whole body: what is left of them follows from the bonds that are broken, in whatever order they broke.
-        self._whole, self._functions, self.numbers, self.changes = changes, functions, numbers, changes.copy()
+        # Those of a whole body: what is left of them follows from the bonds that are broken, in
+        # whatever order they broke.
+        self._whole, self._functions, self.numbers, self.changes = (
+            changes,
+            functions,
+            numbers,
+            changes.copy(),
+        )
         body, d = kinematics.body, kinematics.body.dimension
         self.owners = body.bond_owners[numbers]
         self._points, self._places = np.unique(self.owners, return_inverse=True)
         ends = np.concatenate([body.bonds.neighbors[numbers].astype(np.int64), self._points])
         rows = d * np.concatenate([self.owners, self._points])[:, None] + np.arange(d)
-        # The matrices have the entries of all bonds and of their first points, in places that broken bonds do not change.
+        # The matrices have the entries of all bonds and of their first points, in places that
+        # broken bonds do not change.
         entries = np.arange(rows.size), (rows.ravel(), np.repeat(ends, d))
         matrix = scipy.sparse.csr_array(entries, shape=(d * len(body), len(body.all_points)))
         matrix.sort_indices()
@@ -343,31 +482,48 @@ class ChangedWeights:
         self._fill()
 
     def _fill(self) -> None:
-        """Write the changes to the matrices: from positions to columns of gradients, and minus its transpose."""
-        sums = np.stack([np.bincount(self._places, column, len(self._points)) for column in self.changes.T], axis=1)
+        """Write the changes to the matrices: from positions to columns of gradients, and minus
+        its transpose.
+        """
+        sums = np.stack(
+            [np.bincount(self._places, column, len(self._points)) for column in self.changes.T],
+            axis=1,
+        )
         entries = np.concatenate([self.changes, -sums]).ravel()
         for matrix, order, sign in zip(self._matrices, self._orders, (1, -1), strict=True):
             matrix.data[:] = sign * entries[order]
 
     def gradient_steps(self, positions: np.ndarray, gradients: np.ndarray) -> list[Step]:
-        """Return the steps that add the changes' part to gradients (n + m, d d) of positions, or of displacements."""
+        """Return the steps that add the changes' part to gradients (n + m, d d) of positions, or
+        of displacements.
+        """
         columns = gradients[: len(self._body)].reshape(-1, self.changes.shape[1])
-        return sparse_product(self._chunks, self._matrices[0], positions, columns, add=True, variable=True)
+        return sparse_product(
+            self._chunks, self._matrices[0], positions, columns, add=True, variable=True
+        )
 
     def pull_steps(self, moments: np.ndarray, forces: np.ndarray) -> list[Step]:
-        """Return the steps that add the forces that derivatives by gradients, `moments` by columns, exert through the changes."""
+        """Return the steps that add the forces that derivatives by gradients, `moments` by
+        columns, exert through the changes.
+        """
         columns = moments[: len(self._body)].reshape(-1, self.changes.shape[1])
-        return sparse_product(self._chunks, self._matrices[1], columns, forces, add=True, variable=True)
+        return sparse_product(
+            self._chunks, self._matrices[1], columns, forces, add=True, variable=True
+        )
 
     def renew(self, touched: np.ndarray) -> None:
-        """Drop the changes of broken bonds of the points `touched`, and project the others there onto those that keep affine motions."""
+        """Drop the changes of broken bonds of the points `touched`, and project the others there
+        onto those that keep affine motions.
+        """
         body, d, n = self._body, self.changes.shape[1], len(self._body)
         chosen = np.zeros(n, dtype=bool)
         chosen[touched] = True
         found = np.flatnonzero(chosen[self.owners])
         owners, numbers = self.owners[found], self.numbers[found]
         whole = self._weighted_bonds[numbers].any(axis=1)
-        functions, changes = (each[found] * whole[:, None] for each in (self._functions, self._whole))
+        functions, changes = (
+            each[found] * whole[:, None] for each in (self._functions, self._whole)
+        )
         places = np.searchsorted(touched, owners)
         moments, thin = moments_of(places, functions, d, len(touched))
         left = (self._supported[touched] > 0) & ~thin

@@ -1,4 +1,6 @@
-"""Base class of learned models, which are plain arrays with a training domain and the material that they describe, and their checks."""
+"""Base class of learned models, which are plain arrays with a training domain and the material
+that they describe, and their checks.
+"""
 
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -14,28 +16,33 @@ from .domain import Domain
 from .protocol import ForceModel, Member
 
 CHUNK = 65_536
-"""Number of bonds or points evaluated together. Chosen: a feature or an output of so many takes 0.5 MB; greater
-numbers only take more memory."""
+"""Number of bonds or points evaluated together. Chosen: a feature or an output of so many takes 0.5
+MB; greater numbers only take more memory.
+"""
 
 
 @dataclass(frozen=True, repr=False)
 class Learned(ForceModel):
-    """Base class of learned force models: fields that are names or arrays, with the domain and material of the training.
+    """Base class of learned force models: fields that are names or arrays, with the domain and
+    material of the training.
 
     Attributes
     ----------
     kind : str
         Kind of the model, as the card (metadata) of its artifact names it.
     names : mapping
-        Fields that are names (such as an activation function), in the order of `payload`, with their allowed values.
+        Fields that are names (such as an activation function), in the order of `payload`, with
+        their allowed values.
     arrays : tuple of str
         Fields that are arrays, in the order of `payload`.
     exact : str
         Name of the force model that accepts every law, for error messages.
     trial : callable
-        Function of a law and stretches that returns states and the exact answers there, see `pdsurrogate.forces.agreement`.
+        Function of a law and stretches that returns states and the exact answers there, see
+        `pdsurrogate.forces.agreement`.
     domain, law, shape
-        Training domain, name of the law, and dimensionless parameters of the law, which subclasses declare as fields.
+        Training domain, name of the law, and dimensionless parameters of the law, which subclasses
+        declare as fields.
     """
 
     kind: ClassVar[str]
@@ -73,7 +80,9 @@ class Learned(ForceModel):
         return {key: getattr(self, key) for key in (*self.names, *self.arrays)}
 
     @classmethod
-    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
+    def from_payload(
+        cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]
+    ) -> Self:
         """Return the model that the fields in a payload define, after checking them.
 
         Parameters
@@ -133,7 +142,8 @@ class Learned(ForceModel):
         Parameters
         ----------
         *states : ndarray, shape (n,)
-            Quantities of the states: those of a bond, or the invariants of an energy with the squares of the stretches.
+            Quantities of the states: those of a bond, or the invariants of an energy with the
+            squares of the stretches.
 
         Returns
         -------
@@ -143,7 +153,13 @@ class Learned(ForceModel):
         --------
         >>> import numpy as np
         >>> import pdsurrogate as pds
-        >>> stretch, rotation, length, C33, J = np.ones(1), np.zeros(1), np.ones(1), np.ones(1), np.ones(1)
+        >>> stretch, rotation, length, C33, J = (
+        ...     np.ones(1),
+        ...     np.zeros(1),
+        ...     np.ones(1),
+        ...     np.ones(1),
+        ...     np.ones(1),
+        ... )
         >>> pds.load_surrogate("neo-hookean@1").answer(stretch, rotation, length, C33, J).shape
         (1, 2)
         """
@@ -169,7 +185,8 @@ class Learned(ForceModel):
         return law.shape
 
     def check_material(self, law: Law) -> None:
-        """Check that the model was trained for a material, and that its forces are those of the law as it is now.
+        """Check that the model was trained for a material, and that its forces are those of the law
+        as it is now.
 
         Parameters
         ----------
@@ -178,26 +195,40 @@ class Learned(ForceModel):
         Raises
         ------
         ValueError
-            If the law or one of its dimensionless parameters differs, or the forces of the law do; the message names what would be right.
+            If the law or one of its dimensionless parameters differs, or the forces of the law do;
+            the message names what would be right.
 
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> pds.load_surrogate("neo-hookean@1").check_material(pds.materials.NeoHookean(shear_modulus=2.0, bulk_modulus=200.0))
+        >>> pds.load_surrogate("neo-hookean@1").check_material(
+        ...     pds.materials.NeoHookean(shear_modulus=2.0, bulk_modulus=200.0)
+        ... )
         """
         shape, serves = self.shape_of(law), f"force={self.exact}, which supports every law"
         if law.name != self.law:
-            raise ValueError(f"{self.name} describes the law {self.law}, not {law.name}; force={self.exact} supports every law")
+            raise ValueError(
+                f"{self.name} describes the law {self.law}, not {law.name}; force={self.exact}"
+                " supports every law"
+            )
         if set(shape) != set(self.shape):
-            raise ValueError(f"{self.name} describes {self.law} with parameters {sorted(self.shape)}, not {sorted(shape)}; use {serves}")
+            raise ValueError(
+                f"{self.name} describes {self.law} with parameters {sorted(self.shape)}, not"
+                f" {sorted(shape)}; use {serves}"
+            )
         for key, value in shape.items():
             if not np.isclose(value, self.shape[key], rtol=1e-9, atol=0):
                 own, other = float(self.shape[key]), float(value)
-                raise ValueError(f"{self.name} describes {self.law} with {key} = {own!r}, not {other!r}; fit another, or use {serves}")
+                raise ValueError(
+                    f"{self.name} describes {self.law} with {key} = {own!r}, not {other!r}; fit"
+                    f" another, or use {serves}"
+                )
         check_agreement(self, law, type(self).trial, f"fit it again, or use {serves}")
 
 
-def check_payload(kind: str, payload: dict, names: Mapping[str, Collection[str]], arrays: Sequence[str]) -> None:
+def check_payload(
+    kind: str, payload: dict, names: Mapping[str, Collection[str]], arrays: Sequence[str]
+) -> None:
     """Check that a payload consists of known names and of arrays of finite doubles.
 
     Parameters
@@ -216,13 +247,19 @@ def check_payload(kind: str, payload: dict, names: Mapping[str, Collection[str]]
         If a name or array is missing, unknown or invalid, or the payload has other keys.
     """
     if set(payload) != {*names, *arrays}:
-        raise ValueError(f"{kind}: the payload has {', '.join([*names, *arrays])}, not {', '.join(payload)}")
+        raise ValueError(
+            f"{kind}: the payload has {', '.join([*names, *arrays])}, not {', '.join(payload)}"
+        )
     for key, known in names.items():
         if not isinstance(payload[key], str) or payload[key] not in known:
             raise ValueError(f"unknown {key.replace('_', ' ')} {payload[key]!r}")
     for key in arrays:
         value = payload[key]
-        if not isinstance(value, np.ndarray) or value.dtype != np.float64 or not np.isfinite(value).all():
+        if (
+            not isinstance(value, np.ndarray)
+            or value.dtype != np.float64
+            or not np.isfinite(value).all()
+        ):
             raise ValueError(f"{key} is not an array of finite doubles")
 
 
@@ -232,11 +269,14 @@ def check_shape(array: np.ndarray, what: str, shape: tuple[int, ...]) -> None:
         raise ValueError(f"{what} has shape {array.shape}, not {shape}")
 
 
-def greatest_deviations(model: ForceModel, law: Law, answer: Callable[[Any, Law, slice], np.ndarray], count: int) -> np.ndarray:
-    """Return the greatest deviation at each state of the forces (or stresses) of a committee's members from the model's, shape (count,).
+def greatest_deviations(
+    model: ForceModel, law: Law, answer: Callable[[Any, Law, slice], np.ndarray], count: int
+) -> np.ndarray:
+    """Return the greatest deviation at each state of the forces (or stresses) of a committee's
+    members from the model's, shape (count,).
 
-    The deviations are in units of the shear modulus. Where a state is beyond the domain of a member, `answer` uses the exact force of the
-    member's law, as a run does by default.
+    The deviations are in units of the shear modulus. Where a state is beyond the domain of a
+    member, `answer` uses the exact force of the member's law, as a run does by default.
 
     Parameters
     ----------
@@ -245,7 +285,8 @@ def greatest_deviations(model: ForceModel, law: Law, answer: Callable[[Any, Law,
     law : Law
         Law of the body.
     answer : callable
-        ``answer(model, law, some)``: forces of a model at some of the states, shape (k, components), in units of its shear modulus.
+        ``answer(model, law, some)``: forces of a model at some of the states, shape (k,
+        components), in units of its shear modulus.
     count : int
         Number of states.
     """

@@ -1,4 +1,6 @@
-"""Learned energies: networks of two invariants, stored as plain arrays, for a sheet under plane stress or for the isochoric part."""
+"""Learned energies: networks of two invariants, stored as plain arrays, for a sheet under plane
+stress or for the isochoric part.
+"""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
@@ -9,7 +11,13 @@ import numpy as np
 from ..engine.compile import block_function_of, isochoric_energy_signature
 from ..kernels import isochoric_energy as kernel
 from ..kernels.domain import distance_coefficients
-from ..kernels.energy_density import ENERGY_ROWS, N_CONSTANTS, NETWORK_WORK_ROWS, network_energy_density, pack_network
+from ..kernels.energy_density import (
+    ENERGY_ROWS,
+    N_CONSTANTS,
+    NETWORK_WORK_ROWS,
+    network_energy_density,
+    pack_network,
+)
 from ..kernels.network import ACTIVATIONS, GROUP, SMOOTH, pack_units
 from ..materials import PLANES, Law
 from .agreement import invariant_states, isochoric_slopes, isochoric_states, isochoric_stresses
@@ -20,25 +28,32 @@ from .learned import CHUNK, Learned, check_shape, greatest_deviations
 from .pair_passes import EnergyDerivatives
 
 ENERGY_FEATURES = ("log J", "log(tr C/(2 J))")
-"""Features of an energy network: the logarithms of the area ratio and of cosh(log(lambda_1/lambda_2)); both vanish without deformation."""
+"""Features of an energy network: the logarithms of the area ratio and of
+cosh(log(lambda_1/lambda_2)); both vanish without deformation.
+"""
 
 ISOCHORIC_FEATURES = ("log(I1bar/3)", "log(I2bar/3)")
-"""Features of a network of the isochoric energy. At small strains both are quadratic in the strains and nearly equal. An energy that is
-given by principal stretches is a smooth function of these features there too, as every smooth symmetric function of three logarithms with
-sum zero is a smooth function of their second and third elementary symmetric functions."""
+"""Features of a network of the isochoric energy. At small strains both are quadratic in the strains
+and nearly equal. An energy that is given by principal stretches is a smooth function of these
+features there too, as every smooth symmetric function of three logarithms with sum zero is a smooth
+function of their second and third elementary symmetric functions.
+"""
 
 
 def energy_shape(law: Law) -> dict[str, float]:
-    """Return the dimensionless parameters, by name, that the plane-stress energy of a law depends on.
+    """Return the dimensionless parameters, by name, that the plane-stress energy of a law depends
+    on.
 
-    They include the ratio of bulk and shear modulus, which determines the thickness under plane stress.
+    They include the ratio of bulk and shear modulus, which determines the thickness under plane
+    stress.
     """
     return {**law.shape, "bulk_modulus/shear_modulus": law.bulk_modulus / law.shear_modulus}
 
 
 @dataclass(frozen=True, repr=False)
 class LearnedEnergy(Learned, EnergyModel):
-    """Base class of learned energies: a network of one hidden layer that maps two invariants to an energy.
+    """Base class of learned energies: a network of one hidden layer that maps two invariants to an
+    energy.
 
     Parameters
     ----------
@@ -49,14 +64,15 @@ class LearnedEnergy(Learned, EnergyModel):
     hidden_biases, output_weights : ndarray, shape (n,)
         Biases and output weights, for unscaled features.
     domain : Domain
-        Bounds of the principal stretches in training; its bounds of J3^2 are recorded, but not checked in a run.
+        Bounds of the principal stretches in training; its bounds of J3^2 are recorded, but not
+        checked in a run.
     law : str
         Name of the law that it describes.
     shape : mapping
         Dimensionless parameters of the law that its energy depends on.
     stated : mapping, optional
-        Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its artifact) states, and ``bulk_ratio``, K/mu
-        of the training states; None without a card.
+        Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its
+        artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
@@ -91,10 +107,12 @@ class LearnedEnergy(Learned, EnergyModel):
 
     @property
     def at_rest(self) -> tuple[float, float]:
-        """Output of the network in the undeformed state, and its derivative by the first feature there.
+        """Output of the network in the undeformed state, and its derivative by the first feature
+        there.
 
-        They are subtracted from a model's energy, so that energy and stress of the undeformed state are zero; an isochoric energy, whose
-        stress is zero there in any case, subtracts the first alone.
+        They are subtracted from a model's energy, so that energy and stress of the undeformed state
+        are zero; an isochoric energy, whose stress is zero there in any case, subtracts the first
+        alone.
 
         Examples
         --------
@@ -104,14 +122,17 @@ class LearnedEnergy(Learned, EnergyModel):
         (-31.53, -0.893)
         """
         value, slope, _ = ACTIVATIONS[self.activation](self.hidden_biases)
-        return float((value * self.output_weights).sum()), float((slope * self.output_weights * self.hidden_weights[0]).sum())
+        return float((value * self.output_weights).sum()), float(
+            (slope * self.output_weights * self.hidden_weights[0]).sum()
+        )
 
 
 @dataclass(frozen=True, repr=False)
 class EnergyNetwork(LearnedEnergy, EnergySurrogate):
     """Learned energy psi(tr C, J) of a sheet under plane stress: a network.
 
-    Energy and stress of the undeformed sheet vanish by construction. The features are `ENERGY_FEATURES`.
+    Energy and stress of the undeformed sheet vanish by construction. The features are
+    `ENERGY_FEATURES`.
 
     Parameters
     ----------
@@ -124,14 +145,15 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
     hidden_biases, output_weights : ndarray, shape (n,)
         Biases of the hidden layer, and weights of the output.
     domain : Domain
-        Bounds of the principal stretches in training; its bounds of J3^2 are recorded, but not checked in a run.
+        Bounds of the principal stretches in training; its bounds of J3^2 are recorded, but not
+        checked in a run.
     law : str
         Name of the law that it describes.
     shape : mapping
         Dimensionless parameters of the law that its energy depends on, as `shape_of` returns them.
     stated : mapping, optional
-        Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its artifact) states, and ``bulk_ratio``, K/mu
-        of the training states; None without a card.
+        Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its
+        artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
@@ -168,11 +190,18 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
         constant, flat = self.at_rest
         (w1, w2), v = self.hidden_weights, self.output_weights
         x, u = np.log(J), np.log(trace / (2 * J))
-        value, slope, curvature = ACTIVATIONS[self.activation](x[:, None] * w1 + u[:, None] * w2 + self.hidden_biases)
+        value, slope, curvature = ACTIVATIONS[self.activation](
+            x[:, None] * w1 + u[:, None] * w2 + self.hidden_biases
+        )
         slope, curvature = slope * v, curvature * v
-        # The sums are written out, since in matrix products the order of summation would depend on the number of states.
+        # The sums are written out, since in matrix products the order of summation would depend on
+        # the number of states.
         by_x, by_u = (slope * w1).sum(axis=1) - flat, (slope * w2).sum(axis=1)
-        xx, xu, uu = (curvature * w1 * w1).sum(axis=1), (curvature * w1 * w2).sum(axis=1), (curvature * w2 * w2).sum(axis=1)
+        xx, xu, uu = (
+            (curvature * w1 * w1).sum(axis=1),
+            (curvature * w1 * w2).sum(axis=1),
+            (curvature * w2 * w2).sum(axis=1),
+        )
         psi = (value * v).sum(axis=1) - constant - flat * x
         return (
             psi,
@@ -184,10 +213,20 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
         )
 
     def compiled(self, dtype) -> CompiledBondForce:
-        sizes, weights = pack_network(self.hidden_weights, self.hidden_biases, self.output_weights, dtype)
-        found = CompiledBondForce(network_energy_density(ACTIVATIONS[self.activation], dtype).address, sizes, weights, NETWORK_WORK_ROWS)
-        # Energy and stress at rest are exactly zero in the kernel's precision: its own rest values are subtracted.
-        energy, by_trace, by_area = found.evaluate(np.array([[2.0], [1.0]]), ENERGY_ROWS)[:, 0].astype(dtype)
+        sizes, weights = pack_network(
+            self.hidden_weights, self.hidden_biases, self.output_weights, dtype
+        )
+        found = CompiledBondForce(
+            network_energy_density(ACTIVATIONS[self.activation], dtype).address,
+            sizes,
+            weights,
+            NETWORK_WORK_ROWS,
+        )
+        # Energy and stress at rest are exactly zero in the kernel's precision: its own rest values
+        # are subtracted.
+        energy, by_trace, by_area = found.evaluate(np.array([[2.0], [1.0]]), ENERGY_ROWS)[
+            :, 0
+        ].astype(dtype)
         # 2 psi_I + psi_J = dpsi/dlog J at rest, of which psi_I is half of dpsi/dlog(tr C/(2 J)).
         slope = by_area + 2 * by_trace
         found.weights[-N_CONSTANTS:] = energy, slope
@@ -196,15 +235,18 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
     def answer(self, *states: np.ndarray) -> np.ndarray:
         trace, J, first, second = states
         _, by_trace, by_J, *_ = self._derivatives(trace, J)
-        return np.stack([2 * by_trace * first + by_J * second, 2 * by_trace * second + by_J * first], axis=1)
+        return np.stack(
+            [2 * by_trace * first + by_J * second, 2 * by_trace * second + by_J * first], axis=1
+        )
 
 
 @dataclass(frozen=True, repr=False)
 class IsochoricNetwork(LearnedEnergy):
     """Learned isochoric energy W(I1bar, I2bar), a network, for plane strain and three dimensions.
 
-    It serves every bulk modulus, since the volumetric energy U(J) comes from the law. The features are `ISOCHORIC_FEATURES`. The energy of
-    an undeformed body vanishes by construction; its stress vanishes for every function of these invariants.
+    It serves every bulk modulus, since the volumetric energy U(J) comes from the law. The features
+    are `ISOCHORIC_FEATURES`. The energy of an undeformed body vanishes by construction; its stress
+    vanishes for every function of these invariants.
 
     Parameters
     ----------
@@ -217,14 +259,15 @@ class IsochoricNetwork(LearnedEnergy):
     hidden_biases, output_weights : ndarray, shape (n,)
         Biases of the hidden layer, and weights of the output.
     domain : Domain
-        Bounds of the isochoric principal stretches in training; its bounds of J3^2 are recorded, but not checked in a run.
+        Bounds of the isochoric principal stretches in training; its bounds of J3^2 are recorded,
+        but not checked in a run.
     law : str
         Name of the law that it describes.
     shape : mapping
         Dimensionless parameters of the law.
     stated : mapping, optional
-        Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its artifact) states, and ``bulk_ratio``, K/mu
-        of the training states; None without a card.
+        Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its
+        artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
@@ -245,7 +288,8 @@ class IsochoricNetwork(LearnedEnergy):
 
     kind: ClassVar[str] = "isochoric-network"
     trial = staticmethod(isochoric_states)
-    # Under plane stress every bond would evaluate the network in every step of a Newton iteration for the thickness.
+    # Under plane stress every bond would evaluate the network in every step of a Newton iteration
+    # for the thickness.
     several_materials = ("strain", "space")
     feature_set: ClassVar[str] = "isochoric invariants"
     features: ClassVar[tuple[str, ...]] = ISOCHORIC_FEATURES
@@ -271,20 +315,27 @@ class IsochoricNetwork(LearnedEnergy):
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> W, W1, W2 = pds.load_surrogate("neo-hookean-isochoric").isochoric_derivatives([3.0, 4.0], [3.0, 4.0])
+        >>> W, W1, W2 = pds.load_surrogate("neo-hookean-isochoric").isochoric_derivatives(
+        ...     [3.0, 4.0], [3.0, 4.0]
+        ... )
         >>> W.round(3).tolist()
         [0.0, 0.5]
         """
         I1, I2 = (np.asarray(value, dtype=float)[..., None] for value in (I1, I2))
         (w1, w2), v = self.hidden_weights, self.output_weights
-        value, slope, _ = ACTIVATIONS[self.activation](np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases)
+        value, slope, _ = ACTIVATIONS[self.activation](
+            np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases
+        )
         slope = slope * v
         # The sums are written out as in `EnergyNetwork`.
         W = (value * v).sum(axis=-1) - self.at_rest[0]
         return W, (slope * w1).sum(axis=-1) / I1[..., 0], (slope * w2).sum(axis=-1) / I2[..., 0]
 
-    def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
-        """Return the learned isochoric energy of the bonds, in the form that compiled kernels evaluate.
+    def isochoric_energy(
+        self, law: Law, plane: str, outside: str, precision: str
+    ) -> IsochoricEnergy:
+        """Return the learned isochoric energy of the bonds, in the form that compiled kernels
+        evaluate.
 
         Parameters
         ----------
@@ -303,15 +354,27 @@ class IsochoricNetwork(LearnedEnergy):
         --------
         >>> import pdsurrogate as pds
         >>> model = pds.load_surrogate("neo-hookean-isochoric")
-        >>> model.isochoric_energy(pds.materials.NeoHookean(), "space", "fallback", "float64").precision
+        >>> model.isochoric_energy(
+        ...     pds.materials.NeoHookean(), "space", "fallback", "float64"
+        ... ).precision
         'float64'
         """
         response, exact = PLANES[plane].isochoric_response, IsochoricEnergy.exact(law, plane)
         parts = ACTIVATIONS[self.activation], response.invariants, response.of_invariants
-        block = block_function_of(kernel.network_block, isochoric_energy_signature(precision), *parts)
-        guard = {"fallback": kernel.TAKE_OVER, "extrapolate": kernel.EXTRAPOLATE}.get(outside, kernel.COUNT)
+        block = block_function_of(
+            kernel.network_block, isochoric_energy_signature(precision), *parts
+        )
+        guard = {"fallback": kernel.TAKE_OVER, "extrapolate": kernel.EXTRAPOLATE}.get(
+            outside, kernel.COUNT
+        )
         sizes = np.array([len(self._units()) // GROUP, guard, 0])
-        return replace(exact, address=block.address or 0, sizes=sizes, weights=self.isochoric_weights, precision=precision)
+        return replace(
+            exact,
+            address=block.address or 0,
+            sizes=sizes,
+            weights=self.isochoric_weights,
+            precision=precision,
+        )
 
     @property
     def isochoric_weights(self) -> np.ndarray:
@@ -322,7 +385,8 @@ class IsochoricNetwork(LearnedEnergy):
         return pack_units(self.hidden_weights, self.hidden_biases, self.output_weights)
 
     def member_deviations(self, law: Law, stretches: np.ndarray) -> np.ndarray:
-        """Return the greatest deviation of committee members' principal Kirchhoff stresses from the model's.
+        """Return the greatest deviation of committee members' principal Kirchhoff stresses from the
+        model's.
 
         Parameters
         ----------

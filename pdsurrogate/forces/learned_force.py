@@ -1,4 +1,6 @@
-"""Learned bond forces: maps from features of a bond to its force, as networks, polynomials and splines, stored as plain arrays."""
+"""Learned bond forces: maps from features of a bond to its force, as networks, polynomials and
+splines, stored as plain arrays.
+"""
 
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
@@ -20,11 +22,15 @@ from .domain import Domain
 from .learned import Learned, check_payload, check_shape, greatest_deviations
 
 LAYER = ("weights", "biases")
-"""Names of the two arrays of a network's layer, in this order; keys of a payload append the number of the layer, as in ``weights_0``."""
+"""Names of the two arrays of a network's layer, in this order; keys of a payload append the
+number of the layer, as in ``weights_0``.
+"""
 
 MOST_COEFFICIENTS = 2**20
-"""Maximum number of entries of the table of a spline. Chosen: the table takes 4 MB in single precision, which represents
-indices exactly up to sixteen times this number; a larger table would fit the processor's cache less."""
+"""Maximum number of entries of the table of a spline. Chosen: the table takes 4 MB in single
+precision, which represents indices exactly up to sixteen times this number; a larger table would
+fit the processor's cache less.
+"""
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,8 +51,9 @@ class LearnedBondForce(Learned, ForceSurrogate):
     shape : mapping
         Dimensionless parameters of the law that its bond force depends on.
     stated : mapping, optional
-        Relative errors at states of plane stress, ``rms`` and ``max``, that its card (the metadata of its artifact) states, and
-        ``bulk_ratio``, K/mu of the training states; None without a card.
+        Relative errors at states of plane stress, ``rms`` and ``max``, that its card (the metadata
+        of its artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a
+        card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
@@ -154,12 +161,16 @@ class LearnedBondForce(Learned, ForceSurrogate):
 
     @property
     def gives_transverse(self) -> bool:  # type: ignore[override]
-        """Whether the model provides the stress component T_mm across a bond; models with the paper's features do not.
+        """Whether the model provides the stress component T_mm across a bond; models with the
+        paper's features do not.
 
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> pds.load_surrogate("neo-hookean@1").gives_transverse, pds.load_surrogate("neo-hookean-paper@1").gives_transverse
+        >>> (
+        ...     pds.load_surrogate("neo-hookean@1").gives_transverse,
+        ...     pds.load_surrogate("neo-hookean-paper@1").gives_transverse,
+        ... )
         (True, False)
         """
         return FEATURE_SETS[self.feature_set].gives_transverse
@@ -169,10 +180,17 @@ class LearnedBondForce(Learned, ForceSurrogate):
         a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
         U_mm = lateral_stretch(a, b, J)
         features = FEATURE_SETS[self.feature_set]
-        with np.errstate(invalid="ignore"):  # a bond turned past a right angle has no stretch tensor: NaN
+        with np.errstate(
+            invalid="ignore"
+        ):  # a bond turned past a right angle has no stretch tensor: NaN
             shared = features.shared(a, b, J, C33)
-            outputs = self.outputs(np.stack(features.inputs(shared, a, b, U_mm, J, C33, length), axis=1)) - self.at_rest
-            T_nn, T_nm, _ = features.traction(shared, outputs[:, 0], outputs[:, 1], a, b, U_mm, J, C33)
+            outputs = (
+                self.outputs(np.stack(features.inputs(shared, a, b, U_mm, J, C33, length), axis=1))
+                - self.at_rest
+            )
+            T_nn, T_nm, _ = features.traction(
+                shared, outputs[:, 0], outputs[:, 1], a, b, U_mm, J, C33
+            )
         return along_and_across(T_nn, T_nm, a, b, stretch)
 
     def answer(self, *states: np.ndarray) -> np.ndarray:
@@ -181,7 +199,9 @@ class LearnedBondForce(Learned, ForceSurrogate):
     def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
         def force_of(model: LearnedBondForce, law: Law, some: slice) -> np.ndarray:
             of = states.chosen(some)
-            inside = of.has_stretch_tensor & (model.domain.beyond_bounds(of.stretches, of.J**2 * of.C33) <= 0)
+            inside = of.has_stretch_tensor & (
+                model.domain.beyond_bounds(of.stretches, of.J**2 * of.C33) <= 0
+            )
             force = np.empty((len(inside), N_OUTPUTS))
             for which, source in ((inside, model), (~inside, AnalyticBondForce(law))):
                 if which.any():
@@ -192,10 +212,16 @@ class LearnedBondForce(Learned, ForceSurrogate):
 
     def compiled(self, dtype) -> CompiledBondForce:
         features, found = FEATURE_SETS[self.feature_set], CompiledBondForce(*self.packed(dtype))
-        if features.anchored is not None and np.abs(self.bond_force([1.0], [0.0], [1.0], [1.0], [1.0])).max() < 1e-9:
-            # The force at rest is exactly zero in the kernel's precision: the kernel's own rest value is subtracted as well.
+        if (
+            features.anchored is not None
+            and np.abs(self.bond_force([1.0], [0.0], [1.0], [1.0], [1.0])).max() < 1e-9
+        ):
+            # The force at rest is exactly zero in the kernel's precision: the kernel's own rest
+            # value is subtracted as well.
             rest = found.evaluate(np.array([[1.0, 0.0, 1.0, 1.0, 1.0, 1.0]]).T, TRACTION_ROWS)[0, 0]
-            found.weights[features.anchored - N_OUTPUTS] += found.weights.dtype.type(rest / features.rest_factor)
+            found.weights[features.anchored - N_OUTPUTS] += found.weights.dtype.type(
+                rest / features.rest_factor
+            )
         return replace(found, needs_length=features.needs_length)
 
 
@@ -220,10 +246,12 @@ class NetworkForce(LearnedBondForce):
     activation : str
         One of `pdsurrogate.kernels.network.ACTIVATIONS`.
     layers : tuple of (ndarray, ndarray)
-        Weights of shape (n_in, n_out) and biases of every layer, the output layer last, on unscaled features and outputs.
+        Weights of shape (n_in, n_out) and biases of every layer, the output layer last, on unscaled
+        features and outputs.
     stated : mapping, optional
-        Relative errors at states of plane stress, ``rms`` and ``max``, that its card (the metadata of its artifact) states, and
-        ``bulk_ratio``, K/mu of the training states; None without a card.
+        Relative errors at states of plane stress, ``rms`` and ``max``, that its card (the metadata
+        of its artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a
+        card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
@@ -245,7 +273,10 @@ class NetworkForce(LearnedBondForce):
     layers: tuple[tuple[np.ndarray, np.ndarray], ...]
 
     kind: ClassVar[str] = "bond-force-network"
-    names: ClassVar[Mapping[str, Collection[str]]] = {"feature_set": FEATURE_SETS, "activation": network.ACTIVATIONS}
+    names: ClassVar[Mapping[str, Collection[str]]] = {
+        "feature_set": FEATURE_SETS,
+        "activation": network.ACTIVATIONS,
+    }
 
     @property
     def size(self) -> str:
@@ -256,30 +287,62 @@ class NetworkForce(LearnedBondForce):
 
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
         sizes, weights = network.pack(self.layers, self.at_rest, dtype)
-        block = network.network_block(FEATURE_SETS[self.feature_set], network.ACTIVATIONS[self.activation], dtype)
+        block = network.network_block(
+            FEATURE_SETS[self.feature_set], network.ACTIVATIONS[self.activation], dtype
+        )
         return block.address, sizes, weights, int(sizes[network.N_WORK_ROWS])
 
     def payload(self) -> dict[str, np.ndarray | str]:
-        layers = {f"{key}_{n}": array for n, layer in enumerate(self.layers) for key, array in zip(LAYER, layer, strict=True)}
-        return {"feature_set": self.feature_set, "activation": self.activation, **layers, "at_rest": self.at_rest}
+        layers = {
+            f"{key}_{n}": array
+            for n, layer in enumerate(self.layers)
+            for key, array in zip(LAYER, layer, strict=True)
+        }
+        return {
+            "feature_set": self.feature_set,
+            "activation": self.activation,
+            **layers,
+            "at_rest": self.at_rest,
+        }
 
     @classmethod
-    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
+    def from_payload(
+        cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]
+    ) -> Self:
         n_layers = sum(key.startswith(LAYER[0]) for key in payload)
         keys = [[f"{key}_{n}" for key in LAYER] for n in range(n_layers)]
         check_payload(cls.kind, payload, cls.names, [*chain(*keys), "at_rest"])
         layers = tuple(tuple(payload[key] for key in pair) for pair in keys)
-        found = cls(name, payload["feature_set"], payload["at_rest"], domain, law, dict(shape), payload["activation"], layers)
+        found = cls(
+            name,
+            payload["feature_set"],
+            payload["at_rest"],
+            domain,
+            law,
+            dict(shape),
+            payload["activation"],
+            layers,
+        )
         found.check_arrays()
         return found
 
     def check_arrays(self) -> None:
         if not 2 <= len(self.layers) <= network.MOST_HIDDEN + 1:
-            raise ValueError(f"a network has one to {network.MOST_HIDDEN} hidden layers and an output layer")
+            raise ValueError(
+                f"a network has one to {network.MOST_HIDDEN} hidden layers and an output layer"
+            )
         width = len(self.features)
         for number, (weights, biases) in enumerate(self.layers):
-            if weights.ndim != 2 or biases.shape != weights.shape[1:] or weights.shape[0] != width or biases.size == 0:
-                raise ValueError(f"layer {number} has weights {weights.shape} and biases {biases.shape} after a layer of {width}")
+            if (
+                weights.ndim != 2
+                or biases.shape != weights.shape[1:]
+                or weights.shape[0] != width
+                or biases.size == 0
+            ):
+                raise ValueError(
+                    f"layer {number} has weights {weights.shape} and biases {biases.shape} after a"
+                    f" layer of {width}"
+                )
             width = biases.size
         if width != N_OUTPUTS:
             raise ValueError(f"a bond-force network has {N_OUTPUTS} outputs, this one {width}")
@@ -297,7 +360,8 @@ class PolynomialForce(LearnedBondForce):
     center, half_width : ndarray, shape (2,)
         Features are mapped to (x - center)/half_width, which is in [-1, 1] for the training states.
     coefficients : ndarray, shape (2, degree1 + 1, degree2 + 1)
-        Coefficients of the products T_i(x1) T_j(x2) of Chebyshev polynomials, for each of the two outputs.
+        Coefficients of the products T_i(x1) T_j(x2) of Chebyshev polynomials, for each of the two
+        outputs.
     stated, members, covariance
         As for `NetworkForce`.
 
@@ -321,10 +385,14 @@ class PolynomialForce(LearnedBondForce):
     arrays: ClassVar[tuple[str, ...]] = ("center", "half_width", "coefficients", "at_rest")
 
     def payload(self) -> dict[str, np.ndarray | str]:
-        return {"centre" if key == "center" else key: value for key, value in super().payload().items()}  # the name in files
+        return {
+            "centre" if key == "center" else key: value for key, value in super().payload().items()
+        }  # the name in files
 
     @classmethod
-    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
+    def from_payload(
+        cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]
+    ) -> Self:
         renamed = {"center" if key == "centre" else key: value for key, value in payload.items()}
         return super().from_payload(name, renamed, domain, law, shape)
 
@@ -335,10 +403,18 @@ class PolynomialForce(LearnedBondForce):
 
     def outputs(self, features: np.ndarray) -> np.ndarray:
         x, y = ((features - self.center) / self.half_width).T
-        return np.stack([np.polynomial.chebyshev.chebval2d(x, y, coefficients) for coefficients in self.coefficients], axis=1)
+        return np.stack(
+            [
+                np.polynomial.chebyshev.chebval2d(x, y, coefficients)
+                for coefficients in self.coefficients
+            ],
+            axis=1,
+        )
 
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
-        counts, weights = polynomial.pack(self.center, self.half_width, self.coefficients, self.at_rest, dtype)
+        counts, weights = polynomial.pack(
+            self.center, self.half_width, self.coefficients, self.at_rest, dtype
+        )
         block = polynomial.polynomial_block(FEATURE_SETS[self.feature_set], counts, dtype)
         return block.address, np.zeros(1, dtype=np.int64), weights, 0
 
@@ -350,14 +426,17 @@ class PolynomialForce(LearnedBondForce):
         self.check_scale("center", "half_width")
         shape = self.coefficients.shape
         if len(shape) != 3 or shape[0] != N_OUTPUTS:
-            raise ValueError(f"coefficients have shape {shape}, not ({N_OUTPUTS}, degree + 1, degree + 1)")
+            raise ValueError(
+                f"coefficients have shape {shape}, not ({N_OUTPUTS}, degree + 1, degree + 1)"
+            )
         if not all(1 <= length <= polynomial.MOST_DEGREE + 1 for length in shape[1:]):
             raise ValueError(f"the degrees must be 0 to {polynomial.MOST_DEGREE}")
 
 
 @dataclass(frozen=True, repr=False)
 class SplineForce(LearnedBondForce):
-    """Learned bond force as a cubic spline in two or three features of a bond, with two continuous derivatives.
+    """Learned bond force as a cubic spline in two or three features of a bond, with two continuous
+    derivatives.
 
     Beyond its box the spline has the value at the edge of the box.
 
@@ -392,7 +471,8 @@ class SplineForce(LearnedBondForce):
 
     @property
     def size(self) -> str:
-        return f"{' x '.join(str(count - spline.SUPPORT + 1) for count in self.coefficients.shape[1:])} cells"
+        counts = (count - spline.SUPPORT + 1 for count in self.coefficients.shape[1:])
+        return f"{' x '.join(map(str, counts))} cells"
 
     def outputs(self, features: np.ndarray) -> np.ndarray:
         cells = np.array(self.coefficients.shape[1:]) - (spline.SUPPORT - 1)
@@ -402,21 +482,36 @@ class SplineForce(LearnedBondForce):
         weights = [spline.cubic_weights(within) for within in (place - first).T]
         found = np.zeros((len(features), N_OUTPUTS))
         for offsets in product(range(spline.SUPPORT), repeat=len(cells)):
-            share = np.prod([weight[offset] for weight, offset in zip(weights, offsets, strict=True)], axis=0)
+            share = np.prod(
+                [weight[offset] for weight, offset in zip(weights, offsets, strict=True)], axis=0
+            )
             found += share[:, None] * self.coefficients[:, *(first + offsets).T].T
         return found
 
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
         sizes, weights = spline.pack(self.low, self.step, self.coefficients, self.at_rest, dtype)
-        return spline.spline_block(FEATURE_SETS[self.feature_set], dtype).address, sizes, weights, spline.WORK_ROWS
+        return (
+            spline.spline_block(FEATURE_SETS[self.feature_set], dtype).address,
+            sizes,
+            weights,
+            spline.WORK_ROWS,
+        )
 
     def check_arrays(self) -> None:
         super().check_arrays()
         count, shape = len(self.features), self.coefficients.shape
         if count not in spline.FEATURES:
-            raise ValueError(f"a spline takes two or three features, {self.feature_set} are {count}")
+            raise ValueError(
+                f"a spline takes two or three features, {self.feature_set} are {count}"
+            )
         self.check_scale("low", "step")
         if len(shape) != 1 + count or shape[0] != N_OUTPUTS or min(shape[1:]) < spline.SUPPORT:
-            raise ValueError(f"coefficients have shape {shape}, not {N_OUTPUTS} and at least {spline.SUPPORT} by each of {count} features")
+            raise ValueError(
+                f"coefficients have shape {shape}, not {N_OUTPUTS} and at least {spline.SUPPORT} by"
+                f" each of {count} features"
+            )
         if self.coefficients.size > MOST_COEFFICIENTS:
-            raise ValueError(f"there are {self.coefficients.size} coefficients, at most {MOST_COEFFICIENTS} are taken")
+            raise ValueError(
+                f"there are {self.coefficients.size} coefficients, at most {MOST_COEFFICIENTS} are"
+                " taken"
+            )

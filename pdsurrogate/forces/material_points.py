@@ -1,4 +1,6 @@
-"""Points that the bonds of one material involve, with their volume ratios and thickness stretches by its law."""
+"""Points that the bonds of one material involve, with their volume ratios and thickness
+stretches by its law.
+"""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -20,10 +22,12 @@ from .steps import Steps
 
 
 class MaterialPoints:
-    """Points and images of one material, points of other materials bonded to them, and the states of all these points by its law.
+    """Points and images of one material, points of other materials bonded to them, and the states
+    of all these points by its law.
 
-    If all points of the body are of the material, the arrays are the body's own. Otherwise they are copies, in which the points of other
-    materials are where they would be if they moved with this material (`Interfaces`).
+    If all points of the body are of the material, the arrays are the body's own. Otherwise they are
+    copies, in which the points of other materials are where they would be if they moved with this
+    material (`Interfaces`).
 
     Parameters
     ----------
@@ -45,7 +49,8 @@ class MaterialPoints:
     numbers, pairs : slice or ndarray of int
         Numbers in the body of the k points and images of this object, and of its pairs.
     own : tuple
-        Indices into `numbers`, and numbers in the body, of the points of the material itself, without images.
+        Indices into `numbers`, and numbers in the body, of the points of the material itself,
+        without images.
     others : ndarray of bool, shape (k,)
         In a body of several materials, flags of the points of other materials.
     first, second : ndarray of uint32
@@ -54,21 +59,37 @@ class MaterialPoints:
     volume_ratios : ndarray, shape (k,)
         Volume ratios J3 of the points.
     kept_ratios : ndarray, shape (n + m,)
-        Latest volume ratios by the numbers of points and images in the body, from which the next iteration starts.
+        Latest volume ratios by the numbers of points and images in the body, from which the next
+        iteration starts.
     records : ndarray, shape (k, 4)
-        (cos, sin) of the rotation, J and C33 of every point, which bond forces read; empty in three dimensions.
+        (cos, sin) of the rotation, J and C33 of every point, which bond forces read; empty in three
+        dimensions.
     response, parameters
-        Compiled response function of the law, and the parameters of the law, changed in place by `take_numbers`.
+        Compiled response function of the law, and the parameters of the law, changed in place by
+        `take_numbers`.
     seen : list of BoundPass
-        In a body of several materials, the passes that update positions, gradients and volume ratios from the body.
+        In a body of several materials, the passes that update positions, gradients and volume
+        ratios from the body.
     state_pass : BoundPass or None
-        Compiled pass that finds volume ratios and records with a learned force; None if the law determines them.
+        Compiled pass that finds volume ratios and records with a learned force; None if the law
+        determines them.
     """
 
-    def __init__(self, kinematics: Kinematics, law: Law, precision: str, rotation: str | None = None, own=None, pairs=None) -> None:
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        law: Law,
+        precision: str,
+        rotation: str | None = None,
+        own=None,
+        pairs=None,
+    ) -> None:
         body = kinematics.body
         self._kinematics, self.law, self.whole = kinematics, law, own is None
-        self.response, self.parameters = PLANES[kinematics.plane].response.block(law), law.parameters.copy()
+        self.response, self.parameters = (
+            PLANES[kinematics.plane].response.block(law),
+            law.parameters.copy(),
+        )
         self.state_pass: BoundPass | None = None
         self.seen: list[BoundPass] = []
         self._keep, self._found_at = self.seen, -1
@@ -80,17 +101,23 @@ class MaterialPoints:
             self.volume_ratios = self.kept_ratios = np.ones(len(self.positions))
         else:
             self._see(own, np.empty(0, dtype=np.int64) if pairs is None else pairs)
-        self.records = aligned_rows((len(self.positions) if body.dimension == 2 else 0, 4), precision)
+        self.records = aligned_rows(
+            (len(self.positions) if body.dimension == 2 else 0, 4), precision
+        )
         turn = ROTATIONS[rotation or ROTATION]
         self._turn = turn and turn.bind(self.gradients, self.records, chunks=kinematics.chunks)
 
     def take_numbers(self, law: Law) -> None:
-        """Replace the law by one of the same kind with other numbers; passes that are bound to `parameters` evaluate it from then on."""
+        """Replace the law by one of the same kind with other numbers; passes that are bound to
+        `parameters` evaluate it from then on.
+        """
         self.law, self._found_at = law, -1
         self.parameters[:] = law.parameters
 
     def _see(self, own: np.ndarray, pairs: np.ndarray) -> None:
-        """Set up copies of the arrays for the material's own points and the other ends of its pairs, in a body of several materials."""
+        """Set up copies of the arrays for the material's own points and the other ends of its
+        pairs, in a body of several materials.
+        """
         kinematics, body = self._kinematics, self._kinematics.body
         ends = body.bonds.first[pairs], body.bonds.second[pairs]
         seen = own.copy()
@@ -98,67 +125,116 @@ class MaterialPoints:
         self.pairs, self.numbers, place = pairs, np.flatnonzero(seen), np.cumsum(seen) - 1
         places = np.flatnonzero(own[self.numbers] & (self.numbers < len(body)))
         self.own = places, self.numbers[places]
-        self.first, self.second = (np.pad(place[end], (0, -len(end) % BLOCK)).astype(np.uint32) for end in ends)
+        self.first, self.second = (
+            np.pad(place[end], (0, -len(end) % BLOCK)).astype(np.uint32) for end in ends
+        )
         size, d = len(self.numbers), body.dimension
         self.positions, self.gradients = aligned_rows((size, d)), aligned_rows((size, d * d))
         self.volume_ratios, self.kept_ratios = np.ones(size), np.ones(len(own))
         self.others, every = ~own[self.numbers], np.arange(size)
-        places = kinematics.positions, kinematics.gradients, kinematics.interfaces.jumps, kinematics.interfaces.changes
+        places = (
+            kinematics.positions,
+            kinematics.gradients,
+            kinematics.interfaces.jumps,
+            kinematics.interfaces.changes,
+        )
         ratios = self.copied(self.numbers, every, self.kept_ratios, self.volume_ratios)
         self.seen = [self.copies(*places, self.positions, self.gradients), ratios]
         self._keep = [self.copied(every, self.numbers, self.volume_ratios, self.kept_ratios)]
 
     def places_of_pairs(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the places of some pairs of the body, in ascending order, among those of this object, and these pairs themselves."""
+        """Return the places of some pairs of the body, in ascending order, among those of this
+        object, and these pairs themselves.
+        """
         if self.whole:
             return pairs, pairs
         place = np.minimum(np.searchsorted(self.pairs, pairs), len(self.pairs) - 1)
         within = self.pairs[place] == pairs
         return place[within], pairs[within]
 
-    def copied(self, numbers: np.ndarray, places: np.ndarray, values: np.ndarray, out: np.ndarray) -> BoundPass:
+    def copied(
+        self, numbers: np.ndarray, places: np.ndarray, values: np.ndarray, out: np.ndarray
+    ) -> BoundPass:
         """Return the pass that writes ``values[numbers]`` to ``out[places]``."""
-        return copy_values.bind(numbers.astype(np.uint32), places.astype(np.uint32), values, out, chunks=self._kinematics.chunks)
+        return copy_values.bind(
+            numbers.astype(np.uint32),
+            places.astype(np.uint32),
+            values,
+            out,
+            chunks=self._kinematics.chunks,
+        )
 
-    def copies(self, positions, gradients, jumps, changes, to_positions: np.ndarray, to_gradients: np.ndarray) -> BoundPass:
-        """Return the pass that copies positions and gradients of a body of several materials, or their changes, as this material sees them.
+    def copies(
+        self,
+        positions,
+        gradients,
+        jumps,
+        changes,
+        to_positions: np.ndarray,
+        to_gradients: np.ndarray,
+    ) -> BoundPass:
+        """Return the pass that copies positions and gradients of a body of several materials, or
+        their changes, as this material sees them.
 
-        The first four arrays have rows for the body's points and images; `jumps` and `changes` as in `Interfaces`. The last two have the
-        rows of this object and receive the copies.
+        The first four arrays have rows for the body's points and images; `jumps` and `changes` as
+        in `Interfaces`. The last two have the rows of this object and receive the copies.
         """
-        arrays = self.numbers.astype(np.uint32), self.others, self._kinematics.interfaces.depths, positions, gradients, jumps, changes
-        return see_points(positions.shape[1]).bind(*arrays, to_positions, to_gradients, chunks=self._kinematics.chunks)
+        arrays = (
+            self.numbers.astype(np.uint32),
+            self.others,
+            self._kinematics.interfaces.depths,
+            positions,
+            gradients,
+            jumps,
+            changes,
+        )
+        return see_points(positions.shape[1]).bind(
+            *arrays, to_positions, to_gradients, chunks=self._kinematics.chunks
+        )
 
     @cached_property
     def steps(self) -> list[BoundPass]:
-        """Passes of an evaluation that find volume ratios and records from the gradients, and count the points without a state.
+        """Passes of an evaluation that find volume ratios and records from the gradients, and count
+        the points without a state.
 
         They are bound at first use, as `state_pass` may be set after construction.
         """
-        return [*self.seen, self.state_pass or self._pass_of_law(), *([self._turn] if self._turn else []), *self._keep]
+        return [
+            *self.seen,
+            self.state_pass or self._pass_of_law(),
+            *([self._turn] if self._turn else []),
+            *self._keep,
+        ]
 
     def _pass_of_law(self) -> BoundPass:
-        """Return the compiled pass that finds volume ratios and records of the points by the law of the material."""
+        """Return the compiled pass that finds volume ratios and records of the points by the law
+        of the material.
+        """
         kinematics, arrays = self._kinematics, (self.gradients, self.volume_ratios)
         if kinematics.plane != "stress":
-            return node_state.held_states[kinematics.body.dimension].bind(*arrays, self.records, chunks=kinematics.chunks)
+            return node_state.held_states[kinematics.body.dimension].bind(
+                *arrays, self.records, chunks=kinematics.chunks
+            )
         law = self.response.address, self.parameters, kinematics.scratch
         return node_state.node_states.bind(*arrays, *law, self.records, chunks=kinematics.chunks)
 
     def find(self) -> None:
-        """Bring the gradients, volume ratios and records of the points up to date with the positions.
+        """Bring the gradients, volume ratios and records of the points up to date with the
+        positions.
 
         Raises
         ------
         InvalidState
-            If a point has det F <= 0, no state by the law, or numbers that are not finite; the message names the point.
+            If a point has det F <= 0, no state by the law, or numbers that are not finite; the
+            message names the point.
         """
         self._kinematics.form_gradients()
         if self._found_at != self._kinematics.changes:
             have_states([self], Steps(self._kinematics.body.share, *self.steps)())
 
     def note(self, counts: list[int]) -> bool:
-        """Take the `counts` of this material's state passes; return whether all its points have a state.
+        """Take the `counts` of this material's state passes; return whether all its points have a
+        state.
 
         If a point has none, the next evaluation starts from volume ratios of 1.
         """
@@ -169,9 +245,12 @@ class MaterialPoints:
         return found
 
     def diagnose(self) -> str:
-        """Return an error message that names a point that has no state by the law, and the reason."""
+        """Return an error message that names a point that has no state by the law, and the
+        reason.
+        """
         body, plane = self._kinematics.body, self._kinematics.plane
-        # Images are checked too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
+        # Images are checked too: beyond a grip the reflected gradient may be turned inside out
+        # where the point's own is not.
         place, reason = why_invalid(matrices(self.gradients), "", plane, lambda _: [self.law])
         number = np.arange(len(body.all_points))[self.numbers][place]
         image = "its image beyond the grip: " if number >= len(body) else ""
@@ -179,42 +258,83 @@ class MaterialPoints:
 
 
 def rows_of(materials: list[MaterialPoints], width: int) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return an array with a row for each point of each material, one material after the other, and its parts, one for each material."""
+    """Return an array with a row for each point of each material, one material after the other,
+    and its parts, one for each material.
+    """
     ends = np.cumsum([len(points.positions) for points in materials])
     rows = aligned_rows((ends[-1], width))
     return rows, np.split(rows, ends[:-1])
 
 
-def gathered(kinematics: Kinematics, materials: list[MaterialPoints], rows: np.ndarray, out: np.ndarray, theirs=None) -> BoundPass:
-    """Return the pass that sums the `rows` of all materials (`rows_of`) at the points and ghosts of the body, and writes the sums to `out`.
+def gathered(
+    kinematics: Kinematics,
+    materials: list[MaterialPoints],
+    rows: np.ndarray,
+    out: np.ndarray,
+    theirs=None,
+) -> BoundPass:
+    """Return the pass that sums the `rows` of all materials (`rows_of`) at the points and ghosts of
+    the body, and writes the sums to `out`.
 
     `theirs` receives the sums over those materials only that are not the point's own.
     """
-    numbers, others = np.concatenate([points.numbers for points in materials]), np.concatenate([points.others for points in materials])
+    numbers, others = (
+        np.concatenate([points.numbers for points in materials]),
+        np.concatenate([points.others for points in materials]),
+    )
     order = np.argsort(numbers, kind="stable")
-    arrays = pointers_to(numbers, len(out)), order.astype(np.uint32), others[order], rows, out, out[:0] if theirs is None else theirs
+    arrays = (
+        pointers_to(numbers, len(out)),
+        order.astype(np.uint32),
+        others[order],
+        rows,
+        out,
+        out[:0] if theirs is None else theirs,
+    )
     return gather_rows(rows.shape[1]).bind(*arrays, chunks=kinematics.chunks)
 
 
 def material_sums(
-    kinematics: Kinematics, materials: list[MaterialPoints], quantity: str, parts: Sequence, out: np.ndarray, theirs=None
+    kinematics: Kinematics,
+    materials: list[MaterialPoints],
+    quantity: str,
+    parts: Sequence,
+    out: np.ndarray,
+    theirs=None,
 ) -> list[BoundPass]:
-    """Return the passes that sum the "forces" or "moments" of pairs at the points of a body of several materials, see `gathered`.
+    """Return the passes that sum the "forces" or "moments" of pairs at the points of a body of
+    several materials, see `gathered`.
 
-    `parts` hold the pairs of each material in units of ``part.unit``. There is one pass for each material, in order, and a last one.
+    `parts` hold the pairs of each material in units of ``part.unit``. There is one pass for each
+    material, in order, and a last one.
     """
     rows, of_each = rows_of(materials, out.shape[1])
-    add_up, passes = {"forces": sum_pair_forces, "moments": sum_moments}[quantity][kinematics.body.dimension], []
+    add_up, passes = (
+        {"forces": sum_pair_forces, "moments": sum_moments}[quantity][kinematics.body.dimension],
+        [],
+    )
     for points, part, own_rows in zip(materials, parts, of_each, strict=True):
-        pairs = pairs_of_points(*(end[: len(points.pairs)] for end in (points.first, points.second)), len(own_rows))
-        passes.append(add_up.bind(getattr(part, quantity), *pairs, float(part.unit), own_rows, chunks=kinematics.chunks))
+        pairs = pairs_of_points(
+            *(end[: len(points.pairs)] for end in (points.first, points.second)), len(own_rows)
+        )
+        passes.append(
+            add_up.bind(
+                getattr(part, quantity),
+                *pairs,
+                float(part.unit),
+                own_rows,
+                chunks=kinematics.chunks,
+            )
+        )
     return [*passes, gathered(kinematics, materials, rows, out, theirs)]
 
 
 def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]:
-    """Check that all points have a state; return the counts of the passes that follow the state passes.
+    """Check that all points have a state; return the counts of the passes that follow the state
+    passes.
 
-    `counts` are those of all passes of an evaluation, which begins with the state passes of each of `materials`.
+    `counts` are those of all passes of an evaluation, which begins with the state passes of each of
+    `materials`.
 
     Raises
     ------

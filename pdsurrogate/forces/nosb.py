@@ -1,4 +1,6 @@
-"""Non-ordinary state-based force model, theory (2), which evaluates the exact law at points and has zero-energy modes."""
+"""Non-ordinary state-based force model, theory (2), which evaluates the exact law at points and
+has zero-energy modes.
+"""
 
 from typing import ClassVar
 
@@ -17,35 +19,64 @@ from .term import MaterialTerm, Term
 
 
 class PointStress(MaterialTerm):
-    """Internal force of the non-ordinary state-based model, from the stresses of the points by the laws of their materials."""
+    """Internal force of the non-ordinary state-based model, from the stresses of the points by
+    the laws of their materials.
+    """
 
     zero_energy_modes = True
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        kinematics, body, bonds, d = self.kinematics, self.body, self.body.bonds, self.body.dimension
+        kinematics, body, bonds, d = (
+            self.kinematics,
+            self.body,
+            self.body.bonds,
+            self.body.dimension,
+        )
         self._stresses, passes = aligned_rows((len(body.all_points), d * d)), []
         self._broken, self._shapes = np.zeros(len(bonds.first), dtype=bool), []
         materials = [self.points_of(number) for number in range(len(binding.portions))]
         # P K^-1 of points and images; a single material writes to this array directly.
-        rows, of_each = (self._stresses, [self._stresses]) if binding.whole else rows_of(materials, d * d)
+        rows, of_each = (
+            (self._stresses, [self._stresses]) if binding.whole else rows_of(materials, d * d)
+        )
         for points, stresses in zip(materials, of_each, strict=True):
             shapes = kinematics.inverse_shape[points.numbers]
             self._shapes.append((points.numbers, shapes))
             state = points.gradients, points.volume_ratios, shapes
-            law = points.law.shear_modulus, points.response.address, points.parameters, kinematics.scratch
-            passes.append(nosb.weighted_stresses[d].bind(*state, *law, stresses, chunks=kinematics.chunks))
+            law = (
+                points.law.shear_modulus,
+                points.response.address,
+                points.parameters,
+                kinematics.scratch,
+            )
+            passes.append(
+                nosb.weighted_stresses[d].bind(*state, *law, stresses, chunks=kinematics.chunks)
+            )
         self.in_units = list(enumerate(passes))
         if not binding.whole:
             passes.append(gathered(kinematics, materials, rows, self._stresses))
-        sums = self._stresses, bonds.pointers, bonds.neighbors, kinematics.weighted_bonds, body.volumes
-        to_points = nosb.nosb_forces[d].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
+        sums = (
+            self._stresses,
+            bonds.pointers,
+            bonds.neighbors,
+            kinematics.weighted_bonds,
+            body.volumes,
+        )
+        to_points = nosb.nosb_forces[d].bind(
+            *sums, np.empty_like(body.points), chunks=kinematics.chunks
+        )
         self.bind_steps(*passes, to_points)
 
     def diagnose(self, out: np.ndarray) -> str:
         F = self.kinematics.deformation_gradients()
         owners, portions = self.binding.portion_of, self.binding.portions
-        i, reason = why_invalid(F, "", self.kinematics.plane, lambda i: [portions[0 if owners is None else owners[i]].law])
+        i, reason = why_invalid(
+            F,
+            "",
+            self.kinematics.plane,
+            lambda i: [portions[0 if owners is None else owners[i]].law],
+        )
         return at_point(self.body, i, f"it has no stress: {reason}")
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
@@ -54,7 +85,9 @@ class PointStress(MaterialTerm):
         bond = body.all_points[second] - body.all_points[first]
         factor = body.weigh(lengths_of(bond)) * body.all_volumes[first] * body.all_volumes[second]
         factor[self._broken[pairs]] = 0
-        return factor[:, None] * np.einsum("bij,bj->bi", matrices(self._stresses[first] + self._stresses[second]), bond)
+        return factor[:, None] * np.einsum(
+            "bij,bj->bi", matrices(self._stresses[first] + self._stresses[second]), bond
+        )
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._broken[pairs] = True
@@ -65,9 +98,10 @@ class PointStress(MaterialTerm):
 class NOSBForce(ForceModel):
     """Force model NOSB (non-ordinary state-based peridynamics), exact in homogeneous states.
 
-    A point i contributes w P_i K_i^-1 x to the force of a bond, with the weight w and the vector x of the undeformed bond, the first
-    Piola-Kirchhoff stress P_i and the shape tensor K_i. The model does not resist zero-energy modes, which leave the deformation gradients
-    of the points unchanged.
+    A point i contributes w P_i K_i^-1 x to the force of a bond, with the weight w and the vector x
+    of the undeformed bond, the first Piola-Kirchhoff stress P_i and the shape tensor K_i. The model
+    does not resist zero-energy modes, which leave the deformation gradients of the points
+    unchanged.
 
     See Also
     --------
@@ -84,9 +118,15 @@ class NOSBForce(ForceModel):
 
     name = family = "nosb"
     # K^-1 needs no correction of incomplete horizons, and P no rotation.
-    honors: ClassVar = {"precision": ("float64",), "correction": ("none",), "breakable": (True,), "plane": tuple(PLANES)}
+    honors: ClassVar = {
+        "precision": ("float64",),
+        "correction": ("none",),
+        "breakable": (True,),
+        "plane": tuple(PLANES),
+    }
     several_materials = ("stress",)
-    mirrors_curves = False  # bonds to images beyond a curve are not mirrored exactly, which excites its zero-energy modes
+    # bonds to images beyond a curve are not mirrored exactly, which excites its zero-energy modes
+    mirrors_curves = False
 
     def terms(self, plane: str) -> tuple[type[Term], ...]:
         return (PointStress,)

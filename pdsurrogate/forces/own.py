@@ -1,4 +1,6 @@
-"""Bond forces and energies that users write in Python, evaluated block by block in NumPy and therefore slower than compiled models."""
+"""Bond forces and energies that users write in Python, evaluated block by block in NumPy and
+therefore slower than compiled models.
+"""
 
 import ctypes
 import warnings
@@ -21,33 +23,53 @@ from .internal_force import InternalForce
 from .settings import ForceSettings
 
 _CALLED = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4)
-"""Signature of a function compiled for blocks of bonds (`pdsurrogate.engine.compile.bond_force_signature`), in double precision."""
+"""Signature of a function compiled for blocks of bonds
+(`pdsurrogate.engine.compile.bond_force_signature`), in double precision.
+"""
 
-TRIAL = ([1.0, 1.3, 0.8, 1.1], [0.0, 0.2, -0.1, 0.05], [1.0, 0.5, 0.7, 0.2], [1.0, 0.7, 1.4, 0.9], [1.0, 1.2, 0.85, 1.05])
-"""Stretches, rotations, lengths, C33 and J of four bonds at which a user's own force is checked before a run."""
+TRIAL = (
+    [1.0, 1.3, 0.8, 1.1],
+    [0.0, 0.2, -0.1, 0.05],
+    [1.0, 0.5, 0.7, 0.2],
+    [1.0, 0.7, 1.4, 0.9],
+    [1.0, 1.2, 0.85, 1.05],
+)
+"""Stretches, rotations, lengths, C33 and J of four bonds at which a user's own force is checked
+before a run.
+"""
 
 INVARIANTS = ([3.2, 3.6, 4.5, 6.0], [3.25, 3.4, 5.0, 4.5])
-"""I1bar and I2bar at which the derivatives of an energy are compared with its values before a run."""
+"""I1bar and I2bar at which the derivatives of an energy are compared with its values before a
+run.
+"""
 
 REST = np.array([[1.0, 0.0, 1.0, 1.0, 1.0, 1.0]]).T
-"""State of an undeformed bond as a column of a block: stretch-tensor components U_nn, U_nm, U_mm, then J, C33, and length."""
+"""State of an undeformed bond as a column of a block: stretch-tensor components U_nn, U_nm,
+U_mm, then J, C33, and length.
+"""
 
 RESULTS = {"bond_force": ("t_n", "t_tau"), "energy": ("W", "dW/dI1bar", "dW/dI2bar")}
 """Values that the methods of a user's own force return, in their order."""
 
 MOST_OFF, NOTED = 1e-2, 2e-3
-"""Relative errors beyond which a user's own force is refused (`MOST_OFF`), and beyond which there is a warning (`NOTED`).
+"""Relative errors beyond which a user's own force is refused (`MOST_OFF`), and beyond which there
+is a warning (`NOTED`).
 
-Errors of forces are relative to the greatest force of the trial, forces of undeformed bonds to the shear modulus, and errors of derivatives
-to the derivative. Chosen: a wrong formula is off by a factor or a term, more than the first; single precision leaves less than the second.
+Errors of forces are relative to the greatest force of the trial, forces of undeformed bonds to the
+shear modulus, and errors of derivatives to the derivative. Chosen: a wrong formula is off by a
+factor or a term, more than the first; single precision leaves less than the second.
 """
 
 NEAR_REST = 3.0001
-"""Value of both invariants at which the shear modulus of an energy is computed: at 3 itself its derivatives may be undefined."""
+"""Value of both invariants at which the shear modulus of an energy is computed: at 3 itself its
+derivatives may be undefined.
+"""
 
 
 class OwnForceFailed(RuntimeError):
-    """Error: Python code of a user's own force raised an exception, or returned something that is not a force."""
+    """Error: Python code of a user's own force raised an exception, or returned something that
+    is not a force.
+    """
 
 
 class OwnForceInvalid(InvalidState):
@@ -55,20 +77,26 @@ class OwnForceInvalid(InvalidState):
 
 
 def is_own_force(thing) -> bool:
-    """Return whether an object is a user's own force: whether it has a method ``bond_force`` or ``energy``."""
-    return not isinstance(thing, type) and any(callable(getattr(thing, key, None)) for key in ("bond_force", "energy"))
+    """Return whether an object is a user's own force: whether it has a method ``bond_force`` or
+    ``energy``.
+    """
+    return not isinstance(thing, type) and any(
+        callable(getattr(thing, key, None)) for key in ("bond_force", "energy")
+    )
 
 
 class OwnBondForce(ForceSurrogate):
-    """Force model made of a bond force or isochoric energy that a user wrote in Python, evaluated in NumPy.
+    """Force model made of a bond force or isochoric energy that a user wrote in Python, evaluated
+    in NumPy.
 
     Parameters
     ----------
     thing : object
-        Object with a method ``bond_force(stretch, rotation, length, C33, J)`` of vectors, as `ForceSurrogate.bond_force`; or with a method
-        ``energy(I1bar, I2bar)`` of vectors that returns W and its derivatives by both, in units of the shear modulus. The force must be
-        isotropic: the transverse component T_mm of a bond is T_nn of a bond perpendicular to it. The thickness of the points follows from
-        the scene's material, as with every bond force.
+        Object with a method ``bond_force(stretch, rotation, length, C33, J)`` of vectors, as
+        `ForceSurrogate.bond_force`; or with a method ``energy(I1bar, I2bar)`` of vectors that
+        returns W and its derivatives by both, in units of the shear modulus. The force must be
+        isotropic: the transverse component T_mm of a bond is T_nn of a bond perpendicular to it.
+        The thickness of the points follows from the scene's material, as with every bond force.
 
     Raises
     ------
@@ -99,11 +127,18 @@ class OwnBondForce(ForceSurrogate):
 
     def __init__(self, thing) -> None:
         if not is_own_force(thing):
-            raise TypeError(f"a force needs a method bond_force(stretch, rotation, length, C33, J) or energy(I1bar, I2bar), not {thing!r}")
+            raise TypeError(
+                "a force needs a method bond_force(stretch, rotation, length, C33, J) or"
+                f" energy(I1bar, I2bar), not {thing!r}"
+            )
         self.thing, self.name = thing, type(thing).__name__
         self.failure: RuntimeError | None = None
-        self._gives_force = callable(getattr(thing, "bond_force", None))  # a bond force takes precedence over an energy
-        self._callback = _CALLED(self._evaluate_block)  # a reference is kept, since compiled code holds its address
+        self._gives_force = callable(
+            getattr(thing, "bond_force", None)
+        )  # a bond force takes precedence over an energy
+        self._callback = _CALLED(
+            self._evaluate_block
+        )  # a reference is kept, since compiled code holds its address
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
         """Return the dimensionless bond force of the user's object.
@@ -129,6 +164,7 @@ class OwnBondForce(ForceSurrogate):
         >>> class Linear:
         ...     def bond_force(self, stretch, rotation, length, C33, J):
         ...         import numpy as np
+        ...
         ...         return np.stack([stretch - 1, 0 * stretch], axis=1)
         >>> pds.forces.OwnBondForce(Linear()).bond_force([1.0, 1.5], 0.0, 1.0, 1.0, 1.0).tolist()
         [[0.0, 0.0], [0.5, 0.0]]
@@ -139,14 +175,17 @@ class OwnBondForce(ForceSurrogate):
             raise ValueError(str(error)) from error
 
     def _force(self, *bonds: np.ndarray) -> np.ndarray:
-        """Return the checked bond force, shape (n, 2), at vectors of the five bond quantities, from the user's force or energy."""
+        """Return the checked bond force, shape (n, 2), at vectors of the five bond quantities,
+        from the user's force or energy.
+        """
         if self._gives_force:
             return self._values("bond_force", **dict(zip(self.features, bonds, strict=True))).T
         stretch, rotation, _, C33, J = bonds
         return exact_bond_force(_LawOf(self), stretch, rotation, C33, J)
 
     def energy(self, I1, I2) -> np.ndarray:
-        """Return W and its derivatives from the user's ``energy``, checked for shape and finite values.
+        """Return W and its derivatives from the user's ``energy``, checked for shape and finite
+        values.
 
         Parameters
         ----------
@@ -178,27 +217,46 @@ class OwnBondForce(ForceSurrogate):
         return self._values("energy", I1bar=I1.ravel(), I2bar=I2.ravel()).reshape(-1, *I1.shape)
 
     def _values(self, method: str, **states: np.ndarray) -> np.ndarray:
-        """Return what a method of the user's object gives at n states, shape (values, n), after checks for shape and finite numbers."""
+        """Return what a method of the user's object gives at n states, shape (values, n), after
+        checks for shape and finite numbers.
+        """
         names, count = RESULTS[method], len(next(iter(states.values())))
         try:
             found = getattr(self.thing, method)(*states.values())
-            rows = np.asarray(found).T if self._gives_force else np.array([np.broadcast_to(part, count) for part in found])
+            rows = (
+                np.asarray(found).T
+                if self._gives_force
+                else np.array([np.broadcast_to(part, count) for part in found])
+            )
         except Exception as error:
             raise OwnForceFailed(f"{self.name}: {type(error).__name__}: {error}") from error
         if rows.shape != (len(names), count) or rows.dtype.kind not in "biuf":
-            what = f"{', '.join(names)}, {'an array of shape (n, 2)' if self._gives_force else 'a tuple of vectors'} of real numbers"
-            raise OwnForceFailed(f"{self.name}: {method} must return {what}, not {rows.dtype} of shape {rows.T.shape}, for n = {count}")
+            what = (
+                f"{', '.join(names)},"
+                f" {'an array of shape (n, 2)' if self._gives_force else 'a tuple of vectors'} of"
+                " real numbers"
+            )
+            raise OwnForceFailed(
+                f"{self.name}: {method} must return {what}, not {rows.dtype} of shape"
+                f" {rows.T.shape}, for n = {count}"
+            )
         bad = np.flatnonzero(~np.isfinite(rows).all(axis=0))
         if len(bad):
             pairs = zip(names, rows, strict=True), states.items()
-            given, at = (", ".join(f"{key} = {values[bad[0]]:.6g}" for key, values in some) for some in pairs)
-            raise OwnForceInvalid(f"{self.name}: {method} returned {given}, which is not finite, at {at}")
+            given, at = (
+                ", ".join(f"{key} = {values[bad[0]]:.6g}" for key, values in some) for some in pairs
+            )
+            raise OwnForceInvalid(
+                f"{self.name}: {method} returned {given}, which is not finite, at {at}"
+            )
         return rows.astype(float)
 
     def _tractions(self, a, b, U_mm, J, C33, length) -> np.ndarray:
-        """Return the stress components T_nn, T_nm and T_mm (theory (11)), shape (3, n), of bonds with a = U_nn, b = U_nm and U_mm.
+        """Return the stress components T_nn, T_nm and T_mm (theory (11)), shape (3, n), of bonds
+        with a = U_nn, b = U_nm and U_mm.
 
-        T_mm is T_nn of a perpendicular bond, whose stretch tensor has the components U_mm and -U_nm.
+        T_mm is T_nn of a perpendicular bond, whose stretch tensor has the components U_mm and
+        -U_nm.
         """
         count, twice = len(a), np.concatenate([[length, C33, J]] * 2, axis=1)
         normal, shear = np.concatenate([a, U_mm]), np.concatenate([b, -b])
@@ -207,25 +265,35 @@ class OwnBondForce(ForceSurrogate):
         along = t_n * normal - t_tau * shear
         return np.stack([along[:count], t_n[:count] * b + t_tau[:count] * a, along[count:]])
 
-    def _evaluate_block(self, states, sizes, weights, response, parameters, work, scratch, traction) -> None:
+    def _evaluate_block(
+        self, states, sizes, weights, response, parameters, work, scratch, traction
+    ) -> None:
         result = _rows_at(traction, TRACTION_ROWS)
         result[:] = np.nan
         try:
             rows = _rows_at(states, STATE_ROWS)
-            # A point without a state is found by the evaluation itself. The user's function sees neither its bonds nor those that fill the
-            # last block, which have no length.
+            # A point without a state is found by the evaluation itself. The user's function sees
+            # neither its bonds nor those that fill the last block, which have no length.
             has_state = np.isfinite(rows).all(axis=0) & (rows[3] > 0) & (rows[4] > 0)
             rows = np.where(has_state & (rows[5] > 0), rows, REST)
             result[:] = np.where(has_state, self._tractions(*rows), np.nan)
-        except Exception as error:  # an exception cannot pass through compiled code; the evaluation raises it later
-            self.failure = error if isinstance(error, RuntimeError) else OwnForceFailed(f"{self.name}: {type(error).__name__}: {error}")
+        # an exception cannot pass through compiled code; the evaluation raises it later
+        except Exception as error:
+            self.failure = (
+                error
+                if isinstance(error, RuntimeError)
+                else OwnForceFailed(f"{self.name}: {type(error).__name__}: {error}")
+            )
 
     def compiled(self, dtype) -> CompiledBondForce:
         address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
-        return CompiledBondForce(address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0, needs_length=True)
+        return CompiledBondForce(
+            address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0, needs_length=True
+        )
 
     def check_material(self, law: Law) -> None:
-        """Check the user's force at a few bonds, or the derivatives of the user's energy at a few invariants.
+        """Check the user's force at a few bonds, or the derivatives of the user's energy at a few
+        invariants.
 
         Parameters
         ----------
@@ -235,13 +303,14 @@ class OwnBondForce(ForceSurrogate):
         Raises
         ------
         ValueError
-            If the object fails, or returns values that are not finite; if a derivative is not that of the energy; or if a force is not
-            zero at rest or not isotropic.
+            If the object fails, or returns values that are not finite; if a derivative is not that
+            of the energy; or if a force is not zero at rest or not isotropic.
 
         Warns
         -----
         UserWarning
-            If the shear modulus of an energy is not 1, or if a derivative or a force is off by more than `NOTED`.
+            If the shear modulus of an energy is not 1, or if a derivative or a force is off by more
+            than `NOTED`.
 
         Examples
         --------
@@ -265,11 +334,15 @@ class OwnBondForce(ForceSurrogate):
             raise ValueError(str(error)) from error
 
     def _check_energy(self) -> None:
-        """Check that the user's derivatives are those of the energy; warn if its shear modulus is not 1 (a forgotten factor)."""
+        """Check that the user's derivatives are those of the energy; warn if its shear modulus
+        is not 1 (a forgotten factor).
+        """
         of_W, names, (first, second) = [1, 0, 0], RESULTS["energy"], np.eye(2)
         derivatives = [(names[1], 1, of_W, first), (names[2], 2, of_W, second)]
         states = dict(zip(("I1bar", "I2bar"), np.array(INVARIANTS), strict=True))
-        compare = partial(compare_derivatives, self.name, "energy", self.energy, states, derivatives, 1.0)
+        compare = partial(
+            compare_derivatives, self.name, "energy", self.energy, states, derivatives, 1.0
+        )
         try:
             compare(NOTED)
         except ValueError as problem:
@@ -279,13 +352,16 @@ class OwnBondForce(ForceSurrogate):
         modulus = 2 * float(self.energy(near, near)[1:].sum())
         if not abs(modulus - 1) <= MOST_OFF:
             warnings.warn(
-                f"{self.name}: energy must be divided by the shear modulus, so that 2 (dW/dI1bar + dW/dI2bar) at rest is 1, but it is "
-                f"{modulus:.4g}: the material will be {modulus:.4g} times as stiff as the scene states",
+                f"{self.name}: energy must be divided by the shear modulus, so that 2 (dW/dI1bar +"
+                f" dW/dI2bar) at rest is 1, but it is {modulus:.4g}: the material will be"
+                f" {modulus:.4g} times as stiff as the scene states",
                 stacklevel=3,
             )
 
     def _check_force(self, found: np.ndarray) -> None:
-        """Check that the user's bond force vanishes at rest and is isotropic; `found` is the force at the bonds `TRIAL`."""
+        """Check that the user's bond force vanishes at rest and is isotropic; `found` is the
+        force at the bonds `TRIAL`.
+        """
         trial, rest = bond_arrays(*TRIAL), bond_arrays(1.0, 0.0, TRIAL[2], 1.0, 1.0)
         stretch, rotation, length, C33, J = trial
         size = np.linalg.norm(found, axis=1).max()
@@ -294,21 +370,34 @@ class OwnBondForce(ForceSurrogate):
         U_mm = lateral_stretch(a, b, J)
         T_nn, T_nm, T_mm = self._tractions(a, b, U_mm, J, C33, length)
         for bonds, off, what in (
-            (rest, np.linalg.norm(self._force(*rest), axis=1), "is not zero at rest; subtract its value there"),
+            (
+                rest,
+                np.linalg.norm(self._force(*rest), axis=1),
+                "is not zero at rest; subtract its value there",
+            ),
             (
                 trial,
                 np.linalg.norm(mirrored - found, axis=1) / size,
-                "distinguishes one sense of rotation from the other; in isotropic rubber the opposite rotation negates t_tau alone",
+                (
+                    "distinguishes one sense of rotation from the other; in isotropic rubber the"
+                    " opposite rotation negates t_tau alone"
+                ),
             ),
             (
                 trial,
                 np.abs(T_nm * (a - U_mm) - b * (T_nn - T_mm)) / size,
-                "is not isotropic: the stress by the bond and that across it has not the axes of their stretch tensor; t_tau of a bond "
-                "follows from t_n along the bond and of the bond across it",
+                (
+                    "is not isotropic: the stress by the bond and that across it has not the axes"
+                    " of their stretch tensor; t_tau of a bond follows from t_n along the bond and"
+                    " of the bond across it"
+                ),
             ),
         ):
             worst = int(off.argmax())
-            bond = ", ".join(f"{key} = {values[worst]:g}" for key, values in zip(self.features, bonds, strict=True))
+            bond = ", ".join(
+                f"{key} = {values[worst]:g}"
+                for key, values in zip(self.features, bonds, strict=True)
+            )
             problem = f"{self.name} {what}: off by {off[worst]:.2g} at {bond}"
             if not off[worst] <= MOST_OFF:
                 raise OwnForceInvalid(problem)
@@ -329,7 +418,9 @@ class OwnBondForce(ForceSurrogate):
 
 
 class _LawOf(InvariantLaw):
-    """Material law whose isochoric energy is the one a user wrote, for evaluation in NumPy alone."""
+    """Material law whose isochoric energy is the one a user wrote, for evaluation in NumPy
+    alone.
+    """
 
     name: ClassVar[str] = "own"
     reference: ClassVar[str] = ""
@@ -339,10 +430,14 @@ class _LawOf(InvariantLaw):
         object.__setattr__(self, "own", own)
 
     def isochoric(self, I1, I2, parameters):
-        """Return the user's W and its first derivatives by I1bar and I2bar; second derivatives are zero, as nothing needs them here."""
+        """Return the user's W and its first derivatives by I1bar and I2bar; second derivatives
+        are zero, as nothing needs them here.
+        """
         W, W1, W2 = self.own.energy(I1, I2)
         return W, W1, W2, 0 * W, 0 * W, 0 * W
 
 
 def _rows_at(address: int, rows: int) -> np.ndarray:
-    return np.ctypeslib.as_array(ctypes.cast(address, ctypes.POINTER(ctypes.c_double)), (rows, BLOCK))
+    return np.ctypeslib.as_array(
+        ctypes.cast(address, ctypes.POINTER(ctypes.c_double)), (rows, BLOCK)
+    )

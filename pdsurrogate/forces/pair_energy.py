@@ -1,4 +1,6 @@
-"""Energy of the pairs of a body, and the forces that are its gradient, theory (27)-(31), (48)-(52), (56), (57)."""
+"""Energy of the pairs of a body, and the forces that are its gradient, theory (27)-(31),
+(48)-(52), (56), (57).
+"""
 
 from collections.abc import Sequence
 
@@ -25,12 +27,15 @@ from .volume_energy import VolumeEnergy
 
 
 class PairEnergy(MaterialTerm):
-    """Internal force from the energy of all pairs (undirected bonds), each a function of the pair's deformation gradient F_ij.
+    """Internal force from the energy of all pairs (undirected bonds), each a function of the pair's
+    deformation gradient F_ij.
 
-    Under plane stress the pairs have the whole energy. In plane strain and three dimensions the energy is selective: isochoric at the pairs
-    and volumetric at the points (`VolumeEnergy`), which avoids locking. With several materials, each material evaluates a bond
-    and its ends as if the other material moved with it (`Interfaces`), so that a pair across an interface has one gradient for each
-    material; the derivative of the energy by the jump between the two gradients is a force on the points that determine the jump.
+    Under plane stress the pairs have the whole energy. In plane strain and three dimensions the
+    energy is selective: isochoric at the pairs and volumetric at the points (`VolumeEnergy`), which
+    avoids locking. With several materials, each material evaluates a bond and its ends as if the
+    other material moved with it (`Interfaces`), so that a pair across an interface has one gradient
+    for each material; the derivative of the energy by the jump between the two gradients is a force
+    on the points that determine the jump.
 
     Attributes
     ----------
@@ -50,11 +55,16 @@ class PairEnergy(MaterialTerm):
         if self.selective is None:
             self.selective = binding.settings.plane != "stress"
         self.shares = BondShares(self.kinematics, binding.precision)
-        if self.kinematics.changed is None:  # they do not depend on the energy, and two terms have them in common
+        if (
+            self.kinematics.changed is None
+        ):  # they do not depend on the energy, and two terms have them in common
             changes = balanced_changes(binding, self.shares)
             if changes is not None:
                 self.kinematics.change_weights(*changes)
-        self._model, models = binding.portions[0].model, [portion.model for portion in binding.portions]
+        self._model, models = (
+            binding.portions[0].model,
+            [portion.model for portion in binding.portions],
+        )
         self._domain = self._model.domain if whole else None
         owners = None if whole else binding.portion_of[body.bond_owners]
         each, self._own_bonds = [], []
@@ -70,7 +80,10 @@ class PairEnergy(MaterialTerm):
             sizes = [len(points.first) for points in self.materials]
             all_volumes = np.ones(sum(sizes))
             volumes = np.split(all_volumes, np.cumsum(sizes)[:-1])
-            self._parts = [SelectivePairs(*one, *more) for one, *more in zip(each, volumes, self._own_bonds, strict=True)]
+            self._parts = [
+                SelectivePairs(*one, *more)
+                for one, *more in zip(each, volumes, self._own_bonds, strict=True)
+            ]
             self.volume = VolumeEnergy(binding, self.shares, self._parts, all_volumes)
         else:
             self._parts = [PairEnergies(*one) for one in each]
@@ -79,27 +92,58 @@ class PairEnergy(MaterialTerm):
         if whole:
             (part,), pairs = self._parts, self.shares.pairs_of_points
             gather = [sum_moments[d].bind(part.moments, *pairs, 1.0, self._stresses, chunks=chunks)]
-            further = [sum_pair_forces[d].bind(part.forces, *pairs, 1.0, self._on_points, chunks=chunks)]
+            further = [
+                sum_pair_forces[d].bind(part.forces, *pairs, 1.0, self._on_points, chunks=chunks)
+            ]
         else:
-            seen_forces, seen_moments = (np.zeros_like(array) for array in (self._on_points, self._stresses))
-            moments = material_sums(self.kinematics, self.materials, "moments", self._parts, self._stresses, seen_moments)
-            forces = material_sums(self.kinematics, self.materials, "forces", self._parts, self._on_points, seen_forces)
+            seen_forces, seen_moments = (
+                np.zeros_like(array) for array in (self._on_points, self._stresses)
+            )
+            moments = material_sums(
+                self.kinematics,
+                self.materials,
+                "moments",
+                self._parts,
+                self._stresses,
+                seen_moments,
+            )
+            forces = material_sums(
+                self.kinematics, self.materials, "forces", self._parts, self._on_points, seen_forces
+            )
             gather = moments + forces
             self.in_units = [*enumerate(moments[:-1]), *enumerate(forces[:-1])]
             self._on_jumps, self._pulls = np.zeros((len(body), d)), np.zeros_like(self._on_points)
             seen = seen_forces, seen_moments, self._stresses[: len(body)]
             further = self.kinematics.interfaces.steps_back(*seen, self._on_jumps, self._pulls)
-        to_points = [*gather, *self.shares.steps_to_points(self._stresses, self._on_points, 1.0, *further)]
+        to_points = [
+            *gather,
+            *self.shares.steps_to_points(self._stresses, self._on_points, 1.0, *further),
+        ]
         seen = [step for points in self.materials for step in points.seen]
-        before, after = (seen, []) if self.volume is None else (self.volume.dilatation_steps, self.volume.steps)
-        leading, after = [] if binding.number else self.kinematics.steps(), [*after, *(part.find for part in self._parts), *to_points]
-        self._find_forces, self._find_all = (Steps(body.share, *first, *before, *after) for first in ([], leading))
-        self._after, self._sums = (sum(isinstance(step, BoundPass) for step in steps) for steps in (after, to_points))
+        before, after = (
+            (seen, []) if self.volume is None else (self.volume.dilatation_steps, self.volume.steps)
+        )
+        leading, after = (
+            [] if binding.number else self.kinematics.steps(),
+            [
+                *after,
+                *(part.find for part in self._parts),
+                *to_points,
+            ],
+        )
+        self._find_forces, self._find_all = (
+            Steps(body.share, *first, *before, *after) for first in ([], leading)
+        )
+        self._after, self._sums = (
+            sum(isinstance(step, BoundPass) for step in steps) for steps in (after, to_points)
+        )
         self.places = bool(leading)
 
     @property
     def _unit(self) -> float:
-        """Unit of the forces that the passes compute: the shear modulus of the material; 1 for several, whose sums have their own units."""
+        """Unit of the forces that the passes compute: the shear modulus of the material; 1 for
+        several, whose sums have their own units.
+        """
         return self._parts[0].unit if self.binding.whole else 1.0
 
     def take_numbers(self, portions: Sequence[Portion]) -> None:
@@ -122,9 +166,11 @@ class PairEnergy(MaterialTerm):
         self._run(self._find_forces, out)
 
     def _run(self, steps: Steps, out: np.ndarray) -> tuple[list[int], int, int]:
-        """Run the steps of an evaluation: compute the energy, and write the forces on points to `out`.
+        """Run the steps of an evaluation: compute the energy, and write the forces on points to
+        `out`.
 
-        Return the numbers of pairs outside the domain of each model, of pairs turned inside out, and of points without a finite force.
+        Return the numbers of pairs outside the domain of each model, of pairs turned inside out,
+        and of points without a finite force.
         """
         self._energy = np.nan
         found = steps()
@@ -149,32 +195,48 @@ class PairEnergy(MaterialTerm):
         return self._energy
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
-        """Return the forces of pairs on their first points: from the energies of the pairs, and from the moments of their two ends.
+        """Return the forces of pairs on their first points: from the energies of the pairs, and
+        from the moments of their two ends.
 
-        A moment is the derivative of the energy by a point's deformation gradient. The force of a pair with a ghost includes the
-        force that the mirrored pair exerts on the ghost of this first point.
+        A moment is the derivative of the energy by a point's deformation gradient. The force of a
+        pair with a ghost includes the force that the mirrored pair exerts on the ghost of this
+        first point.
         """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
         first, second = bonds.first[pairs], bonds.second[pairs]
         stresses, of_pairs = matrices(self._stresses[:n]), self._of_pairs("forces")
 
         def of_firsts(chosen: np.ndarray) -> np.ndarray:
-            """Return the part of the forces that does not come from the moments of the second ends."""
+            """Return the part of the forces that does not come from the moments of the second
+            ends.
+            """
             vectors = body.all_points[bonds.second[chosen]] - body.all_points[bonds.first[chosen]]
-            return of_pairs[chosen] + self.shares.strength[chosen, None] * np.einsum("bij,bj->bi", stresses[bonds.first[chosen]], vectors)
+            return of_pairs[chosen] + self.shares.strength[chosen, None] * np.einsum(
+                "bij,bj->bi", stresses[bonds.first[chosen]], vectors
+            )
 
         numbers = np.arange(len(bonds.first))[pairs]
-        forces, within, outer = of_firsts(numbers), np.flatnonzero(second < n), np.flatnonzero(second >= n)
-        partners = self.kinematics.mirrored_pairs[np.searchsorted(self.kinematics.outer_pairs, numbers[outer])]
+        forces, within, outer = (
+            of_firsts(numbers),
+            np.flatnonzero(second < n),
+            np.flatnonzero(second >= n),
+        )
+        partners = self.kinematics.mirrored_pairs[
+            np.searchsorted(self.kinematics.outer_pairs, numbers[outer])
+        ]
         forces[outer] -= body.ghosts.parity[bonds.second[partners] - n] * of_firsts(partners)
         vectors = body.points[second[within]] - body.points[first[within]]
-        forces[within] += self.shares.strength[numbers[within], None] * np.einsum("bij,bj->bi", stresses[second[within]], vectors)
+        forces[within] += self.shares.strength[numbers[within], None] * np.einsum(
+            "bij,bj->bi", stresses[second[within]], vectors
+        )
         forces *= self._unit
         changed = self._from_one_side()
         return forces if changed is None else forces + changed[pairs]
 
     def _from_one_side(self) -> np.ndarray | None:
-        """Return corrections of the forces of all pairs where bonds are omitted from gradients or have changed weights; None if none do."""
+        """Return corrections of the forces of all pairs where bonds are omitted from gradients
+        or have changed weights; None if none do.
+        """
         interfaces, bonds, body = self.kinematics.interfaces, self.body.bonds, self.body
         weights = self.kinematics.changed
         found = [] if weights is None else [(weights.numbers, weights.owners, weights.changes)]
@@ -185,9 +247,15 @@ class PairEnergy(MaterialTerm):
         numbers, owners, changes = (np.concatenate(each) for each in zip(*found, strict=True))
         pulls = self._unit * self.shares.pulls(self._stresses, owners, changes)
         pulls[bonds.first[bonds.pair_of[numbers]] != owners] *= -1
-        changed = np.stack([np.bincount(bonds.pair_of[numbers], pull, len(bonds.first)) for pull in pulls.T], axis=1)
+        changed = np.stack(
+            [np.bincount(bonds.pair_of[numbers], pull, len(bonds.first)) for pull in pulls.T],
+            axis=1,
+        )
         outer = self.kinematics.outer_pairs
-        changed[outer] -= body.ghosts.parity[bonds.second[outer] - len(body)] * changed[self.kinematics.mirrored_pairs]
+        changed[outer] -= (
+            body.ghosts.parity[bonds.second[outer] - len(body)]
+            * changed[self.kinematics.mirrored_pairs]
+        )
         return changed
 
     def forces_beside_pairs(self) -> np.ndarray | None:
@@ -195,15 +263,27 @@ class PairEnergy(MaterialTerm):
 
     def levers_on_planes(self) -> np.ndarray:
         kinematics, body = self.kinematics, self.body
-        forces, moments = self.shares.on_ghosts(self._of_pairs("forces"), self._of_pairs("moments"), self._stresses, self._unit)
-        own = body.share.own[body.ghosts.source, None]  # images count where the points that they mirror do
+        forces, moments = self.shares.on_ghosts(
+            self._of_pairs("forces"), self._of_pairs("moments"), self._stresses, self._unit
+        )
+        own = body.share.own[
+            body.ghosts.source, None
+        ]  # images count where the points that they mirror do
         places = kinematics.positions, matrices(kinematics.gradients)
-        return kinematics.gradient_ghosts.levers_on_planes(*places, forces * own, self._unit * matrices(moments * own))
+        return kinematics.gradient_ghosts.levers_on_planes(
+            *places, forces * own, self._unit * matrices(moments * own)
+        )
 
     def mean_stress(self) -> np.ndarray:
-        """Return the volume mean of the bonds' first Piola-Kirchhoff stresses, (d, d): the derivative of the energy by a homogeneous F."""
+        """Return the volume mean of the bonds' first Piola-Kirchhoff stresses, (d, d): the
+        derivative of the energy by a homogeneous F.
+        """
         bonds, points, d = self.body.bonds, self.body.all_points, self.body.dimension
-        forces, moments, found = self._of_pairs("forces"), self._of_pairs("moments"), np.zeros((d, d))
+        forces, moments, found = (
+            self._of_pairs("forces"),
+            self._of_pairs("moments"),
+            np.zeros((d, d)),
+        )
         for part in bonds.slabs():
             pairs = part.start + np.flatnonzero(self.body.share.own[bonds.first[part]])
             vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
@@ -215,41 +295,70 @@ class PairEnergy(MaterialTerm):
     def released_by(self, motion: np.ndarray) -> float | None:
         if not self.binding.whole:
             return None
-        kinematics, bonds, points, d = self.kinematics, self.body.bonds, self.body.all_points, self.body.dimension
-        own, positions, density = self.body.share.own, kinematics.positions[: len(motion)].copy(), self.stress_and_energy()[1]
+        kinematics, bonds, points, d = (
+            self.kinematics,
+            self.body.bonds,
+            self.body.all_points,
+            self.body.dimension,
+        )
+        own, positions, density = (
+            self.body.share.own,
+            kinematics.positions[: len(motion)].copy(),
+            self.stress_and_energy()[1],
+        )
         kinematics.form_gradients()
         before = kinematics.gradients.copy()
-        # Gradients are affine in the positions, so that their changes are the gradients of the motion.
+        # Gradients are affine in the positions, so that their changes are the gradients of the
+        # motion.
         kinematics.place(positions + motion, form=True)
         moved = (kinematics.gradients != before).any(axis=1)
-        growth = np.trace(matrices(kinematics.gradients[: len(motion)] - before[: len(motion)]), axis1=1, axis2=2)
+        growth = np.trace(
+            matrices(kinematics.gradients[: len(motion)] - before[: len(motion)]), axis1=1, axis2=2
+        )
         pairs = np.flatnonzero(own[bonds.first] & (moved[bonds.first] | moved[bonds.second]))
         ahead = self._gradients(pairs)
         kinematics.place(positions, form=True)
-        F, vectors = self._gradients(pairs), points[bonds.second[pairs]] - points[bonds.first[pairs]]
+        F, vectors = (
+            self._gradients(pairs),
+            points[bonds.second[pairs]] - points[bonds.first[pairs]],
+        )
         turned, moments = F @ (ahead - F), self._of_pairs("moments")[pairs].reshape(-1, d, d)
-        along = np.einsum("bi,bij,bj->", self._of_pairs("forces")[pairs], turned, vectors, dtype=float)
-        across = 2 * np.einsum("bji,bij->", moments, turned, dtype=float)  # P (I - n (x) n) is twice the moment
-        return float(self._unit * (along + across) - (self.body.volumes * density * growth)[own].sum())
+        along = np.einsum(
+            "bi,bij,bj->", self._of_pairs("forces")[pairs], turned, vectors, dtype=float
+        )
+        across = 2 * np.einsum(
+            "bji,bij->", moments, turned, dtype=float
+        )  # P (I - n (x) n) is twice the moment
+        return float(
+            self._unit * (along + across) - (self.body.volumes * density * growth)[own].sum()
+        )
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self.shares.strength[pairs] = 0.0
         around = self.shares.renew(changed)
         for part, own in zip(self._parts, self._own_bonds, strict=True):
             places, of_part = part.points.places_of_pairs(around)
-            self.shares.put_weights(part.geometry, places, of_part, self.shares.weights_of(of_part, own))
+            self.shares.put_weights(
+                part.geometry, places, of_part, self.shares.weights_of(of_part, own)
+            )
             if self.volume is not None:
                 self.shares.fill_end_shares(part.end_shares, places, of_part, own)
         if self.volume is not None:
             self.volume.renew()
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Return the numbers of pairs that were turned inside out, or pressed below `COLLAPSED` of their area or volume."""
+        """Return the numbers of pairs that were turned inside out, or pressed below `COLLAPSED`
+        of their area or volume.
+        """
         found = [super().collapsed_pairs()]
         for part, own in zip(self._parts, self._own_bonds, strict=True):
             if self.selective or part.counts()[1]:
                 pairs = np.arange(len(self.body.bonds.first))[part.points.pairs]
-                J = part.volumes[: len(pairs)] if self.selective else np.linalg.det(self._gradients(pairs))
+                J = (
+                    part.volumes[: len(pairs)]
+                    if self.selective
+                    else np.linalg.det(self._gradients(pairs))
+                )
                 low = pairs[~(J > bond_energy.COLLAPSED)]
                 found.append(low[self.shares.weights_of(low, own) > 0])
         return np.unique(np.concatenate(found))
@@ -258,7 +367,9 @@ class PairEnergy(MaterialTerm):
         if self.volume is None:
             return super().volume_ratios()
         self.kinematics.form_gradients()
-        self.body.share.agree(InvalidState(self._without_energy()) if self.volume.find_dilatations() else None)
+        self.body.share.agree(
+            InvalidState(self._without_energy()) if self.volume.find_dilatations() else None
+        )
         found = self.volume.dilatations.copy()
         if not self.binding.whole:
             found[self.binding.portion_of[: len(found)] == len(self.materials)] = 1.0
@@ -275,14 +386,21 @@ class PairEnergy(MaterialTerm):
         F, law = self.kinematics.deformation_gradients(), part.points.law
         if self.selective:
             found = part.isochoric.evaluate(*plane.isochoric_state(F))
-            return plane.stress_and_energy(law, F, self.volume_ratios(), self._bulk_stresses(), found)
+            return plane.stress_and_energy(
+                law, F, self.volume_ratios(), self._bulk_stresses(), found
+            )
         stress, energy = super().stress_and_energy()
         trace, J = plane_stress.invariants(F)
         found = part.model.energy_derivatives(law, trace, J)
         learned = np.ones(len(F), dtype=bool)
-        if self.binding.outside == "fallback":  # the exact energy counts in the whole band where it is blended in
+        if (
+            self.binding.outside == "fallback"
+        ):  # the exact energy counts in the whole band where it is blended in
             learned = self.domain_deviation() < 0.5 * np.log(1 - BLEND)
-        stress[learned, :2, :2] = part.unit * plane_stress.in_plane_stress(F, 2 * found.by_trace, J * found.by_area)[learned]
+        stress[learned, :2, :2] = (
+            part.unit
+            * plane_stress.in_plane_stress(F, 2 * found.by_trace, J * found.by_area)[learned]
+        )
         energy[learned] = part.unit * found.psi[learned]
         return stress, energy
 
@@ -300,7 +418,9 @@ class PairEnergy(MaterialTerm):
         return self._unit * self._model.member_deviations(self.materials[0].law, self._stretches())
 
     def _stretches(self) -> np.ndarray:
-        """Return the principal stretches of the points, shape (n, k); for a selective energy the three isochoric ones."""
+        """Return the principal stretches of the points, shape (n, k); for a selective energy the
+        three isochoric ones.
+        """
         stretches = principal_stretches(self.kinematics.deformation_gradients())
         if not self.selective:
             return stretches
@@ -309,21 +429,35 @@ class PairEnergy(MaterialTerm):
         return np.hstack([stretches, np.ones((len(J), 3 - stretches.shape[1]))]) / np.cbrt(J)
 
     def _gradients(self, pairs: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Return the deformation gradients F_ij (k, d, d) of given pairs, by default of all (theory (27))."""
+        """Return the deformation gradients F_ij (k, d, d) of given pairs, by default of all
+        (theory (27)).
+        """
         self.kinematics.form_gradients()
-        first, second, gradients = self.body.bonds.first[pairs], self.body.bonds.second[pairs], self.kinematics.gradients
-        vectors, between = (at[second] - at[first] for at in (self.body.all_points, self.kinematics.positions))
+        first, second, gradients = (
+            self.body.bonds.first[pairs],
+            self.body.bonds.second[pairs],
+            self.kinematics.gradients,
+        )
+        vectors, between = (
+            at[second] - at[first] for at in (self.body.all_points, self.kinematics.positions)
+        )
         length = np.linalg.norm(vectors, axis=1)[:, None]
         n, F = vectors / length, matrices(gradients[first] + gradients[second]) / 2
         return F + (between / length - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
 
     def _without_energy(self) -> str:
-        """Return an error message that names a point with a bond that has no energy, and the reason."""
+        """Return an error message that names a point with a bond that has no energy, and the
+        reason.
+        """
         pairs = np.flatnonzero(self.shares.weights_of() > 0)
         F = self._gradients()[pairs]
 
         def laws(place: int) -> list[Law]:
-            return [points.law for points in self.materials if points.whole or pairs[place] in points.pairs]
+            return [
+                points.law
+                for points in self.materials
+                if points.whole or pairs[place] in points.pairs
+            ]
 
         place, reason = why_invalid(F, " of a bond", self.kinematics.plane, laws)
         return at_point(self.body, int(self.body.bonds.first[pairs[place]]), reason)

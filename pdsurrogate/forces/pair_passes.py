@@ -1,4 +1,6 @@
-"""Energies and forces of the pairs (undirected bonds) of one material, with the compiled passes that compute them."""
+"""Energies and forces of the pairs (undirected bonds) of one material, with the compiled passes
+that compute them.
+"""
 
 from typing import NamedTuple
 
@@ -16,7 +18,9 @@ from .material_points import MaterialPoints
 
 
 class EnergyDerivatives(NamedTuple):
-    """Plane-stress energy and its derivatives by tr C and J = det F in the plane, dimensionless, arrays of one shape."""
+    """Plane-stress energy and its derivatives by tr C and J = det F in the plane, dimensionless,
+    arrays of one shape.
+    """
 
     psi: np.ndarray
     by_trace: np.ndarray
@@ -27,7 +31,8 @@ class EnergyDerivatives(NamedTuple):
 
 
 class Pairs:
-    """Base class for the pairs (undirected bonds) of one material with the arrays of their energies, forces and moments.
+    """Base class for the pairs (undirected bonds) of one material with the arrays of their
+    energies, forces and moments.
 
     Parameters
     ----------
@@ -43,7 +48,8 @@ class Pairs:
     forces : ndarray, shape (n_blocks * BLOCK, d)
         Forces of the pairs on their first points, in units of `unit`.
     moments : ndarray, shape (n_blocks * BLOCK, d d)
-        Derivatives of the pairs' energies by the deformation gradient of either end, see `pdsurrogate.kernels.bond_energy.pair_energies`.
+        Derivatives of the pairs' energies by the deformation gradient of either end, see
+        `pdsurrogate.kernels.bond_energy.pair_energies`.
     find : BoundPass
         Compiled pass that computes energies, forces and moments.
     """
@@ -53,8 +59,17 @@ class Pairs:
     def __init__(self, model, points: MaterialPoints, geometry: np.ndarray, precision: str) -> None:
         self.model, self.points, self.geometry = model, points, geometry
         count, d = len(points.first), points.positions.shape[1]
-        self.forces, self.moments = aligned_rows((count, d), precision), aligned_rows((count, d * d), precision)
-        self.places, self.pairs = (points.positions, points.gradients), ((points.first, points.second), geometry)
+        self.forces, self.moments = (
+            aligned_rows((count, d), precision),
+            aligned_rows((count, d * d), precision),
+        )
+        self.places, self.pairs = (
+            (points.positions, points.gradients),
+            (
+                (points.first, points.second),
+                geometry,
+            ),
+        )
         self._energies = np.zeros(len(geometry))
 
     @property
@@ -63,16 +78,21 @@ class Pairs:
         return self.points.law.shear_modulus
 
     def take_numbers(self, model) -> None:
-        """Replace the model by one of the same kind with other numbers, after `points` have taken those of the law."""
+        """Replace the model by one of the same kind with other numbers, after `points` have
+        taken those of the law.
+        """
         self.model = model
 
     def energy(self) -> float:
-        """Return the total energy of the material's pairs in the state last evaluated, divided by the shear modulus."""
+        """Return the total energy of the material's pairs in the state last evaluated, divided
+        by the shear modulus.
+        """
         return float(self._energies.sum())
 
 
 class PairEnergies(Pairs):
-    """Pairs of one material in a sheet under plane stress, whose whole energy the compiled pass `find` computes.
+    """Pairs of one material in a sheet under plane stress, whose whole energy the compiled pass
+    `find` computes.
 
     Parameters
     ----------
@@ -84,34 +104,64 @@ class PairEnergies(Pairs):
         Volumes for which the energies of these pairs count.
     """
 
-    def __init__(self, binding: Binding, shares: BondShares, model, points: MaterialPoints, weights: np.ndarray) -> None:
+    def __init__(
+        self,
+        binding: Binding,
+        shares: BondShares,
+        model,
+        points: MaterialPoints,
+        weights: np.ndarray,
+    ) -> None:
         kinematics, precision, domain = binding.kinematics, binding.precision, model.domain
-        super().__init__(model, points, shares.geometry(points.pairs, weights, precision), precision)
+        super().__init__(
+            model, points, shares.geometry(points.pairs, weights, precision), precision
+        )
         compiled, threads = model.compiled(precision), kinematics.chunks.threads
         self._weights, self._precision = compiled.weights, precision
-        guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(binding.outside, bond_energy.COUNTED) if domain else UNGUARDED
+        guard = (
+            {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(
+                binding.outside, bond_energy.COUNTED
+            )
+            if domain
+            else UNGUARDED
+        )
         self._counts = np.zeros((kinematics.chunks.number, 3), dtype=np.int64)
         limits = (domain or EVERYWHERE).limits(precision)
-        energy = compiled.address, analytic_energy_density(precision).address, compiled.constants(points), guard, limits
-        buffers = aligned_rows((threads, bond_energy.BUFFER_ROWS, BLOCK), precision), aligned_rows((threads, 4, BLOCK))
+        energy = (
+            compiled.address,
+            analytic_energy_density(precision).address,
+            compiled.constants(points),
+            guard,
+            limits,
+        )
+        buffers = (
+            aligned_rows((threads, bond_energy.BUFFER_ROWS, BLOCK), precision),
+            aligned_rows((threads, 4, BLOCK)),
+        )
         memory = *buffers, compiled.memory(threads, precision), kinematics.scratch
         results = self._counts, self._energies, self.forces, self.moments
-        self.find = bond_energy.pair_energies.bind(*self.places, self.pairs, *energy, memory, results, chunks=kinematics.chunks)
+        self.find = bond_energy.pair_energies.bind(
+            *self.places, self.pairs, *energy, memory, results, chunks=kinematics.chunks
+        )
 
     def take_numbers(self, model) -> None:
         super().take_numbers(model)
         self._weights[:] = model.compiled(self._precision).weights
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the numbers of pairs outside the model's domain, of pairs with det F_ij below `COLLAPSED`, and of pairs inside out."""
+        """Return the numbers of pairs outside the model's domain, of pairs with det F_ij below
+        `COLLAPSED`, and of pairs inside out.
+        """
         return tuple(self._counts.sum(axis=0).tolist())
 
 
 class SelectivePairs(Pairs):
-    """Pairs of one material with a selective energy: isochoric energy at the pairs, volumetric energy at the points.
+    """Pairs of one material with a selective energy: isochoric energy at the pairs, volumetric
+    energy at the points.
 
-    Compiled passes find the volume ratios of the pairs, and the forces of the isochoric energy and of the points' pressures.
-    Energies and forces of the pairs may be in single precision. Volume ratios are in double, since a pressure has K/mu times their error.
+    Compiled passes find the volume ratios of the pairs, and the forces of the isochoric energy and
+    of the points' pressures. Energies and forces of the pairs may be in single precision. Volume
+    ratios are in double, since a pressure has K/mu times their error.
 
     Parameters
     ----------
@@ -125,12 +175,13 @@ class SelectivePairs(Pairs):
     Attributes
     ----------
     pressures : ndarray, shape (k,)
-        Pressures of the material's points, in units of the shear modulus; their work is pressure times a share of the point's volume times
-        the change of det F_ij of a pair.
+        Pressures of the material's points, in units of the shear modulus; their work is pressure
+        times a share of the point's volume times the change of det F_ij of a pair.
     buffers : ndarray
         Working memory in doubles.
     volume_energies : ndarray
-        Volumetric energies of blocks of the material's points, divided by the shear modulus (`VolumeEnergy`).
+        Volumetric energies of blocks of the material's points, divided by the shear modulus
+        (`VolumeEnergy`).
     end_shares : ndarray, shape (n_blocks, 2, BLOCK)
         Shares of the volumes of both ends, see `BondShares.fill_end_shares`.
     find_volumes : BoundPass
@@ -138,31 +189,72 @@ class SelectivePairs(Pairs):
     """
 
     def __init__(
-        self, binding: Binding, shares: BondShares, model, points: MaterialPoints, weights: np.ndarray, volumes: np.ndarray, own
+        self,
+        binding: Binding,
+        shares: BondShares,
+        model,
+        points: MaterialPoints,
+        weights: np.ndarray,
+        volumes: np.ndarray,
+        own,
     ) -> None:
         dimension, chunks = points.positions.shape[1], binding.kinematics.chunks
-        self.isochoric = isochoric = model.isochoric_energy(points.law, binding.settings.plane, binding.outside, binding.precision)
-        geometry = shares.geometry(points.pairs, weights, "float64")  # the volumes are computed from this array
+        self.isochoric = isochoric = model.isochoric_energy(
+            points.law, binding.settings.plane, binding.outside, binding.precision
+        )
+        geometry = shares.geometry(
+            points.pairs, weights, "float64"
+        )  # the volumes are computed from this array
         super().__init__(model, points, geometry, isochoric.precision)
-        self.pressures, self.volume_energies, self.volumes = np.zeros(len(points.positions)), np.zeros(0), volumes
+        self.pressures, self.volume_energies, self.volumes = (
+            np.zeros(len(points.positions)),
+            np.zeros(0),
+            volumes,
+        )
         self.end_shares = aligned_rows((len(geometry), 2, BLOCK))
         pairs = np.arange(len(binding.kinematics.body.bonds.first))[points.pairs]
         shares.fill_end_shares(self.end_shares, np.arange(len(pairs)), pairs, own)
-        self.buffers = aligned_rows((chunks.threads, selective_energy.buffer_rows(dimension), BLOCK), value=1)
-        memory = self.buffers if isochoric.precision == "float64" else aligned_rows(self.buffers.shape, isochoric.precision, 1)
-        self.find_volumes = selective_energy.pair_volumes[dimension].bind(*self.places, self.pairs, self.buffers, volumes, chunks=chunks)
-        shares_and_energy, results = (self.end_shares, *isochoric.arguments), (self._energies, self.forces, self.moments)
+        self.buffers = aligned_rows(
+            (chunks.threads, selective_energy.buffer_rows(dimension), BLOCK), value=1
+        )
+        memory = (
+            self.buffers
+            if isochoric.precision == "float64"
+            else aligned_rows(self.buffers.shape, isochoric.precision, 1)
+        )
+        self.find_volumes = selective_energy.pair_volumes[dimension].bind(
+            *self.places, self.pairs, self.buffers, volumes, chunks=chunks
+        )
+        shares_and_energy, results = (
+            (self.end_shares, *isochoric.arguments),
+            (
+                self._energies,
+                self.forces,
+                self.moments,
+            ),
+        )
         self.find = selective_energy.pair_energies[dimension].bind(
-            *self.places, self.pressures, self.pairs, *shares_and_energy, memory, results, chunks=chunks
+            *self.places,
+            self.pressures,
+            self.pairs,
+            *shares_and_energy,
+            memory,
+            results,
+            chunks=chunks,
         )
 
     def take_numbers(self, model) -> None:
         super().take_numbers(model)
-        self.isochoric.parameters[:], self.isochoric.weights[:] = self.points.law.parameters, model.isochoric_weights
+        self.isochoric.parameters[:], self.isochoric.weights[:] = (
+            self.points.law.parameters,
+            model.isochoric_weights,
+        )
 
     def energy(self) -> float:
         return super().energy() + float(self.volume_energies.sum())
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the number of pairs outside the domain since the last call, and two zeros: `find_volumes` counts pairs inside out."""
+        """Return the number of pairs outside the domain since the last call, and two zeros:
+        `find_volumes` counts pairs inside out.
+        """
         return self.isochoric.count_outside(), 0, 0

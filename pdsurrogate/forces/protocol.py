@@ -18,7 +18,8 @@ from .term import Term
 
 @dataclass(frozen=True)
 class Member:
-    """Member of the committee of a learned model: another learned model, whose deviation from it a run can report.
+    """Member of the committee of a learned model: another learned model, whose deviation from it a
+    run can report.
 
     Attributes
     ----------
@@ -36,15 +37,18 @@ class Member:
 
 
 class ForceModel(ABC):
-    """Base class of force models, rules for the forces between points: exact laws, surrogates, and reference methods.
+    """Base class of force models, rules for the forces between points: exact laws, surrogates, and
+    reference methods.
 
-    A model declares the settings that it honors; `bind` combines it with a body, a material and settings.
+    A model declares the settings that it honors; `bind` combines it with a body, a material and
+    settings.
 
     Attributes
     ----------
     name : str
     family : str
-        Kind of force model; only models of one kind can describe the materials of one body together.
+        Kind of force model; only models of one kind can describe the materials of one body
+        together.
     honors : mapping
         Values that the model honors, for every field of `ForceSettings` that it uses.
     several_materials : tuple of str
@@ -52,11 +56,14 @@ class ForceModel(ABC):
     default_precision : str
         Precision of the bond pass under plane stress.
     mirrors_curves : bool
-        Whether mirrored points hold boundaries of any shape under this model; otherwise they hold edges alone.
+        Whether mirrored points hold boundaries of any shape under this model; otherwise they hold
+        edges alone.
     differentiable : bool
-        Whether Newton's method finds equilibria under this model, which derivatives of results and modes need.
+        Whether Newton's method finds equilibria under this model, which derivatives of results and
+        modes need.
     stated : mapping, optional
-        Errors that the card (the metadata of its artifact) of a learned model states, see `pdsurrogate.forces.agreement`.
+        Errors that the card (the metadata of its artifact) of a learned model states, see
+        `pdsurrogate.forces.agreement`.
     members : tuple of Member
         Members of the committee of a learned model, in a run that reports their deviation.
 
@@ -107,7 +114,8 @@ class ForceModel(ABC):
         Returns
         -------
         InternalForce
-            Its method ``place(positions)`` takes positions, shape (n, d), and evaluates the forces there.
+            Its method ``place(positions)`` takes positions, shape (n, d), and evaluates the forces
+            there.
 
         Raises
         ------
@@ -120,13 +128,17 @@ class ForceModel(ABC):
         --------
         >>> import pdsurrogate as pds
         >>> body = pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
-        >>> force = pds.AnalyticBondForce().bind(body, pds.materials.NeoHookean(), pds.ForceSettings())
+        >>> force = pds.AnalyticBondForce().bind(
+        ...     body, pds.materials.NeoHookean(), pds.ForceSettings()
+        ... )
         >>> force.place(body.points * [1.1, 1.0])
         >>> force.stress_and_energy()[1].shape
         (16,)
         """
         if not isinstance(body, Body):
-            raise TypeError(f"body must be a Body, such as Body.rectangle(1.0, 1.0, 0.1, 0.315), not {body!r}")
+            raise TypeError(
+                f"body must be a Body, such as Body.rectangle(1.0, 1.0, 0.1, 0.315), not {body!r}"
+            )
         if not isinstance(settings, ForceSettings):
             raise TypeError(f"settings must be ForceSettings(), not {settings!r}")
         settings.check(self.name, self.honored(settings.plane))
@@ -135,7 +147,8 @@ class ForceModel(ABC):
 
     @abstractmethod
     def terms(self, plane: str) -> Sequence[type[Term]]:
-        """Return the classes of the terms of the internal force under plane stress, in plane strain, or in three dimensions.
+        """Return the classes of the terms of the internal force under plane stress, in plane
+        strain, or in three dimensions.
 
         Parameters
         ----------
@@ -173,7 +186,8 @@ class ForceModel(ABC):
         return self.honors
 
     def usual_precision(self, settings: ForceSettings) -> str:
-        """Return the precision of the bond pass: from the settings if given, or else `default_precision` under plane stress, or double.
+        """Return the precision of the bond pass: from the settings if given, or else
+        `default_precision` under plane stress, or double.
 
         Parameters
         ----------
@@ -189,10 +203,13 @@ class ForceModel(ABC):
         >>> pds.load_surrogate("neo-hookean").usual_precision(pds.ForceSettings())
         'float32'
         """
-        return settings.precision or (self.default_precision if settings.plane == "stress" else "float64")
+        return settings.precision or (
+            self.default_precision if settings.plane == "stress" else "float64"
+        )
 
     def cause_of(self, error: RuntimeError) -> RuntimeError:
-        """Return the error to report for a failed evaluation: the error in a user's own code that caused it, or else the failure itself.
+        """Return the error to report for a failed evaluation: the error in a user's own code that
+        caused it, or else the failure itself.
 
         Parameters
         ----------
@@ -212,7 +229,8 @@ class ForceModel(ABC):
         return error
 
     def check_material(self, law: Law) -> None:  # noqa: B027 - most models have nothing to check
-        """Raise ValueError if the model does not describe a material; a model without learned data accepts every law.
+        """Raise ValueError if the model does not describe a material; a model without learned data
+        accepts every law.
 
         Parameters
         ----------
@@ -271,7 +289,10 @@ class ForceModel(ABC):
         >>> pds.AnalyticBondForce().facts
         {'family': 'bond force', 'learned': 'nothing: it is exact and serves every law'}
         """
-        return {"family": self.family, "learned": self.size or "nothing: it is exact and serves every law"}
+        return {
+            "family": self.family,
+            "learned": self.size or "nothing: it is exact and serves every law",
+        }
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name}>"
@@ -280,68 +301,113 @@ class ForceModel(ABC):
         return html_facts(f"Force model {self.name}", self.facts)
 
 
-def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettings, rigid: np.ndarray | None = None) -> InternalForce:
+def bind_portions(
+    body: Body,
+    portions: Sequence[Portion],
+    settings: ForceSettings,
+    rigid: np.ndarray | None = None,
+) -> InternalForce:
     """Return the internal force on a body of several materials, ready to be evaluated.
 
-    Portions (the points of one material each) with equal law and model are merged; if one portion is left, the body is evaluated as a body
-    of one material.
+    Portions (the points of one material each) with equal law and model are merged; if one portion
+    is left, the body is evaluated as a body of one material.
 
     Parameters
     ----------
     body : Body
     portions : sequence of Portion
-        Points of each material with its law and force model, which together contain every point of the body once.
+        Points of each material with its law and force model, which together contain every point of
+        the body once.
     settings : ForceSettings
         Settings that every model honors, as far as it uses them.
     rigid : ndarray of int, optional
-        Points of rigid parts, without a material; solvers move them, and bonds to other points act on them. The force must have an energy.
+        Points of rigid parts, without a material; solvers move them, and bonds to other points act
+        on them. The force must have an energy.
 
     Raises
     ------
     ValueError
-        If a point is in no portion or in two; if a model does not describe its law, cannot honor a setting, or does not accept several
-        materials in this plane; if models belong to different families; or if bonds may break and there are rigid points.
+        If a point is in no portion or in two; if a model does not describe its law, cannot honor a
+        setting, or does not accept several materials in this plane; if models belong to different
+        families; or if bonds may break and there are rigid points.
     """
     rigid = np.empty(0, dtype=np.int64) if rigid is None else rigid
     if not portions:
-        raise ValueError("the rigid regions contain all points of the body, so that no material is left to deform")
+        raise ValueError(
+            "the rigid regions contain all points of the body, so that no material is left to"
+            " deform"
+        )
     of_points = np.concatenate([rigid, *(portion.points for portion in portions)])
     if not np.array_equal(np.sort(of_points), np.arange(len(body))):
         raise ValueError("every point of the body must belong to exactly one material")
     families = {portion.model.family: portion.model.name for portion in portions}
     if len(families) > 1:
-        raise ValueError(f"all materials of a body need force models of the same family, not {' and '.join(sorted(families.values()))}")
+        raise ValueError(
+            "all materials of a body need force models of the same family, not"
+            f" {' and '.join(sorted(families.values()))}"
+        )
     if settings.breakable and len(rigid):
-        raise ValueError("bonds cannot break (fracture) in a body with rigid regions; give them a law, or leave out fracture")
+        raise ValueError(
+            "bonds cannot break (fracture) in a body with rigid regions; give them a law, or leave"
+            " out fracture"
+        )
     merged: list[Portion] = []
     for portion in portions:
-        same = next((n for n, other in enumerate(merged) if other.law == portion.law and _same(other.model, portion.model)), None)
+        same = next(
+            (
+                n
+                for n, other in enumerate(merged)
+                if other.law == portion.law and _same(other.model, portion.model)
+            ),
+            None,
+        )
         if same is None:
             merged.append(portion)
         else:
-            merged[same] = replace(portion, points=np.sort(np.concatenate([merged[same].points, portion.points])))
-    if len(merged) > 1 and (asked := [portion.model.name for portion in merged if portion.model.members]):
-        raise ValueError(f"{asked[0]}: the deviation of committee members is available only for bodies of one material; leave out #all")
+            merged[same] = replace(
+                portion, points=np.sort(np.concatenate([merged[same].points, portion.points]))
+            )
+    if len(merged) > 1 and (
+        asked := [portion.model.name for portion in merged if portion.model.members]
+    ):
+        raise ValueError(
+            f"{asked[0]}: the deviation of committee members is available only for bodies of one"
+            " material; leave out #all"
+        )
     if len(merged) == 1 and not len(rigid):
         return merged[0].model.bind(body, merged[0].law, settings)
     honored = {key for portion in merged for key in portion.model.honored(settings.plane)}
     for portion in merged:
-        # Models that hold everywhere do not use `outside`; those of other materials may have a domain.
+        # Models that hold everywhere do not use `outside`; those of other materials may have a
+        # domain.
         honors = portion.model.honored(settings.plane)
         spared = "outside" in honored and "outside" not in honors
         (replace(settings, outside=None) if spared else settings).check(portion.model.name, honors)
         portion.model.check_material(portion.law)
         several = portion.model.several_materials
         if not several:
-            raise ValueError(f"{portion.model.name} supports bodies of one material only; leave out materials")
-        # The pressure of bond forces and of NOSB depends on det F at single points (theory, section 16). A point would have to keep its
-        # volume both in its own motion and in the continued motion of the other material, and no equilibrium exists; with one gradient for
-        # both materials, states that are homogeneous on either side are not in equilibrium.
+            raise ValueError(
+                f"{portion.model.name} supports bodies of one material only; leave out materials"
+            )
+        # The pressure of bond forces and of NOSB depends on det F at single points (theory, section
+        # 16). A point would have to keep its volume both in its own motion and in the continued
+        # motion of the other material, and no equilibrium exists; with one gradient for both
+        # materials, states that are homogeneous on either side are not in equilibrium.
         if settings.plane not in several:
-            raise ValueError(f"{portion.model.name} supports several materials only with plane=stress; use force=bond-energy")
+            raise ValueError(
+                f"{portion.model.name} supports several materials only with plane=stress; use"
+                " force=bond-energy"
+            )
     return InternalForce(body, merged, settings)
 
 
 def _same(model: ForceModel, other: ForceModel) -> bool:
-    """Return whether two models are equivalent: the same object, or two of one class without learned data."""
-    return model is other or (type(model) is type(other) and model.name == other.name and not model.payload() and not other.payload())
+    """Return whether two models are equivalent: the same object, or two of one class without
+    learned data.
+    """
+    return model is other or (
+        type(model) is type(other)
+        and model.name == other.name
+        and not model.payload()
+        and not other.payload()
+    )

@@ -10,13 +10,17 @@ from ..materials import PLANES, dimension_of
 from ..paper.rotation import convected_rotations
 
 OUTSIDE_POLICIES = {"fallback": FALL_BACK, "warn": TURNED, "raise": TURNED, "extrapolate": TURNED}
-"""Policies for bonds outside a surrogate's domain, each with its guard in compiled passes (`pdsurrogate.kernels.bond_force`)."""
+"""Policies for bonds outside a surrogate's domain, each with its guard in compiled passes
+(`pdsurrogate.kernels.bond_force`).
+"""
 
 PRECISIONS = ("float32", "float64")
 
 ROTATIONS = {"polar": None, "convected": convected_rotations}
-"""Definitions of the rotation of a horizon (the material around a point) by name, each with the compiled pass that overwrites the rotation
-from the polar decomposition; None for the polar decomposition itself."""
+"""Definitions of the rotation of a horizon (the material around a point) by name, each with the
+compiled pass that overwrites the rotation from the polar decomposition; None for the polar
+decomposition itself.
+"""
 
 SETTINGS = {
     "precision": PRECISIONS,
@@ -26,7 +30,9 @@ SETTINGS = {
     "breakable": (True,),
     "plane": tuple(PLANES),
 }
-"""Settings of a force evaluation, and their possible values other than the default of `ForceSettings`."""
+"""Settings of a force evaluation, and their possible values other than the default of
+`ForceSettings`.
+"""
 
 WHERE = {"stress": "", "strain": " in plane strain", "space": " of solids"}
 OTHERS = {
@@ -34,33 +40,43 @@ OTHERS = {
     "strain": "force=analytic and force=bond-energy support both",
     "space": "force=bond-energy, force=nosb and artifacts of isochoric energies support solids",
 }
-"""Advice for error messages about a model that does not support a plane: which models do, by the plane."""
+"""Advice for error messages about a model that does not support a plane: which models do, by the
+plane.
+"""
 ROTATION, OUTSIDE = "polar", "fallback"
-"""Default rotation of a horizon and default policy outside the domain, for models that honor these settings."""
+"""Default rotation of a horizon and default policy outside the domain, for models that honor
+these settings.
+"""
 
 
 @dataclass(frozen=True)
 class ForceSettings:
-    """Settings of the evaluation of a force model on a body; the model chooses values for settings that are None.
+    """Settings of the evaluation of a force model on a body; the model chooses values for settings
+    that are None.
 
-    A setting that a model cannot honor is rejected (`check`), so that no setting is ignored silently.
+    A setting that a model cannot honor is rejected (`check`), so that no setting is ignored
+    silently.
 
     Parameters
     ----------
     precision : {"float32", "float64"}, optional
-        Precision of the compiled pass over the bonds; positions, sums and the states of the points are always in double precision.
+        Precision of the compiled pass over the bonds; positions, sums and the states of the points
+        are always in double precision.
     correction : {"tensor", "scalar", "none"}, optional
-        Correction of incomplete horizons in bond forces: theory (21), the paper's (24)-(25), or nothing. By default "tensor" if the model
-        allows it.
+        Correction of incomplete horizons in bond forces: theory (21), the paper's (24)-(25), or
+        nothing. By default "tensor" if the model allows it.
     rotation : {"polar", "convected"}, optional
-        Rotation of a horizon: from the polar decomposition, which is the default, or by the paper's (22)-(23).
+        Rotation of a horizon: from the polar decomposition, which is the default, or by the paper's
+        (22)-(23).
     outside : {"fallback", "warn", "raise", "extrapolate"}, optional
-        Policy for bonds outside the model's domain: the exact bond force (the default), a warning, an error, or nothing. A bond turned by
-        a right angle from its horizon has no features, and gets the exact bond force even with "extrapolate".
+        Policy for bonds outside the model's domain: the exact bond force (the default), a warning,
+        an error, or nothing. A bond turned by a right angle from its horizon has no features, and
+        gets the exact bond force even with "extrapolate".
     breakable : bool
         Whether bonds may break, for which more reference data are kept.
     plane : {"stress", "strain", "space"}
-        Plane stress (free thickness) or plane strain (held thickness) for a body in the plane; "space" for every body in three dimensions.
+        Plane stress (free thickness) or plane strain (held thickness) for a body in the plane;
+        "space" for every body in three dimensions.
 
     See Also
     --------
@@ -84,7 +100,9 @@ class ForceSettings:
         for field in fields(self):
             key, value = field.name, getattr(self, field.name)
             if value not in (field.default, *SETTINGS[key]):
-                raise ValueError(f"{key} must be one of {', '.join(map(str, SETTINGS[key]))}, not {value!r}")
+                raise ValueError(
+                    f"{key} must be one of {', '.join(map(str, SETTINGS[key]))}, not {value!r}"
+                )
 
     def check(self, name: str, honors: Mapping[str, tuple]) -> None:
         """Check that a model can honor all settings that are given.
@@ -94,12 +112,14 @@ class ForceSettings:
         name : str
             Name of the model.
         honors : mapping
-            Values that the model can honor, by setting; the model does not use a setting that is missing here.
+            Values that the model can honor, by setting; the model does not use a setting that is
+            missing here.
 
         Raises
         ------
         ValueError
-            If a setting is not honored; the message names the setting, the model, and the values that it accepts.
+            If a setting is not honored; the message names the setting, the model, and the values
+            that it accepts.
 
         Examples
         --------
@@ -118,10 +138,15 @@ class ForceSettings:
                 continue
             where = WHERE[self.plane] if key != "plane" else ""
             taken = {key: honors[key]} if key in honors else honors
-            words = ", ".join(_words(key, *values) for key, values in taken.items()) or "none of these settings"
+            words = (
+                ", ".join(_words(key, *values) for key, values in taken.items())
+                or "none of these settings"
+            )
             others = OTHERS if key == "plane" else {}
             advice = f"; {others[value]}" if value in others else ""
-            raise ValueError(f"{name} does not support {_words(key, value)}{where}; it supports {words}{advice}")
+            raise ValueError(
+                f"{name} does not support {_words(key, value)}{where}; it supports {words}{advice}"
+            )
 
     def check_body(self, body: Body) -> None:
         """Raise ValueError for a body whose dimension does not match `plane`.
@@ -142,7 +167,10 @@ class ForceSettings:
         """
         if body.dimension != dimension_of(self.plane):
             right = "plane=stress or plane=strain" if body.dimension == 2 else "plane=space"
-            raise ValueError(f"plane={self.plane} needs a {dimension_of(self.plane)}D body, but this one is {body.dimension}D: use {right}")
+            raise ValueError(
+                f"plane={self.plane} needs a {dimension_of(self.plane)}D body, but this one is"
+                f" {body.dimension}D: use {right}"
+            )
 
 
 def _words(key: str, *values) -> str:

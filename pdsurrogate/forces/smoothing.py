@@ -13,13 +13,15 @@ from ..kernels import dilatation, selective_energy
 
 
 class Smoothing:
-    """Smoothing W of the dilatations of points: weights of each point and its neighbors in a mean (theory (50)).
+    """Smoothing W of the dilatations of points: weights of each point and its neighbors in a mean
+    (theory (50)).
 
-    On a grid the weights are (1 2 1)/4 along each axis. Rows add up to one, so that a uniform dilatation is unchanged; V_i W_ij is
-    symmetric, so that the mean dilatation is unchanged as well, and a uniform pressure too. If points lie closer than on a grid, a point
-    keeps the weight that it has on a grid, a quarter in the plane and an eighth in three dimensions. The weight of a neighbor beyond a
-    surface or a crack stays with the point. A mirror image is a neighbor; images beyond a clamped plane deform differently from the body
-    and have no weight.
+    On a grid the weights are (1 2 1)/4 along each axis. Rows add up to one, so that a uniform
+    dilatation is unchanged; V_i W_ij is symmetric, so that the mean dilatation is unchanged as
+    well, and a uniform pressure too. If points lie closer than on a grid, a point keeps the weight
+    that it has on a grid, a quarter in the plane and an eighth in three dimensions. The weight of a
+    neighbor beyond a surface or a crack stays with the point. A mirror image is a neighbor; images
+    beyond a clamped plane deform differently from the body and have no weight.
 
     Parameters
     ----------
@@ -32,13 +34,17 @@ class Smoothing:
 
     def __init__(self, body: Body, carries: np.ndarray, breakable: bool = False) -> None:
         bonds, ghosts, n = body.bonds, body.ghosts, len(body)
-        mirrors = np.concatenate([np.ones(n, dtype=bool), (ghosts.parity == ghosts.reflection).all(axis=1)])
+        mirrors = np.concatenate(
+            [np.ones(n, dtype=bool), (ghosts.parity == ghosts.reflection).all(axis=1)]
+        )
         found = []
         for part in bonds.slabs():
             first, second = bonds.first[part], bonds.second[part]
             offsets = np.abs(body.all_points[second] - body.all_points[first]) / body.cell
             near = carries[part] & mirrors[second] & (offsets < 2).all(axis=1)
-            found.append((part.start + np.flatnonzero(near), (0.5 - offsets[near] / 4).prod(axis=1)))
+            found.append(
+                (part.start + np.flatnonzero(near), (0.5 - offsets[near] / 4).prod(axis=1))
+            )
         pairs, weights = (np.concatenate(parts) for parts in zip(*found, strict=True))
         first, second = bonds.first[pairs], bonds.second[pairs]
         weights *= body.volumes[first] * body.all_volumes[second] / body.cell.prod()
@@ -46,16 +52,29 @@ class Smoothing:
         second = np.concatenate([np.arange(n, dtype=np.uint32), ghosts.source])[second]
         rows = np.concatenate([first, second[within]])
         order = np.argsort(rows, kind="stable")
-        self._pointers, self._columns = pointers_to(rows, n), np.concatenate([second, first[within]])[order]
-        self._volumes, self._most, self._share, self._single = body.volumes, 1 - 0.5**body.dimension, body.share, None
+        self._pointers, self._columns = (
+            pointers_to(rows, n),
+            np.concatenate([second, first[within]])[order],
+        )
+        self._volumes, self._most, self._share, self._single = (
+            body.volumes,
+            1 - 0.5**body.dimension,
+            body.share,
+            None,
+        )
         raw = np.concatenate([weights, weights[within]])[order]
         self._weights, self._own = np.empty(len(raw)), np.empty(n)
         self._limit(raw)
         if breakable:
-            self._raw, self._pairs = raw, np.concatenate([pairs, pairs[within]])[order].astype(np.uint32)
+            self._raw, self._pairs = (
+                raw,
+                np.concatenate([pairs, pairs[within]])[order].astype(np.uint32),
+            )
 
     def _limit(self, raw: np.ndarray) -> None:
-        """Set the weights from unlimited weights `raw`, so that the neighbors of a point have together at most their weight on a grid."""
+        """Set the weights from unlimited weights `raw`, so that the neighbors of a point have
+        together at most their weight on a grid.
+        """
         n = len(self._own)
         rows = np.repeat(np.arange(n), np.diff(self._pointers).astype(np.int64))
         caps = self._most / np.maximum(np.bincount(rows, raw, n) / self._volumes, self._most)
@@ -64,19 +83,29 @@ class Smoothing:
         self._own[:] = 1 - np.bincount(rows, self._weights, n)
 
     def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
-        """Return the compiled pass that writes the smoothed `values` (n,) of points to ``out[:n]``, in the precision of the values."""
+        """Return the compiled pass that writes the smoothed `values` (n,) of points to
+        ``out[:n]``, in the precision of the values.
+        """
         return selective_energy.smooth.bind(self._matrix(values.dtype), values, out, chunks=chunks)
 
-    def bind_sum(self, values: np.ndarray, factor: float, others, out: np.ndarray, chunks: Chunks) -> BoundPass:
-        """Return the compiled pass that writes `factor` times the smoothed `values`, plus three products, to `out`.
+    def bind_sum(
+        self, values: np.ndarray, factor: float, others, out: np.ndarray, chunks: Chunks
+    ) -> BoundPass:
+        """Return the compiled pass that writes `factor` times the smoothed `values`, plus three
+        products, to `out`.
 
-        `others` are the three products, as pairs of a factor and an array; `out` may be one of these arrays.
+        `others` are the three products, as pairs of a factor and an array; `out` may be one of
+        these arrays.
         """
         others = tuple((float(of_other), other) for of_other, other in others)
-        return dilatation.smooth_and_add.bind(self._matrix(values.dtype), values, factor, others, out, chunks=chunks)
+        return dilatation.smooth_and_add.bind(
+            self._matrix(values.dtype), values, factor, others, out, chunks=chunks
+        )
 
     def _matrix(self, dtype) -> tuple[np.ndarray, ...]:
-        """Return the weights in a precision: CSR pointers, columns and values of the neighbors, and the points' own weights."""
+        """Return the weights in a precision: CSR pointers, columns and values of the neighbors,
+        and the points' own weights.
+        """
         if dtype == np.float64:
             return self._pointers, self._columns, self._weights, self._own
         if self._single is None:
@@ -89,12 +118,19 @@ class Smoothing:
             single[:] = exact
 
     def matrix(self) -> scipy.sparse.csr_array:
-        """Return the weights as a sparse matrix W, shape (n, n): ``W @ values`` are smoothed values."""
+        """Return the weights as a sparse matrix W, shape (n, n): ``W @ values`` are smoothed
+        values.
+        """
         n = len(self._own)
-        neighbors = scipy.sparse.csr_array((self._weights, self._columns.astype(np.int64), self._pointers.astype(np.int64)), shape=(n, n))
+        neighbors = scipy.sparse.csr_array(
+            (self._weights, self._columns.astype(np.int64), self._pointers.astype(np.int64)),
+            shape=(n, n),
+        )
         return neighbors + scipy.sparse.diags_array(self._own, format="csr")
 
     def renew(self, carries: np.ndarray) -> None:
-        """Update the weights after bonds have broken; `carries` flags the pairs that still carry force."""
+        """Update the weights after bonds have broken; `carries` flags the pairs that still carry
+        force.
+        """
         self._raw[~carries[self._pairs]] = 0.0
         self._limit(self._raw)

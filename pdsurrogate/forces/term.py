@@ -1,4 +1,6 @@
-"""Base classes of the terms of the internal force, and the classes for the state that terms keep between evaluations."""
+"""Base classes of the terms of the internal force, and the classes for the state that terms keep
+between evaluations.
+"""
 
 import warnings
 from abc import ABC, abstractmethod
@@ -29,11 +31,13 @@ class StateArray:
     ----------
     name : str
     rows : {"points", "images", "bonds", "pairs"}
-        Kind of its rows: one for every point, every point and image, every directed bond, or every pair.
+        Kind of its rows: one for every point, every point and image, every directed bond, or every
+        pair.
     values : ndarray
         Changed in place.
     shown : bool
-        Whether results show the array as a field on the points; values of bonds and pairs are averaged over the bonds of a point.
+        Whether results show the array as a field on the points; values of bonds and pairs are
+        averaged over the bonds of a point.
     """
 
     name: str
@@ -42,11 +46,15 @@ class StateArray:
     shown: bool = False
 
     def at_points(self, body: Body) -> np.ndarray:
-        """Return one value for every point, shape (n, ...); values of bonds and pairs are averaged over a point's bonds (0 if none)."""
+        """Return one value for every point, shape (n, ...); values of bonds and pairs are
+        averaged over a point's bonds (0 if none).
+        """
         if self.rows in ("points", "images"):
             return self.values[: len(body)]
         counts = np.diff(body.bonds.pointers).astype(np.int64)
-        values = self.values[: counts.sum()] if self.rows == "bonds" else self.values[body.bonds.pair_of]
+        values = (
+            self.values[: counts.sum()] if self.rows == "bonds" else self.values[body.bonds.pair_of]
+        )
         found = np.zeros((len(body), *values.shape[1:]))
         np.add.at(found, np.repeat(np.arange(len(body)), counts), values)
         return (found.T / np.maximum(counts, 1)).T
@@ -54,7 +62,9 @@ class StateArray:
 
 @dataclass(frozen=True)
 class Kept:
-    """Declaration of a `StateArray` with history by a term: kind, shape, type and initial value of a row, and whether results show it."""
+    """Declaration of a `StateArray` with history by a term: kind, shape, type and initial value
+    of a row, and whether results show it.
+    """
 
     name: str
     rows: str
@@ -64,24 +74,38 @@ class Kept:
     shown: bool = False
 
     def allocate(self, body: Body) -> StateArray:
-        """Return a new `StateArray` with a row for each point, bond or pair of a body, as declared, and the initial value everywhere."""
+        """Return a new `StateArray` with a row for each point, bond or pair of a body, as
+        declared, and the initial value everywhere.
+        """
         bonds = body.bonds
-        sizes = {"points": len(body), "images": len(body.all_points), "bonds": len(bonds.neighbors), "pairs": len(bonds.first)}
-        return StateArray(self.name, self.rows, np.full((sizes[self.rows], *self.shape), self.at_rest, self.dtype), self.shown)
+        sizes = {
+            "points": len(body),
+            "images": len(body.all_points),
+            "bonds": len(bonds.neighbors),
+            "pairs": len(bonds.first),
+        }
+        return StateArray(
+            self.name,
+            self.rows,
+            np.full((sizes[self.rows], *self.shape), self.at_rest, self.dtype),
+            self.shown,
+        )
 
 
 class Term(ABC):
-    """Base class of the terms of an internal force, bound to a body and its materials: each computes forces on the points.
+    """Base class of the terms of an internal force, bound to a body and its materials: each
+    computes forces on the points.
 
-    A term derives from this class, or from `MaterialTerm` if laws of materials determine the states of its points, and declares its
-    properties in class attributes.
+    A term derives from this class, or from `MaterialTerm` if laws of materials determine the states
+    of its points, and declares its properties in class attributes.
 
     Attributes
     ----------
     needs_gradients : bool
         Whether the term needs the deformation gradients of the points.
     keeps : tuple of Kept
-        Declarations of the arrays with the history of the term, which `accept` alone changes; `kept` holds the arrays by name.
+        Declarations of the arrays with the history of the term, which `accept` alone changes;
+        `kept` holds the arrays by name.
     has_energy : bool
         Whether the forces are minus the derivative of an energy.
     zero_energy_modes : bool
@@ -89,9 +113,11 @@ class Term(ABC):
     volume : VolumeEnergy or None
         Volumetric energy of the points; None if they have none of their own.
     learned_thickness : bool
-        Whether the volume ratios J3 of the points are computed with a learned force, and not by the law.
+        Whether the volume ratios J3 of the points are computed with a learned force, and not by the
+        law.
     places : bool
-        Whether `find` begins with the steps of `Kinematics.steps`, which place the points and form their gradients.
+        Whether `find` begins with the steps of `Kinematics.steps`, which place the points and form
+        their gradients.
     correction : str
         Correction of incomplete horizons.
     state : list of StateArray
@@ -111,14 +137,19 @@ class Term(ABC):
     correction = "none"
 
     def __init__(self, binding: Binding) -> None:
-        self.binding, self.kinematics, self.body = binding, binding.kinematics, binding.kinematics.body
+        self.binding, self.kinematics, self.body = (
+            binding,
+            binding.kinematics,
+            binding.kinematics.body,
+        )
         self.state = [kept.allocate(self.body) for kept in self.keeps]
         self.kept = {array.name: array.values for array in self.state}
         self.materials: list[MaterialPoints] = []
         self.watches: list[DomainWatch] = []
 
     def take_numbers(self, portions: Sequence[Portion]) -> None:
-        """Replace laws and models in place by others of the same kinds, on the same points, that differ in numbers alone.
+        """Replace laws and models in place by others of the same kinds, on the same points, that
+        differ in numbers alone.
 
         A term that copies numbers of laws or models overrides it.
         """
@@ -126,10 +157,12 @@ class Term(ABC):
 
     @abstractmethod
     def find(self, out: np.ndarray) -> None:
-        """Evaluate the term at the positions in `kinematics`: write the forces on the points, shape (n, d), to `out`.
+        """Evaluate the term at the positions in `kinematics`: write the forces on the points, shape
+        (n, d), to `out`.
 
-        Any evaluation is a trial: the forces follow from the positions, from the history of the state last accepted, and from
-        `Kinematics.elapsed`, the time since then. Each of `watches` receives the number of pairs found outside its model's domain.
+        Any evaluation is a trial: the forces follow from the positions, from the history of the
+        state last accepted, and from `Kinematics.elapsed`, the time since then. Each of `watches`
+        receives the number of pairs found outside its model's domain.
 
         Raises
         ------
@@ -146,69 +179,92 @@ class Term(ABC):
 
     @abstractmethod
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
-        """Return the force on the first point of given pairs in the state last evaluated, shape (k, d)."""
+        """Return the force on the first point of given pairs in the state last evaluated, shape
+        (k, d).
+        """
 
     @abstractmethod
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the term adds to stress and energy density of the points, see `InternalForce.stress_and_energy`."""
+        """Return what the term adds to stress and energy density of the points, see
+        `InternalForce.stress_and_energy`.
+        """
 
     def accept(self, elapsed: float) -> None:  # noqa: B027 - most terms have no history
-        """Add to the history the state at the positions in `kinematics`, reached in a time `elapsed` since the state accepted before."""
+        """Add to the history the state at the positions in `kinematics`, reached in a time
+        `elapsed` since the state accepted before.
+        """
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
-        """Remove broken `pairs` from the term; `changed` are all pairs that this affects, as `Kinematics.break_bonds` returns them.
+        """Remove broken `pairs` from the term; `changed` are all pairs that this affects, as
+        `Kinematics.break_bonds` returns them.
 
         Terms of models that honor `ForceSettings.breakable` must override it.
         """
         raise NotImplementedError
 
     def forces_beside_pairs(self) -> np.ndarray | None:
-        """Return the forces on points that are not forces of pairs, shape (n, d); None if there are none."""
+        """Return the forces on points that are not forces of pairs, shape (n, d); None if there
+        are none.
+        """
         return None
 
     def levers_on_planes(self) -> np.ndarray | None:
-        """Return first moments of the forces of reflection planes, see `InternalForce.levers_on_planes`; None without energy."""
+        """Return first moments of the forces of reflection planes, see
+        `InternalForce.levers_on_planes`; None without energy.
+        """
         return None
 
     def mean_stress(self) -> np.ndarray:
-        """Return the volume mean of the first Piola-Kirchhoff stress, shape (d, d): (1/V) sum of f (x) x over the bonds.
+        """Return the volume mean of the first Piola-Kirchhoff stress, shape (d, d): (1/V) sum of f
+        (x) x over the bonds.
 
-        f is the force and x the reference vector of a bond; half of a bond with a ghost lies within the body. The stress is work-conjugate
-        to the mean deformation gradient.
+        f is the force and x the reference vector of a bond; half of a bond with a ghost lies within
+        the body. The stress is work-conjugate to the mean deformation gradient.
         """
         bonds, points = self.body.bonds, self.body.all_points
         share = np.where(bonds.second < len(self.body), 1.0, 0.5) * self.body.share.own[bonds.first]
         vectors = points[bonds.second] - points[bonds.first]
-        return np.einsum("b,bi,bj->ij", share, self.pair_forces(slice(len(bonds.first))), vectors) / whole_volume(self.body)
+        return np.einsum(
+            "b,bi,bj->ij", share, self.pair_forces(slice(len(bonds.first))), vectors
+        ) / whole_volume(self.body)
 
     def energy(self) -> float:
-        """Return the stored energy in the state last evaluated, NaN if it is undefined there; TypeError for a term without energy."""
+        """Return the stored energy in the state last evaluated, NaN if it is undefined there;
+        TypeError for a term without energy.
+        """
         raise TypeError(f"{type(self).__name__} has no energy")
 
     def released_by(self, motion: np.ndarray) -> float | None:
-        """Return the energy released by a motion of the undeformed points, see `released_by` of `internal_force`; None without energy."""
+        """Return the energy released by a motion of the undeformed points, see `released_by` of
+        `internal_force`; None without energy.
+        """
         return None
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Return the indices of the pairs that were nearly or fully turned inside out in the last evaluation.
+        """Return the indices of the pairs that were nearly or fully turned inside out in the last
+        evaluation.
 
         The array is empty unless a subclass looks for such pairs.
         """
         return np.empty(0, dtype=np.int64)
 
     def domain_deviation(self) -> np.ndarray | None:
-        """Return how far the points are beyond the domain of the model (`Domain.deviation`), shape (n,); None if it has no domain."""
+        """Return how far the points are beyond the domain of the model (`Domain.deviation`),
+        shape (n,); None if it has no domain.
+        """
         return None
 
     def beyond_data(self) -> np.ndarray | None:
-        """Return how far states are beyond the test data (`Domain.beyond_data`): those of bonds for a bond force, of points for an energy.
+        """Return how far states are beyond the test data (`Domain.beyond_data`): those of bonds for
+        a bond force, of points for an energy.
 
         Each bond or point is counted on one rank only. None if the model has no hull of test data.
         """
         return None
 
     def member_deviation(self) -> np.ndarray | None:
-        """Return the greatest deviation of a committee's members from the model at every point, shape (n,); None without members.
+        """Return the greatest deviation of a committee's members from the model at every point,
+        shape (n,); None without members.
 
         The deviation is a stress; for a bond force it is the greatest among the bonds of a point
         (`pdsurrogate.forces.learned.greatest_deviations`).
@@ -217,15 +273,17 @@ class Term(ABC):
 
 
 class MaterialTerm(Term):
-    """Base class of terms whose forces follow from the states of the points by the laws of their materials.
+    """Base class of terms whose forces follow from the states of the points by the laws of their
+    materials.
 
-    A term derives from this class and binds its steps in `bind_steps`. A term whose forces need more than these steps overrides `find` and
-    `pass_bonds`.
+    A term derives from this class and binds its steps in `bind_steps`. A term whose forces need
+    more than these steps overrides `find` and `pass_bonds`.
 
     Attributes
     ----------
     in_units : list of tuple
-        Passes with an argument ``unit``, each after the number of the material whose shear modulus it is.
+        Passes with an argument ``unit``, each after the number of the material whose shear modulus
+        it is.
     """
 
     def __init__(self, binding: Binding) -> None:
@@ -240,10 +298,19 @@ class MaterialTerm(Term):
             bound.give_number("unit", portions[number].law.shear_modulus)
 
     def points_of(self, number: int, pairs: np.ndarray | None = None) -> MaterialPoints:
-        """Return the points of material `number` and the points bonded to them by given pairs; their J3 become part of `state`."""
+        """Return the points of material `number` and the points bonded to them by given pairs;
+        their J3 become part of `state`.
+        """
         binding = self.binding
         own, end = (None, "") if binding.whole else (binding.portion_of == number, f"_{number}")
-        points = MaterialPoints(self.kinematics, binding.portions[number].law, binding.precision, binding.settings.rotation, own, pairs)
+        points = MaterialPoints(
+            self.kinematics,
+            binding.portions[number].law,
+            binding.precision,
+            binding.settings.rotation,
+            own,
+            pairs,
+        )
         self.materials.append(points)
         of_term = f"_of_term_{binding.number}" if binding.number else ""
         self.state.append(StateArray(f"volume_ratios{end}{of_term}", "images", points.kept_ratios))
@@ -254,18 +321,30 @@ class MaterialTerm(Term):
     def bind_steps(self, *steps: Step) -> None:
         """Set the steps that compute the forces from the states of the points.
 
-        The first must be passes that return the number of pairs outside a model's domain, one for each of `watches` in their order. The
-        last must be the pass that writes the forces on the points to its argument `out`, and returns how many of them are not finite.
+        The first must be passes that return the number of pairs outside a model's domain, one for
+        each of `watches` in their order. The last must be the pass that writes the forces on the
+        points to its argument `out`, and returns how many of them are not finite.
         """
-        share, states = self.body.share, [step for points in self.materials for step in points.steps]
+        share, states = (
+            self.body.share,
+            [step for points in self.materials for step in points.steps],
+        )
         leading = [] if self.binding.number else self.kinematics.steps()
-        self.places, self._leading = bool(leading), sum(isinstance(step, BoundPass) for step in leading)
-        self._sum, self._find_forces, self._find_all = steps[-1], Steps(share, *steps), Steps(share, *leading, *states, *steps)
+        self.places, self._leading = (
+            bool(leading),
+            sum(isinstance(step, BoundPass) for step in leading),
+        )
+        self._sum, self._find_forces, self._find_all = (
+            steps[-1],
+            Steps(share, *steps),
+            Steps(share, *leading, *states, *steps),
+        )
 
     def find(self, out: np.ndarray) -> None:
         """Write the forces on the points to `out`, as for `Term`.
 
-        A term that `places` begins by setting points and ghosts to the positions that `kinematics` has taken and by forming gradients.
+        A term that `places` begins by setting points and ghosts to the positions that `kinematics`
+        has taken and by forming gradients.
         """
         self._sum.give("out", out)
         found = self._find_all()
@@ -294,14 +373,19 @@ class MaterialTerm(Term):
         return found
 
     def _bulk_stresses(self) -> np.ndarray:
-        """Return the derivative U' of the volumetric energy at the points, in units of mu, shape (n,)."""
+        """Return the derivative U' of the volumetric energy at the points, in units of mu, shape
+        (n,).
+        """
         found, J3 = np.zeros(len(self.body)), self.volume_ratios()
         for portion in self.binding.portions:
-            found[portion.points] = portion.law.volumetric(J3[portion.points], portion.law.parameters)[1]
+            found[portion.points] = portion.law.volumetric(
+                J3[portion.points], portion.law.parameters
+            )[1]
         return found
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return stress and energy density of the points by their laws, at the volume ratios and bulk stresses that the force uses.
+        """Return stress and energy density of the points by their laws, at the volume ratios and
+        bulk stresses that the force uses.
 
         See `InternalForce.stress_and_energy`.
         """
@@ -317,7 +401,8 @@ class MaterialTerm(Term):
 
 
 class DomainWatch:
-    """Counter of the pairs outside the training domain of a model; according to the policy it raises an error or warns.
+    """Counter of the pairs outside the training domain of a model; according to the policy it
+    raises an error or warns.
 
     Parameters
     ----------
@@ -326,7 +411,8 @@ class DomainWatch:
     points : MaterialPoints
         Points whose pairs the model evaluates.
     quantity, stand_in : str
-        Names, for messages, of the quantity that the model computes and of its replacement outside the domain.
+        Names, for messages, of the quantity that the model computes and of its replacement outside
+        the domain.
 
     Attributes
     ----------
@@ -338,14 +424,22 @@ class DomainWatch:
         Number of pairs outside the domain in the last evaluation.
     """
 
-    def __init__(self, binding: Binding, model: Any, points: MaterialPoints, quantity: str, stand_in: str) -> None:
-        body, self._policy, self._model, self._names = binding.kinematics.body, binding.outside, model, (quantity, stand_in)
+    def __init__(
+        self, binding: Binding, model: Any, points: MaterialPoints, quantity: str, stand_in: str
+    ) -> None:
+        body, self._policy, self._model, self._names = (
+            binding.kinematics.body,
+            binding.outside,
+            model,
+            (quantity, stand_in),
+        )
         self.bounded, self._share = model.domain is not None, body.share
         self.n_pairs = int(np.count_nonzero(body.share.own[body.bonds.first[points.pairs]]))
         self.found, self._warned = 0, False
 
     def settle(self) -> None:
-        """Apply the policy (error, warning or nothing) to the number of pairs found, once all ranks have evaluated.
+        """Apply the policy (error, warning or nothing) to the number of pairs found, once all ranks
+        have evaluated.
 
         Raises
         ------
@@ -356,18 +450,29 @@ class DomainWatch:
         if not found:
             return
         quantity, stand_in = self._names
-        what = f"{found} of {self._share.total(self.n_pairs)} bonds are outside the domain of {self._model.name}, {self._model.domain}"
+        what = (
+            f"{found} of {self._share.total(self.n_pairs)} bonds are outside the domain of"
+            f" {self._model.name}, {self._model.domain}"
+        )
         if self._policy == "raise":
-            raise OutsideDomain(f"{what}; with outside=fallback the exact {stand_in} is used for them")
+            raise OutsideDomain(
+                f"{what}; with outside=fallback the exact {stand_in} is used for them"
+            )
         if not self._warned:
             self._warned = True
-            warnings.warn(f"{what}: the {quantity} of these bonds is extrapolated", OutsideDomainWarning, stacklevel=3)
+            warnings.warn(
+                f"{what}: the {quantity} of these bonds is extrapolated",
+                OutsideDomainWarning,
+                stacklevel=3,
+            )
 
 
 def sum_on_pairs(parts: Sequence, quantity: str, count: int) -> np.ndarray:
-    """Return the sum of a quantity of the `count` pairs (undirected bonds) of a body over several materials.
+    """Return the sum of a quantity of the `count` pairs (undirected bonds) of a body over several
+    materials.
 
-    Each of `parts` holds the pairs of one material; its attribute named `quantity` is in units of ``part.unit``.
+    Each of `parts` holds the pairs of one material; its attribute named `quantity` is in units of
+    ``part.unit``.
     """
     found = np.zeros((count, getattr(parts[0], quantity).shape[1]))
     for part in parts:

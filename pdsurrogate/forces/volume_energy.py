@@ -1,7 +1,9 @@
-"""Volumetric part of a selective energy (isochoric at bonds, volumetric at points), theory (48)-(52).
+"""Volumetric part of a selective energy (isochoric at bonds, volumetric at points), theory
+(48)-(52).
 
-At K = 1000 mu an energy evaluated only at the bonds locks: every bond would have to keep its volume, which are more conditions than the
-body has degrees of freedom. The mean over the bonds of a point is one condition per point.
+At K = 1000 mu an energy evaluated only at the bonds locks: every bond would have to keep its
+volume, which are more conditions than the body has degrees of freedom. The mean over the bonds of a
+point is one condition per point.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,11 +24,13 @@ from .steps import Steps
 
 
 class VolumeEnergy:
-    """Volumetric energy of a body: sum over points of V_i U(J_i), whose forces act as pressures on the pairs (`SelectivePairs`).
+    """Volumetric energy of a body: sum over points of V_i U(J_i), whose forces act as pressures on
+    the pairs (`SelectivePairs`).
 
-    J_i is the mean of det F_ij over the bonds of a point in the motion of its own material, smoothed over its nearest neighbors of that
-    material, so that the pressure can jump at an interface. The mean alone is exact in homogeneous states, but its pressure is rough;
-    det F_i alone leads to a pressure that alternates in sign from point to point.
+    J_i is the mean of det F_ij over the bonds of a point in the motion of its own material,
+    smoothed over its nearest neighbors of that material, so that the pressure can jump at an
+    interface. The mean alone is exact in homogeneous states, but its pressure is rough; det F_i
+    alone leads to a pressure that alternates in sign from point to point.
 
     Parameters
     ----------
@@ -44,30 +48,53 @@ class VolumeEnergy:
     dilatations : ndarray, shape (n,)
         Smoothed volume ratios J_i in the state last evaluated.
     dilatation_steps : list
-        Steps that compute `dilatations` from the deformation gradients; the counts that they return are pairs turned inside out.
+        Steps that compute `dilatations` from the deformation gradients; the counts that they return
+        are pairs turned inside out.
     places : ndarray of int, shape (n_bonds,)
-        For every directed bond, the index into `volumes` of its det F_ij in the motion of its first point's material.
+        For every directed bond, the index into `volumes` of its det F_ij in the motion of its first
+        point's material.
     steps : list
-        Steps that compute the pressures of the points and the volumetric energies from the dilatations.
+        Steps that compute the pressures of the points and the volumetric energies from the
+        dilatations.
     """
 
-    def __init__(self, binding: Binding, shares: BondShares, parts: Sequence[SelectivePairs], volumes: np.ndarray) -> None:
+    def __init__(
+        self,
+        binding: Binding,
+        shares: BondShares,
+        parts: Sequence[SelectivePairs],
+        volumes: np.ndarray,
+    ) -> None:
         self.binding, self.shares, self.parts = binding, shares, parts
-        body, chunks, n = binding.kinematics.body, binding.kinematics.chunks, len(binding.kinematics.body)
+        body, chunks, n = (
+            binding.kinematics.body,
+            binding.kinematics.chunks,
+            len(binding.kinematics.body),
+        )
         bonds, breakable = body.bonds, binding.settings.breakable
         self.smoothing = Smoothing(body, self._carrying(), breakable)
         means, self.dilatations, slopes = np.ones(n), np.ones(n), np.zeros(n)
         self.places = self._places()
         shares_of_bonds = bonds.pointers, self.places, shares.bond_shares
-        find_means = selective_energy.means_over_bonds.bind(*shares_of_bonds, volumes, 1.0, means, chunks=chunks)
+        find_means = selective_energy.means_over_bonds.bind(
+            *shares_of_bonds, volumes, 1.0, means, chunks=chunks
+        )
         smooth = self.smoothing.bind(means, self.dilatations, chunks)
         # Points in the halo have bonds, and therefore neighbors, that this rank does not have.
         seen = [step for part in parts for step in part.points.seen]
-        self.dilatation_steps = [*seen, *(part.find_volumes for part in parts), find_means, means, smooth, self.dilatations]
+        self.dilatation_steps = [
+            *seen,
+            *(part.find_volumes for part in parts),
+            find_means,
+            means,
+            smooth,
+            self.dilatations,
+        ]
         self._find = Steps(body.share, *self.dilatation_steps)
 
-        # The transpose of the smoothing of U' acts on the bonds of the points, and V_i W_ij is symmetric. Slopes may be in units of each
-        # material's own modulus, for none reach another. Ghosts' volumes lie beyond the body: they have no pressure, and no share.
+        # The transpose of the smoothing of U' acts on the bonds of the points, and V_i W_ij is
+        # symmetric. Slopes may be in units of each material's own modulus, for none reach another.
+        # Ghosts' volumes lie beyond the body: they have no pressure, and no share.
         pressures = parts[0].pressures if binding.whole else np.zeros(n)
         spread = self.smoothing.bind(slopes, pressures, chunks), pressures[:n]
         counted, before, passes, after, shown = body.volumes * body.share.own, [], [], [], []
@@ -83,16 +110,22 @@ class VolumeEnergy:
                 copied, every = part.points.copied, np.arange(len(numbers))
                 before.append(copied(numbers, every, self.dilatations, own_ratios))
                 after.append(copied(every, numbers, own_slopes, slopes))
-                # The pressures go to the points of each material; other materials and images have none.
+                # The pressures go to the points of each material; other materials and images have
+                # none.
                 shown.append(copied(numbers, places, pressures, part.pressures))
         self.steps = [*before, *passes, *after, *spread, *shown]
 
     def _places(self) -> np.ndarray:
-        """Return, for every directed bond, the index into `volumes` of its det F_ij in the motion of its first point's material."""
+        """Return, for every directed bond, the index into `volumes` of its det F_ij in the
+        motion of its first point's material.
+        """
         binding, bonds, start = self.binding, self.binding.kinematics.body.bonds, 0
         if binding.whole:
             return bonds.pair_of
-        owners, places = binding.portion_of[binding.kinematics.body.bond_owners], np.zeros(len(bonds.pair_of), dtype=np.uint32)
+        owners, places = (
+            binding.portion_of[binding.kinematics.body.bond_owners],
+            np.zeros(len(bonds.pair_of), dtype=np.uint32),
+        )
         for number, part in enumerate(self.parts):
             place = np.zeros(len(bonds.first), dtype=np.uint32)
             place[part.points.pairs] = start + np.arange(len(part.points.pairs))
@@ -101,20 +134,25 @@ class VolumeEnergy:
         return places
 
     def stiffness(self) -> np.ndarray:
-        """Return the stiffness V_i mu U'' of the points against a change of their dilatation in the state last evaluated, shape (n,).
+        """Return the stiffness V_i mu U'' of the points against a change of their dilatation in the
+        state last evaluated, shape (n,).
 
-        V_i is the volume, mu the shear modulus, and U'' the second derivative of the volumetric energy. Rigid points do not change their
-        volume: any stiffness will do.
+        V_i is the volume, mu the shear modulus, and U'' the second derivative of the volumetric
+        energy. Rigid points do not change their volume: any stiffness will do.
         """
         volumes = self.binding.kinematics.body.volumes
         found = volumes * max(part.unit for part in self.parts)
         for part in self.parts:
             law, (_, own) = part.points.law, part.points.own
-            found[own] = part.unit * volumes[own] * law.volumetric(self.dilatations[own], law.parameters)[2]
+            found[own] = (
+                part.unit * volumes[own] * law.volumetric(self.dilatations[own], law.parameters)[2]
+            )
         return found
 
     def find_dilatations(self) -> int:
-        """Compute `dilatations` from the current deformation gradients; return the number of pairs turned inside out."""
+        """Compute `dilatations` from the current deformation gradients; return the number of
+        pairs turned inside out.
+        """
         return sum(self._find())
 
     def renew(self) -> None:
@@ -123,12 +161,21 @@ class VolumeEnergy:
 
     def _carrying(self) -> np.ndarray:
         """Return flags of the pairs within one material that carry forces."""
-        carries, bonds, binding = self.shares.carrying(self.binding.settings.breakable), self.binding.kinematics.body.bonds, self.binding
-        return carries if binding.whole else carries & (binding.portion_of[bonds.first] == binding.portion_of[bonds.second])
+        carries, bonds, binding = (
+            self.shares.carrying(self.binding.settings.breakable),
+            self.binding.kinematics.body.bonds,
+            self.binding,
+        )
+        return (
+            carries
+            if binding.whole
+            else carries & (binding.portion_of[bonds.first] == binding.portion_of[bonds.second])
+        )
 
 
 class LinearizedDilatation:
-    """Derivative D of the smoothed dilatations of the points by the positions, and its transpose (theory (58)), in single precision.
+    """Derivative D of the smoothed dilatations of the points by the positions, and its transpose
+    (theory (58)), in single precision.
 
     Solvers use it in approximations of the tangent.
 
@@ -140,34 +187,78 @@ class LinearizedDilatation:
     Attributes
     ----------
     stiffness : ndarray, shape (n,)
-        Stiffness C of the points against a change of their dilatation, the sum of `VolumeEnergy.stiffness`.
+        Stiffness C of the points against a change of their dilatation, the sum of
+        `VolumeEnergy.stiffness`.
     """
 
     def __init__(self, volumes: Sequence[VolumeEnergy]) -> None:
         volume = volumes[0]
-        kinematics, shares, interfaces = volume.binding.kinematics, volume.shares, volume.binding.kinematics.interfaces
+        kinematics, shares, interfaces = (
+            volume.binding.kinematics,
+            volume.shares,
+            volume.binding.kinematics.interfaces,
+        )
         body, chunks, whole = kinematics.body, kinematics.chunks, volume.binding.whole
-        bonds, ghosts, d, n, total = body.bonds, body.ghosts, body.dimension, len(body), len(body.all_points)
+        bonds, ghosts, d, n, total = (
+            body.bonds,
+            body.ghosts,
+            body.dimension,
+            len(body),
+            len(body.all_points),
+        )
         self._volumes, self._volume, self._body, self._chunks = volumes, volume, body, chunks
-        length, sizes = dilatation.record_length(d), [len(part.points.first) for part in volume.parts]
-        of_pairs, means, pressures = (np.zeros(size, dtype=np.float32) for size in (sum(sizes), n, total))
+        length, sizes = (
+            dilatation.record_length(d),
+            [len(part.points.first) for part in volume.parts],
+        )
+        of_pairs, means, pressures = (
+            np.zeros(size, dtype=np.float32) for size in (sum(sizes), n, total)
+        )
         self._changes, self._values = np.zeros(n, dtype=np.float32), means
-        # Displacements and changes of gradients of points and ghosts, the forces on them, and the moments by their gradients.
+        # Displacements and changes of gradients of points and ghosts, the forces on them, and the
+        # moments by their gradients.
         displacements, gradients = np.zeros((total, d)), aligned_rows((total, d * d))
-        self._forces, moments = np.zeros((total, d)), gradients  # the gradients are no longer needed when the forces are computed
-        (jumps, changes), seen = ((np.zeros((total, d)), np.zeros((total, d * d))) for _ in range(2)) if not whole else ((None, None), None)
+        self._forces, moments = (
+            np.zeros((total, d)),
+            gradients,
+        )  # the gradients are no longer needed when the forces are computed
+        (jumps, changes), seen = (
+            ((np.zeros((total, d)), np.zeros((total, d * d))) for _ in range(2))
+            if not whole
+            else ((None, None), None)
+        )
         self._beside = [] if whole else [np.zeros((n, d)), np.zeros((total, d))]
-        self._linearize, find, gather, materials = [], [], [], [part.points for part in volume.parts]
-        all_rows, of_each = zip(*(rows_of(materials, width) for width in (d, d * d)), strict=True) if not whole else ((), ())
-        for number, (part, by_pair) in enumerate(zip(volume.parts, np.split(of_pairs, np.cumsum(sizes)[:-1]), strict=True)):
+        self._linearize, find, gather, materials = (
+            [],
+            [],
+            [],
+            [part.points for part in volume.parts],
+        )
+        all_rows, of_each = (
+            zip(*(rows_of(materials, width) for width in (d, d * d)), strict=True)
+            if not whole
+            else ((), ())
+        )
+        for number, (part, by_pair) in enumerate(
+            zip(volume.parts, np.split(of_pairs, np.cumsum(sizes)[:-1]), strict=True)
+        ):
             points, size = part.points, len(part.points.positions)
-            derivatives, records = aligned_rows((len(by_pair), length), np.float32), aligned_rows((size, length), np.float32)
+            derivatives, records = (
+                aligned_rows((len(by_pair), length), np.float32),
+                aligned_rows((size, length), np.float32),
+            )
             places = points.positions, points.gradients, part.pairs, part.buffers, derivatives
             self._linearize.append(dilatation.volume_derivatives[d].bind(*places, chunks=chunks))
-            moved, on_points, theirs = (displacements, gradients), (self._forces, moments), pressures
+            moved, on_points, theirs = (
+                (displacements, gradients),
+                (self._forces, moments),
+                pressures,
+            )
             pairs = shares.pairs_of_points
             if not whole:
-                pairs = pairs_of_points(*(end[: len(points.pairs)] for end in (points.first, points.second)), size)
+                pairs = pairs_of_points(
+                    *(end[: len(points.pairs)] for end in (points.first, points.second)), size
+                )
                 moved = on_points = tuple(rows[number] for rows in of_each)
                 theirs = np.zeros(size, dtype=np.float32)
                 find.append(points.copies(displacements, gradients, jumps, changes, *moved))
@@ -175,11 +266,17 @@ class LinearizedDilatation:
                 gather.append(points.copied(points.numbers, np.arange(size), pressures, theirs))
             find += [
                 dilatation.displacement_records.bind(*moved, records, chunks=chunks),
-                dilatation.volume_changes[d].bind(derivatives, records, pairs[0], points.second, by_pair, chunks=chunks),
+                dilatation.volume_changes[d].bind(
+                    derivatives, records, pairs[0], points.second, by_pair, chunks=chunks
+                ),
             ]
             gather += [
-                dilatation.pair_pressures.bind(theirs, points.first, points.second, part.end_shares, by_pair, chunks=chunks),
-                dilatation.sum_pressures[d].bind(derivatives, by_pair, *pairs, *on_points, chunks=chunks),
+                dilatation.pair_pressures.bind(
+                    theirs, points.first, points.second, part.end_shares, by_pair, chunks=chunks
+                ),
+                dilatation.sum_pressures[d].bind(
+                    derivatives, by_pair, *pairs, *on_points, chunks=chunks
+                ),
             ]
         if not whole:
             for rows, *out in zip(all_rows, (self._forces, moments), seen, strict=True):
@@ -188,18 +285,37 @@ class LinearizedDilatation:
         if interfaces is not None:
             corrections, continuation = interfaces.steps(displacements, gradients, jumps, changes)
             further = interfaces.steps_back(*seen, moments[:n], *self._beside)
-        images, of_ghosts = (ghosts.source, ghosts.parity, np.zeros_like(ghosts.parity)), kinematics.gradient_ghosts.of_gradients
-        self._place = place_points.bind(np.ascontiguousarray(body.points), *images, displacements, chunks=chunks)
+        images, of_ghosts = (
+            (
+                ghosts.source,
+                ghosts.parity,
+                np.zeros_like(ghosts.parity),
+            ),
+            kinematics.gradient_ghosts.of_gradients,
+        )
+        self._place = place_points.bind(
+            np.ascontiguousarray(body.points), *images, displacements, chunks=chunks
+        )
         self._find_changes = Steps(
             body.share,
             self._place,
             *kinematics.gradient_steps(displacements, gradients, 0.0),
             *corrections,
             gradients[:n],
-            fill_matrices.bind(gradients, *of_ghosts, 0.0, np.zeros((len(ghosts), d * d)), chunks=chunks),
+            fill_matrices.bind(
+                gradients, *of_ghosts, 0.0, np.zeros((len(ghosts), d * d)), chunks=chunks
+            ),
             *continuation,
             *find,
-            selective_energy.means_over_bonds.bind(bonds.pointers, volume.places, shares.bond_shares, of_pairs, 0.0, means, chunks=chunks),
+            selective_energy.means_over_bonds.bind(
+                bonds.pointers,
+                volume.places,
+                shares.bond_shares,
+                of_pairs,
+                0.0,
+                means,
+                chunks=chunks,
+            ),
             means,
             volume.smoothing.bind(means, self._changes, chunks),
         )
@@ -211,7 +327,9 @@ class LinearizedDilatation:
             *gather,
             *shares.steps_to_points(moments, self._forces, 1.0, *further),
         )
-        self._rigid = np.zeros(n, dtype=bool) if whole else volume.binding.portion_of[:n] == len(volume.parts)
+        self._rigid = (
+            np.zeros(n, dtype=bool) if whole else volume.binding.portion_of[:n] == len(volume.parts)
+        )
         self.stiffness = body.volumes * max(part.unit for part in volume.parts)
 
     def take(self) -> None:
@@ -230,27 +348,40 @@ class LinearizedDilatation:
         return np.where(self._rigid, 0.0, self._changes.astype(float))
 
     def forces(self, values: np.ndarray) -> np.ndarray:
-        """Return D^T s, shape (n, d), vectors such as forces, for `values` s (n,) at the points; the cost is about that of `changes`."""
-        # The smoothing, weighted by volumes, is its own transpose. A power of two keeps the values in the range of single precision.
+        """Return D^T s, shape (n, d), vectors such as forces, for `values` s (n,) at the points;
+        the cost is about that of `changes`.
+        """
+        # The smoothing, weighted by volumes, is its own transpose. A power of two keeps the values
+        # in the range of single precision.
         pressures = values / self._body.volumes
         unit = power_of_two(self._body.share.sum(np.abs(pressures)))
         np.divide(pressures, unit, out=self._values, casting="same_kind")
         self._find_forces()
-        return -unit * sum((each[: len(values)] for each in self._beside), self._forces[: len(values)])
+        return -unit * sum(
+            (each[: len(values)] for each in self._beside), self._forces[: len(values)]
+        )
 
     def polynomial(self, coefficients: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """Return a function that applies a polynomial of the smoothing W to values (n,): the sum of c_k T_k(2 W^2 - I).
+        """Return a function that applies a polynomial of the smoothing W to values (n,): the sum of
+        c_k T_k(2 W^2 - I).
 
-        c_k are the `coefficients`, T_k are Chebyshev polynomials; the sum is taken by Clenshaw's recurrence.
+        c_k are the `coefficients`, T_k are Chebyshev polynomials; the sum is taken by Clenshaw's
+        recurrence.
         """
         smoothing, chunks, n = self._volume.smoothing, self._chunks, len(self._body)
         values, once, found, *sums = np.zeros((5, n), dtype=np.float32)
         (first, second), steps = sums, []
         for k in reversed(range(len(coefficients))):
-            # b_k = c_k v + 2 (2 W^2 - I) b_(k + 1) - b_(k + 2), which is overwritten; the result has W^2 once.
+            # b_k = c_k v + 2 (2 W^2 - I) b_(k + 1) - b_(k + 2), which is overwritten; the result
+            # has W^2 once.
             factor, out = (4.0, second) if k else (2.0, found)
             others = (-factor / 2, first), (coefficients[k], values), (-1.0, second)
-            steps += [first, smoothing.bind(first, once, chunks), once, smoothing.bind_sum(once, factor, others, out, chunks)]
+            steps += [
+                first,
+                smoothing.bind(first, once, chunks),
+                once,
+                smoothing.bind_sum(once, factor, others, out, chunks),
+            ]
             first, second = second, first
         run = Steps(self._body.share, *steps)
 

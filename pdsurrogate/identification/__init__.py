@@ -7,5 +7,13 @@ from .regressor import LawRegressor, fitted_laws
 from .reporting import differences, figure, held_out_modes, report
 from .stress_regressor import committee, committee_spread, free_sides, nominal_stress
 
-__all__ = ["EnergyRegressor", "LawRegressor", "TestDataWarning", "committee", "committee_spread", "fit_to_tests", "load_test_data"]
+__all__ = [
+    "EnergyRegressor",
+    "LawRegressor",
+    "TestDataWarning",
+    "committee",
+    "committee_spread",
+    "fit_to_tests",
+    "load_test_data",
+]
 """Names that type checkers of users' programs accept."""

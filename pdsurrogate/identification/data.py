@@ -19,17 +19,21 @@ MODES: dict[str, Callable] = {
 """Lateral stretch of incompressible rubber as a function of the stretch, by mode of loading."""
 
 BIAXIAL = "biaxial"
-"""Mode of loading of biaxial tests, for which a file states two stretches and the stress along each of them."""
+"""Mode of loading of biaxial tests, for which a file states two stretches and the stress along
+each of them.
+"""
 
 CURVES = ("mode", "stretch", "nominal_stress")
 GRID = ("stretch", "lateral_stretch", "nominal_stress", "lateral_stress")
-"""Columns of the two kinds of test data files, without the optional ``weight``: `CURVES` of tests in the modes of loading `MODES`, and
-`GRID` of biaxial tests."""
+"""Columns of the two kinds of test data files, without the optional ``weight``: `CURVES` of tests
+in the modes of loading `MODES`, and `GRID` of biaxial tests.
+"""
 
 
 @dataclass(frozen=True)
 class TestData:
-    """Test data of rubber: in each row a mode of loading, two stretches, a measured nominal stress and a weight.
+    """Test data of rubber: in each row a mode of loading, two stretches, a measured nominal stress
+    and a weight.
 
     Attributes
     ----------
@@ -41,7 +45,8 @@ class TestData:
     weight : ndarray, shape (n,)
         Weights of the file, or 1.
     row : ndarray of int, shape (n,), optional
-        Numbers of the rows in the file, from 1, without header and comments; by default from 1 to n.
+        Numbers of the rows in the file, from 1, without header and comments; by default from 1 to
+        n.
     """
 
     __test__ = False  # not a test case, whatever pytest thinks of the name
@@ -67,31 +72,43 @@ class TestData:
 
     @property
     def tests(self) -> np.ndarray:
-        """Identification number of each row's test, shape (n,): biaxial rows of equal state are one test, any other row is its own."""
+        """Identification number of each row's test, shape (n,): biaxial rows of equal state are
+        one test, any other row is its own.
+        """
         states = np.round(np.sort(np.log(self.stretches), axis=1), 9)
         _, tests = np.unique(states, axis=0, return_inverse=True)
         return np.where(self.mode == BIAXIAL, tests.ravel(), len(self) + np.arange(len(self)))
 
     def of(self, *modes: str) -> Self:
-        """Return the test data of the given modes of loading; raise ValueError for a mode without rows."""
+        """Return the test data of the given modes of loading; raise ValueError for a mode
+        without rows.
+        """
         if unknown := sorted({*modes} - {*self.modes}):
-            raise ValueError(f"{self.name}: no rows of {', '.join(unknown)}; there are {', '.join(sorted(self.modes))}")
+            raise ValueError(
+                f"{self.name}: no rows of {', '.join(unknown)}; there are"
+                f" {', '.join(sorted(self.modes))}"
+            )
         return self.where(np.isin(self.mode, modes))
 
     def up_to(self, stretch: float) -> Self:
-        """Return the rows in which neither of the two stretches exceeds `stretch`; raise ValueError if there are no such rows."""
+        """Return the rows in which neither of the two stretches exceeds `stretch`; raise
+        ValueError if there are no such rows.
+        """
         chosen = np.all(self.stretches <= stretch, axis=1)
         if not chosen.any():
             raise ValueError(f"{self.name}: all rows have stretches above {stretch:g}")
         return self.where(chosen)
 
     def loading(self) -> Self:
-        """Return the rows of first loading: without those in which the strain of a mode is less than before, see `unloading`."""
+        """Return the rows of first loading: without those in which the strain of a mode is less
+        than before, see `unloading`.
+        """
         return self.where(~self.unloading)
 
     @property
     def unloading(self) -> np.ndarray:
-        """Mask of the rows, shape (n,), in which the strain is less than in an earlier row of the mode; none if strains only fall.
+        """Mask of the rows, shape (n,), in which the strain is less than in an earlier row of the
+        mode; none if strains only fall.
 
         Rows of biaxial tests are none, as their order says nothing.
         """
@@ -104,30 +121,56 @@ class TestData:
 
     def where(self, rows: np.ndarray) -> Self:
         """Return the given rows: a mask of shape (n,), or their indices in the order wanted."""
-        return type(self)(self.name, self.mode[rows], self.stretches[rows], self.nominal_stress[rows], self.weight[rows], self.row[rows])
+        return type(self)(
+            self.name,
+            self.mode[rows],
+            self.stretches[rows],
+            self.nominal_stress[rows],
+            self.weight[rows],
+            self.row[rows],
+        )
 
     def row_in_words(self, number: int) -> str:
-        """Return the number in the file, mode, stretch and stress of a row as text for a message; `number` is the row's index, from 0."""
+        """Return the number in the file, mode, stretch and stress of a row as text for a
+        message; `number` is the row's index, from 0.
+        """
         first, second = self.stretches[number]
-        at = f"stretches {first:g} and {second:g}" if self.mode[number] == BIAXIAL else f"stretch {first:g}"
-        return f"row {self.row[number]} ({self.mode[number]}, {at}, nominal stress {self.nominal_stress[number]:g})"
+        at = (
+            f"stretches {first:g} and {second:g}"
+            if self.mode[number] == BIAXIAL
+            else f"stretch {first:g}"
+        )
+        return (
+            f"row {self.row[number]} ({self.mode[number]}, {at}, nominal stress"
+            f" {self.nominal_stress[number]:g})"
+        )
 
     def balanced_weights(self) -> np.ndarray:
-        """Return row weights that make the sum of weighted squared residuals the sum of 1 - R^2 over the modes: no mode dominates."""
+        """Return row weights that make the sum of weighted squared residuals the sum of 1 - R^2
+        over the modes: no mode dominates.
+        """
         weights = self.weight.copy()
         for mode in self.modes:
             rows = self.mode == mode
             stress = self.nominal_stress[rows]
             with np.errstate(over="ignore", invalid="ignore"):  # checked below
-                spread = (self.weight[rows] * (stress - np.average(stress, weights=self.weight[rows])) ** 2).sum()
+                spread = (
+                    self.weight[rows]
+                    * (stress - np.average(stress, weights=self.weight[rows])) ** 2
+                ).sum()
             size = spread if spread > 0 else (self.weight[rows] * stress**2).sum()
             if not 0 < size < np.inf:
-                raise ValueError(f"{self.name}: the stresses of mode {mode} are all zero, or so large that their squares overflow")
+                raise ValueError(
+                    f"{self.name}: the stresses of mode {mode} are all zero, or so large that their"
+                    " squares overflow"
+                )
             weights[rows] /= size
         return weights
 
     def r_squared(self, predicted: np.ndarray) -> dict[str, float]:
-        """Return, by mode, R^2 of predicted stresses, shape (n,), for the modes with at least two different stresses."""
+        """Return, by mode, R^2 of predicted stresses, shape (n,), for the modes with at least
+        two different stresses.
+        """
         found = {}
         for mode in self.modes:
             rows = self.mode == mode
@@ -140,7 +183,11 @@ class TestData:
 
 def test_data_names() -> list[str]:
     """Return the names of the test data that are shipped with the package."""
-    return sorted(path.name.removesuffix(".csv") for path in resources.files(__package__).iterdir() if path.name.endswith(".csv"))
+    return sorted(
+        path.name.removesuffix(".csv")
+        for path in resources.files(__package__).iterdir()
+        if path.name.endswith(".csv")
+    )
 
 
 setattr(test_data_names, "__test__", False)  # noqa: B010
@@ -149,8 +196,9 @@ setattr(test_data_names, "__test__", False)  # noqa: B010
 def load_test_data(reference: str | Path) -> TestData:
     """Return test data by name (``treloar``, ``kawabata``), or from a CSV file.
 
-    A file has the columns ``mode`` (uniaxial, equibiaxial or pure-shear), ``stretch`` and ``nominal_stress``; or ``stretch``,
-    ``lateral_stretch``, ``nominal_stress`` and ``lateral_stress``; both kinds may have a ``weight``. Lines that begin with # are comments.
+    A file has the columns ``mode`` (uniaxial, equibiaxial or pure-shear), ``stretch`` and
+    ``nominal_stress``; or ``stretch``, ``lateral_stretch``, ``nominal_stress`` and
+    ``lateral_stress``; both kinds may have a ``weight``. Lines that begin with # are comments.
 
     Parameters
     ----------
@@ -181,24 +229,41 @@ def load_test_data(reference: str | Path) -> TestData:
     check_path(reference, "test data")
     name = str(reference)
     try:
-        file = resources.files(__package__) / f"{name}.csv" if name in test_data_names() else Path(reference)
+        file = (
+            resources.files(__package__) / f"{name}.csv"
+            if name in test_data_names()
+            else Path(reference)
+        )
         text = file.read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise ValueError(f"cannot read test data {name}: {reason}; {suggestion(name, test_data_names(), 'included are')}") from None
-    reader = csv.reader("" if line.isspace() or line.lstrip().startswith("#") else line for line in text.splitlines())
+        raise ValueError(
+            f"cannot read test data {name}: {reason};"
+            f" {suggestion(name, test_data_names(), 'included are')}"
+        ) from None
+    reader = csv.reader(
+        "" if line.isspace() or line.lstrip().startswith("#") else line
+        for line in text.splitlines()
+    )
     (_, columns), *rows = [(reader.line_num, row) for row in reader if row] or [(0, [])]
     if twice := sorted(column for column in set(columns) if columns.count(column) > 1):
         raise ValueError(f"{name}: the file has the column {twice[0]} more than once")
     kind = next((kind for kind in (CURVES, GRID) if set(columns) - {"weight"} == set(kind)), None)
     if kind is None:
-        raise ValueError(f"{name}: columns must be {', '.join(CURVES)}, or {', '.join(GRID)} and weight, not {', '.join(sorted(columns))}")
+        raise ValueError(
+            f"{name}: columns must be {', '.join(CURVES)}, or {', '.join(GRID)} and weight, not"
+            f" {', '.join(sorted(columns))}"
+        )
     found: list[tuple] = []
     for place, (number, values) in enumerate(rows, start=1):
         where = f"{name}, line {number}"
         if len(values) != len(columns):
-            raise ValueError(f"{where}: the line has {len(values)} values for {len(columns)} columns")
-        found += [(*one, place) for one in _rows(dict(zip(columns, values, strict=True)), kind, where)]
+            raise ValueError(
+                f"{where}: the line has {len(values)} values for {len(columns)} columns"
+            )
+        found += [
+            (*one, place) for one in _rows(dict(zip(columns, values, strict=True)), kind, where)
+        ]
     if not found:
         raise ValueError(f"{name}: there are no rows")
     mode, *first_second, stress, weight, row = map(np.array, zip(*found, strict=True))
@@ -206,9 +271,11 @@ def load_test_data(reference: str | Path) -> TestData:
 
 
 def _rows(row, kind, where):
-    """Return tuples (mode, stretch, lateral stretch, stress, weight) for a row of a file: one for each stress.
+    """Return tuples (mode, stretch, lateral stretch, stress, weight) for a row of a file: one for
+    each stress.
 
-    `kind` is `CURVES` or `GRID`, and `where` names the row in the message of the ValueError that an invalid row raises.
+    `kind` is `CURVES` or `GRID`, and `where` names the row in the message of the ValueError that an
+    invalid row raises.
     """
     numbers = {}
     for key in row.keys() - {"mode"}:
@@ -221,10 +288,17 @@ def _rows(row, kind, where):
         if "stress" not in key and numbers[key] <= 0:
             hint = "; a stretch is 1 + strain" if "stretch" in key else ""
             raise ValueError(f"{where}: {key} must be positive, not {numbers[key]:g}{hint}")
-    first, stress, weight = numbers["stretch"], numbers["nominal_stress"], numbers.get("weight", 1.0)
+    first, stress, weight = (
+        numbers["stretch"],
+        numbers["nominal_stress"],
+        numbers.get("weight", 1.0),
+    )
     if kind is GRID:
         second = numbers["lateral_stretch"]
-        return [(BIAXIAL, first, second, stress, weight), (BIAXIAL, second, first, numbers["lateral_stress"], weight)]
+        return [
+            (BIAXIAL, first, second, stress, weight),
+            (BIAXIAL, second, first, numbers["lateral_stress"], weight),
+        ]
     mode = row["mode"].strip()
     if mode not in MODES:
         raise ValueError(f"{where}: unknown mode {mode!r}; there are {', '.join(MODES)}")

@@ -1,4 +1,6 @@
-"""Examination of test data and of fits to them: bad rows, modes in other units, laws that do not describe the data."""
+"""Examination of test data and of fits to them: bad rows, modes in other units, laws that do not
+describe the data.
+"""
 
 import warnings
 from dataclasses import dataclass, replace
@@ -15,50 +17,72 @@ NOISE = 0.01
 """Relative scatter of measured stresses that data of any laboratory may have."""
 
 FLOOR, RANGE = 0.02, 0.5
-"""Fractions of the greatest stress of a mode of loading that are added to the stress by which a residual is divided.
+"""Fractions of the greatest stress of a mode of loading that are added to the stress by which a
+residual is divided.
 
-`FLOOR` serves where modes are compared, so that every row contributes; `RANGE` serves where a single row is judged, since the error of a
-load cell, or of a figure that was read, is a fraction of its range (Treloar's stresses below 0.2 MPa are 0.03 MPa off).
+`FLOOR` serves where modes are compared, so that every row contributes; `RANGE` serves where a
+single row is judged, since the error of a load cell, or of a figure that was read, is a fraction of
+its range (Treloar's stresses below 0.2 MPa are 0.03 MPa off).
 """
 
 OUTLIER = 5.0
-"""Residual of an outlier, in standard deviations of all rows: one in two million of normal residuals is greater."""
+"""Residual of an outlier, in standard deviations of all rows: one in two million of normal
+residuals is greater.
+"""
 
 NEAR_REST = 2 * NOISE
-"""Stress divided by the greatest stress of its mode, and log(stretch/thickness), below which the sign of the stress counts as noise.
+"""Stress divided by the greatest stress of its mode, and log(stretch/thickness), below which the
+sign of the stress counts as noise.
 
 Chosen: twice the scatter `NOISE`.
 """
 
 MENDED = 2.0
-"""Least factor by which residuals fall if a remark says that changed data, such as those of a mode in another unit, would fit better."""
+"""Least factor by which residuals fall if a remark says that changed data, such as those of a
+mode in another unit, would fit better.
+"""
 
 MOST_ROWS = 3
-"""Most rows of the data that a message names for one fault. Chosen: three show the pattern, and the message stays one line."""
+"""Most rows of the data that a message names for one fault. Chosen: three show the pattern, and
+the message stays one line.
+"""
 
 LEAST_FACTOR = 1.5
-"""Least ratio, or inverse ratio, of the stresses of a mode to those that the other modes suggest, at which a remark suspects another unit:
-units of stress differ by more."""
+"""Least ratio, or inverse ratio, of the stresses of a mode to those that the other modes suggest,
+at which a remark suspects another unit: units of stress differ by more.
+"""
 
 POOR = 0.9
-"""R^2 of a mode below which a fit is called poor. Chosen: the residuals are then a third of the scatter of the stresses, which a plot shows
-at a glance."""
+"""R^2 of a mode below which a fit is called poor. Chosen: the residuals are then a third of the
+scatter of the stresses, which a plot shows at a glance.
+"""
 
 POWERS = *range(-6, 0), *range(1, 13)
 """Exponents of the stretches in `TERMS`."""
 
-TERMS = [*(Term("stretches", float(power)) for power in POWERS), Term("first", 2.0), Term("first", 3.0)]
-"""Terms of an energy that stands for all admissible energies: powers of stretches, their inverses and the first invariant."""
+TERMS = [
+    *(Term("stretches", float(power)) for power in POWERS),
+    Term("first", 2.0),
+    Term("first", 3.0),
+]
+"""Terms of an energy that stands for all admissible energies: powers of stretches, their
+inverses and the first invariant.
+"""
 
 MOST_STRETCH = 15.0
-"""Greatest stretch that rubber bears: natural rubber breaks at 8 to 10, and soft gels at up to some 15. Of greater ones a remark says so if
-strains in their place describe the stresses better."""
+"""Greatest stretch that rubber bears: natural rubber breaks at 8 to 10, and soft gels at up to some
+15. Of greater ones a remark says so if strains in their place describe the stresses better.
+"""
 
 CHANGED_VOLUME = 0.1
-"""Change of log(volume) under a uniaxial load from which a material is no rubber. Chosen: twice the greatest of Kawabata's data."""
+"""Change of log(volume) under a uniaxial load from which a material is no rubber. Chosen: twice
+the greatest of Kawabata's data.
+"""
 
 REWEIGHTINGS = 12
-"""Number of fits in a robust regression by iterative reweighting: the weights of outliers settle within a few."""
+"""Number of fits in a robust regression by iterative reweighting: the weights of outliers settle
+within a few.
+"""
 
 
 class TestDataWarning(UserWarning):
@@ -83,8 +107,11 @@ class Examination:
     remarks: list[str]
 
 
-def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False) -> StressRegressor:
-    """Fit a regressor to test data, with modes weighted by their scatter, and examine data and fit (`examine`).
+def fit_to_tests(
+    regressor: StressRegressor, data: TestData, force: bool = False
+) -> StressRegressor:
+    """Fit a regressor to test data, with modes weighted by their scatter, and examine data and fit
+    (`examine`).
 
     Parameters
     ----------
@@ -102,13 +129,15 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     Raises
     ------
     ValueError
-        If a stress has the wrong sign, or a mode is described worse than by its mean stress; the message names row or mode.
+        If a stress has the wrong sign, or a mode is described worse than by its mean stress; the
+        message names row or mode.
 
     Warns
     -----
     TestDataWarning
-        If the stress of a row stands out; if the stresses of a mode look like those in another unit or like Cauchy stresses; if stretches
-        look like strains, or rows are of unloading; or if a mode has an R^2 below 0.9.
+        If the stress of a row stands out; if the stresses of a mode look like those in another unit
+        or like Cauchy stresses; if stretches look like strains, or rows are of unloading; or if a
+        mode has an R^2 below 0.9.
 
     See Also
     --------
@@ -136,7 +165,9 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
 
 
 def examine(model: StressRegressor, data: TestData) -> Examination:
-    """Return refusals and remarks on errors in test data, or in the fit of a regressor to the test data."""
+    """Return refusals and remarks on errors in test data, or in the fit of a regressor to the
+    test data.
+    """
     scores = data.r_squared(model.predict(data.stretches))
     refusals, remarks = [*wrong_signs(data), *changes_of_volume(data)], suspicions(data)
     poorly = []
@@ -145,27 +176,38 @@ def examine(model: StressRegressor, data: TestData) -> Examination:
             worse = f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0)"
             refusals.append(f"{worse}: use another law, or correct the data")
         elif not value >= POOR:
-            poorly.append(f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}")
+            poorly.append(
+                f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}"
+            )
     return Examination(refusals, [*remarks, *poorly])
 
 
 def wrong_signs(data: TestData) -> list[str]:
-    """Return a list of one message about the rows whose stress has the wrong sign; an empty list if there are none.
+    """Return a list of one message about the rows whose stress has the wrong sign; an empty list if
+    there are none.
 
-    Isotropic rubber pulls along the greater of two stretches (Baker, Ericksen 1954): with a stress-free thickness the stress has the sign
-    of log(stretch/thickness).
+    Isotropic rubber pulls along the greater of two stretches (Baker, Ericksen 1954): with a
+    stress-free thickness the stress has the sign of log(stretch/thickness).
     """
     first, second = data.stretches.T
     along = np.log(first * first * second)
     wrong = (along * data.nominal_stress < 0) & (np.abs(along) > NEAR_REST)
     wrong &= np.abs(data.nominal_stress) > NEAR_REST * _greatest_of_mode(data)
-    does = np.where(along > 0, "is compressive where rubber is in tension", "is tensile where rubber is in compression")
+    does = np.where(
+        along > 0,
+        "is compressive where rubber is in tension",
+        "is tensile where rubber is in compression",
+    )
     found = [f"{data.row_in_words(row)} {does[row]}" for row in np.flatnonzero(wrong).tolist()]
-    return [f"{', '.join(_some(found))}: tension is positive, compression negative"] if found else []
+    return (
+        [f"{', '.join(_some(found))}: tension is positive, compression negative"] if found else []
+    )
 
 
 def changes_of_volume(data: TestData) -> list[str]:
-    """Return a list of one message if stretches under uniaxial load, with the same stretch of width and thickness, change the volume."""
+    """Return a list of one message if stretches under uniaxial load, with the same stretch of
+    width and thickness, change the volume.
+    """
     order = np.argsort(data.row, kind="stable")
     pairs = order[:-1][np.diff(data.row[order]) == 0], order[1:][np.diff(data.row[order]) == 0]
     free, size = data.mode == "uniaxial", np.abs(data.nominal_stress)
@@ -176,43 +218,72 @@ def changes_of_volume(data: TestData) -> list[str]:
     if not off.max() > CHANGED_VOLUME:
         return []
     row = int(off.argmax())
-    change = f"the stretches along and across a uniaxial load change the volume by {100 * (volume[row] - 1):.0f} %"
-    return [f"{data.row_in_words(row)}: {change}: the material is compressible, such as a foam, and these are laws of rubber"]
+    change = (
+        "the stretches along and across a uniaxial load change the volume by"
+        f" {100 * (volume[row] - 1):.0f} %"
+    )
+    return [
+        f"{data.row_in_words(row)}: {change}: the material is compressible, such as a foam, and"
+        " these are laws of rubber"
+    ]
 
 
 def _some(found: list[str]) -> list[str]:
-    """Return the first `MOST_ROWS` of the messages about rows, followed by the number of those left out."""
-    return found if len(found) <= MOST_ROWS else [*found[:MOST_ROWS], f"and {len(found) - MOST_ROWS} more rows"]
+    """Return the first `MOST_ROWS` of the messages about rows, followed by the number of those
+    left out.
+    """
+    return (
+        found
+        if len(found) <= MOST_ROWS
+        else [*found[:MOST_ROWS], f"and {len(found) - MOST_ROWS} more rows"]
+    )
 
 
 def suspicions(data: TestData) -> list[str]:
     """Return remarks on test data that look wrong for any law.
 
-    The data are compared with an energy that stands for all that physics allows (`TERMS`), fitted so that single rows count little. Remarks
-    name changes of the stresses of a mode that reduce the residuals by the factor `MENDED`, and rows that stand out after the best change.
-    Changes are tried only where the residuals exceed `NOISE`.
+    The data are compared with an energy that stands for all that physics allows (`TERMS`), fitted
+    so that single rows count little. Remarks name changes of the stresses of a mode that reduce the
+    residuals by the factor `MENDED`, and rows that stand out after the best change. Changes are
+    tried only where the residuals exceed `NOISE`.
     """
     best, predicted = data, _robust(data)
     before = _size(data, predicted)
     changes = _changes(data) if before > NOISE or data.stretches.max() > MOST_STRETCH else []
-    # The changes after which residuals are small enough, and at most twice those after the best change.
-    explained = [one for one in changes if one.size <= min(before / (one.enough or MENDED), 2 * changes[0].size)]
+    # The changes after which residuals are small enough, and at most twice those after the best
+    # change.
+    explained = [
+        one
+        for one in changes
+        if one.size <= min(before / (one.enough or MENDED), 2 * changes[0].size)
+    ]
     if explained:
         best, predicted = explained[0].data, explained[0].predicted
     mended = {one.mode: one.words for one in reversed(explained)}  # the best change of each mode
     remarks = [f"{mode}: {words}" for mode, words in mended.items()]
     known = np.isin(best.mode, list(mended)) | ("all modes" in mended)
     standing = np.abs(_standing(best, predicted))
-    rows = [row for row in np.argsort(-standing).tolist() if standing[row] > OUTLIER and not known[row]]
+    rows = [
+        row for row in np.argsort(-standing).tolist() if standing[row] > OUTLIER and not known[row]
+    ]
     if len(rows) > max(1, len(best) / 4):
         together = "no physically possible energy describes these tests together"
-        checks = "have the same unit, are nominal, and are zero at a stretch of 1; foams, whose volume changes, are not described"
+        checks = (
+            "have the same unit, are nominal, and are zero at a stretch of 1; foams, whose volume"
+            " changes, are not described"
+        )
         return [*remarks, f"{together}: check that all stresses {checks}"]
-    return remarks + [f"{best.row_in_words(row)} deviates by {standing[row]:.0f} standard deviations from the other rows" for row in rows]
+    return remarks + [
+        f"{best.row_in_words(row)} deviates by {standing[row]:.0f} standard deviations from the"
+        " other rows"
+        for row in rows
+    ]
 
 
 def standardized(model: StressRegressor, data: TestData, most: int = 5) -> list[dict]:
-    """Return the `most` rows with the greatest residuals of a fit: measured and fitted stress, and residual in standard deviations."""
+    """Return the `most` rows with the greatest residuals of a fit: measured and fitted stress,
+    and residual in standard deviations.
+    """
     predicted = model.predict(data.stretches)
     standing = _standing(data, predicted)
     rows = np.argsort(-np.abs(np.nan_to_num(standing, nan=np.inf)))[:most]
@@ -229,11 +300,15 @@ def standardized(model: StressRegressor, data: TestData, most: int = 5) -> list[
     ]
 
 
-CAUCHY = "the stresses look like Cauchy (true) stresses; divide them by the stretch to obtain nominal stresses"
+CAUCHY = (
+    "the stresses look like Cauchy (true) stresses; divide them by the stretch to obtain nominal"
+    " stresses"
+)
 STRAINS = "the stretches, {:g} to {:g}, look like strains{}; a stretch is 1 + strain{}"
 HYSTERESIS = (
-    "{} of {} rows are of unloading or of loading again, with other stresses than those of first loading (hysteresis), which no elastic "
-    "law describes; take the loading branch alone (--loading, TestData.loading)"
+    "{} of {} rows are of unloading or of loading again, with other stresses than those of first"
+    " loading (hysteresis), which no elastic law describes; take the loading branch alone"
+    " (--loading, TestData.loading)"
 )
 """Words of remarks for faults in the data of a mode that a change may mend (`_changes`)."""
 
@@ -241,8 +316,9 @@ HYSTERESIS = (
 class _Change(NamedTuple):
     """Change of the data of a mode, or of all modes, that may mend them.
 
-    It holds the RMS of the relative residuals after the change, the mode, a description, the changed data, the fitted stresses, and the
-    least factor by which the residuals must fall, if it is not that of all changes.
+    It holds the RMS of the relative residuals after the change, the mode, a description, the
+    changed data, the fitted stresses, and the least factor by which the residuals must fall, if it
+    is not that of all changes.
     """
 
     size: float
@@ -254,7 +330,9 @@ class _Change(NamedTuple):
 
 
 def _changes(data: TestData) -> list[_Change]:
-    """Return possible corrections of faulty data, the best first: of stress measure or unit, of strains, and of unloading."""
+    """Return possible corrections of faulty data, the best first: of stress measure or unit, of
+    strains, and of unloading.
+    """
     stress, first, found = data.nominal_stress, data.stretches[:, 0], []
 
     def add(mode: str, words: str, mended: TestData, enough: float | None = None) -> None:
@@ -266,12 +344,19 @@ def _changes(data: TestData) -> list[_Change]:
         if rows.all():
             break
         add(mode, CAUCHY, replace(data, nominal_stress=np.where(rows, stress / first, stress)))
-        columns, others = _columns(data), 1 / (np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300) * ~rows
+        columns, others = (
+            _columns(data),
+            1 / (np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300) * ~rows,
+        )
         predicted = columns @ nonnegative(columns, stress, others)
         some = rows & (np.abs(predicted) > 0)
         factor = float(np.median(stress[some] / predicted[some])) if some.any() else 1.0
         if factor > 0 and abs(np.log(factor)) > np.log(LEAST_FACTOR):
-            size = f"{factor:.3g} times too large" if factor > 1 else f"{1 / factor:.3g} times too small"
+            size = (
+                f"{factor:.3g} times too large"
+                if factor > 1
+                else f"{1 / factor:.3g} times too small"
+            )
             words = f"the stresses look {size} compared with the other modes; check their unit"
             add(mode, words, replace(data, nominal_stress=np.where(rows, stress / factor, stress)))
     else:
@@ -281,22 +366,37 @@ def _changes(data: TestData) -> list[_Change]:
         for mode in set(data.modes) - {BIAXIAL}:
             stretches[data.mode == mode, 1] = MODES[mode](stretches[data.mode == mode, 0])
         words = STRAINS.format(first.min(), first.max(), unit, share)
-        add("all modes", words, replace(data, stretches=stretches), enough=1.0 if first.max() > MOST_STRETCH else None)
+        add(
+            "all modes",
+            words,
+            replace(data, stretches=stretches),
+            enough=1.0 if first.max() > MOST_STRETCH else None,
+        )
     turned = data.unloading
-    turned &= np.isin(data.mode, [mode for mode in data.modes if turned[data.mode == mode].sum() > MOST_ROWS])
+    turned &= np.isin(
+        data.mode, [mode for mode in data.modes if turned[data.mode == mode].sum() > MOST_ROWS]
+    )
     if turned.any():
         modes = sorted({*data.mode[turned].tolist()})
-        add(modes[0] if len(modes) == 1 else "all modes", HYSTERESIS.format(turned.sum(), len(data)), data.where(~turned))
+        add(
+            modes[0] if len(modes) == 1 else "all modes",
+            HYSTERESIS.format(turned.sum(), len(data)),
+            data.where(~turned),
+        )
     return sorted(found, key=lambda one: one.size)
 
 
 def _columns(data: TestData) -> np.ndarray:
-    """Return the design matrix of a linear fit: the nominal stress of each energy term of `TERMS` with unit weight, at constant volume."""
+    """Return the design matrix of a linear fit: the nominal stress of each energy term of
+    `TERMS` with unit weight, at constant volume.
+    """
     return columns_of(isochoric(data.stretches, np.ones(len(data))), data.stretches[:, 0], TERMS)
 
 
 def _robust(data: TestData) -> np.ndarray:
-    """Return the stresses of the energy terms `TERMS` fitted to measured ones, with little weight on outliers."""
+    """Return the stresses of the energy terms `TERMS` fitted to measured ones, with little
+    weight on outliers.
+    """
     columns, stress = _columns(data), data.nominal_stress
     size, weight = np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300, np.ones(len(data))
     for _ in range(REWEIGHTINGS):
@@ -307,34 +407,46 @@ def _robust(data: TestData) -> np.ndarray:
 
 
 def _relative(data: TestData, predicted, share: float) -> np.ndarray:
-    """Return measured minus predicted stresses, shape (n,), each divided by a stress that is not near zero.
+    """Return measured minus predicted stresses, shape (n,), each divided by a stress that is not
+    near zero.
 
-    This stress is the greater absolute value of the two, plus `share` times the greatest stress of the mode.
+    This stress is the greater absolute value of the two, plus `share` times the greatest stress of
+    the mode.
     """
     greater = np.maximum(np.abs(data.nominal_stress), np.abs(predicted))
     return (data.nominal_stress - predicted) / (greater + share * _greatest_of_mode(data) + 1e-300)
 
 
 def _standing(data: TestData, predicted: np.ndarray) -> np.ndarray:
-    """Return the relative residuals of the rows divided by their standard deviation, robustly estimated (`_scale`), shape (n,)."""
+    """Return the relative residuals of the rows divided by their standard deviation, robustly
+    estimated (`_scale`), shape (n,).
+    """
     residuals = _relative(data, predicted, RANGE)
     return residuals / _scale(residuals)
 
 
 def _scale(residuals) -> float:
-    """Return the standard deviation of residuals, at least `NOISE`, from their median absolute value, which is robust to outliers."""
+    """Return the standard deviation of residuals, at least `NOISE`, from their median absolute
+    value, which is robust to outliers.
+    """
     finite = np.abs(residuals[np.isfinite(residuals)])
     return max(1.4826 * float(np.median(finite)) if len(finite) else 1.0, NOISE)
 
 
 def _size(data: TestData, predicted: np.ndarray) -> float:
-    """Return the root mean square of the relative residuals of a fit, without the greatest tenth of the residuals."""
-    kept = np.sort(np.abs(_relative(data, predicted, FLOOR)))[: max(1, int(np.ceil(0.9 * len(data))))]
+    """Return the root mean square of the relative residuals of a fit, without the greatest tenth
+    of the residuals.
+    """
+    kept = np.sort(np.abs(_relative(data, predicted, FLOOR)))[
+        : max(1, int(np.ceil(0.9 * len(data))))
+    ]
     return max(float(np.sqrt((kept**2).mean())), 1e-6)
 
 
 def _greatest_of_mode(data: TestData) -> np.ndarray:
-    """Return for each row the greatest absolute stress among the rows of its mode of loading, shape (n,)."""
+    """Return for each row the greatest absolute stress among the rows of its mode of loading,
+    shape (n,).
+    """
     modes, mode = np.unique(data.mode, return_inverse=True)
     greatest = np.zeros(len(modes))
     np.maximum.at(greatest, mode, np.abs(data.nominal_stress))

@@ -14,58 +14,85 @@ from sklearn.utils._param_validation import Interval
 
 from ..arguments import suggestion
 from ..materials import LAWS, Law, Ogden, Polyconvex, homogeneous
-from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, incompressible_stress, sheet_of, states
+from .stress_regressor import (
+    BULK_CONSTRAINTS,
+    BULK_RATIO,
+    StressRegressor,
+    incompressible_stress,
+    sheet_of,
+    states,
+)
 
 WELL_POSED = 1e14
-"""Greatest condition number of the normal equations of the parameters: above it the inverse has no digits left, and standard errors are
-infinite."""
+"""Greatest condition number of the normal equations of the parameters: above it the inverse has no
+digits left, and standard errors are infinite.
+"""
 
 STARTS = 5
-"""Number of the best candidates of the coarse search from which refinements start. Chosen: the best point of a coarse grid need not lie in
-the basin of the least error, and each start costs one more refinement."""
+"""Number of the best candidates of the coarse search from which refinements start. Chosen: the best
+point of a coarse grid need not lie in the basin of the least error, and each start costs one more
+refinement.
+"""
 
 COARSE_ROWS = 250
-"""Most rows that the starts and the first refinements consider. Chosen: more rows change the starts by less than the refinement does."""
+"""Most rows that the starts and the first refinements consider. Chosen: more rows change the
+starts by less than the refinement does.
+"""
 
 N_TERMS = 3
 """Number of terms of Ogden's law by default, as many as Ogden (1972) took for Treloar's rubber."""
 
 
 PER_AXIS = 25
-"""Number of points on an axis of the coarse search. Chosen: each basin of the squared error then has one."""
+"""Number of points on an axis of the coarse search. Chosen: each basin of the squared error then
+has one.
+"""
 
 SETTLED = 1e-6
-"""Relative change of parameters and squared error that ends the refinement of a start, of which the best is refined further."""
+"""Relative change of parameters and squared error that ends the refinement of a start, of which
+the best is refined further.
+"""
 
 DIFFERENCE = 1e-7
-"""Relative change of a parameter or a volume ratio over which differences give derivatives, near the square root of rounding."""
+"""Relative change of a parameter or a volume ratio over which differences give derivatives, near
+the square root of rounding.
+"""
 
 FAILED = 1e3
-"""Residual where a law has no stress; those of the data are shares of their size, whose squares sum to 1."""
+"""Residual where a law has no stress; those of the data are shares of their size, whose squares
+sum to 1.
+"""
 
 EXPONENTS = -8.0, -5.0, -3.0, -2.0, -1.0, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 11.0
-"""Exponents of Ogden's law in the coarse search, about evenly spaced in the logarithm of their size. Chosen: the refinement moves them, so
-that they need only be denser than its basins."""
+"""Exponents of Ogden's law in the coarse search, about evenly spaced in the logarithm of their
+size. Chosen: the refinement moves them, so that they need only be denser than its basins.
+"""
 
 
 def fitted_laws() -> list[str]:
-    """Return the names of the laws that a `LawRegressor` fits: all but the polyconvex law, which an `EnergyRegressor` finds."""
+    """Return the names of the laws that a `LawRegressor` fits: all but the polyconvex law, which
+    an `EnergyRegressor` finds.
+    """
     return [name for name in LAWS if name != Polyconvex.name]
 
 
 def check_fitted(law: str) -> None:
     """Raise ValueError unless a `LawRegressor` fits the law of this name."""
     if law not in fitted_laws():
-        raise ValueError(f"unknown law {law!r}; {suggestion(law, fitted_laws(), 'laws that can be fitted to tests are')}")
+        raise ValueError(
+            f"unknown law {law!r};"
+            f" {suggestion(law, fitted_laws(), 'laws that can be fitted to tests are')}"
+        )
 
 
 @dataclass(eq=False, repr=False)
 class LawRegressor(StressRegressor):
     """Least-squares fit of the parameters of a law to nominal stresses.
 
-    A coarse search over the dimensionless parameters of the law, in which the shear modulus (for Ogden's law all moduli) is solved for
-    linearly, gives the starts of a bounded trust-region iteration, both with an incompressible law. From the best solution the iteration
-    goes on with the bulk modulus of the law. There are no random choices.
+    A coarse search over the dimensionless parameters of the law, in which the shear modulus (for
+    Ogden's law all moduli) is solved for linearly, gives the starts of a bounded trust-region
+    iteration, both with an incompressible law. From the best solution the iteration goes on with
+    the bulk modulus of the law. There are no random choices.
 
     Parameters
     ----------
@@ -74,10 +101,12 @@ class LawRegressor(StressRegressor):
     n_terms : int, default=3
         Number of terms of Ogden's law; without effect for other laws.
     greatest_exponent : float, default=12
-        Bound of the absolute value of Ogden's exponents; the default is just above the 11 of the coarse search.
+        Bound of the absolute value of Ogden's exponents; the default is just above the 11 of the
+        coarse search.
     bulk_ratio : float, default=1000
-        K/mu of the law, which such tests do not determine. Rubber has about one thousand. Give the ratio of the simulation: parameters that
-        are fitted with another ratio are off at large stretches.
+        K/mu of the law, which such tests do not determine. Rubber has about one thousand. Give the
+        ratio of the simulation: parameters that are fitted with another ratio are off at large
+        stretches.
     bulk_modulus : float, optional
         K instead of K/mu, in the unit of the stresses.
 
@@ -129,7 +158,8 @@ class LawRegressor(StressRegressor):
         Parameters
         ----------
         X : array-like, shape (n_samples, 2)
-            Stretches along the stress and across it; a table (pandas) has the columns ``stretch`` and ``lateral_stretch`` in any order.
+            Stretches along the stress and across it; a table (pandas) has the columns ``stretch``
+            and ``lateral_stretch`` in any order.
         y : array-like, shape (n_samples,)
             Nominal stresses.
         sample_weight : array-like, shape (n_samples,), optional
@@ -142,26 +172,36 @@ class LawRegressor(StressRegressor):
         Raises
         ------
         ValueError
-            If the law is unknown, X has other columns or a stretch is not positive, or no parameters tried give a finite stress in all
-            states.
+            If the law is unknown, X has other columns or a stretch is not positive, or no
+            parameters tried give a finite stress in all states.
 
         Examples
         --------
         >>> import pdsurrogate as pds
         >>> data = pds.load_test_data("treloar").up_to(3.0)
-        >>> pds.identification.LawRegressor("gent").fit(data.stretches, data.nominal_stress).parameter_names_
+        >>> pds.identification.LawRegressor("gent").fit(
+        ...     data.stretches, data.nominal_stress
+        ... ).parameter_names_
         ['shear_modulus', 'chain_limit']
         """
         X, y, root = self._checked(X, y, sample_weight)
         check_fitted(self.law)
         root = root / np.sqrt((root**2 * y**2).sum() or 1.0)
-        # Every so many rows, from the one with the greatest stretch on, which not every law reaches.
+        # Every so many rows, from the one with the greatest stretch on, which not every law
+        # reaches.
         few = np.argsort(X.max(axis=1), kind="stable")[:: -int(np.ceil(len(y) / COARSE_ROWS))]
         coarse = X[few], y[few], root[few]
-        candidates = self._ogden_candidates(*coarse) if self.law == Ogden.name else self._candidates(*coarse)
-        starts = [start for _, start in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0])]
+        candidates = (
+            self._ogden_candidates(*coarse) if self.law == Ogden.name else self._candidates(*coarse)
+        )
+        starts = [
+            start for _, start in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0])
+        ]
         if not starts:
-            raise ValueError(f"{self.law} cannot be fitted: it does not reach the stretch {X.max():g} with a positive stiffness")
+            raise ValueError(
+                f"{self.law} cannot be fitted: it does not reach the stretch {X.max():g} with a"
+                " positive stiffness"
+            )
         fits = [self._refined(start, *coarse, _incompressible, SETTLED) for start in starts]
         best, *_ = min(fits, key=lambda one: one[-1].cost)
         best, *_ = self._refined(best, X, y, root, _incompressible)
@@ -193,7 +233,11 @@ class LawRegressor(StressRegressor):
         """
         if self.law != Ogden.name:
             return ["shear_modulus", *LAWS[self.law].bounds]
-        return [f"{what}_{number}" for what in ("modulus", "exponent") for number in range(1, self.n_terms + 1)]
+        return [
+            f"{what}_{number}"
+            for what in ("modulus", "exponent")
+            for number in range(1, self.n_terms + 1)
+        ]
 
     def law_of(self, values: ArrayLike) -> Law:
         """Return the law with given values of its unknown parameters.
@@ -201,7 +245,8 @@ class LawRegressor(StressRegressor):
         Parameters
         ----------
         values : array-like, shape (n_parameters,)
-            Values in the order of `unknowns`; moduli of Ogden's law are given by their absolute values.
+            Values in the order of `unknowns`; moduli of Ogden's law are given by their absolute
+            values.
 
         Returns
         -------
@@ -220,16 +265,22 @@ class LawRegressor(StressRegressor):
         """
         values = np.asarray(values, dtype=float)
         if self.law != Ogden.name:
-            return LAWS[self.law](float(values[0]), self._bulk(float(values[0])), *map(float, values[1:]))
+            return LAWS[self.law](
+                float(values[0]), self._bulk(float(values[0])), *map(float, values[1:])
+            )
         sizes, exponents = np.split(values, 2)
         moduli = sizes * np.sign(exponents)
         modulus = float((moduli * exponents).sum() / 2)
         return Ogden(modulus, self._bulk(modulus), tuple(moduli), tuple(exponents))
 
-    def search_range(self, start: ArrayLike, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the bounds of the unknown parameters, and which of them are searched for by their logarithm.
+    def search_range(
+        self, start: ArrayLike, scale: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the bounds of the unknown parameters, and which of them are searched for by their
+        logarithm.
 
-        The logarithm serves for positive parameters that range over decades. Ogden's exponents keep the signs that they have in `start`.
+        The logarithm serves for positive parameters that range over decades. Ogden's exponents keep
+        the signs that they have in `start`.
 
         Parameters
         ----------
@@ -252,15 +303,21 @@ class LawRegressor(StressRegressor):
         if self.law != Ogden.name:
             low, high = np.array([(1e-6 * scale, 1e6 * scale), *LAWS[self.law].bounds.values()]).T
             return low, high, low > 0
-        n, most, positive = self.n_terms, self.greatest_exponent, np.asarray(start)[self.n_terms :] > 0
+        n, most, positive = (
+            self.n_terms,
+            self.greatest_exponent,
+            np.asarray(start)[self.n_terms :] > 0,
+        )
         low = np.concatenate([np.full(n, 1e-9 * scale), np.where(positive, 0.1, -most)])
         high = np.concatenate([np.full(n, 1e6 * scale), np.where(positive, most, -0.1)])
         return low, high, np.repeat([True, False], n)
 
     def _refined(self, start, X, y, root, states_of, close=1e-12):
-        """Fit the parameters from `start` to relative changes `close`; return them, the residuals' Jacobian by them, and scipy's result.
+        """Fit the parameters from `start` to relative changes `close`; return them, the residuals'
+        Jacobian by them, and scipy's result.
 
-        ``states_of(law, X)`` gives the nominal stresses of a law and volume ratios, and `root` holds square roots of row weights.
+        ``states_of(law, X)`` gives the nominal stresses of a law and volume ratios, and `root`
+        holds square roots of row weights.
         """
         *bounds, logarithmic = self.search_range(start, max(np.abs(y).max(), 1e-300))
         sheet = sheet_of(X)
@@ -280,7 +337,9 @@ class LawRegressor(StressRegressor):
             return np.where(np.isfinite(predicted), root * (predicted - y), FAILED)
 
         def jacobian(searched):
-            """Return the derivatives of the residuals: those at a given volume, and those through the volume, by its implicit equation."""
+            """Return the derivatives of the residuals: those at a given volume, and those
+            through the volume, by its implicit equation.
+            """
             if searched.tobytes() not in volumes:
                 residuals(searched)
             if searched.tobytes() not in volumes:  # parameters that are not those of a law
@@ -288,28 +347,49 @@ class LawRegressor(StressRegressor):
             volume, columns = volumes[searched.tobytes()], []
             at = homogeneous.sheet_response(self.law_of(value(searched)), *sheet)
             (stress, free), (swollen, pulled) = at(volume), at((1 + DIFFERENCE) * volume)
-            softening = 0.0 if states_of is _incompressible else (swollen - stress) / (pulled - free)
+            softening = (
+                0.0 if states_of is _incompressible else (swollen - stress) / (pulled - free)
+            )
             for number in range(len(searched)):
                 moved = searched.copy()
                 # Towards the farther bound, so that the law exists.
                 moved[number] += (
-                    DIFFERENCE * max(1.0, abs(searched[number])) * (1 if 2 * searched[number] < low[number] + high[number] else -1)
+                    DIFFERENCE
+                    * max(1.0, abs(searched[number]))
+                    * (1 if 2 * searched[number] < low[number] + high[number] else -1)
                 )
-                changed, unbalanced = homogeneous.sheet_response(self.law_of(value(moved)), *sheet)(volume)
-                columns.append((changed - stress - softening * (unbalanced - free)) / (moved[number] - searched[number]))
+                changed, unbalanced = homogeneous.sheet_response(self.law_of(value(moved)), *sheet)(
+                    volume
+                )
+                columns.append(
+                    (changed - stress - softening * (unbalanced - free))
+                    / (moved[number] - searched[number])
+                )
             return root[:, None] * np.nan_to_num(np.array(columns).T, posinf=0.0, neginf=0.0)
 
-        start, low, high = (np.log(values, out=values.copy(), where=logarithmic) for values in (start, *bounds))
+        start, low, high = (
+            np.log(values, out=values.copy(), where=logarithmic) for values in (start, *bounds)
+        )
         start = np.clip(start, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
         found = least_squares(
-            residuals, start, jacobian, bounds=(low, high), x_scale="jac", xtol=close, ftol=close, gtol=close, max_nfev=400
+            residuals,
+            start,
+            jacobian,
+            bounds=(low, high),
+            x_scale="jac",
+            xtol=close,
+            ftol=close,
+            gtol=close,
+            max_nfev=400,
         )
         values = value(found.x)
         # By the chain rule: the Jacobian by the parameters, where the logarithm was searched for.
         return values, found.jac / np.where(logarithmic, values, 1.0), found
 
     def _candidates(self, X, y, root):
-        """Return (squared error, parameters) of a law but Ogden's at points of a grid that no neighbor excels, with the best modulus."""
+        """Return (squared error, parameters) of a law but Ogden's at points of a grid that no
+        neighbor excels, with the best modulus.
+        """
         low, high, _ = self.search_range(np.empty(0), max(np.abs(y).max(), 1e-300))
         axes = _axes(low[1:], high[1:])
         shapes, shape = list(product(*axes)), [len(axis) for axis in axes]
@@ -320,13 +400,22 @@ class LawRegressor(StressRegressor):
             except ValueError:
                 continue
             if np.isfinite(unit).all():
-                moduli[number] = max((root**2 * unit * y).sum() / max((root**2 * unit**2).sum(), 1e-300), low[0])
+                moduli[number] = max(
+                    (root**2 * unit * y).sum() / max((root**2 * unit**2).sum(), 1e-300), low[0]
+                )
                 errors[number] = ((root * (moduli[number] * unit - y)) ** 2).sum()
-        least = minimum_filter(errors.reshape(shape), 3, mode="nearest").ravel() if shape else errors
-        return [(errors[n], np.array([moduli[n], *shapes[n]])) for n in np.flatnonzero((errors == least) & np.isfinite(errors))]
+        least = (
+            minimum_filter(errors.reshape(shape), 3, mode="nearest").ravel() if shape else errors
+        )
+        return [
+            (errors[n], np.array([moduli[n], *shapes[n]]))
+            for n in np.flatnonzero((errors == least) & np.isfinite(errors))
+        ]
 
     def _ogden_candidates(self, X, y, root):
-        """Yield (error, parameters) of Ogden's law for each set of exponents from a grid, with the best moduli."""
+        """Yield (error, parameters) of Ogden's law for each set of exponents from a grid, with
+        the best moduli.
+        """
         grid = [value for value in EXPONENTS if abs(value) <= self.greatest_exponent]
         thickness, least = 1 / X.prod(axis=1), 1e-7 * max(np.abs(y).max(), 1e-300)
         # Stress of a term of unit stiffness, which is modulus times exponent.
@@ -335,19 +424,30 @@ class LawRegressor(StressRegressor):
             matrix = np.stack([columns[a] for a in exponents], axis=1)
             if np.isfinite(matrix).all():
                 stiffness, error = nnls(matrix, root * y)
-                yield error, np.concatenate([np.maximum(stiffness / np.abs(exponents), least), exponents])
+                yield (
+                    error,
+                    np.concatenate([np.maximum(stiffness / np.abs(exponents), least), exponents]),
+                )
 
 
 def _incompressible(law: Law, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the nominal stresses of a law without a change of volume, and volume ratios, 1, as `states` does with one."""
+    """Return the nominal stresses of a law without a change of volume, and volume ratios, 1, as
+    `states` does with one.
+    """
     return incompressible_stress(law, X), np.ones(len(X))
 
 
 def _axes(low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
-    """Return the axes of a grid of candidates, between bounds, for the dimensionless parameters of a law."""
+    """Return the axes of a grid of candidates, between bounds, for the dimensionless parameters
+    of a law.
+    """
     # Dense about 0 where bounds contain it: most dimensionless coefficients of rubber lie there.
     spread = np.geomspace(1e-5, 1, PER_AXIS // 2)
     return [
-        np.geomspace(least, greatest, PER_AXIS) if least > 0 else np.unique([*least * spread, 0.0, *greatest * spread])
+        (
+            np.geomspace(least, greatest, PER_AXIS)
+            if least > 0
+            else np.unique([*least * spread, 0.0, *greatest * spread])
+        )
         for least, greatest in zip(low, high, strict=True)
     ]

@@ -1,4 +1,6 @@
-"""Identification of laws from test data for the command line, with reports as dictionaries and figures."""
+"""Identification of laws from test data for the command line, with reports as dictionaries and
+figures.
+"""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -17,24 +19,39 @@ from .data import BIAXIAL, MODES, TestData
 from .energy import EnergyRegressor, mode_of
 from .examination import examine, standardized
 from .regressor import LawRegressor, check_fitted
-from .stress_regressor import LawEstimator, StressRegressor, committee, nominal_stress, sheet_of, states
+from .stress_regressor import (
+    LawEstimator,
+    StressRegressor,
+    committee,
+    nominal_stress,
+    sheet_of,
+    states,
+)
 
 EDGE = 1e-6
-"""Least distance in log-stretch of a test from the domain of a force model at which the test counts as outside: less may be rounding."""
+"""Least distance in log-stretch of a test from the domain of a force model at which the test
+counts as outside: less may be rounding.
+"""
 
 LARGE_GROWTH = 1.05
-"""Greatest volume ratio that an identified law may give in the tests without a warning: the volume of rubber grows by a percent or so.
-Chosen just above the 4 % to which the default bulk modulus leads at Treloar's greatest stretch (`BULK_RATIO`)."""
+"""Greatest volume ratio that an identified law may give in the tests without a warning: the volume
+of rubber grows by a percent or so. Chosen just above the 4 % to which the default bulk modulus
+leads at Treloar's greatest stretch (`BULK_RATIO`).
+"""
 
 UNMEASURED = 1.5, 2.0, 3.0
-"""Stretches at which a report states what an energy foretells in modes of loading without data. Chosen: those of most bodies of rubber."""
+"""Stretches at which a report states what an energy foretells in modes of loading without data.
+Chosen: those of most bodies of rubber.
+"""
 
 
 def report(model: StressRegressor, data: TestData) -> dict:
-    """Return a report of a fit as plain values: the data, the parameters with standard errors (None where infinite), and the errors.
+    """Return a report of a fit as plain values: the data, the parameters with standard errors (None
+    where infinite), and the errors.
 
-    ``differences`` compare the tests with the law at its bulk modulus, as in a simulation of the tests; ``volume_ratio`` is the greatest
-    volume ratio, and ``residuals`` lists the rows with the greatest residuals.
+    ``differences`` compare the tests with the law at its bulk modulus, as in a simulation of the
+    tests; ``volume_ratio`` is the greatest volume ratio, and ``residuals`` lists the rows with the
+    greatest residuals.
     """
     predicted, volume = states(model.law_, data.stretches)
     return {
@@ -49,7 +66,8 @@ def report(model: StressRegressor, data: TestData) -> dict:
 
 
 def parameters_of(model: LawEstimator) -> dict:
-    """Return the fitted law of a regressor for a report: its parameters with standard errors, None where infinite, and their covariance.
+    """Return the fitted law of a regressor for a report: its parameters with standard errors, None
+    where infinite, and their covariance.
 
     The covariance is None if the parameters are not all determined.
     """
@@ -60,7 +78,9 @@ def parameters_of(model: LawEstimator) -> dict:
     return {
         "law": model.law_.describe(),
         "parameters": dict(zip(model.parameter_names_, model.parameters_.tolist(), strict=True)),
-        "standard_errors": dict(zip(model.parameter_names_, map(plain, model.standard_errors_), strict=True)),
+        "standard_errors": dict(
+            zip(model.parameter_names_, map(plain, model.standard_errors_), strict=True)
+        ),
         "covariance": covariance,
         "at_bound": model.at_bound_,
     }
@@ -72,25 +92,38 @@ def plain(value: float) -> float | None:
 
 
 def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:
-    """Return, by mode, the greatest difference of given stresses (simulated or of a law) from the measured stresses.
+    """Return, by mode, the greatest difference of given stresses (simulated or of a law) from the
+    measured stresses.
 
-    ``difference`` is relative to the greatest stress measured in the mode, and ``stretch`` is the stretch along the stress; both are None
-    if the stress of a state is not finite.
+    ``difference`` is relative to the greatest stress measured in the mode, and ``stretch`` is the
+    stretch along the stress; both are None if the stress of a state is not finite.
     """
     found: dict[str, dict] = {}
     for mode in data.modes:
         rows = data.mode == mode
-        off = (stress[rows] - data.nominal_stress[rows]) / max(np.abs(data.nominal_stress[rows]).max(), 1e-300)
+        off = (stress[rows] - data.nominal_stress[rows]) / max(
+            np.abs(data.nominal_stress[rows]).max(), 1e-300
+        )
         place = int(np.argmax(np.abs(off)))  # argmax treats NaN as the greatest
         greatest = float(off[place]), float(data.stretches[rows][place, 0])
-        found[mode] = dict(zip(("difference", "stretch"), greatest if np.isfinite(off[place]) else (None, None), strict=True))
+        found[mode] = dict(
+            zip(
+                ("difference", "stretch"),
+                greatest if np.isfinite(off[place]) else (None, None),
+                strict=True,
+            )
+        )
     return found
 
 
-def figure(models: list[StressRegressor], data: TestData, simulated: np.ndarray | None = None) -> Figure:
-    """Return a figure with a panel for each mode: points of the tests, a line for each fitted law, and crosses for simulated stresses.
+def figure(
+    models: list[StressRegressor], data: TestData, simulated: np.ndarray | None = None
+) -> Figure:
+    """Return a figure with a panel for each mode: points of the tests, a line for each fitted law,
+    and crosses for simulated stresses.
 
-    Biaxial tests follow no single curve: their panel shows the stress of each law over the measured stress, and the line of equality.
+    Biaxial tests follow no single curve: their panel shows the stress of each law over the measured
+    stress, and the line of equality.
     """
     modes = data.modes
     with matplotlib.rc_context(STYLE):
@@ -117,7 +150,9 @@ def figure(models: list[StressRegressor], data: TestData, simulated: np.ndarray 
         return drawn
 
 
-def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to: Iterable[str] | None = None) -> list[dict]:
+def held_out_modes(
+    models: Iterable[StressRegressor], data: TestData, fitted_to: Iterable[str] | None = None
+) -> list[dict]:
     """Fit each law to some modes of loading, and return the errors of the fit in the other modes.
 
     Parameters
@@ -126,38 +161,56 @@ def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to:
     data : TestData
         Data of at least two modes.
     fitted_to : iterable of str, optional
-        Modes to which each law is fitted, with all others held out; by default each mode is held out in turn.
+        Modes to which each law is fitted, with all others held out; by default each mode is held
+        out in turn.
 
     Returns
     -------
     list of dict
-        For each law and each split: ``law``, ``fitted_to``, ``held_out`` (R^2 by mode) and ``relative_rms`` error of the rows held out,
-        NaN if the law has no stress in one of these rows.
+        For each law and each split: ``law``, ``fitted_to``, ``held_out`` (R^2 by mode) and
+        ``relative_rms`` error of the rows held out, NaN if the law has no stress in one of these
+        rows.
     """
     modes = data.modes
-    splits = [list(fitted_to)] if fitted_to is not None else [[mode for mode in modes if mode != left] for left in modes]
+    splits = (
+        [list(fitted_to)]
+        if fitted_to is not None
+        else [[mode for mode in modes if mode != left] for left in modes]
+    )
     rows = []
     for model in models:
         for train in splits:
             known, unseen = data.of(*train), data.of(*(mode for mode in modes if mode not in train))
             if not len(known) or not len(unseen):
-                raise ValueError(f"{data.name}: no mode can be held out: there are {', '.join(modes)}, to fit {', '.join(train) or 'none'}")
-            fitted = clone(model).fit(known.stretches, known.nominal_stress, known.balanced_weights())
+                raise ValueError(
+                    f"{data.name}: no mode can be held out: there are {', '.join(modes)}, to fit"
+                    f" {', '.join(train) or 'none'}"
+                )
+            fitted = clone(model).fit(
+                known.stretches, known.nominal_stress, known.balanced_weights()
+            )
             predicted = fitted.predict(unseen.stretches)
-            off = np.sqrt(((predicted - unseen.nominal_stress) ** 2).sum() / (unseen.nominal_stress**2).sum())
+            off = np.sqrt(
+                ((predicted - unseen.nominal_stress) ** 2).sum() / (unseen.nominal_stress**2).sum()
+            )
             scores = {"held_out": unseen.r_squared(predicted), "relative_rms": float(off)}
             rows.append({"law": model.law, "fitted_to": train, **scores})
     return rows
 
 
-def fitted(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]) -> StressRegressor:
-    """Fit a law (Ogden's with `n_terms` terms), or an energy without a law if `law` is None, to test data; return the regressor.
+def fitted(
+    data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]
+) -> StressRegressor:
+    """Fit a law (Ogden's with `n_terms` terms), or an energy without a law if `law` is None, to
+    test data; return the regressor.
 
     `bulk` is a dictionary as `stress_regressor.bulk_arguments` returns it.
     """
     if law is not None:
         check_fitted(law)
-    regressor = EnergyRegressor(**bulk) if law is None else LawRegressor(law, n_terms=n_terms, **bulk)
+    regressor = (
+        EnergyRegressor(**bulk) if law is None else LawRegressor(law, n_terms=n_terms, **bulk)
+    )
     return regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
 
 
@@ -198,7 +251,9 @@ def identify(
 
 
 def examined(model: StressRegressor, data: TestData) -> dict:
-    """Return the `report` of a fitted regressor, with the ``refusals`` and ``remarks`` of the examination of fit and data (`examine`)."""
+    """Return the `report` of a fitted regressor, with the ``refusals`` and ``remarks`` of the
+    examination of fit and data (`examine`).
+    """
     found, form, examination = report(model, data), model.law, examine(model, data)
     if isinstance(model, EnergyRegressor):
         form = "energy without a law"
@@ -206,22 +261,45 @@ def examined(model: StressRegressor, data: TestData) -> dict:
     remarks = list(examination.remarks)
     if model.at_bound_:
         at_bound = f"{form}: {', '.join(model.at_bound_)}"
-        remarks.append(f"{at_bound} reached a bound of the search range: the data do not determine it, or another law would fit better.")
+        remarks.append(
+            f"{at_bound} reached a bound of the search range: the data do not determine it, or"
+            " another law would fit better."
+        )
     if found["volume_ratio"] and found["volume_ratio"] > LARGE_GROWTH:
-        growth = f"the volume grows by {100 * (found['volume_ratio'] - 1):.0f} % in the tests, more than that of rubber"
-        remarks.append(f"{form}: with this bulk modulus {growth}; set a greater one with --bulk-modulus")
+        growth = (
+            f"the volume grows by {100 * (found['volume_ratio'] - 1):.0f} % in the tests, more than"
+            " that of rubber"
+        )
+        remarks.append(
+            f"{form}: with this bulk modulus {growth}; set a greater one with --bulk-modulus"
+        )
     return {**found, "refusals": examination.refusals, "remarks": remarks}
 
 
 def unmeasured(model: EnergyRegressor, data: TestData) -> list[dict]:
-    """Return stresses and standard deviations of an energy in the modes of loading without data, at stretches `UNMEASURED`."""
+    """Return stresses and standard deviations of an energy in the modes of loading without data,
+    at stretches `UNMEASURED`.
+    """
     greatest = data.stretches.max()
     stretches, found = np.array([one for one in UNMEASURED if one <= greatest] or [greatest]), []
     measured = {*mode_of(data.stretches).tolist()}
     for mode in (mode for mode in MODES if mode not in measured):
         states = np.stack([stretches, MODES[mode](stretches)], axis=1)
-        rows = zip(stretches.tolist(), model.predict(states), model.standard_deviations(states), strict=True)
-        found += [{"mode": mode, "stretch": at, "nominal_stress": plain(y), "standard_deviation": plain(sd)} for at, y, sd in rows]
+        rows = zip(
+            stretches.tolist(),
+            model.predict(states),
+            model.standard_deviations(states),
+            strict=True,
+        )
+        found += [
+            {
+                "mode": mode,
+                "stretch": at,
+                "nominal_stress": plain(y),
+                "standard_deviation": plain(sd),
+            }
+            for at, y, sd in rows
+        ]
     return found
 
 
@@ -244,31 +322,54 @@ class Identified(NamedTuple):
     members: list[Law]
 
 
-def identified(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float], n_members: int | None, seed: int) -> Identified:
-    """Fit a law (Ogden's with `n_terms` terms), or an energy without a law (an `EnergyRegressor`) if `law` is None, to test data.
+def identified(
+    data: TestData,
+    law: str | None,
+    n_terms: int,
+    bulk: dict[str, float],
+    n_members: int | None,
+    seed: int,
+) -> Identified:
+    """Fit a law (Ogden's with `n_terms` terms), or an energy without a law (an `EnergyRegressor`)
+    if `law` is None, to test data.
 
-    With `n_members` also fit a committee of as many copies, each to a random half of the tests, drawn with `seed`. `bulk` is a dictionary
-    as `bulk_arguments` returns it. Return an `Identified` with the fit, its report and the laws of the committee's members.
+    With `n_members` also fit a committee of as many copies, each to a random half of the tests,
+    drawn with `seed`. `bulk` is a dictionary as `bulk_arguments` returns it. Return an `Identified`
+    with the fit, its report and the laws of the committee's members.
     """
     model = fitted(data, law, n_terms, bulk)
     found, members = examined(model, data), []
     if n_members:
         weights = data.balanced_weights()
-        members = committee(model, data.stretches, data.nominal_stress, n_members, data.tests, seed, sample_weight=weights)
+        members = committee(
+            model,
+            data.stretches,
+            data.nominal_stress,
+            n_members,
+            data.tests,
+            seed,
+            sample_weight=weights,
+        )
         own = " with exponents of its own" if law is None else ""
-        found["committee"] = f"each fitted to half of {len(set(data.tests))} tests{own}, seed {seed}"
+        found["committee"] = (
+            f"each fitted to half of {len(set(data.tests))} tests{own}, seed {seed}"
+        )
     return Identified(data, model, found, [member.law_ for member in members])
 
 
-def simulate_tests(force: ForceModel, data: TestData, model: StressRegressor) -> tuple[np.ndarray, float, int]:
-    """Return the stresses of a force model in the states of test data, and their difference from a law fitted to the data.
+def simulate_tests(
+    force: ForceModel, data: TestData, model: StressRegressor
+) -> tuple[np.ndarray, float, int]:
+    """Return the stresses of a force model in the states of test data, and their difference from a
+    law fitted to the data.
 
     Returns
     -------
     stress : ndarray, shape (n,)
         Nominal stresses.
     off_law : float
-        Greatest difference from the stresses of `model`, relative to the greatest of these; NaN if a state has no stress.
+        Greatest difference from the stresses of `model`, relative to the greatest of these; NaN if
+        a state has no stress.
     outside : int
         Number of rows outside the domain of the force model.
     """

@@ -1,6 +1,8 @@
-"""Base of regressors that find a law from nominal stresses, the stresses of a law, and committees of regressors.
+"""Base of regressors that find a law from nominal stresses, the stresses of a law, and committees
+of regressors.
 
-A committee shows the uncertainty of an identification: its members are fitted to random halves of the test data.
+A committee shows the uncertainty of an identification: its members are fitted to random halves of
+the test data.
 """
 
 from collections.abc import Sequence
@@ -15,48 +17,66 @@ from sklearn.utils import check_X_y
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from ..arguments import check_jobs, check_kind, check_numbers, check_seed, check_whole_number, in_order
+from ..arguments import (
+    check_jobs,
+    check_kind,
+    check_numbers,
+    check_seed,
+    check_whole_number,
+    in_order,
+)
 from ..materials import Law, homogeneous
 from ..materials.covariance import LawCovariance, covariance_of_numbers
 
 BULK_RATIO = 1000.0
 """Default of K/mu of a law.
 
-Rubber has one thousand to ten thousand. At 100 the volume of Treloar's rubber would grow by 42 % at its greatest stretch of 7.6, unlike
-that of any rubber, and the best fit of Ogden's law has an R^2 of 0.992 in tension; at 1000 the volume grows by 4 %, with 0.996, and an
-incompressible law has 0.997.
+Rubber has one thousand to ten thousand. At 100 the volume of Treloar's rubber would grow by 42 % at
+its greatest stretch of 7.6, unlike that of any rubber, and the best fit of Ogden's law has an R^2
+of 0.992 in tension; at 1000 the volume grows by 4 %, with 0.996, and an incompressible law has
+0.997.
 """
 
 BULK_CONSTRAINTS = {
     "bulk_ratio": [Interval(Real, 0, None, closed="neither")],
     "bulk_modulus": [None, Interval(Real, 0, None, closed="neither")],
 }
-"""Permitted values of the regressors' parameters ``bulk_ratio`` and ``bulk_modulus``, in the form that scikit-learn validates."""
+"""Permitted values of the regressors' parameters ``bulk_ratio`` and ``bulk_modulus``, in the
+form that scikit-learn validates.
+"""
 
 FREE_SIDES = 1e-4
-"""Greatest difference, in log-stretch, of a lateral stretch from stretch**-0.5 at which the sides count as free: data have four digits."""
+"""Greatest difference, in log-stretch, of a lateral stretch from stretch**-0.5 at which the
+sides count as free: data have four digits.
+"""
 
 
 def bulk_arguments(**given: float | None) -> dict[str, float]:
-    """Return `bulk_modulus` or `bulk_ratio`, whichever is not None, as arguments of a regressor: none if both are None.
+    """Return `bulk_modulus` or `bulk_ratio`, whichever is not None, as arguments of a regressor:
+    none if both are None.
 
     Raise ValueError if neither is None.
     """
     found = {key: value for key, value in given.items() if value is not None}
     if len(found) > 1:
-        raise ValueError("bulk_modulus and bulk_ratio exclude each other: choose one (--bulk-modulus or --bulk-ratio)")
+        raise ValueError(
+            "bulk_modulus and bulk_ratio exclude each other: choose one (--bulk-modulus or"
+            " --bulk-ratio)"
+        )
     return found
 
 
 def nominal_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
-    """Return the nominal stress of a law along the first of two stretches in the plane; NaN past the limit of the law.
+    """Return the nominal stress of a law along the first of two stretches in the plane; NaN past
+    the limit of the law.
 
     Parameters
     ----------
     law : Law
     stretches : ndarray, shape (n, 2)
-        Stretches along the stress and across it. A second stretch equal to the first to the power -1/2 means uniaxial tension with free
-        sides: the lateral stretch is then the one at which the lateral stress is zero. The thickness is always free.
+        Stretches along the stress and across it. A second stretch equal to the first to the power
+        -1/2 means uniaxial tension with free sides: the lateral stretch is then the one at which
+        the lateral stress is zero. The thickness is always free.
 
     Returns
     -------
@@ -67,23 +87,31 @@ def nominal_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
 
 
 def states(law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return nominal stress and volume ratio J3 of a law, each of shape (n,), at pairs of stretches as in `nominal_stress`."""
+    """Return nominal stress and volume ratio J3 of a law, each of shape (n,), at pairs of
+    stretches as in `nominal_stress`.
+    """
     return homogeneous.sheet_states(law, *sheet_of(stretches))
 
 
 def sheet_of(stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return stretches along the stress and across it, each of shape (n,), the latter NaN for free sides, from pairs (n, 2)."""
+    """Return stretches along the stress and across it, each of shape (n,), the latter NaN for
+    free sides, from pairs (n, 2).
+    """
     first, second = np.asarray(stretches, dtype=float).T
     return first, np.where(free_sides(first, second), np.nan, second)
 
 
 def free_sides(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return a mask, shape (n,), of the states that are uniaxial tension or compression along the first stretch with free sides."""
+    """Return a mask, shape (n,), of the states that are uniaxial tension or compression along
+    the first stretch with free sides.
+    """
     return np.abs(np.log(second) + np.log(first) / 2) < FREE_SIDES
 
 
 def incompressible_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
-    """Return the nominal stress of a law, shape (n,), for an infinite bulk modulus: volume ratio 1, and no stress across the thickness."""
+    """Return the nominal stress of a law, shape (n,), for an infinite bulk modulus: volume ratio
+    1, and no stress across the thickness.
+    """
     first, second = stretches.T
     return homogeneous.sheet_response(law, first, second)(np.ones_like(first))[0]
 
@@ -91,8 +119,8 @@ def incompressible_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
 class LawEstimator(RegressorMixin, BaseEstimator):
     """Base of regressors that find a law.
 
-    A subclass sets ``law_`` and the parameters with their covariance in ``fit``, which begins with `_begin_fit`; its method ``_law_of``
-    returns the law with given values of the parameters.
+    A subclass sets ``law_`` and the parameters with their covariance in ``fit``, which begins with
+    `_begin_fit`; its method ``_law_of`` returns the law with given values of the parameters.
     """
 
     def __sklearn_tags__(self):
@@ -104,17 +132,20 @@ class LawEstimator(RegressorMixin, BaseEstimator):
         return hasattr(self, "law_")
 
     def law_covariance(self) -> LawCovariance:
-        """Return the covariance of the numbers of the fitted law, with which `pdsurrogate.Result.standard_errors` propagates it to results.
+        """Return the covariance of the numbers of the fitted law, with which
+        `pdsurrogate.Result.standard_errors` propagates it to results.
 
         Returns
         -------
         LawCovariance
-            From `covariance_`, with the numbers that follow from the parameters, such as the bulk modulus from K/mu.
+            From `covariance_`, with the numbers that follow from the parameters, such as the bulk
+            modulus from K/mu.
 
         Raises
         ------
         ValueError
-            If the measurements do not determine a parameter, or a parameter is at a bound of the search.
+            If the measurements do not determine a parameter, or a parameter is at a bound of the
+            search.
 
         Examples
         --------
@@ -125,7 +156,9 @@ class LawEstimator(RegressorMixin, BaseEstimator):
         ('shear_modulus', 'bulk_modulus', 'chain_limit')
         """
         check_is_fitted(self)
-        return covariance_of_numbers(self._law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
+        return covariance_of_numbers(
+            self._law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_
+        )
 
     def forget(self) -> None:
         """Delete the results of a fit from the regressor, which is unfitted afterwards.
@@ -143,19 +176,24 @@ class LawEstimator(RegressorMixin, BaseEstimator):
             delattr(self, key)
 
     def _begin_fit(self) -> None:
-        """Delete the results of an earlier fit, which must not outlive a failed one; raise an error for a parameter of a wrong kind."""
+        """Delete the results of an earlier fit, which must not outlive a failed one; raise an
+        error for a parameter of a wrong kind.
+        """
         self.forget()
         self._validate_params()
         for name, kinds in self._parameter_constraints.items():
             if any(isinstance(kind, Interval) for kind in kinds):
-                check_kind(getattr(self, name), object, name, "a number")  # scikit-learn takes True for 1
+                check_kind(
+                    getattr(self, name), object, name, "a number"
+                )  # scikit-learn takes True for 1
 
 
 class StressRegressor(LawEstimator):
     """Base of regressors that find a law from nominal stresses.
 
-    A subclass implements ``fit``, which takes its data from `_checked` and ends with `_store`, and ``law_of``, which returns the law with
-    given values of the fitted parameters. It has the parameters `bulk_ratio` and `bulk_modulus`.
+    A subclass implements ``fit``, which takes its data from `_checked` and ends with `_store`, and
+    ``law_of``, which returns the law with given values of the fitted parameters. It has the
+    parameters `bulk_ratio` and `bulk_modulus`.
     """
 
     columns = ("stretch", "lateral_stretch")
@@ -171,7 +209,8 @@ class StressRegressor(LawEstimator):
         Parameters
         ----------
         X : array-like, shape (n_samples, 2)
-            Stretches along the stress and across it; a table (pandas) has the columns ``stretch`` and ``lateral_stretch`` in any order.
+            Stretches along the stress and across it; a table (pandas) has the columns ``stretch``
+            and ``lateral_stretch`` in any order.
 
         Returns
         -------
@@ -196,22 +235,42 @@ class StressRegressor(LawEstimator):
     def _stretches(self, X) -> np.ndarray:
         """Return X; raise ValueError unless it has two columns of positive stretches."""
         if X.shape[1] != 2:
-            raise ValueError(f"X must have two columns, the stretch along the stress and the one across it, but n_features = {X.shape[1]}")
+            raise ValueError(
+                "X must have two columns, the stretch along the stress and the one across it, but"
+                f" n_features = {X.shape[1]}"
+            )
         if not (X > 0).all():
-            raise ValueError(f"Negative values in data passed to {type(self).__name__}: a stretch must be positive, not {X.min():g}")
+            raise ValueError(
+                f"Negative values in data passed to {type(self).__name__}: a stretch must be"
+                f" positive, not {X.min():g}"
+            )
         return X
 
     def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Check the data; return stretches, stresses and roots of weights for the rows of positive weight."""
+        """Check the data; return stretches, stresses and roots of weights for the rows of
+        positive weight.
+        """
         self._begin_fit()
         for values, what, wanted in (
-            (X, "X", f"it must have the columns {' and '.join(self.columns)} and at least one row" if self.columns else "give numbers"),
+            (
+                X,
+                "X",
+                (
+                    f"it must have the columns {' and '.join(self.columns)} and at least one row"
+                    if self.columns
+                    else "give numbers"
+                ),
+            ),
             (y, "y", "give a nominal stress for each row of X"),
             (sample_weight, "sample_weight", "give a number for each row of X"),
         ):
             check_numbers(values, what, wanted)
-        X, y = validate_data(self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True)
-        root = np.sqrt(_check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True))
+        X, y = validate_data(
+            self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True
+        )
+        root = np.sqrt(
+            _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        )
         used = root > 0
         if not used.any():
             raise ValueError("all sample weights are zero")
@@ -219,27 +278,51 @@ class StressRegressor(LawEstimator):
         return X[used], y[used], root[used]
 
     def _bulk(self, shear_modulus: float) -> float:
-        """Return the bulk modulus of a law with a shear modulus: the parameter `bulk_modulus`, or `bulk_ratio` times the shear modulus."""
+        """Return the bulk modulus of a law with a shear modulus: the parameter `bulk_modulus`,
+        or `bulk_ratio` times the shear modulus.
+        """
         return self.bulk_modulus or self.bulk_ratio * shear_modulus
 
-    def _store(self, law: Law, names: Sequence[str], values, covariance: np.ndarray, at_bound: Sequence[str] = ()) -> None:
+    def _store(
+        self,
+        law: Law,
+        names: Sequence[str],
+        values,
+        covariance: np.ndarray,
+        at_bound: Sequence[str] = (),
+    ) -> None:
         """Set the results of a fit: the law, its parameters, and their covariance."""
-        self.law_, self.parameter_names_, self.parameters_, self.at_bound_ = law, list(names), values, list(at_bound)
+        self.law_, self.parameter_names_, self.parameters_, self.at_bound_ = (
+            law,
+            list(names),
+            values,
+            list(at_bound),
+        )
         self.covariance_, self.standard_errors_ = covariance, np.sqrt(np.diag(covariance))
 
 
 def committee(
-    regressor, X, y, n_members: int = 8, tests=None, random_state: int = 0, n_jobs: int = 1, sample_weight: np.ndarray | None = None
+    regressor,
+    X,
+    y,
+    n_members: int = 8,
+    tests=None,
+    random_state: int = 0,
+    n_jobs: int = 1,
+    sample_weight: np.ndarray | None = None,
 ) -> list:
     """Return copies of a regressor, each fitted to a random half of the tests.
 
-    A stress, or the result of a run with the ``law_`` of each member, varies among the members as far as the data leave it open. The root
-    mean square of the differences from the fit to all data estimates the standard deviation of the result (the delete-half jackknife);
-    `committee_spread` corrects it for few members. The bootstrap, which draws with replacement, is not consistent for parameters at a
-    bound, such as weights at zero. Each member of an `EnergyRegressor` is one energy, drawn by its weight in the average of its half:
-    halves of the tests do not show what all tests leave open among energies.
+    A stress, or the result of a run with the ``law_`` of each member, varies among the members as
+    far as the data leave it open. The root mean square of the differences from the fit to all data
+    estimates the standard deviation of the result (the delete-half jackknife); `committee_spread`
+    corrects it for few members. The bootstrap, which draws with replacement, is not consistent for
+    parameters at a bound, such as weights at zero. Each member of an `EnergyRegressor` is one
+    energy, drawn by its weight in the average of its half: halves of the tests do not show what all
+    tests leave open among energies.
 
-    The members do not show errors that all of them share, such as those of a law that rubber does not follow.
+    The members do not show errors that all of them share, such as those of a law that rubber does
+    not follow.
 
     Parameters
     ----------
@@ -251,13 +334,15 @@ def committee(
         Nominal stresses.
     n_members : int
     tests : ndarray, shape (n_samples,), optional
-        Number or name of the test of each row: rows of a test are drawn together. By default each row is a test.
+        Number or name of the test of each row: rows of a test are drawn together. By default each
+        row is a test.
     random_state : int
         Seed.
     n_jobs : int
         Number of jobs of joblib.
     sample_weight : ndarray, shape (n_samples,), optional
-        Weights: the inverse of the variance of each stress, if known; ``1 / y**2`` for stresses with the same relative error.
+        Weights: the inverse of the variance of each stress, if known; ``1 / y**2`` for stresses
+        with the same relative error.
 
     Returns
     -------
@@ -281,7 +366,9 @@ def committee(
     --------
     >>> import pdsurrogate as pds
     >>> data = pds.load_test_data("treloar").up_to(3.0)
-    >>> members = pds.identification.committee(pds.identification.EnergyRegressor(), data.stretches, data.nominal_stress, n_members=2)
+    >>> members = pds.identification.committee(
+    ...     pds.identification.EnergyRegressor(), data.stretches, data.nominal_stress, n_members=2
+    ... )
     >>> len(members)
     2
     """
@@ -293,13 +380,21 @@ def committee(
     tests = np.arange(len(y)) if tests is None else np.asarray(tests)
     for what, rows in (("tests", tests), ("sample_weight", sample_weight)):
         if rows is not None and np.shape(rows) != y.shape:
-            raise ValueError(f"{what} must have one entry for each of the {len(y)} rows, not shape {np.shape(rows)}")
+            raise ValueError(
+                f"{what} must have one entry for each of the {len(y)} rows, not shape"
+                f" {np.shape(rows)}"
+            )
     kinds = np.unique(tests)
     if len(kinds) < 2:
         raise ValueError("a committee needs at least two tests, but there is only one")
     random, members = np.random.default_rng(random_state), []
     for _ in range(n_members):
-        drawn = np.concatenate([np.flatnonzero(tests == kind) for kind in random.choice(kinds, -(-len(kinds) // 2), replace=False)])
+        drawn = np.concatenate(
+            [
+                np.flatnonzero(tests == kind)
+                for kind in random.choice(kinds, -(-len(kinds) // 2), replace=False)
+            ]
+        )
         weight = None if sample_weight is None else np.asarray(sample_weight)[drawn]
         member = clone(regressor)
         if "random_state" in member.get_params():
@@ -309,7 +404,8 @@ def committee(
 
 
 def committee_spread(found: ArrayLike, members: ArrayLike) -> np.ndarray:
-    """Return the spread of a result over a committee; twice the spread covers 95 % of normal deviations for any number of members.
+    """Return the spread of a result over a committee; twice the spread covers 95 % of normal
+    deviations for any number of members.
 
     Parameters
     ----------
@@ -321,8 +417,9 @@ def committee_spread(found: ArrayLike, members: ArrayLike) -> np.ndarray:
     Returns
     -------
     ndarray
-        Root mean square of the differences, times the ratio of the quantiles of Student's distribution with ``n_members`` degrees of
-        freedom and of the normal distribution at two standard deviations: 1.18 for eight members, 1.08 for sixteen.
+        Root mean square of the differences, times the ratio of the quantiles of Student's
+        distribution with ``n_members`` degrees of freedom and of the normal distribution at two
+        standard deviations: 1.18 for eight members, 1.08 for sixteen.
 
     See Also
     --------
@@ -331,7 +428,9 @@ def committee_spread(found: ArrayLike, members: ArrayLike) -> np.ndarray:
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> float(pds.identification.committee_spread(1.0, [0.9, 1.1, 0.9, 1.1, 0.9, 1.1, 0.9, 1.1])).__round__(3)
+    >>> float(
+    ...     pds.identification.committee_spread(1.0, [0.9, 1.1, 0.9, 1.1, 0.9, 1.1, 0.9, 1.1])
+    ... ).__round__(3)
     0.118
     """
     members = np.asarray(members, dtype=float)

@@ -1,1 +1,3 @@
-"""Compiled physics on plain arrays: kinematics, bond forces and energies, networks, sums over bonds, time steps."""
+"""Compiled physics on plain arrays: kinematics, bond forces and energies, networks, sums over
+bonds, time steps.
+"""

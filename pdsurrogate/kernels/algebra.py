@@ -1,10 +1,13 @@
-"""Vector and matrix algebra in two and three dimensions, written once over the number of components.
+"""Vector and matrix algebra in two and three dimensions, written once over the number of
+components.
 
-`algebra_of` builds a module of functions for a dimension d; kernels are written over such a module, and `ByDimension` makes them from it.
-The components of a vector are in the order 1, …, d, those of a matrix by columns (in the plane 11, 21, 12, 22), and those of a symmetric
-matrix by the rows of its upper triangle (11, 12, 22). All functions take tuples of reals or rows of arrays and are inlined into their
-callers. Most are made from one expression for each entry of their result, as ``v[0] + w[0]``: numba compiles the tuple of these without
-loops and arrays, and all entries stay in registers.
+`algebra_of` builds a module of functions for a dimension d; kernels are written over such a module,
+and `ByDimension` makes them from it. The components of a vector are in the order 1, …, d, those of
+a matrix by columns (in the plane 11, 21, 12, 22), and those of a symmetric matrix by the rows of
+its upper triangle (11, 12, 22). All functions take tuples of reals or rows of arrays and are
+inlined into their callers. Most are made from one expression for each entry of their result, as
+``v[0] + w[0]``: numba compiles the tuple of these without loops and arrays, and all entries stay in
+registers.
 """
 
 from collections.abc import Callable
@@ -21,12 +24,16 @@ from .elementary import like  # noqa: F401 - read by expressions
 
 
 def entries(arguments, expressions):
-    """Return an inlined function with the parameters `arguments`, "x, y", that returns the tuple of the values of Python expressions."""
+    """Return an inlined function with the parameters `arguments`, "x, y", that returns the tuple
+    of the values of Python expressions.
+    """
     return scalar(arguments, f"({', '.join(expressions)},)")
 
 
 def scalar(arguments, expression):
-    """Return an inlined function with the parameters `arguments`, as in "x, y", that returns the value of a Python expression."""
+    """Return an inlined function with the parameters `arguments`, as in "x, y", that returns the
+    value of a Python expression.
+    """
     return inlined(eval(f"lambda {arguments}: {expression}", globals()))
 
 
@@ -37,7 +44,9 @@ def total(terms):
 
 @cache
 def algebra_of(dimension):
-    """Return the module of functions on vectors and matrices in 2 or 3 dimensions; it is made once for each dimension."""
+    """Return the module of functions on vectors and matrices in 2 or 3 dimensions; it is made
+    once for each dimension.
+    """
     found = ModuleType(f"{__name__}_{dimension}")
     vars(found).update(_components(dimension))
     vars(found).update(_plane(found) if dimension == 2 else _space(found))
@@ -45,7 +54,8 @@ def algebra_of(dimension):
 
 
 class ByDimension(dict):
-    """Table of kernels by dimension d, 2 or 3, used as a decorator of a function `build`: entry d is ``build(algebra_of(d))``.
+    """Table of kernels by dimension d, 2 or 3, used as a decorator of a function `build`: entry d
+    is ``build(algebra_of(d))``.
 
     The table makes each kernel on first use: a sheet compiles nothing for three dimensions.
     """
@@ -62,31 +72,45 @@ class ByDimension(dict):
 
 
 def _components(d):
-    """Return, by name, the functions on vectors and matrices that have one general formula for every number of dimensions `d`."""
+    """Return, by name, the functions on vectors and matrices that have one general formula for
+    every number of dimensions `d`.
+    """
     axes = range(d)
     upper = [(r, c) for r in axes for c in range(r, d)]
     symmetric, matrix = range(len(upper)), range(d * d)
-    # Places of the entries (r, c) of symmetric matrices and of matrices, and which of these lie on the diagonal.
+    # Places of the entries (r, c) of symmetric matrices and of matrices, and which of these lie on
+    # the diagonal.
     Z = {place: n for n, (r, c) in enumerate(upper) for place in ((r, c), (c, r))}
     F = {(r, c): c * d + r for c in axes for r in axes}
 
     def added_to_diagonal(name, places):
         on_diagonal = {places[r, r] for r in axes}
         numbers = sorted({*places.values()})
-        return entries(f"{name}, value", [f"{name}[{n}] + value" if n in on_diagonal else f"{name}[{n}]" for n in numbers])
+        return entries(
+            f"{name}, value",
+            [f"{name}[{n}] + value" if n in on_diagonal else f"{name}[{n}]" for n in numbers],
+        )
 
     def mixed(r, c):
-        return f"factor * (v[{r}] * w[{r}])" if r == c else f"factor * 0.5 * (v[{r}] * w[{c}] + v[{c}] * w[{r}])"
+        return (
+            f"factor * (v[{r}] * w[{r}])"
+            if r == c
+            else f"factor * 0.5 * (v[{r}] * w[{c}] + v[{c}] * w[{r}])"
+        )
 
     def cofactor(name, places, r, c):
-        """Return the expression, as text, of entry (r, c) of det F times F^-T, the cofactor of the matrix F in the variable `name`.
+        """Return the expression, as text, of entry (r, c) of det F times F^-T, the cofactor of the
+        matrix F in the variable `name`.
 
         `places` maps the row and column of an entry of F to its index in that variable.
         """
         (a, b), (e, f) = ((r + 1) % d, (r + 2) % d), ((c + 1) % d, (c + 2) % d)
         if d == 2:
             return f"{'' if r == c else '-'}{name}[{places[a, e]}]"
-        return f"({name}[{places[a, e]}] * {name}[{places[b, f]}] - {name}[{places[b, e]}] * {name}[{places[a, f]}])"
+        return (
+            f"({name}[{places[a, e]}] * {name}[{places[b, f]}] - {name}[{places[b, e]}] *"
+            f" {name}[{places[a, f]}])"
+        )
 
     def determinant(name, places):
         return total(f"{name}[{places[r, 0]}] * {cofactor(name, places, r, 0)}" for r in axes)
@@ -96,7 +120,9 @@ def _components(d):
 
     @inlined
     def shape_quality(K):
-        """Return the quality det K/(tr K/d)^d of a shape tensor K: 1 for a multiple of I, 0 for a singular K or a K with zero trace."""
+        """Return the quality det K/(tr K/d)^d of a shape tensor K: 1 for a multiple of I, 0 for
+        a singular K or a K with zero trace.
+        """
         trace = trace_of(K)
         return d**d * determinant_of(K) / trace**d if trace > 0.0 else 0.0
 
@@ -104,7 +130,8 @@ def _components(d):
         "DIMENSION": d,
         "MATRIX": len(matrix),
         "SYMMETRIC": len(symmetric),
-        # Arrays of records: views with rows of a compile-time length, access to one row or column, and writing of a row.
+        # Arrays of records: views with rows of a compile-time length, access to one row or column,
+        # and writing of a row.
         "vector_rows": rows_of(d),
         "symmetric_rows": rows_of(len(symmetric)),
         "matrix_rows": rows_of(len(matrix)),
@@ -112,7 +139,9 @@ def _components(d):
         "symmetric_at": entries("array, k", [f"array[k, {r}]" for r in symmetric]),
         "matrix_at": entries("array, k", [f"array[k, {r}]" for r in matrix]),
         "column_at": entries("rows, k", [f"rows[{r}, k]" for r in axes]),
-        "column_in": entries("rows, k, x", [f"like(x, rows[{r}, k])" for r in axes]),  # in the precision of x
+        "column_in": entries(
+            "rows, k, x", [f"like(x, rows[{r}, k])" for r in axes]
+        ),  # in the precision of x
         "matrix_column_at": entries("rows, k", [f"rows[{r}, k]" for r in matrix]),
         "matrix_column_in": entries("rows, k, x", [f"like(x, rows[{r}, k])" for r in matrix]),
         "put": put_row,
@@ -124,7 +153,8 @@ def _components(d):
         "sum_matrix_products": vector_loads.sum_matrix_products(d),
         "sum_signed_records": vector_loads.sum_records(d, -1, fetched=d == 3),
         "sum_matrices": vector_loads.sum_records(d * d, 1, fetched=d == 3),
-        # Vectors; 1 if a component is infinite or NaN, else 0: the sum of finite components must not overflow.
+        # Vectors; 1 if a component is infinite or NaN, else 0: the sum of finite components must
+        # not overflow.
         "no_vector": entries("", ["0.0" for _ in axes]),
         "plus": entries("v, w", [f"v[{r}] + w[{r}]" for r in axes]),
         "minus": entries("v, w", [f"v[{r}] - w[{r}]" for r in axes]),
@@ -132,16 +162,23 @@ def _components(d):
         "dot": scalar("v, w", total(f"v[{r}] * w[{r}]" for r in axes)),
         "greatest": scalar("v", f"max({', '.join(f'abs(v[{r}])' for r in axes)})"),
         "not_finite": scalar("v", f"0 if {total(f'abs(v[{r}])' for r in axes)} < np.inf else 1"),
-        # Symmetric matrices: K + factor sym(v (x) w), a multiple, a multiple of I added, Z v, and the inverse.
+        # Symmetric matrices: K + factor sym(v (x) w), a multiple, a multiple of I added, Z v, and
+        # the inverse.
         "no_symmetric": entries("", ["0.0" for _ in symmetric]),
-        "add_symmetric_product": entries("K, factor, v, w", [f"K[{n}] + {mixed(r, c)}" for n, (r, c) in enumerate(upper)]),
+        "add_symmetric_product": entries(
+            "K, factor, v, w", [f"K[{n}] + {mixed(r, c)}" for n, (r, c) in enumerate(upper)]
+        ),
         "times_factor": entries("factor, K", [f"factor * K[{n}]" for n in symmetric]),
         "plus_isotropic": added_to_diagonal("K", Z),
-        "symmetric_times_vector": entries("Z, v", [total(f"Z[{Z[r, c]}] * v[{c}]" for c in axes) for r in axes]),
-        "inverse_symmetric": entries("K", [f"{cofactor('K', Z, r, c)} / ({determinant('K', Z)})" for r, c in upper]),
+        "symmetric_times_vector": entries(
+            "Z, v", [total(f"Z[{Z[r, c]}] * v[{c}]" for c in axes) for r in axes]
+        ),
+        "inverse_symmetric": entries(
+            "K", [f"{cofactor('K', Z, r, c)} / ({determinant('K', Z)})" for r, c in upper]
+        ),
         "shape_quality": shape_quality,
-        # Matrices: F : F, which is the trace of F^T F, the determinant and the cofactor, zero, a sum, a multiple, a multiple of I added,
-        # F v, F Z, and F + v (x) w.
+        # Matrices: F : F, which is the trace of F^T F, the determinant and the cofactor, zero, a
+        # sum, a multiple, a multiple of I added, F v, F Z, and F + v (x) w.
         "squared_norm": scalar("F", total(f"F[{n}] * F[{n}]" for n in matrix)),
         "determinant": scalar("F", determinant("F", F)),
         "cofactor": entries("F", [cofactor("F", F, r, c) for c in axes for r in axes]),
@@ -149,61 +186,101 @@ def _components(d):
         "plus_matrix": entries("F, G", [f"F[{n}] + G[{n}]" for n in matrix]),
         "times_matrix": entries("factor, F", [f"factor * F[{n}]" for n in matrix]),
         "plus_diagonal": added_to_diagonal("F", F),
-        "matrix_times_vector": entries("F, v", [total(f"F[{F[r, c]}] * v[{c}]" for c in axes) for r in axes]),
-        "times_symmetric": entries("F, Z", [total(f"F[{F[r, k]}] * Z[{Z[k, c]}]" for k in axes) for c in axes for r in axes]),
-        "add_outer_product": entries("F, v, w", [f"F[{F[r, c]}] + v[{r}] * w[{c}]" for c in axes for r in axes]),
+        "matrix_times_vector": entries(
+            "F, v", [total(f"F[{F[r, c]}] * v[{c}]" for c in axes) for r in axes]
+        ),
+        "times_symmetric": entries(
+            "F, Z",
+            [total(f"F[{F[r, k]}] * Z[{Z[k, c]}]" for k in axes) for c in axes for r in axes],
+        ),
+        "add_outer_product": entries(
+            "F, v, w", [f"F[{F[r, c]}] + v[{r}] * w[{c}]" for c in axes for r in axes]
+        ),
     }
 
 
 def _plane(algebra):
-    """Return, by name, the functions on matrices and states whose formulas hold in two dimensions only."""
+    """Return, by name, the functions on matrices and states whose formulas hold in two
+    dimensions only.
+    """
 
     @inlined
     def response_state(F, volume_ratio):
-        """Return the state on which the plane-stress response of a law depends: tr C and det F in the plane, and the volume ratio J3."""
+        """Return the state on which the plane-stress response of a law depends: tr C and det F
+        in the plane, and the volume ratio J3.
+        """
         return algebra.squared_norm(F), algebra.determinant(F), volume_ratio
 
     @inlined
     def first_piola(F, state, result, unit):
         """Return the first Piola-Kirchhoff stress P = (p F + q F^-T) unit in the plane.
 
-        `result` (p, q) is a law's response in the `state` (tr C, J, J3), and `unit` is a factor, such as the shear modulus.
+        `result` (p, q) is a law's response in the `state` (tr C, J, J3), and `unit` is a factor,
+        such as the shear modulus.
         """
         p, q = result[0] * unit, result[1] / state[1] * unit
-        return algebra.plus_matrix(algebra.times_matrix(p, F), algebra.times_matrix(q, algebra.cofactor(F)))
+        return algebra.plus_matrix(
+            algebra.times_matrix(p, F), algebra.times_matrix(q, algebra.cofactor(F))
+        )
 
-    return {"response_state": response_state, "first_piola": first_piola, "sum_outer_products": vector_loads.sum_outer_products}
+    return {
+        "response_state": response_state,
+        "first_piola": first_piola,
+        "sum_outer_products": vector_loads.sum_outer_products,
+    }
 
 
 def _space(algebra):
-    """Return, by name, the functions on matrices and states whose formulas hold in three dimensions only."""
-    right_cauchy_green = entries("F", [total(f"F[{3 * r + k}] * F[{3 * c + k}]" for k in range(3)) for r in range(3) for c in range(r, 3)])
+    """Return, by name, the functions on matrices and states whose formulas hold in three
+    dimensions only.
+    """
+    right_cauchy_green = entries(
+        "F",
+        [
+            total(f"F[{3 * r + k}] * F[{3 * c + k}]" for k in range(3))
+            for r in range(3)
+            for c in range(r, 3)
+        ],
+    )
 
     fetch = vector_loads.fetch(3)
 
     @inlined
     def response_state(F, volume_ratio):
-        """Return the state on which the response of a law depends in three dimensions: tr C, tr cof C and det F.
+        """Return the state on which the response of a law depends in three dimensions: tr C, tr cof
+        C and det F.
 
         `volume_ratio` is unused, since the volume ratio of a solid is det F.
         """
-        return algebra.squared_norm(F), algebra.squared_norm(algebra.cofactor(F)), algebra.determinant(F)
+        return (
+            algebra.squared_norm(F),
+            algebra.squared_norm(algebra.cofactor(F)),
+            algebra.determinant(F),
+        )
 
     @inlined
     def first_piola(F, state, result, unit):
-        """Return the first Piola-Kirchhoff stress P = (p F + q cof F + r F C) unit in three dimensions.
+        """Return the first Piola-Kirchhoff stress P = (p F + q cof F + r F C) unit in three
+        dimensions.
 
-        `result` (p, q, r) is a law's response to F, and `unit` is a factor, such as the shear modulus; `state` is unused.
+        `result` (p, q, r) is a law's response to F, and `unit` is a factor, such as the shear
+        modulus; `state` is unused.
         """
         p, q, r = result[0] * unit, result[1] * unit, result[2] * unit
-        P = algebra.plus_matrix(algebra.times_matrix(p, F), algebra.times_matrix(q, algebra.cofactor(F)))
-        return algebra.plus_matrix(P, algebra.times_matrix(r, algebra.times_symmetric(F, right_cauchy_green(F))))
+        P = algebra.plus_matrix(
+            algebra.times_matrix(p, F), algebra.times_matrix(q, algebra.cofactor(F))
+        )
+        return algebra.plus_matrix(
+            P, algebra.times_matrix(r, algebra.times_symmetric(F, right_cauchy_green(F)))
+        )
 
     @inlined
     def sum_outer_products(positions, neighbors, weights, bonds, point, out):
-        """Write ``out[point] = sum of (positions[neighbors[b]] - positions[point]) (x) weights[b]``, by columns, over the bonds b.
+        """Write ``out[point] = sum of (positions[neighbors[b]] - positions[point]) (x)
+        weights[b]``, by columns, over the bonds b.
 
-        `bonds` are the start and the (excluded) stop of the range of b. `vector_loads.sum_outer_products` does this for two dimensions.
+        `bonds` are the start and the (excluded) stop of the range of b.
+        `vector_loads.sum_outer_products` does this for two dimensions.
         """
         own = algebra.vector_at(positions, point)
         summed = algebra.no_matrix()
@@ -213,4 +290,8 @@ def _space(algebra):
             summed = algebra.add_outer_product(summed, x, algebra.vector_at(weights, b))
         algebra.put(out, point, summed)
 
-    return {"response_state": response_state, "first_piola": first_piola, "sum_outer_products": sum_outer_products}
+    return {
+        "response_state": response_state,
+        "first_piola": first_piola,
+        "sum_outer_products": sum_outer_products,
+    }

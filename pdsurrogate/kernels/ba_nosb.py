@@ -1,8 +1,10 @@
 """Bond forces of bond-associated correspondence (BA-NOSB), paper Eqs. (11)-(15), in the plane.
 
-Every directed bond has its own deformation gradient, formed over the points that the horizons of both its ends share. The dyad (y_k -
-y_i) (x) (w V x_ik) of a neighbor k, with the undeformed bond vector x_ik, occurs in about fifteen bonds of point i: the pass computes each
-dyad once, into a table that stays in the first-level cache, and every bond sums the entries of the points that its ends share.
+Every directed bond has its own deformation gradient, formed over the points that the horizons of
+both its ends share. The dyad (y_k - y_i) (x) (w V x_ik) of a neighbor k, with the undeformed bond
+vector x_ik, occurs in about fifteen bonds of point i: the pass computes each dyad once, into a
+table that stays in the first-level cache, and every bond sums the entries of the points that its
+ends share.
 """
 
 import numpy as np
@@ -18,19 +20,26 @@ from .reference_state import LEAST_SHAPE_QUALITY
 plane = algebra_of(2)
 
 TILE = 64
-"""Number of points per tile, the portion of a body whose bonds one thread collects into blocks. Tiles do not depend on the number of
-threads, so neither does the grouping of bonds into blocks. Chosen: the bonds of 64 points (28 each in the plane) fill seven blocks, so that
-the last, partly filled block of a tile costs little, and also small bodies have a tile for each thread."""
+"""Number of points per tile, the portion of a body whose bonds one thread collects into blocks.
+Tiles do not depend on the number of threads, so neither does the grouping of bonds into blocks.
+Chosen: the bonds of 64 points (28 each in the plane) fill seven blocks, so that the last, partly
+filled block of a tile costs little, and also small bodies have a tile for each thread.
+"""
 
 
 @kernel
-def list_common_points(points, table_pointers, table, bond_pointers, targets, horizon, count, common_pointers, common):
-    """List, for every directed bond, which neighbors of its first end lie within the horizon of its second end.
+def list_common_points(
+    points, table_pointers, table, bond_pointers, targets, horizon, count, common_pointers, common
+):
+    """List, for every directed bond, which neighbors of its first end lie within the horizon of its
+    second end.
 
-    The neighbors of point i are entries ``table_pointers[i]`` to ``table_pointers[i + 1]`` of `table`. A first call with `count` true
-    writes only the cumulative numbers of shared neighbors, to ``common_pointers[1:]``; a second call with `count` false writes only
-    `common`, the indices of the shared neighbors, counted from ``table_pointers[i]``. The directed bonds of point i are entries
-    ``bond_pointers[i]`` to ``bond_pointers[i + 1]`` of `targets`, which holds the second ends of bonds.
+    The neighbors of point i are entries ``table_pointers[i]`` to ``table_pointers[i + 1]`` of
+    `table`. A first call with `count` true writes only the cumulative numbers of shared neighbors,
+    to ``common_pointers[1:]``; a second call with `count` false writes only `common`, the indices
+    of the shared neighbors, counted from ``table_pointers[i]``. The directed bonds of point i are
+    entries ``bond_pointers[i]`` to ``bond_pointers[i + 1]`` of `targets`, which holds the second
+    ends of bonds.
     """
     reach = horizon * horizon * (1.0 + 1e-9) * (1.0 + 1e-9)
     at = np.uint64(0)
@@ -48,16 +57,22 @@ def list_common_points(points, table_pointers, table, bond_pointers, targets, ho
 
 
 @kernel
-def bond_references(points, volumes, table, bonds, common, horizon_volumes, inverse_shapes, vectors):
-    """Compute the inverse shape tensor of every directed bond, paper (12), and the vector that turns its stress into its force, (13)-(15).
+def bond_references(
+    points, volumes, table, bonds, common, horizon_volumes, inverse_shapes, vectors
+):
+    """Compute the inverse shape tensor of every directed bond, paper (12), and the vector that
+    turns its stress into its force, (13)-(15).
 
-    The force of a bond is its stress P times the vector phi_xi/(2 phi) w K_xi^-1 x V_i V_j; `vectors` holds w x on entry and this vector on
-    exit. Here w is the weight, x the undeformed bond vector, K_xi the shape tensor of the bond, and V_i, V_j are the volumes of its ends.
-    phi_xi is the volume of the points that the horizons of both ends share, divided by the horizon volume of the first end; phi is the
-    horizon volume of the first end divided by the sum of the horizon volumes of both. Volumes are sums over lists of neighbors: a point is
-    not its own neighbor, but the second end of a bond is one of the shared points. `inverse_shapes` becomes zero where the shared points
-    do not span the plane. `table` holds the pointers, the numbers of the neighbors of each point, and w x V of each neighbor; `bonds` the
-    first and second ends of the bonds; `common` the pointers and the indices of the shared points from `list_common_points`.
+    The force of a bond is its stress P times the vector phi_xi/(2 phi) w K_xi^-1 x V_i V_j;
+    `vectors` holds w x on entry and this vector on exit. Here w is the weight, x the undeformed
+    bond vector, K_xi the shape tensor of the bond, and V_i, V_j are the volumes of its ends. phi_xi
+    is the volume of the points that the horizons of both ends share, divided by the horizon volume
+    of the first end; phi is the horizon volume of the first end divided by the sum of the horizon
+    volumes of both. Volumes are sums over lists of neighbors: a point is not its own neighbor, but
+    the second end of a bond is one of the shared points. `inverse_shapes` becomes zero where the
+    shared points do not span the plane. `table` holds the pointers, the numbers of the neighbors of
+    each point, and w x V of each neighbor; `bonds` the first and second ends of the bonds; `common`
+    the pointers and the indices of the shared points from `list_common_points`.
     """
     table_pointers, entries, table_weights = table
     owners, targets = bonds
@@ -76,21 +91,37 @@ def bond_references(points, volumes, table, bonds, common, horizon_volumes, inve
         inverse_shapes[b, :] = 0.0
         if plane.shape_quality(K) > LEAST_SHAPE_QUALITY:
             plane.put(inverse_shapes, b, plane.inverse_symmetric(K))
-            share_of_horizons = horizon_volumes[i] / (horizon_volumes[i] + horizon_volumes[targets[b]])
-            factor = 0.5 * shared / horizon_volumes[i] / share_of_horizons * volumes[i] * volumes[targets[b]]
-        turned = plane.symmetric_times_vector(plane.symmetric_at(inverse_shapes, b), plane.vector_at(vectors, b))
+            share_of_horizons = horizon_volumes[i] / (
+                horizon_volumes[i] + horizon_volumes[targets[b]]
+            )
+            factor = (
+                0.5
+                * shared
+                / horizon_volumes[i]
+                / share_of_horizons
+                * volumes[i]
+                * volumes[targets[b]]
+            )
+        turned = plane.symmetric_times_vector(
+            plane.symmetric_at(inverse_shapes, b), plane.vector_at(vectors, b)
+        )
         plane.put(vectors, b, plane.times(factor, turned))
 
 
 @Pass
-def ba_nosb_forces(chunk, positions, table, bonds, volume_ratios, response, parameters, memory, forces):
-    """Compute the force of every directed bond on its first point, its force density times the volumes of both ends; it is dimensionless.
+def ba_nosb_forces(
+    chunk, positions, table, bonds, volume_ratios, response, parameters, memory, forces
+):
+    """Compute the force of every directed bond on its first point, its force density times the
+    volumes of both ends; it is dimensionless.
 
-    Return the number of bonds with det F <= 0, non-finite F or no plane-stress state. `volume_ratios` holds J3 of every bond, on entry the
-    values of the last evaluation, on exit the new ones. `table` holds the pointers, the numbers of the neighbors of each point, and w x V
-    (weight, undeformed bond vector, volume) of each neighbor; `bonds` the pointers of the directed bonds, the pointers and indices of
-    their shared points, their inverse shape tensors and their vectors (see `bond_references`). `memory` is, for each thread, three arrays
-    of shapes (longest table, 4), (BLOCK, 4) and (SCRATCH_ROWS + 4, BLOCK).
+    Return the number of bonds with det F <= 0, non-finite F or no plane-stress state.
+    `volume_ratios` holds J3 of every bond, on entry the values of the last evaluation, on exit the
+    new ones. `table` holds the pointers, the numbers of the neighbors of each point, and w x V
+    (weight, undeformed bond vector, volume) of each neighbor; `bonds` the pointers of the directed
+    bonds, the pointers and indices of their shared points, their inverse shape tensors and their
+    vectors (see `bond_references`). `memory` is, for each thread, three arrays of shapes (longest
+    table, 4), (BLOCK, 4) and (SCRATCH_ROWS + 4, BLOCK).
     """
     table_pointers, entries, table_weights = table
     bond_pointers, common_pointers, common, inverse_shapes, vectors = bonds
@@ -106,25 +137,64 @@ def ba_nosb_forces(chunk, positions, table, bonds, volume_ratios, response, para
         at = bond_pointers[tile * TILE]
         for i in range(tile * TILE, min(n, (tile + 1) * TILE)):
             if bond_pointers[i + 1] > bond_pointers[i]:
-                outer_products(positions, entries, table_weights, (table_pointers[i], table_pointers[i + 1]), i, table_here)
+                outer_products(
+                    positions,
+                    entries,
+                    table_weights,
+                    (table_pointers[i], table_pointers[i + 1]),
+                    i,
+                    table_here,
+                )
             for b in range(bond_pointers[i], bond_pointers[i + 1]):
-                sum_listed_records(table_here, common, (common_pointers[b], common_pointers[b + np.uint64(1)]), block, held)
+                sum_listed_records(
+                    table_here,
+                    common,
+                    (common_pointers[b], common_pointers[b + np.uint64(1)]),
+                    block,
+                    held,
+                )
                 held += 1
                 if held == BLOCK:
-                    count += _block_forces(at, held, block, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces)
+                    count += _block_forces(
+                        at,
+                        held,
+                        block,
+                        inverse_shapes,
+                        vectors,
+                        volume_ratios,
+                        response,
+                        parameters,
+                        rows,
+                        forces,
+                    )
                     at += np.uint64(BLOCK)
                     held = np.int64(0)
         if held > 0:
-            count += _block_forces(at, held, block, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces)
+            count += _block_forces(
+                at,
+                held,
+                block,
+                inverse_shapes,
+                vectors,
+                volume_ratios,
+                response,
+                parameters,
+                rows,
+                forces,
+            )
     return count
 
 
 @inline
-def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces):
-    """Compute the forces of `size` <= `BLOCK` consecutive bonds, from bond `at` on; return how many bonds have no plane-stress state.
+def _block_forces(
+    at, size, sums, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces
+):
+    """Compute the forces of `size` <= `BLOCK` consecutive bonds, from bond `at` on; return how many
+    bonds have no plane-stress state.
 
-    `sums` holds, for each bond, the sum of (y_k - y_i) (x) w x V over the points k that the horizons of its ends share: deformed difference
-    of positions, weight, undeformed difference and volume.
+    `sums` holds, for each bond, the sum of (y_k - y_i) (x) w x V over the points k that the
+    horizons of its ends share: deformed difference of positions, weight, undeformed difference and
+    volume.
     """
     at = np.int64(at)
     states = block_rows(rows[0:3])
@@ -138,13 +208,17 @@ def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, respon
     for k in range(size):
         Z = plane.symmetric_at(inverse_shapes, k)
         # A bond without support carries no force; setting F = I keeps its state defined.
-        F = plane.plus_diagonal(plane.times_symmetric(plane.matrix_at(sums, k), Z), 1.0 if Z[0] == 0.0 else 0.0)
+        F = plane.plus_diagonal(
+            plane.times_symmetric(plane.matrix_at(sums, k), Z), 1.0 if Z[0] == 0.0 else 0.0
+        )
         put_column(gradients, k, F)
         put_column(states, k, plane.response_state(F, volume_ratios[k]))
     unsolved = solve_volume_ratios(size, states, result, rows[8], response, parameters)
     for k in range(size):
         volume_ratios[k] = states[2, k]
         found = result[0, k], result[1, k]
-        P = plane.first_piola(plane.matrix_column_at(gradients, k), plane.column_at(states, k), found, 1.0)
+        P = plane.first_piola(
+            plane.matrix_column_at(gradients, k), plane.column_at(states, k), found, 1.0
+        )
         plane.put(forces, k, plane.matrix_times_vector(P, plane.vector_at(vectors, k)))
     return unsolved

@@ -1,20 +1,31 @@
-"""Energy of the bonds (theory (27)-(31)) and its exact gradient, for a sheet; the bond volumes come from `reference_state.bond_shares`.
+"""Energy of the bonds (theory (27)-(31)) and its exact gradient, for a sheet; the bond volumes come
+from `reference_state.bond_shares`.
 
-Every pair has its own deformation gradient, F_ij = Fbar + (y/l - Fbar n) (x) n. In the bond's frame (n, m) its columns are the bond vector
-c = F_ij n = y/l and the mean gradient across the bond, e = F_ij m = Fbar m, so that
+Every pair has its own deformation gradient, F_ij = Fbar + (y/l - Fbar n) (x) n. In the bond's frame
+(n, m) its columns are the bond vector c = F_ij n = y/l and the mean gradient across the bond, e =
+F_ij m = Fbar m, so that
 
-    tr C = c.c + e.e,   J = c x e,   P n = 2 psi_I c + psi_J (e2, -e1),   P m = 2 psi_I e + psi_J (-c2, c1).
+    tr C = c.c + e.e,   J = c x e,   P n = 2 psi_I c + psi_J (e2, -e1),   P m = 2 psi_I e + psi_J
+    (-c2, c1).
 
-The force has two parts: V_b P n/l on the bond's own ends, and S = 1/2 V_b P (I - n (x) n) = 1/2 V_b (P m) (x) m conjugate to the gradient
-of either end, V_b being the volume that the bond represents.
+The force has two parts: V_b P n/l on the bond's own ends, and S = 1/2 V_b P (I - n (x) n) = 1/2 V_b
+(P m) (x) m conjugate to the gradient of either end, V_b being the volume that the bond represents.
 
-The reference data of a pair are n, 1/l and V_b. A broken pair, or one that pads a block, has V_b = 0 and is given the undeformed state, so
-that it is neither invalid nor outside a domain.
+The reference data of a pair are n, 1/l and V_b. A broken pair, or one that pads a block, has V_b =
+0 and is given the undeformed state, so that it is neither invalid nor outside a domain.
 """
 
 import numpy as np
 
-from ..engine.block_arrays import BLOCK, block_rows, pair_records, put_column, put_row, quad_records, tuple_of
+from ..engine.block_arrays import (
+    BLOCK,
+    block_rows,
+    pair_records,
+    put_column,
+    put_row,
+    quad_records,
+    tuple_of,
+)
 from ..engine.compile import call_block, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
 from .algebra import algebra_of
@@ -23,8 +34,8 @@ from .domain import BLEND, N_LIMITS, edge_distances, exact_share
 from .energy_density import ENERGY_ROWS, INVARIANT_ROWS
 
 COUNTED = 1
-"""Guard that counts bonds outside the domain and otherwise leaves them to the surrogate; the module `bond_force` defines the other guards,
-`FALL_BACK` and `UNGUARDED`.
+"""Guard that counts bonds outside the domain and otherwise leaves them to the surrogate; the module
+`bond_force` defines the other guards, `FALL_BACK` and `UNGUARDED`.
 """
 
 plane = algebra_of(2)
@@ -34,23 +45,28 @@ EXACT_RESULT = RESULT + ENERGY_ROWS
 BOND = EXACT_RESULT + ENERGY_ROWS
 COLUMNS = BOND + 2
 BUFFER_ROWS = COLUMNS + 4
-"""First rows of the parts of a thread's buffer, and its number of rows. The invariants of the pairs begin at row 0; psi and its derivatives
-at `RESULT`, those of the exact energy at `EXACT_RESULT`, the deformed bond vectors at `BOND`, and the columns c and e of the deformation
-gradients at `COLUMNS`."""
+"""First rows of the parts of a thread's buffer, and its number of rows. The invariants of the pairs
+begin at row 0; psi and its derivatives at `RESULT`, those of the exact energy at `EXACT_RESULT`,
+the deformed bond vectors at `BOND`, and the columns c and e of the deformation gradients at
+`COLUMNS`.
+"""
 
 COLLAPSED = 0.3
 """Greatest det F_ij, the area or volume ratio at a bond, at which the bond counts as collapsed.
 
-Intact rubber in a tear stays above 0.5. Bonds left across a crack draw their points together faster than sound; below a third the
-volumetric energy makes such a bond stiffer than the time step allows."""
+Intact rubber in a tear stays above 0.5. Bonds left across a crack draw their points together faster
+than sound; below a third the volumetric energy makes such a bond stiffer than the time step allows.
+"""
 
 
 @inlined
 def columns_of(reference, bonds, means, k, half):
-    """Return the columns c = F_ij n and e = F_ij m of the deformation gradient of pair k, n along its undeformed bond and m across.
+    """Return the columns c = F_ij n and e = F_ij m of the deformation gradient of pair k, n along
+    its undeformed bond and m across.
 
-    The rows of `reference` are n1, n2 and 1/l, where l is the undeformed length. `bonds` holds the deformed bond vectors, `means` the sums
-    of the deformation gradients of both points, and `half` is 0.5.
+    The rows of `reference` are n1, n2 and 1/l, where l is the undeformed length. `bonds` holds the
+    deformed bond vectors, `means` the sums of the deformation gradients of both points, and `half`
+    is 0.5.
     """
     n = plane.column_in(reference, k, half)
     F = plane.matrix_column_in(means, k, half)
@@ -60,20 +76,23 @@ def columns_of(reference, bonds, means, k, half):
 
 @inlined
 def stress(c, e, p, q):
-    """Return (P n, P m) = (p c + q (e2, -e1), p e + q (-c2, c1)), the first Piola-Kirchhoff stress times directions n and m.
+    """Return (P n, P m) = (p c + q (e2, -e1), p e + q (-c2, c1)), the first Piola-Kirchhoff stress
+    times directions n and m.
 
-    n is the direction along a bond, m across; c and e are the columns F n and F m of the bond's deformation gradient F; p = 2 dpsi/dtr C
-    and q = dpsi/dJ.
+    n is the direction along a bond, m across; c and e are the columns F n and F m of the bond's
+    deformation gradient F; p = 2 dpsi/dtr C and q = dpsi/dJ.
     """
     return p * c[0] + q * e[1], p * c[1] - q * e[0], p * e[0] - q * c[1], p * e[1] + q * c[0]
 
 
 @inlined
 def put_parts(pair, moment, k, reference, P, half):
-    """Write the force P n/l of pair k into `pair`, and its moment S = (P m) (x) m/2, by columns, into `moment`.
+    """Write the force P n/l of pair k into `pair`, and its moment S = (P m) (x) m/2, by columns,
+    into `moment`.
 
-    `P` is (P n, P m), the first Piola-Kirchhoff stress times the directions n along and m across the undeformed bond; the rows of
-    `reference` are n1, n2 and 1/l, where l is the undeformed length; `half` is 0.5.
+    `P` is (P n, P m), the first Piola-Kirchhoff stress times the directions n along and m across
+    the undeformed bond; the rows of `reference` are n1, n2 and 1/l, where l is the undeformed
+    length; `half` is 0.5.
     """
     n1, n2, inverse_length = reference[0, k], reference[1, k], reference[2, k]
     h1, h2 = half * P[2], half * P[3]
@@ -82,18 +101,35 @@ def put_parts(pair, moment, k, reference, P, half):
 
 
 @Pass
-def pair_energies(chunk, positions, gradients, pairs, energy_density, exact, constants, guard, domain, memory, results):
-    """Compute the energy, the force and the moment S of every pair of points of a sheet, from dimensionless stress and energy density.
+def pair_energies(
+    chunk,
+    positions,
+    gradients,
+    pairs,
+    energy_density,
+    exact,
+    constants,
+    guard,
+    domain,
+    memory,
+    results,
+):
+    """Compute the energy, the force and the moment S of every pair of points of a sheet, from
+    dimensionless stress and energy density.
 
-    S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of either point: P is the first Piola-Kirchhoff
-    stress of the pair, V_b the volume that its bond represents, and n and l are the direction and the length of the undeformed bond.
-    `pairs` are the numbers of their first and second points, and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body
-    has several materials or ranks, the part of V_b whose energy counts here. `energy_density` and `exact` are the addresses of functions
-    compiled for blocks of pairs, and `constants` their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or FALL_BACK;
-    `domain` holds the limits of `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer, sums of the gradients of both points,
-    and the rows `work` and `scratch` of an energy function. The results are: `counts` (n_chunks, 3), the numbers of pairs outside the
-    domain, of pairs with det F_ij <= COLLAPSED, and of pairs with det F_ij <= 0 or NaN; `energies` (n_blocks,), the sums of V_b psi;
-    `forces` (pairs, 2), V_b P n/l on the first point; `moments` (pairs, 4), S by columns.
+    S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of
+    either point: P is the first Piola-Kirchhoff stress of the pair, V_b the volume that its bond
+    represents, and n and l are the direction and the length of the undeformed bond. `pairs` are the
+    numbers of their first and second points, and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2,
+    1/l, V_b and, where a body has several materials or ranks, the part of V_b whose energy counts
+    here. `energy_density` and `exact` are the addresses of functions compiled for blocks of pairs,
+    and `constants` their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or
+    FALL_BACK; `domain` holds the limits of `pdsurrogate.kernels.domain`. `memory` is, for each
+    thread, a buffer, sums of the gradients of both points, and the rows `work` and `scratch` of an
+    energy function. The results are: `counts` (n_chunks, 3), the numbers of pairs outside the
+    domain, of pairs with det F_ij <= COLLAPSED, and of pairs with det F_ij <= 0 or NaN; `energies`
+    (n_blocks,), the sums of V_b psi; `forces` (pairs, 2), V_b P n/l on the first point; `moments`
+    (pairs, 4), S by columns.
     """
     ends, geometry = pairs
     buffers, sums, work, scratch = memory
@@ -136,7 +172,9 @@ def pair_energies(chunk, positions, gradients, pairs, energy_density, exact, con
             small += int(few)
             for k in range(BLOCK):
                 bad += 0 if states[1, k] > zero else 1
-        call_block(energy_density, states, constants, work[chunk.thread], scratch[chunk.thread], result)
+        call_block(
+            energy_density, states, constants, work[chunk.thread], scratch[chunk.thread], result
+        )
         if guard != UNGUARDED:
             found = zero
             near = zero
@@ -149,16 +187,32 @@ def pair_energies(chunk, positions, gradients, pairs, energy_density, exact, con
             if found > zero:
                 count += int(found)
             if guard == FALL_BACK and near > zero:
-                call_block(exact, states, constants, work[chunk.thread], scratch[chunk.thread], exact_result)
+                call_block(
+                    exact,
+                    states,
+                    constants,
+                    work[chunk.thread],
+                    scratch[chunk.thread],
+                    exact_result,
+                )
                 for k in range(BLOCK):
-                    share, by_trace, by_J = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
+                    share, by_trace, by_J = exact_share(
+                        np.float64(states[0, k]), np.float64(states[1, k]), domain
+                    )
                     if share >= 1.0:
-                        put_column(result, k, (exact_result[0, k], exact_result[1, k], exact_result[2, k]))
+                        put_column(
+                            result, k, (exact_result[0, k], exact_result[1, k], exact_result[2, k])
+                        )
                     elif share > 0.0:
                         excess = exact_result[0, k] - result[0, k]
                         result[0, k] += real(share) * excess
-                        result[1, k] += real(share) * (exact_result[1, k] - result[1, k]) + real(by_trace) * excess
-                        result[2, k] += real(share) * (exact_result[2, k] - result[2, k]) + real(by_J) * excess
+                        result[1, k] += (
+                            real(share) * (exact_result[1, k] - result[1, k])
+                            + real(by_trace) * excess
+                        )
+                        result[2, k] += (
+                            real(share) * (exact_result[2, k] - result[2, k]) + real(by_J) * excess
+                        )
         pair = pair_records(forces[at : at + BLOCK])
         moment = quad_records(moments[at : at + BLOCK])
         total = 0.0

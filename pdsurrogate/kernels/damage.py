@@ -1,4 +1,6 @@
-"""Search for bonds stretched beyond their critical stretch; compiled only if a scene gives a critical stretch."""
+"""Search for bonds stretched beyond their critical stretch; compiled only if a scene gives a
+critical stretch.
+"""
 
 import numpy as np
 
@@ -10,14 +12,18 @@ from .algebra import ByDimension
 
 @ByDimension
 def find_overstretched(algebra):
-    """Build the pass that finds pairs of points whose squared distance in the deformed body exceeds the limit of the pair, paper (30)."""
+    """Build the pass that finds pairs of points whose squared distance in the deformed body
+    exceeds the limit of the pair, paper (30).
+    """
 
     @Pass
     def find_overstretched(chunk, positions, first, second, limits, buffers, found, counts):
-        """Find pairs of points whose squared distance in the deformed body exceeds the limit of the pair, paper (30); return their number.
+        """Find pairs of points whose squared distance in the deformed body exceeds the limit of the
+        pair, paper (30); return their number.
 
-        `limits` (n_blocks, BLOCK) holds the squared critical length of every pair, infinite for broken and padding pairs. `found` receives
-        the numbers of the overstretched pairs: each chunk writes those that it finds to the entries from the number of its first pair on.
+        `limits` (n_blocks, BLOCK) holds the squared critical length of every pair, infinite for
+        broken and padding pairs. `found` receives the numbers of the overstretched pairs: each
+        chunk writes those that it finds to the entries from the number of its first pair on.
         `counts` receives how many each chunk has found.
         """
         widest_vectors()

@@ -1,9 +1,11 @@
-"""Edge of the domain in which a surrogate holds, and the blend of its force or energy into the exact one near that edge.
+"""Edge of the domain in which a surrogate holds, and the blend of its force or energy into the
+exact one near that edge.
 
-A bond force, the energy of a sheet and an isochoric energy depend on different invariants, so each has its own distances from the edges.
-All three blend with one polynomial of two continuous derivatives (theory (18)), since the stiffness of an energy needs both. The limits of
-a domain are low^2, high^2, their inverses, the least and greatest J3^2 = J^2 C33, and the least a = U_nn, where low and high bound the
-principal stretches. NumPy evaluates the functions of an energy, too.
+A bond force, the energy of a sheet and an isochoric energy depend on different invariants, so each
+has its own distances from the edges. All three blend with one polynomial of two continuous
+derivatives (theory (18)), since the stiffness of an energy needs both. The limits of a domain are
+low^2, high^2, their inverses, the least and greatest J3^2 = J^2 C33, and the least a = U_nn, where
+low and high bound the principal stretches. NumPy evaluates the functions of an energy, too.
 """
 
 import numpy as np
@@ -12,19 +14,26 @@ from ..engine.compile import inline, inlined
 from .elementary import like, select
 
 N_LIMITS = 7
-"""Number of values that bound a domain: low^2, high^2, their inverses, the least and the greatest J3^2, and the least U_nn, where low and
-high bound the principal stretches and J3 is the volume ratio."""
+"""Number of values that bound a domain: low^2, high^2, their inverses, the least and the greatest
+J3^2, and the least U_nn, where low and high bound the principal stretches and J3 is the volume
+ratio.
+"""
 
 BLEND = 0.1
-"""Relative width, in squared stretch, of the band inside an edge in which the exact energy is blended in.
+"""Relative width, in squared stretch, of the band inside an edge in which the exact energy is
+blended in.
 
-The slope of the share of the exact energy is at most 1.9/BLEND: the blend changes the stress by 19 times the error of the learned energy at
-the edge, which is less than the error of the stress of a fit whose energy and stress have been learned together."""
+The slope of the share of the exact energy is at most 1.9/BLEND: the blend changes the stress by 19
+times the error of the learned energy at the edge, which is less than the error of the stress of a
+fit whose energy and stress have been learned together.
+"""
 
 
 @inlined
 def blend(t):
-    """Return the polynomial that rises from 0 at t = 0 to 1 at t = 1, and its derivative; t is clipped to [0, 1]."""
+    """Return the polynomial that rises from 0 at t = 0 to 1 at t = 1, and its derivative; t is
+    clipped to [0, 1].
+    """
     t = select(t > 0.0, t, 0.0)
     t = select(t < 1.0, t, 1.0)
     return t * t * t * (10.0 + t * (6.0 * t - 15.0)), 30.0 * t * t * (1.0 - t) * (1.0 - t)
@@ -32,11 +41,13 @@ def blend(t):
 
 @inline
 def is_outside(a, b, U_mm, J, C33, limits):
-    """Return 1 for a bond whose state lies outside a surrogate's domain, else 0; NaN and a bond without a stretch tensor are outside.
+    """Return 1 for a bond whose state lies outside a surrogate's domain, else 0; NaN and a bond
+    without a stretch tensor are outside.
 
-    `a`, `b` and `U_mm` are the components U_nn, U_nm and U_mm of the stretch tensor, n along the bond and m across. With J the product of
-    the principal stretches in the plane, both stretches lie within [low, high] exactly if J lies within [low^2, high^2] and tr C exceeds
-    neither high^2 + J^2/high^2 nor low^2 + J^2/low^2: no eigenvalue is needed.
+    `a`, `b` and `U_mm` are the components U_nn, U_nm and U_mm of the stretch tensor, n along the
+    bond and m across. With J the product of the principal stretches in the plane, both stretches
+    lie within [low, high] exactly if J lies within [low^2, high^2] and tr C exceeds neither high^2
+    + J^2/high^2 nor low^2 + J^2/low^2: no eigenvalue is needed.
     """
     trace = a * a + b * b + b * b + U_mm * U_mm
     square = J * J
@@ -55,11 +66,14 @@ def is_outside(a, b, U_mm, J, C33, limits):
 
 @inline
 def share_inside(a, b, U_mm, J, C33, outer, inner):
-    """Return the share of the surrogate in the force of a bond: 1 within the interior of its domain, 0 outside, rising smoothly between.
+    """Return the share of the surrogate in the force of a bond: 1 within the interior of its
+    domain, 0 outside, rising smoothly between.
 
-    The state has the components a = U_nn, b = U_nm and U_mm of the stretch tensor, n along the bond and m across, the area ratio J and the
-    squared thickness stretch C33. `outer` and `inner` are the limits of the domain and of its interior. Without the band between both
-    limits the force would jump at the edge by the error of the surrogate, and a body with bonds on the edge might have no equilibrium.
+    The state has the components a = U_nn, b = U_nm and U_mm of the stretch tensor, n along the bond
+    and m across, the area ratio J and the squared thickness stretch C33. `outer` and `inner` are
+    the limits of the domain and of its interior. Without the band between both limits the force
+    would jump at the edge by the error of the surrogate, and a body with bonds on the edge might
+    have no equilibrium.
     """
     if is_outside(a, b, U_mm, J, C33, outer) > 0.0:
         return 0.0
@@ -78,17 +92,21 @@ def share_inside(a, b, U_mm, J, C33, outer, inner):
 
 @inline
 def _rise(value, edge, full):
-    """Return (value - edge)/(full - edge) clipped to [0, 1], where `full` may be above or below `edge`; 1 if they are equal."""
+    """Return (value - edge)/(full - edge) clipped to [0, 1], where `full` may be above or below
+    `edge`; 1 if they are equal.
+    """
     return min(max((value - edge) / (full - edge), 0.0), 1.0) if full != edge else 1.0
 
 
 @inlined
 def edge_distances(trace, J, limits):
-    """Return how far a state of a sheet lies beyond each of the four edges of the domain: positive outside, all negative inside.
+    """Return how far a state of a sheet lies beyond each of the four edges of the domain: positive
+    outside, all negative inside.
 
-    `trace` is tr C and J is det F, both in the plane. With L and H the squares of the least and the greatest stretch of the domain, both
-    principal stretches lie within the domain unless tr C > H + J^2/H (one is above), tr C > L + J^2/L (one is below), J > H (both are
-    above) or J < L (both are below). Each distance is about the relative change of the offending squared stretch.
+    `trace` is tr C and J is det F, both in the plane. With L and H the squares of the least and the
+    greatest stretch of the domain, both principal stretches lie within the domain unless tr C > H +
+    J^2/H (one is above), tr C > L + J^2/L (one is below), J > H (both are above) or J < L (both are
+    below). Each distance is about the relative change of the offending squared stretch.
     """
     low, high, inverse_low, inverse_high = limits[0], limits[1], limits[2], limits[3]
     square, one = J * J, like(J, 1.0)
@@ -102,7 +120,8 @@ def edge_distances(trace, J, limits):
 
 @inlined
 def exact_share(trace, J, limits):
-    """Return the share of the exact energy, 0 well inside the domain and 1 outside, and its derivatives by tr C (`trace`) and J.
+    """Return the share of the exact energy, 0 well inside the domain and 1 outside, and its
+    derivatives by tr C (`trace`) and J.
 
     A switch at the edge itself would make the energy jump by the error of the fit.
     """
@@ -120,7 +139,8 @@ def exact_share(trace, J, limits):
 
 @inlined
 def _share_within(distance, by_trace, by_J):
-    """Return the share of the surrogate near one edge of its domain, 1 deep inside and 0 at the edge, and its derivatives by tr C and J.
+    """Return the share of the surrogate near one edge of its domain, 1 deep inside and 0 at the
+    edge, and its derivatives by tr C and J.
 
     `distance` is the distance beyond the edge, `by_trace` and `by_J` are its derivatives.
     """
@@ -131,14 +151,18 @@ def _share_within(distance, by_trace, by_J):
 
 @inlined
 def _product(f, g):
-    """Return the product of two functions of tr C and J with its derivatives; each is a tuple (value, by tr C, by J)."""
+    """Return the product of two functions of tr C and J with its derivatives; each is a tuple
+    (value, by tr C, by J).
+    """
     return f[0] * g[0], f[1] * g[0] + f[0] * g[1], f[2] * g[0] + f[0] * g[2]
 
 
 def distance_coefficients(low, high):
-    """Return the coefficients of the distances of a state from the lower and the upper bound of the isochoric stretches, shape (2, 3).
+    """Return the coefficients of the distances of a state from the lower and the upper bound of the
+    isochoric stretches, shape (2, 3).
 
-    A distance is linear in the isochoric invariants; its coefficients are those of (1, I1bar, I2bar).
+    A distance is linear in the isochoric invariants; its coefficients are those of (1, I1bar,
+    I2bar).
     """
     low, high = max(low, high**-2), min(high, low**-2)
     a, b = low**2, high**2
@@ -147,7 +171,8 @@ def distance_coefficients(low, high):
 
 @inlined
 def exact_share_at(distance):
-    """Return the share of the exact energy at a distance from the edge, positive inside the domain, and its derivative by the distance.
+    """Return the share of the exact energy at a distance from the edge, positive inside the domain,
+    and its derivative by the distance.
 
     The share is 1 at the edge and outside, and 0 from the distance `BLEND` on.
     """

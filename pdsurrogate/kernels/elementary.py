@@ -1,8 +1,9 @@
 """Elementary functions that LLVM vectorizes: they contain no library call and no branch.
 
-NumPy evaluates them on arrays (`elementary_in_numpy`), and numba compiles the implementations of this file for scalars of either precision.
-The llvmlite wheels bring no vector mathematics library, so ``math.log`` or ``math.exp`` would prevent vectorization of a loop. Errors are
-relative unless stated otherwise, and measured over the stated range (``tests/kernels/test_elementary.py``).
+NumPy evaluates them on arrays (`elementary_in_numpy`), and numba compiles the implementations of
+this file for scalars of either precision. The llvmlite wheels bring no vector mathematics library,
+so ``math.log`` or ``math.exp`` would prevent vectorization of a loop. Errors are relative unless
+stated otherwise, and measured over the stated range (``tests/kernels/test_elementary.py``).
 """
 
 import math
@@ -52,7 +53,9 @@ def _quotient(x, y):
 
 
 def _format(x):
-    """Return the NumPy type for the numba real type x, the integer type of equal width, and the number of its mantissa bits."""
+    """Return the NumPy type for the numba real type x, the integer type of equal width, and the
+    number of its mantissa bits.
+    """
     return (np.float32, np.int32, 23) if x == types.float32 else (np.float64, np.int64, 52)
 
 
@@ -80,7 +83,10 @@ def _inverse_square_root(x):
 
     def implementation(x):
         # A first guess within 4 % from the exponent bits, then Newton's iteration for r**-2 = x.
-        r = viewer(np.int64(np.int64(0x5FE6EB50C7B537A9) - (viewer(x, np.int64) >> np.int64(1))), np.float64)
+        r = viewer(
+            np.int64(np.int64(0x5FE6EB50C7B537A9) - (viewer(x, np.int64) >> np.int64(1))),
+            np.float64,
+        )
         half = 0.5 * x
         for _ in range(4):
             r = r + r * (0.5 - half * r * r)
@@ -90,7 +96,9 @@ def _inverse_square_root(x):
 
 
 def _polynomial(coefficients, real):
-    """Return the function that evaluates a polynomial in precision `real` by Horner's rule; `coefficients` begin with the constant term."""
+    """Return the function that evaluates a polynomial in precision `real` by Horner's rule;
+    `coefficients` begin with the constant term.
+    """
     names = {f"c{n}": real(coefficient) for n, coefficient in enumerate(coefficients)}
     *others, nested = names
     for name in reversed(others):
@@ -106,8 +114,9 @@ def _logarithm(x):
     artanh = _polynomial([1.0 / n for n in range(3, 3 + 2 * terms, 2)], real)
 
     def implementation(x):
-        # x = m 2**e with m in [sqrt(1/2), sqrt(2)), and log m = 2 artanh(s), s = (m - 1)/(m + 1), as a series in s^2 <= 0.0295. Each step
-        # is cut to the width of x: numba's integer arithmetic has 64 bits, which would halve the vector width in single precision.
+        # x = m 2**e with m in [sqrt(1/2), sqrt(2)), and log m = 2 artanh(s), s = (m - 1)/(m + 1),
+        # as a series in s^2 <= 0.0295. Each step is cut to the width of x: numba's integer
+        # arithmetic has 64 bits, which would halve the vector width in single precision.
         bits = viewer(x, whole)
         exponent = whole(whole(bits - root) >> digits)
         m = viewer(whole(bits - whole(exponent << digits)), real)
@@ -123,13 +132,21 @@ def _exponential(x):
     if digits == 23:
         terms, bias, constants = 8, 127, (-87.0, 88.0, 0.693359375, -2.12194440e-4)
     else:
-        terms, bias, constants = 14, 1023, (-708.0, 709.0, 6.93145751953125e-1, 1.42860682030941723212e-6)
+        terms, bias, constants = (
+            14,
+            1023,
+            (-708.0, 709.0, 6.93145751953125e-1, 1.42860682030941723212e-6),
+        )
     low, high, first, second, half, inverse = map(real, (*constants, 0.5, 1 / math.log(2.0)))
-    digits, bias, taylor = whole(digits), whole(bias), _polynomial([1 / math.factorial(n) for n in range(terms)], real)
+    digits, bias, taylor = (
+        whole(digits),
+        whole(bias),
+        _polynomial([1 / math.factorial(n) for n in range(terms)], real),
+    )
 
     def implementation(x):
-        # x = k log 2 + r with |r| <= log(2)/2; e**r by its Taylor polynomial; 2**k through the exponent bits. The multiples k of the
-        # first part of log 2 are exact.
+        # x = k log 2 + r with |r| <= log(2)/2; e**r by its Taylor polynomial; 2**k through the
+        # exponent bits. The multiples k of the first part of log 2 are exact.
         x = min(max(x, low), high)
         k = np.floor(x * inverse + half)
         r = x - k * first - k * second

@@ -1,37 +1,49 @@
-"""Elementary functions, as NumPy evaluates them on arrays; material laws and feature sets are written with them.
+"""Elementary functions, as NumPy evaluates them on arrays; material laws and feature sets are
+written with them.
 
-Compiled code has implementations of its own (`elementary`), which state the errors given here. The inverse Langevin function, the force
-that stretches a chain of freely jointed links, and the free energy of a chain are written with these functions. This file loads no numba,
-so that a scene with a mistake in it is refused without.
+Compiled code has implementations of its own (`elementary`), which state the errors given here. The
+inverse Langevin function, the force that stretches a chain of freely jointed links, and the free
+energy of a chain are written with these functions. This file loads no numba, so that a scene with a
+mistake in it is refused without.
 """
 
 import numpy as np
 
 
 def select(condition, value, otherwise):
-    """Return `value` where the condition holds, else `otherwise`; both are computed, since a branch would prevent vectorization."""
+    """Return `value` where the condition holds, else `otherwise`; both are computed, since a
+    branch would prevent vectorization.
+    """
     return np.where(condition, value, otherwise)
 
 
 def like(x, value):
-    """Return `value`; in compiled code, convert it to single precision if `x` is in single precision."""
+    """Return `value`; in compiled code, convert it to single precision if `x` is in single
+    precision.
+    """
     return value
 
 
 def quotient(x, y):
-    """Return x/y for finite x and finite, non-zero y. Relative error below 3e-7 (float32) and 2.3e-16 (float64)."""
+    """Return x/y for finite x and finite, non-zero y. Relative error below 3e-7 (float32) and
+    2.3e-16 (float64).
+    """
     return x / y
 
 
 def inverse_cube_root(x):
-    """Return x**(-1/3) for x > 0. Relative error below 3e-7 (float32) and 4e-16 (float64) over all normal numbers."""
+    """Return x**(-1/3) for x > 0. Relative error below 3e-7 (float32) and 4e-16 (float64) over
+    all normal numbers.
+    """
     return np.cbrt(x) ** -1.0
 
 
 def inverse_square_root(x):
-    """Return x**(-1/2) for x > 0. Relative error below 3e-7 (float32) and 5e-16 (float64) over all normal numbers.
+    """Return x**(-1/2) for x > 0. Relative error below 3e-7 (float32) and 5e-16 (float64) over all
+    normal numbers.
 
-    Double precision uses multiplications only: on some processors a square root and a division take longer than the rest of a network.
+    Double precision uses multiplications only: on some processors a square root and a division take
+    longer than the rest of a network.
     """
     return 1 / np.sqrt(x)
 
@@ -39,7 +51,8 @@ def inverse_square_root(x):
 def logarithm(x):
     """Return the natural logarithm for x > 0.
 
-    Absolute error below 3e-7 (float32) and 6e-16 (float64) for x in [0.05, 20]; relative error below 3e-7 and 4e-16 near 1; exactly 0 at 1.
+    Absolute error below 3e-7 (float32) and 6e-16 (float64) for x in [0.05, 20]; relative error
+    below 3e-7 and 4e-16 near 1; exactly 0 at 1.
     """
     return np.log(x)
 
@@ -53,8 +66,11 @@ def exponential(x):
 
 
 def langevin(beta):
-    """Return the Langevin function coth(beta) - 1/beta for beta >= 0. Relative error below 1e-15."""
-    # coth - 1/beta cancels for small arguments; there the eight terms of Lambert's continued fraction are exact to rounding.
+    """Return the Langevin function coth(beta) - 1/beta for beta >= 0. Relative error below
+    1e-15.
+    """
+    # coth - 1/beta cancels for small arguments; there the eight terms of Lambert's continued
+    # fraction are exact to rounding.
     square = beta * beta
     fraction = 15 + square / 17
     fraction = 13 + square / fraction
@@ -69,10 +85,11 @@ def langevin(beta):
 
 
 def inverse_langevin(y):
-    """Return beta with langevin(beta) = y, and the derivative of beta by y, for 0 < y < 1; NaN for y >= 1, where a chain is straight.
+    """Return beta with langevin(beta) = y, and the derivative of beta by y, for 0 < y < 1; NaN for
+    y >= 1, where a chain is straight.
 
-    Two steps of Halley's iteration improve Kroeger's approximation, which is within 0.2 %: relative error below 1e-14 up to y = 0.99
-    (Kroeger, J. Non-Newton. Fluid Mech. 223 (2015) 77).
+    Two steps of Halley's iteration improve Kroeger's approximation, which is within 0.2 %: relative
+    error below 1e-14 up to y = 0.99 (Kroeger, J. Non-Newton. Fluid Mech. 223 (2015) 77).
     """
     square = y * y
     room = select(y < 1.0, 1 - square, y * float("nan"))
@@ -88,9 +105,11 @@ def inverse_langevin(y):
 
 
 def chain_energy(y, beta):
-    """Return the free energy of a chain of freely jointed links, y beta + log(beta/sinh(beta)), divided by kT and the number of links.
+    """Return the free energy of a chain of freely jointed links, y beta + log(beta/sinh(beta)),
+    divided by kT and the number of links.
 
-    y is the extension of the chain divided by its full length, and beta = inverse_langevin(y). Absolute error below 1e-14.
+    y is the extension of the chain divided by its full length, and beta = inverse_langevin(y).
+    Absolute error below 1e-14.
     """
     decay = exponential(-2 * beta)
     # 0 * beta passes NaN on, which the kernels' logarithm does not.

@@ -1,8 +1,10 @@
-"""The plane-stress energy density psi(tr C, det F) of a sheet, with C33 eliminated: exact for any law, and learned by a network.
+"""The plane-stress energy density psi(tr C, det F) of a sheet, with C33 eliminated: exact for any
+law, and learned by a network.
 
-Both are functions compiled for blocks of states, with the arguments of a bond force; they compute psi and its two derivatives,
-dimensionless, from the two invariants. By the envelope theorem the derivatives at the C33 that solves P33 = 0 are those at fixed C33: 2
-dpsi/dtr C = p and J dpsi/dJ = q, the coefficients of R^T P = p U + q U^-1 (`pdsurrogate.materials.expressions`).
+Both are functions compiled for blocks of states, with the arguments of a bond force; they compute
+psi and its two derivatives, dimensionless, from the two invariants. By the envelope theorem the
+derivatives at the C33 that solves P33 = 0 are those at fixed C33: 2 dpsi/dtr C = p and J dpsi/dJ =
+q, the coefficients of R^T P = p U + q U^-1 (`pdsurrogate.materials.expressions`).
 """
 
 from functools import cache
@@ -24,9 +26,11 @@ ENERGY_ROWS = 3
 
 @cache
 def analytic_energy_density(dtype):
-    """Return the function, compiled for blocks of states, that computes the exact plane-stress energy density from the response of a law.
+    """Return the function, compiled for blocks of states, that computes the exact plane-stress
+    energy density from the response of a law.
 
-    The result is psi, dpsi/dtr C and dpsi/dJ; it is NaN where det F <= 0 or the law has no plane-stress state.
+    The result is psi, dpsi/dtr C and dpsi/dJ; it is NaN where det F <= 0 or the law has no
+    plane-stress state.
     """
 
     def energy_density(states, sizes, weights, response, parameters, work, scratch, result):
@@ -34,8 +38,11 @@ def analytic_energy_density(dtype):
         found = block_rows(scratch[3:8])
         for k in range(BLOCK):
             put_column(condition, k, (np.float64(states[0, k]), np.float64(states[1, k]), 1.0))
-        unsolved = solve_volume_ratios(BLOCK, condition, found, scratch[8], response, parameters, 1e-7)
-        # The iteration ends with a step: evaluate once more at the state it led to, whose error is below 1e-13.
+        unsolved = solve_volume_ratios(
+            BLOCK, condition, found, scratch[8], response, parameters, 1e-7
+        )
+        # The iteration ends with a step: evaluate once more at the state it led to, whose error is
+        # below 1e-13.
         call_block(response, condition, parameters, found)
         for k in range(BLOCK):
             put_column(result, k, (found[4, k], 0.5 * found[0, k], found[1, k] / condition[1, k]))
@@ -49,16 +56,22 @@ def analytic_energy_density(dtype):
 
 
 N_CONSTANTS = 2
-"""Number of constants after the weights of the units: `constant` and `slope` of psi = (sum of the units) - constant - slope log J."""
+"""Number of constants after the weights of the units: `constant` and `slope` of psi = (sum of
+the units) - constant - slope log J.
+"""
 
 NETWORK_WORK_ROWS = 2
-"""Number of rows of working memory that an energy network needs, one for each of its two features."""
+"""Number of rows of working memory that an energy network needs, one for each of its two
+features.
+"""
 
 
 def pack_network(hidden_weights, hidden_biases, output_weights, dtype):
-    """Pack an energy network of one hidden layer for `network_energy_density`: return its sizes and its weights in `dtype`.
+    """Pack an energy network of one hidden layer for `network_energy_density`: return its sizes and
+    its weights in `dtype`.
 
-    `hidden_weights` has a row for log J and a row for log(tr C/(2 J)); the constant and the slope are appended as zeros.
+    `hidden_weights` has a row for log J and a row for log(tr C/(2 J)); the constant and the slope
+    are appended as zeros.
     """
     units = pack_units(hidden_weights, hidden_biases, output_weights)
     return np.array([units.size // GROUP]), np.append(units, np.zeros(N_CONSTANTS)).astype(dtype)
@@ -66,12 +79,15 @@ def pack_network(hidden_weights, hidden_biases, output_weights, dtype):
 
 @cache
 def network_energy_density(activation, dtype):
-    """Return the function, compiled for blocks of states, that evaluates energy networks of one hidden layer with an activation.
+    """Return the function, compiled for blocks of states, that evaluates energy networks of one
+    hidden layer with an activation.
 
-    ``psi = sum of v a(w1 log J + w2 log(tr C/(2 J)) + b) - constant - slope log J``: the sum runs over the hidden units, with the
-    activation a, input weights w1 and w2, bias b and output weight v of each. The function takes the number of hidden units and the weights
-    as arguments. Both features vanish in the undeformed state, where the constant and the slope make psi and dpsi/dlog J vanish. The
-    stress vanishes there, too, since its value 2 dpsi/dtr C + dpsi/dJ equals dpsi/dlog J.
+    ``psi = sum of v a(w1 log J + w2 log(tr C/(2 J)) + b) - constant - slope log J``: the sum runs
+    over the hidden units, with the activation a, input weights w1 and w2, bias b and output weight
+    v of each. The function takes the number of hidden units and the weights as arguments. Both
+    features vanish in the undeformed state, where the constant and the slope make psi and dpsi/dlog
+    J vanish. The stress vanishes there, too, since its value 2 dpsi/dtr C + dpsi/dJ equals
+    dpsi/dlog J.
     """
     add_units = unit_sums(activation)
 

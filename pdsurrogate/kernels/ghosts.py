@@ -1,12 +1,14 @@
 """Values on ghosts computed from the values on their sources, and the transpose of that linear map.
 
-The displacement of a ghost is the displacement of its source, each component times a parity, plus a shift; the neighborhood of a ghost is
-the neighborhood of its source, each direction times a reflection. With P = diag(parity) and S = diag(reflection)
+The displacement of a ghost is the displacement of its source, each component times a parity, plus a
+shift; the neighborhood of a ghost is the neighborhood of its source, each direction times a
+reflection. With P = diag(parity) and S = diag(reflection)
 
     y = shift + P y_source,    F = I + P (F_source - I) S,    K = S K_source S,
 
-for positions y, deformation gradients F and inverse shape tensors K, in every dimension; the parities and reflections of an image of an
-image are products. Ghosts follow the points in arrays of n + m rows; matrices are stored by columns.
+for positions y, deformation gradients F and inverse shape tensors K, in every dimension; the
+parities and reflections of an image of an image are products. Ghosts follow the points in arrays of
+n + m rows; matrices are stored by columns.
 """
 
 from ..engine.passes import Pass, share_of
@@ -14,7 +16,9 @@ from ..engine.passes import Pass, share_of
 
 @Pass
 def place_points(chunk, given, source, parity, shift, positions):
-    """Copy the positions of points, and compute the positions of ghosts: shift + P y, y the position of the source and P = diag(parity)."""
+    """Copy the positions of points, and compute the positions of ghosts: shift + P y, y the
+    position of the source and P = diag(parity).
+    """
     n, dimension = given.shape
     for i in share_of(n, chunk):
         for r in range(dimension):
@@ -26,9 +30,11 @@ def place_points(chunk, given, source, parity, shift, positions):
 
 @Pass
 def fold_vectors(chunk, values, source, parity):
-    """Add P v to the vector on the source of each ghost, v the vector on the ghost, P = diag(parity).
+    """Add P v to the vector on the source of each ghost, v the vector on the ghost, P =
+    diag(parity).
 
-    The vectors on the ghosts stay as they are. The first chunk does all the work, since ghosts share sources.
+    The vectors on the ghosts stay as they are. The first chunk does all the work, since ghosts
+    share sources.
     """
     m, dimension = parity.shape
     n = values.shape[0] - m
@@ -39,7 +45,8 @@ def fold_vectors(chunk, values, source, parity):
 
 @Pass
 def fill_matrices(chunk, values, source, parity, reflection, rest, shift):
-    """Write the matrices on ghosts, rest I + P (F - rest I) S + shift, F the matrix on the source, P = diag(parity), S = diag(reflection).
+    """Write the matrices on ghosts, rest I + P (F - rest I) S + shift, F the matrix on the source,
+    P = diag(parity), S = diag(reflection).
 
     `rest` is 1 for a deformation gradient and 0 for a change of a deformation gradient.
     """
@@ -52,16 +59,19 @@ def fill_matrices(chunk, values, source, parity, reflection, rest, shift):
                 identity = rest if r == c else 0.0
                 image = 0.0
                 for k in range(dimension):
-                    image += (values[source[g], k * dimension + r] - (rest if r == k else 0.0)) * reflection[g, k, c]
+                    image += (
+                        values[source[g], k * dimension + r] - (rest if r == k else 0.0)
+                    ) * reflection[g, k, c]
                 values[n + g, at] = identity + parity[g, r] * image + shift[g, at]
 
 
 @Pass
 def fold_matrices(chunk, values, source, parity, reflection):
-    """Add P M S to the matrix on the source of each ghost, where M is the matrix on the ghost, and set M to zero.
+    """Add P M S to the matrix on the source of each ghost, where M is the matrix on the ghost, and
+    set M to zero.
 
-    P = diag(parity) and S = diag(reflection): this is the transpose of `fill_matrices`. The first chunk does all the work, since
-    ghosts share sources.
+    P = diag(parity) and S = diag(reflection): this is the transpose of `fill_matrices`. The first
+    chunk does all the work, since ghosts share sources.
     """
     m, dimension = parity.shape
     n = values.shape[0] - m

@@ -1,17 +1,29 @@
-"""Learned isochoric energy W(I1bar, I2bar), blended into the exact energy of the law at the edge of its domain.
+"""Learned isochoric energy W(I1bar, I2bar), blended into the exact energy of the law at the edge of
+its domain.
 
-The compiled function has the arguments and result rows of an exact isochoric response. A state is outside if a principal stretch is beyond
-the bounds L and H. Of three stretches with product 1, where L >= 1/H^2 and H <= 1/L^2, that is the case if one of
+The compiled function has the arguments and result rows of an exact isochoric response. A state is
+outside if a principal stretch is beyond the bounds L and H. Of three stretches with product 1,
+where L >= 1/H^2 and H <= 1/L^2, that is the case if one of
 
-    (1 - s1/H^2) (1 - s2/H^2) (1 - s3/H^2),    (1 - L^2/s1) (1 - L^2/s2) (1 - L^2/s3),    s the squared stretches,
+    (1 - s1/H^2) (1 - s2/H^2) (1 - s3/H^2),    (1 - L^2/s1) (1 - L^2/s2) (1 - L^2/s3),    s the
+    squared stretches,
 
-is negative. Both are linear in I1bar and I2bar; the code calls them distances, since near an edge they are the relative distances in s.
+is negative. Both are linear in I1bar and I2bar; the code calls them distances, since near an edge
+they are the relative distances in s.
 """
 
 import numpy as np
 from numba import carray
 
-from ..engine.block_arrays import BLOCK, add_to, block_rows, put_column, rows_from, stack_rows, tuple_of
+from ..engine.block_arrays import (
+    BLOCK,
+    add_to,
+    block_rows,
+    put_column,
+    rows_from,
+    stack_rows,
+    tuple_of,
+)
 from ..engine.compile import call_block, widest_vectors
 from .algebra import entries
 from .domain import BLEND, exact_share_at
@@ -19,21 +31,26 @@ from .elementary import like, logarithm, select
 from .network import GROUP, unit_sums
 
 ROWS = 4
-"""Number of rows of the result: the coefficients p, q, r of the stress (for a sheet r is the stress across its plane) and the energy W."""
+"""Number of rows of the result: the coefficients p, q, r of the stress (for a sheet r is the
+stress across its plane) and the energy W.
+"""
 
 UNITS, GUARD, OUTSIDE = 0, 1, 2
-"""Indices in the array ``sizes`` of a learned energy: its number of hidden units, its guard (`EXTRAPOLATE`, `COUNT` or `TAKE_OVER`), and
-the counter of the states found outside the domain."""
+"""Indices in the array ``sizes`` of a learned energy: its number of hidden units, its guard
+(`EXTRAPOLATE`, `COUNT` or `TAKE_OVER`), and the counter of the states found outside the domain.
+"""
 
 N_SIZES = 3
 
 AT_REST, FIRST_UNIT = 6, 7
-"""Indices in the array ``weights`` of a learned energy, after the three coefficients (of 1, I1bar, I2bar) of each of the two distances: the
-value of the network in the undeformed state, and the first of the weights of the hidden units."""
+"""Indices in the array ``weights`` of a learned energy, after the three coefficients (of 1, I1bar,
+I2bar) of each of the two distances: the value of the network in the undeformed state, and the first
+of the weights of the hidden units.
+"""
 
 EXTRAPOLATE, COUNT, TAKE_OVER = 0, 1, 2
-"""Guards for states outside the domain: nothing is done, they are counted, or they are counted and the exact energy replaces the learned
-one.
+"""Guards for states outside the domain: nothing is done, they are counted, or they are counted and
+the exact energy replaces the learned one.
 """
 
 
@@ -42,12 +59,15 @@ distances = entries("b, I1, I2", ["b[0] + b[1] * I1 + b[2] * I2", "b[3] + b[4] *
 
 
 def network_block(activation, invariants, of_invariants):
-    """Build the function for blocks of states of a network: ``W = sum of v a(w1 log(I1bar/3) + w2 log(I2bar/3) + b) - constant``.
+    """Build the function for blocks of states of a network: ``W = sum of v a(w1 log(I1bar/3) + w2
+    log(I2bar/3) + b) - constant``.
 
-    The sum runs over the hidden units, with the `activation` a, input weights w1 and w2, bias b and output weight v of each. `invariants`
-    computes (I1bar, I2bar) from a state, and `of_invariants` the rows of the result from W and its derivatives by these invariants. The
-    function accepts states and results of either precision. Both features vanish in the undeformed state, and the constant makes W vanish
-    there. The stress vanishes there for any W, since the undeformed state is a stationary point of both invariants.
+    The sum runs over the hidden units, with the `activation` a, input weights w1 and w2, bias b and
+    output weight v of each. `invariants` computes (I1bar, I2bar) from a state, and `of_invariants`
+    the rows of the result from W and its derivatives by these invariants. The function accepts
+    states and results of either precision. Both features vanish in the undeformed state, and the
+    constant makes W vanish there. The stress vanishes there for any W, since the undeformed state
+    is a stationary point of both invariants.
     """
     add_units = unit_sums(activation)
 
@@ -96,7 +116,11 @@ def network_block(activation, invariants, of_invariants):
         doubles = block_rows(stack_rows(7, 1.0))
         exact = rows_from(doubles, 3)
         for k in range(BLOCK):
-            put_column(doubles, k, (np.float64(states[0, k]), np.float64(states[1, k]), np.float64(states[2, k])))
+            put_column(
+                doubles,
+                k,
+                (np.float64(states[0, k]), np.float64(states[1, k]), np.float64(states[2, k])),
+            )
         call_block(response, doubles, parameters, exact)
         for k in range(BLOCK):
             state = doubles[0, k], doubles[1, k], doubles[2, k]
@@ -104,7 +128,8 @@ def network_block(activation, invariants, of_invariants):
             low, high = distances(bounds, I1, I2)
             a, da = exact_share_at(low)
             b, db = exact_share_at(high)
-            # W + s (exact - W), s = 1 - (1 - a) (1 - b): the blended energy is a function of the invariants like W.
+            # W + s (exact - W), s = 1 - (1 - a) (1 - b): the blended energy is a function of the
+            # invariants like W.
             rest = (1.0 - a) * (1.0 - b)
             da = da * (1.0 - b)
             db = db * (1.0 - a)

@@ -1,4 +1,6 @@
-"""Passes that copy values between the points of a body of several materials and the copies of these points that each material sees."""
+"""Passes that copy values between the points of a body of several materials and the copies of
+these points that each material sees.
+"""
 
 from functools import cache
 
@@ -9,14 +11,29 @@ from ..engine.passes import Pass, share_of
 
 @cache
 def see_points(dimension: int) -> Pass:
-    """Return the pass that copies positions and gradients as a material sees them, in the plane or in three dimensions."""
+    """Return the pass that copies positions and gradients as a material sees them, in the plane
+    or in three dimensions.
+    """
     entries = dimension * dimension
 
     @Pass
-    def see_points(chunk, numbers, others, depths, positions, gradients, jumps, changes, to_positions, to_gradients):
-        """Copy the rows `numbers` of positions and gradients (by columns); move the `others`, points of other materials.
+    def see_points(
+        chunk,
+        numbers,
+        others,
+        depths,
+        positions,
+        gradients,
+        jumps,
+        changes,
+        to_positions,
+        to_gradients,
+    ):
+        """Copy the rows `numbers` of positions and gradients (by columns); move the `others`,
+        points of other materials.
 
-        They are moved by minus their depth times the jump of the slope at their interface, and their gradients by `changes`.
+        They are moved by minus their depth times the jump of the slope at their interface, and
+        their gradients by `changes`.
         """
         for k in share_of(numbers.shape[0], chunk):
             i = numbers[k]
@@ -47,10 +64,12 @@ def gather_rows(width: int) -> Pass:
 
     @Pass
     def gather_rows(chunk, pointers, places, others, values, out, theirs):
-        """Write the sum of the rows ``values[places]`` of every point to `out`, and of those of other materials to `theirs`.
+        """Write the sum of the rows ``values[places]`` of every point to `out`, and of those of
+        other materials to `theirs`.
 
-        `pointers` bound the `places` of each point, and `others` flags those whose material is not the point's own. Without rows of
-        `theirs` these sums are left out. Return how many sums in `out` are not finite.
+        `pointers` bound the `places` of each point, and `others` flags those whose material is not
+        the point's own. Without rows of `theirs` these sums are left out. Return how many sums in
+        `out` are not finite.
         """
         not_finite = 0
         for i in share_of(out.shape[0], chunk):

@@ -1,13 +1,17 @@
-"""Bonds of a body that a network of nearest bonds needs in addition to short ones (theory, section 11)."""
+"""Bonds of a body that a network of nearest bonds needs in addition to short ones (theory,
+section 11).
+"""
 
 from ..engine.compile import kernel
 
 
 @kernel
 def add_unspanned(points, pointers, neighbors, first, second, sources, touching, near):
-    """Flag in `near`, in place, the bonds that no two shorter ones with an angle of at least 90 degrees between them span.
+    """Flag in `near`, in place, the bonds that no two shorter ones with an angle of at least 90
+    degrees between them span.
 
-    A bond with the image of another point keeps its flag, since the bond of that point with the image of the first may differ.
+    A bond with the image of another point keeps its flag, since the bond of that point with the
+    image of the first may differ.
 
     Parameters
     ----------
@@ -18,7 +22,8 @@ def add_unspanned(points, pointers, neighbors, first, second, sources, touching,
     first, second, sources : ndarray of int, shape (k,)
         Ends of the bonds, and the point at the second end or that it is an image of.
     touching : float
-        Cosine of the angle of the two shorter bonds, times both lengths over the squared length of the bond, that counts as 90 degrees.
+        Cosine of the angle of the two shorter bonds, times both lengths over the squared length of
+        the bond, that counts as 90 degrees.
     near : ndarray of bool, shape (k,)
     """
     n = pointers.shape[0] - 1

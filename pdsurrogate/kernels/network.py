@@ -1,13 +1,16 @@
-"""Multilayer perceptrons: activations, packed weights, sums of hidden units, and the compiled bond force with its NumPy twin.
+"""Multilayer perceptrons: activations, packed weights, sums of hidden units, and the compiled bond
+force with its NumPy twin.
 
-Four units are packed into a group, whose weights are scalars of the inner loop over a block of bonds: a state is loaded once for four
-units, and an accumulator is written once for four units. Networks of a bond force have one to three hidden layers; their inputs are padded
-to a multiple of four with zero weights; only the two inputs of a network with one hidden layer are not padded.
+Four units are packed into a group, whose weights are scalars of the inner loop over a block of
+bonds: a state is loaded once for four units, and an accumulator is written once for four units.
+Networks of a bond force have one to three hidden layers; their inputs are padded to a multiple of
+four with zero weights; only the two inputs of a network with one hidden layer are not padded.
 
-Activation functions return their first and second derivative, too: a network that represents an energy gives the stress through the slope
-and the stiffness through the curvature. NumPy evaluates the same expressions for checks and training; compiled, unused derivatives cost
-nothing. The algebraic sigmoid is exact to rounding; the others use `exponential`, whose error is below 2e-7 in single and 1e-15 in double
-precision.
+Activation functions return their first and second derivative, too: a network that represents an
+energy gives the stress through the slope and the stiffness through the curvature. NumPy evaluates
+the same expressions for checks and training; compiled, unused derivatives cost nothing. The
+algebraic sigmoid is exact to rounding; the others use `exponential`, whose error is below 2e-7 in
+single and 1e-15 in double precision.
 """
 
 from functools import cache
@@ -21,8 +24,10 @@ from .elementary import exponential, inverse_square_root, like, select
 from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, write_tractions
 
 GROUP = 4
-"""Units that are evaluated together: a state is loaded, and an accumulator written, once for all of them. Chosen: a smaller group loads
-each state more often, and a larger one pads narrow layers with more units."""
+"""Units that are evaluated together: a state is loaded, and an accumulator written, once for all of
+them. Chosen: a smaller group loads each state more often, and a larger one pads narrow layers with
+more units.
+"""
 
 SQUARE = GROUP * GROUP
 """Number of weights between a group of inputs and a group of units, each of `GROUP` members."""
@@ -31,14 +36,19 @@ PAIR = 2
 """Number of inputs that a single hidden layer reads without padding."""
 
 PAIR_WEIGHTS = (PAIR + 2) * GROUP
-"""Number of weights of a group of units with a pair of inputs and one output: biases, weights of both inputs, output weights."""
+"""Number of weights of a group of units with a pair of inputs and one output: biases, weights of
+both inputs, output weights.
+"""
 
 MOST_HIDDEN = 3
-"""Greatest number of hidden layers, whose widths `N_SIZES` provides for. Chosen: two to four features need no more."""
+"""Greatest number of hidden layers, whose widths `N_SIZES` provides for. Chosen: two to four
+features need no more.
+"""
 
 N_WORK_ROWS, N_HIDDEN, WIDTHS = 0, 1, 2
-"""Indices in a network's array of sizes: its number of rows of working memory, its number of hidden layers, and the first of the widths of
-its inputs and hidden layers."""
+"""Indices in a network's array of sizes: its number of rows of working memory, its number of hidden
+layers, and the first of the widths of its inputs and hidden layers.
+"""
 
 N_SIZES = WIDTHS + 1 + MOST_HIDDEN
 
@@ -61,7 +71,9 @@ def logistic(x):
 
 
 def tanh(x):
-    """Return the value, slope and curvature of tanh x as 1 - 2/(1 + exp(2x)); the error near 0 is that of rounding numbers near 1."""
+    """Return the value, slope and curvature of tanh x as 1 - 2/(1 + exp(2x)); the error near 0
+    is that of rounding numbers near 1.
+    """
     value = like(x, 1.0) - like(x, 2.0) / (like(x, 1.0) + exponential(x + x))
     slope = like(x, 1.0) - value * value
     return value, slope, like(x, -2.0) * value * slope
@@ -78,8 +90,11 @@ def identity(x):
     return x, like(x, 1.0), like(x, 0.0)
 
 
-ACTIVATIONS = {function.__name__: function for function in (algebraic, logistic, tanh, relu, identity)}
-"""Activation functions ``f(x) -> (value, slope, curvature)`` by name: those of scikit-learn's ``MLPRegressor`` and the algebraic sigmoid.
+ACTIVATIONS = {
+    function.__name__: function for function in (algebraic, logistic, tanh, relu, identity)
+}
+"""Activation functions ``f(x) -> (value, slope, curvature)`` by name: those of scikit-learn's
+``MLPRegressor`` and the algebraic sigmoid.
 """
 
 SMOOTH = ("algebraic", "logistic", "tanh")
@@ -96,29 +111,40 @@ def groups_of(rows):
 
 
 def units_of(n_inputs):
-    """Return the function ``units(w, x)`` that computes four hidden units before their activation: biases + weights times inputs.
+    """Return the function ``units(w, x)`` that computes four hidden units before their activation:
+    biases + weights times inputs.
 
     `w` is a tuple of four biases and four weights for each input, `x` a tuple of `n_inputs` inputs.
     """
-    sums = [[f"w[{r}]", *(f"w[{GROUP * (q + 1) + r}] * x[{q}]" for q in range(n_inputs))] for r in range(GROUP)]
+    sums = [
+        [f"w[{r}]", *(f"w[{GROUP * (q + 1) + r}] * x[{q}]" for q in range(n_inputs))]
+        for r in range(GROUP)
+    ]
     return entries("w, x", [total(terms) for terms in sums])
 
 
-column_of_pair, column_of_group = (entries("rows, k", [f"rows[{r}, k]" for r in range(count)]) for count in (PAIR, GROUP))
+column_of_pair, column_of_group = (
+    entries("rows, k", [f"rows[{r}, k]" for r in range(count)]) for count in (PAIR, GROUP)
+)
 units_of_pair, units_of_group = units_of(PAIR), units_of(GROUP)
 
 
 def pack_units(hidden_weights, hidden_biases, output_weights):
-    """Pack the weights of hidden units with two inputs and one output into one vector, in groups of four units, for `unit_sums`."""
+    """Pack the weights of hidden units with two inputs and one output into one vector, in groups
+    of four units, for `unit_sums`.
+    """
     return np.concatenate(groups_of(np.vstack([hidden_biases, hidden_weights, output_weights])))
 
 
 def unit_sums(activation):
-    """Return the function that evaluates a hidden layer of two features p and q over a block, and its derivatives by both features.
+    """Return the function that evaluates a hidden layer of two features p and q over a block, and
+    its derivatives by both features.
 
-    It adds ``v a(b + w1 p + w2 q)``, summed over the units, to row 0 of `sums`, its derivative by p to row 1 and its derivative by q to row
-    2. Here a is the `activation`, and w1, w2, b and v are the two input weights, the bias and the output weight of a unit. `weights` begin
-    with those from `pack_units`; `units` is the number of units.
+    It adds ``v a(b + w1 p + w2 q)``, summed over the units, to row 0 of `sums`, its derivative by p
+    to row 1 and its derivative by q to row
+    2. Here a is the `activation`, and w1, w2, b and v are the two input weights, the bias and the
+       output weight of a unit. `weights` begin with those from `pack_units`; `units` is the number
+       of units.
     """
     activate = inlined(activation)
     converted = entries("x, w", [f"like(x, w[{n}])" for n in range(PAIR_WEIGHTS)])
@@ -142,22 +168,32 @@ def unit_sums(activation):
 
 
 def pack(layers, at_rest, dtype):
-    """Pack the layers of a bond-force network for `network_block`: return its sizes and its weights in `dtype`.
+    """Pack the layers of a bond-force network for `network_block`: return its sizes and its weights
+    in `dtype`.
 
-    `layers` lists (weights, biases), weights of shape (n_in, n_out), the output layer last; `at_rest`, the two outputs in the undeformed
-    state, is appended for subtraction. Raise ValueError for more hidden layers than `MOST_HIDDEN`, for none, or for a number of outputs
-    other than two.
+    `layers` lists (weights, biases), weights of shape (n_in, n_out), the output layer last;
+    `at_rest`, the two outputs in the undeformed state, is appended for subtraction. Raise
+    ValueError for more hidden layers than `MOST_HIDDEN`, for none, or for a number of outputs other
+    than two.
     """
     hidden, (output_weights, output_biases) = layers[:-1], layers[-1]
     if not 1 <= len(hidden) <= MOST_HIDDEN:
-        raise ValueError(f"a network needs one to {MOST_HIDDEN} hidden layers, this one has {len(hidden)}")
+        raise ValueError(
+            f"a network needs one to {MOST_HIDDEN} hidden layers, this one has {len(hidden)}"
+        )
     if output_weights.shape[1] != N_OUTPUTS:
-        raise ValueError(f"a bond-force network has {N_OUTPUTS} outputs, this one {output_weights.shape[1]}")
+        raise ValueError(
+            f"a bond-force network has {N_OUTPUTS} outputs, this one {output_weights.shape[1]}"
+        )
     n_inputs = hidden[0][0].shape[0]
-    widths = [n_inputs if n_inputs == PAIR and len(hidden) == 1 else _padded(n_inputs)] + [_padded(biases.size) for _, biases in hidden]
+    widths = [n_inputs if n_inputs == PAIR and len(hidden) == 1 else _padded(n_inputs)] + [
+        _padded(biases.size) for _, biases in hidden
+    ]
     parts = []
     for (weights, biases), n_in in zip(hidden, widths[:-1], strict=True):
-        parts += groups_of(np.vstack([biases, np.pad(weights, ((0, n_in - weights.shape[0]), (0, 0)))]))
+        parts += groups_of(
+            np.vstack([biases, np.pad(weights, ((0, n_in - weights.shape[0]), (0, 0)))])
+        )
     parts += groups_of(output_weights.T)
     packed = np.concatenate([*parts, output_biases, at_rest]).astype(dtype)
     sizes = np.zeros(N_SIZES, dtype=np.int64)
@@ -167,7 +203,8 @@ def pack(layers, at_rest, dtype):
 
 
 def network_outputs(features, layers, activation):
-    """Evaluate a network in NumPy: return its outputs, shape (n, n_out), from features of shape (n, n_in).
+    """Evaluate a network in NumPy: return its outputs, shape (n, n_out), from features of shape (n,
+    n_in).
 
     `layers` lists (weights, biases) with the output layer last, as for `pack`.
     """
@@ -185,7 +222,8 @@ def _padded(width):
 
 @kernel
 def _pre_activations(rows, n_rows, weights, z):
-    """Compute four units of a layer over a block before their activation: z = biases + weights times the first `n_rows` rows of `rows`.
+    """Compute four units of a layer over a block before their activation: z = biases + weights
+    times the first `n_rows` rows of `rows`.
 
     `weights` holds the four biases, then the weights of the four units for each input.
     """
@@ -203,10 +241,12 @@ def _pre_activations(rows, n_rows, weights, z):
 
 
 def add_outputs(activate, column, units, n_weights):
-    """Return the function that evaluates four units of the last hidden layer over a block and adds their contributions to both outputs.
+    """Return the function that evaluates four units of the last hidden layer over a block and adds
+    their contributions to both outputs.
 
-    `activate` is the activation, and ``units(w, x)`` computes the four units before their activation from `n_weights` weights and from x,
-    the column of inputs that ``column(rows, k)`` returns for bond k.
+    `activate` is the activation, and ``units(w, x)`` computes the four units before their
+    activation from `n_weights` weights and from x, the column of inputs that ``column(rows, k)``
+    returns for bond k.
     """
     n_outputs = GROUP * N_OUTPUTS
 
@@ -216,7 +256,12 @@ def add_outputs(activate, column, units, n_weights):
         v = tuple_of(output_weights, n_outputs)
         for k in range(BLOCK):
             z = units(w, column(rows, k))
-            z0, z1, z2, z3 = activate(z[0])[0], activate(z[1])[0], activate(z[2])[0], activate(z[3])[0]
+            z0, z1, z2, z3 = (
+                activate(z[0])[0],
+                activate(z[1])[0],
+                activate(z[2])[0],
+                activate(z[3])[0],
+            )
             outputs[0, k] += v[0] * z0 + v[1] * z1 + v[2] * z2 + v[3] * z3
             outputs[1, k] += v[4] * z0 + v[5] * z1 + v[6] * z2 + v[7] * z3
 
@@ -225,7 +270,8 @@ def add_outputs(activate, column, units, n_weights):
 
 @cache
 def network_block(features: FeatureSet, activation, dtype):
-    """Return the function, compiled for blocks of bonds, that evaluates networks with a feature set and an activation as a bond force.
+    """Return the function, compiled for blocks of bonds, that evaluates networks with a feature set
+    and an activation as a bond force.
 
     The function takes the sizes and weights from `pack` as arguments.
     """
@@ -241,7 +287,13 @@ def network_block(features: FeatureSet, activation, dtype):
         rows = block_rows(work[0:width])
         kept = block_rows(work[width : width + MOST_SHARED])
         for k in range(BLOCK):
-            a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
+            a, b, U_mm, J, C33 = (
+                states[0, k],
+                states[1, k],
+                states[2, k],
+                states[3, k],
+                states[4, k],
+            )
             shared = shared_of(a, b, J, C33)
             values = inputs(shared, a, b, U_mm, J, C33, states[5, k])
             put_column(kept, k, shared)

@@ -8,11 +8,25 @@ from .algebra import ByDimension
 
 @ByDimension
 def weighted_stresses(algebra):
-    """Build the pass that computes P K^-1 of every point, the first Piola-Kirchhoff stress times the inverse shape tensor."""
+    """Build the pass that computes P K^-1 of every point, the first Piola-Kirchhoff stress times
+    the inverse shape tensor.
+    """
 
     @Pass
-    def weighted_stresses(chunk, gradients, volume_ratios, inverse_shape, unit, response, parameters, scratch, stresses):
-        """Compute P K^-1 of every point, by columns: first Piola-Kirchhoff stress, times `unit`, times inverse shape tensor."""
+    def weighted_stresses(
+        chunk,
+        gradients,
+        volume_ratios,
+        inverse_shape,
+        unit,
+        response,
+        parameters,
+        scratch,
+        stresses,
+    ):
+        """Compute P K^-1 of every point, by columns: first Piola-Kirchhoff stress, times `unit`,
+        times inverse shape tensor.
+        """
         widest_vectors()
         n = gradients.shape[0]
         states = block_rows(scratch[chunk.thread, 0:3])
@@ -41,18 +55,24 @@ def weighted_stresses(algebra):
 
 @ByDimension
 def nosb_forces(algebra):
-    """Build the pass that computes the forces on points from P K^-1, stress times inverse shape tensor, of every point."""
+    """Build the pass that computes the forces on points from P K^-1, stress times inverse shape
+    tensor, of every point.
+    """
 
     @Pass
     def nosb_forces(chunk, stresses, pointers, neighbors, weighted_bonds, volumes, out):
-        """Compute the force on every point i, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; return how many are not finite.
+        """Compute the force on every point i, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i
+        V_j; return how many are not finite.
 
-        P is the first Piola-Kirchhoff stress, K the shape tensor, V the volume of a point, w the weight and x the undeformed vector of a
-        bond. `stresses` holds P K^-1 of every point, `weighted_bonds` w x V_j of every directed bond.
+        P is the first Piola-Kirchhoff stress, K the shape tensor, V the volume of a point, w the
+        weight and x the undeformed vector of a bond. `stresses` holds P K^-1 of every point,
+        `weighted_bonds` w x V_j of every directed bond.
         """
         without_force = 0
         for i in share_of(out.shape[0], chunk):
-            algebra.sum_matrix_products(stresses, neighbors, weighted_bonds, (pointers[i], pointers[i + 1]), i, out)
+            algebra.sum_matrix_products(
+                stresses, neighbors, weighted_bonds, (pointers[i], pointers[i + 1]), i, out
+            )
             force = algebra.times(volumes[i], algebra.vector_at(out, i))
             algebra.put(out, i, force)
             without_force += algebra.not_finite(force)

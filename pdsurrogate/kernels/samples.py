@@ -1,4 +1,6 @@
-"""Assignment of the samples of a body to their nearest points; compiled only if the points of a scene are relaxed."""
+"""Assignment of the samples of a body to their nearest points; compiled only if the points of a
+scene are relaxed.
+"""
 
 import numpy as np
 
@@ -7,9 +9,11 @@ from ..engine.passes import Pass, share_of
 
 @Pass
 def sum_nearest(chunk, points, starts, grid, metric, raster, material, masks, buffers, sums):
-    """Sum the samples of every cell of a grid at the points nearest to them: number and coordinates of the samples of each point.
+    """Sum the samples of every cell of a grid at the points nearest to them: number and coordinates
+    of the samples of each point.
 
-    All numbers are integers in double precision, below 2^53, so that sums are exact: they depend neither on their order nor on the machine.
+    All numbers are integers in double precision, below 2^53, so that sums are exact: they depend
+    neither on their order nor on the machine.
 
     Parameters
     ----------
@@ -24,7 +28,8 @@ def sum_nearest(chunk, points, starts, grid, metric, raster, material, masks, bu
     raster : ndarray, shape (3, samples)
         Places of the samples in a cell.
     material : ndarray of int, shape (cells,)
-        Row of each cell in `masks`; -1 for cells all of whose samples are in material, -2 for cells without material.
+        Row of each cell in `masks`; -1 for cells all of whose samples are in material, -2 for cells
+        without material.
     masks : ndarray of uint8, shape (m, samples)
         Flags of the samples in material.
     buffers : ndarray, shape (threads, 2, samples)
@@ -51,15 +56,35 @@ def sum_nearest(chunk, points, starts, grid, metric, raster, material, masks, bu
                 for j3 in range(max(i3 - reach, 0), min(i3 + reach + 1, n3)):
                     for j2 in range(max(i2 - reach, 0), min(i2 + reach + 1, n2)):
                         row = (j3 * n2 + j2) * n1
-                        for p in range(starts[row + max(i1 - reach, 0)], starts[row + min(i1 + reach + 1, n1)]):
+                        for p in range(
+                            starts[row + max(i1 - reach, 0)], starts[row + min(i1 + reach + 1, n1)]
+                        ):
                             p1, p2, p3 = points[p, 0] - o1, points[p, 1] - o2, points[p, 2] - o3
-                            a1, a2, a3 = abs(p1 - half), abs(p2 - half), abs(p3 - half) if n3 > 1 else 0.0
+                            a1, a2, a3 = (
+                                abs(p1 - half),
+                                abs(p2 - half),
+                                abs(p3 - half) if n3 > 1 else 0.0,
+                            )
                             if search == 0:
-                                least = min(least, g1 * (a1 + half) ** 2 + g2 * (a2 + half) ** 2 + g3 * (a3 + half) ** 2)
-                            elif g1 * max(a1 - half, 0.0) ** 2 + g2 * max(a2 - half, 0.0) ** 2 + g3 * max(a3 - half, 0.0) ** 2 <= least:
+                                least = min(
+                                    least,
+                                    g1 * (a1 + half) ** 2
+                                    + g2 * (a2 + half) ** 2
+                                    + g3 * (a3 + half) ** 2,
+                                )
+                            elif (
+                                g1 * max(a1 - half, 0.0) ** 2
+                                + g2 * max(a2 - half, 0.0) ** 2
+                                + g3 * max(a3 - half, 0.0) ** 2
+                                <= least
+                            ):
                                 number = float(p)
                                 for s in range(raster.shape[1]):
-                                    d1, d2, d3 = raster[0, s] - p1, raster[1, s] - p2, raster[2, s] - p3
+                                    d1, d2, d3 = (
+                                        raster[0, s] - p1,
+                                        raster[1, s] - p2,
+                                        raster[2, s] - p3,
+                                    )
                                     distance = g1 * d1 * d1 + g2 * d2 * d2 + g3 * d3 * d3
                                     closer = distance < best[s]
                                     best[s] = distance if closer else best[s]

@@ -1,7 +1,8 @@
-"""Isochoric energy of the bonds and mean dilatation of the points: passes of a selective energy (theory (48)-(52)).
+"""Isochoric energy of the bonds and mean dilatation of the points: passes of a selective energy
+(theory (48)-(52)).
 
-The reference data of a pair are n, 1/l and the volume that its isochoric energy represents. A broken pair, or one that pads a block, has
-volume zero and is given the undeformed state.
+The reference data of a pair are n, 1/l and the volume that its isochoric energy represents. A
+broken pair, or one that pads a block, has volume zero and is given the undeformed state.
 """
 
 from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from
@@ -12,14 +13,18 @@ from .algebra import ByDimension
 from .elementary import like
 
 STATE_ROWS, RESULT_ROWS = 3, 4
-"""Numbers of rows of the states and of the result of an isochoric response; the last row of the result is the energy."""
+"""Numbers of rows of the states and of the result of an isochoric response; the last row of the
+result is the energy.
+"""
 
 
 @inline
 def evaluate_isochoric_energy(energy, constants, states, result):
-    """Evaluate the isochoric energy over a block of states: the learned one at address `energy`, or the exact one of the law if that is 0.
+    """Evaluate the isochoric energy over a block of states: the learned one at address `energy`, or
+    the exact one of the law if that is 0.
 
-    `constants` are the sizes and weights of the learned energy, the address of the response of the law and the parameters of the law.
+    `constants` are the sizes and weights of the learned energy, the address of the response of the
+    law and the parameters of the law.
     """
     if energy == 0:
         call_block(constants[2], states, constants[3], result)
@@ -28,15 +33,18 @@ def evaluate_isochoric_energy(energy, constants, states, result):
 
 
 def buffer_rows(dimension: int) -> int:
-    """Return the number of rows of a thread's buffer for the pair passes: gradients, bond vectors, states and results."""
+    """Return the number of rows of a thread's buffer for the pair passes: gradients, bond
+    vectors, states and results.
+    """
     return dimension * dimension + dimension + STATE_ROWS + RESULT_ROWS
 
 
 def gradient_of_bond(algebra):
-    """Build the function that returns the deformation gradient of a pair, F_ij = Fbar + (y/l - Fbar n) (x) n of theory (27).
+    """Build the function that returns the deformation gradient of a pair, F_ij = Fbar + (y/l - Fbar
+    n) (x) n of theory (27).
 
-    Fbar is the mean of the deformation gradients of the two points, y the deformed bond vector, n and l are the direction and the length of
-    the undeformed bond.
+    Fbar is the mean of the deformation gradients of the two points, y the deformed bond vector, n
+    and l are the direction and the length of the undeformed bond.
     """
     length, volume = algebra.DIMENSION, algebra.DIMENSION + 1
 
@@ -44,8 +52,8 @@ def gradient_of_bond(algebra):
     def of_bond(sums, bonds, reference, k):
         """Return the deformation gradient F_ij of pair k; I for a pair of volume zero.
 
-        `sums` holds the sums of the gradients of both points, `bonds` the deformed bond vectors, `reference` n, 1/l and the volume of the
-        pair.
+        `sums` holds the sums of the gradients of both points, `bonds` the deformed bond vectors,
+        `reference` n, 1/l and the volume of the pair.
         """
         # All terms have the precision of the sums and the bonds.
         one = like(sums[0, k], 1.0)
@@ -53,7 +61,9 @@ def gradient_of_bond(algebra):
         n = algebra.column_in(reference, k, one)
         mean = algebra.times_matrix(like(one, 0.5), algebra.matrix_column_at(sums, k))
         along = algebra.times(like(one, reference[length, k]), algebra.column_at(bonds, k))
-        F = algebra.add_outer_product(mean, algebra.minus(along, algebra.matrix_times_vector(mean, n)), n)
+        F = algebra.add_outer_product(
+            mean, algebra.minus(along, algebra.matrix_times_vector(mean, n)), n
+        )
         alive = one if reference[volume, k] > 0.0 else zero
         return algebra.plus_diagonal(algebra.times_matrix(alive, F), one - alive)
 
@@ -69,10 +79,12 @@ def pair_volumes(algebra):
 
     @Pass
     def pair_volumes(chunk, positions, gradients, pairs, buffers, volumes):
-        """Compute det F_ij of every pair of points; return the number of pairs for which it is NaN or not positive.
+        """Compute det F_ij of every pair of points; return the number of pairs for which it is NaN
+        or not positive.
 
-        `pairs` are the numbers of the first and second points, and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l,
-        the volume of the pair and, where a body has several materials or ranks, the part of this volume counted here.
+        `pairs` are the numbers of the first and second points, and the geometry (n_blocks, d + 2 or
+        d + 3, BLOCK): n, 1/l, the volume of the pair and, where a body has several materials or
+        ranks, the part of this volume counted here.
         """
         ends, geometry = pairs
         widest_vectors()
@@ -99,10 +111,11 @@ def pair_volumes(algebra):
 
 @Pass
 def means_over_bonds(chunk, pointers, pair_of, shares, values, otherwise, means):
-    """Compute the mean of the `values` of every point's pairs, weighted by the shares of its bonds in the volume of the point.
+    """Compute the mean of the `values` of every point's pairs, weighted by the shares of its bonds
+    in the volume of the point.
 
-    `pair_of` is the number of the pair of every directed bond, and `shares` holds the share of every directed bond. A point whose bonds
-    have no share gets the value `otherwise`.
+    `pair_of` is the number of the pair of every directed bond, and `shares` holds the share of
+    every directed bond. A point whose bonds have no share gets the value `otherwise`.
     """
     for i in share_of(pointers.shape[0] - 1, chunk):
         total = 0.0
@@ -115,7 +128,8 @@ def means_over_bonds(chunk, pointers, pair_of, shares, values, otherwise, means)
 
 @inlined
 def smoothed_value(smoothing, values, i):
-    """Return the smoothed value at point i, ``own[i] * values[i]`` plus the sum of ``weights * values`` over the neighbors of the point.
+    """Return the smoothed value at point i, ``own[i] * values[i]`` plus the sum of ``weights *
+    values`` over the neighbors of the point.
 
     `smoothing` is a sparse matrix: pointers, columns, weights, and its diagonal `own`.
     """
@@ -128,7 +142,8 @@ def smoothed_value(smoothing, values, i):
 
 @Pass
 def smooth(chunk, smoothing, values, out):
-    """Write the smoothed values ``W values`` of the points to the first rows of `out`; further rows stay as they are.
+    """Write the smoothed values ``W values`` of the points to the first rows of `out`; further rows
+    stay as they are.
 
     `smoothing` is the sparse matrix W, see `smoothed_value`.
     """
@@ -138,9 +153,11 @@ def smooth(chunk, smoothing, values, out):
 
 @Pass
 def volume_energies(chunk, volume_ratios, volumes, response, parameters, buffers, energies, slopes):
-    """Compute the derivative U' of the volumetric energy at the volume ratio of every point, and the sum of volume times U over each block.
+    """Compute the derivative U' of the volumetric energy at the volume ratio of every point, and
+    the sum of volume times U over each block.
 
-    `slopes` receives U', `energies` the sums. `response` returns (U, U') for the volume ratio in the first row of its states.
+    `slopes` receives U', `energies` the sums. `response` returns (U, U') for the volume ratio in
+    the first row of its states.
     """
     widest_vectors()
     n = volumes.shape[0]
@@ -166,24 +183,34 @@ def volume_energies(chunk, volume_ratios, volumes, response, parameters, buffers
 
 @ByDimension
 def pair_energies(algebra):
-    """Build the pass that computes the isochoric energy of pairs, and their forces and moments, which include the points' pressures."""
+    """Build the pass that computes the isochoric energy of pairs, and their forces and moments,
+    which include the points' pressures.
+    """
     of_bond = gradient_of_bond(algebra)
     matrix, dimension = algebra.MATRIX, algebra.DIMENSION
     state_rows, result_rows = matrix + dimension, matrix + dimension + STATE_ROWS
     length, volume = dimension, dimension + 1
     fetch_geometry, fetch_shares = fetch(4 * (dimension + 2)), fetch(4 * 2)
-    fetch_force, fetch_moment = fetch(4 * dimension, to_write=True), fetch(4 * matrix, to_write=True)
+    fetch_force, fetch_moment = (
+        fetch(4 * dimension, to_write=True),
+        fetch(4 * matrix, to_write=True),
+    )
 
     @Pass
-    def pair_energies(chunk, positions, gradients, pressures, pairs, shares, energy, constants, buffers, results):
+    def pair_energies(
+        chunk, positions, gradients, pressures, pairs, shares, energy, constants, buffers, results
+    ):
         """Compute the isochoric energy, the force and the moment S of every pair of points.
 
-        Energies and stresses are dimensionless, and multiplied by the volume that the bond represents.
+        Energies and stresses are dimensionless, and multiplied by the volume that the bond
+        represents.
 
-        The stress P of a pair includes the pressure of the pair: the sum of the `pressures` of both points, each times the share of the
-        pair in the volume of the point (`shares`, (n_blocks, 2, BLOCK)). The results are: `energies`, the sums over each block of pairs;
-        `forces`, P n/l on the first point, where n and l are the direction and the length of the undeformed bond; `moments`, S = P (I - n
-        (x) n)/2 by columns, the derivative of the energy by the deformation gradient of either point.
+        The stress P of a pair includes the pressure of the pair: the sum of the `pressures` of both
+        points, each times the share of the pair in the volume of the point (`shares`, (n_blocks, 2,
+        BLOCK)). The results are: `energies`, the sums over each block of pairs; `forces`, P n/l on
+        the first point, where n and l are the direction and the length of the undeformed bond;
+        `moments`, S = P (I - n (x) n)/2 by columns, the derivative of the energy by the deformation
+        gradient of either point.
         """
         ends, geometry = pairs
         first, second = ends
@@ -209,7 +236,9 @@ def pair_energies(algebra):
             evaluate_isochoric_energy(energy, constants, states, result)
             # The bonds are no longer needed: their first row is reused for the pressures.
             for k in range(BLOCK):
-                bonds[0, k] = share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]
+                bonds[0, k] = (
+                    share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]
+                )
             total = 0.0
             for k in range(BLOCK):
                 F = algebra.matrix_column_at(sums, k)
@@ -226,7 +255,8 @@ def pair_energies(algebra):
             for k in range(0, BLOCK, 4):
                 algebra.put_vectors(bonds, k, forces, at + k)
                 algebra.put_matrices(sums, k, moments, at + k)
-                # The next block needs these. Requests for memory are made here and above, since too many at once wait for one another.
+                # The next block needs these. Requests for memory are made here and above, since too
+                # many at once wait for one another.
                 fetch_geometry(geometry, (at + BLOCK + k) * geometry.shape[1])
                 fetch_shares(shares, (at + BLOCK + k) * 2)
             energies[block] = total

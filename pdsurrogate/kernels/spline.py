@@ -1,8 +1,9 @@
-"""Bond forces as tensor-product cubic splines of two or three features, compiled for blocks of bonds.
+"""Bond forces as tensor-product cubic splines of two or three features, compiled for blocks of
+bonds.
 
-Knots are equidistant, so that one multiplication finds the cell of a state; the function and its first two derivatives are continuous.
-Beyond the box of the knots the spline has the value of the nearest place in the box, and the box's lower end replaces a feature that is
-NaN.
+Knots are equidistant, so that one multiplication finds the cell of a state; the function and its
+first two derivatives are continuous. Beyond the box of the knots the spline has the value of the
+nearest place in the box, and the box's lower end replaces a feature that is NaN.
 """
 
 from functools import cache
@@ -19,22 +20,27 @@ FEATURES = (2, 3)
 """Numbers of features that a spline may have."""
 
 SUPPORT = 4
-"""Number of B-splines that are non-zero in a cell; along a feature there are three more coefficients than cells."""
+"""Number of B-splines that are non-zero in a cell; along a feature there are three more
+coefficients than cells.
+"""
 
 MOST_FEATURES = FEATURES[-1]
 
 SCALING = 2 * MOST_FEATURES
-"""Number of constants before the coefficients in the packed weights: lower end and cells per unit of each feature, zero for a missing third
-feature."""
+"""Number of constants before the coefficients in the packed weights: lower end and cells per unit
+of each feature, zero for a missing third feature.
+"""
 
 N_WEIGHTS, CELLS = 0, 1
-"""Indices in a spline's array of sizes: the length of its weights, and the first of its numbers of cells along each feature."""
+"""Indices in a spline's array of sizes: the length of its weights, and the first of its numbers
+of cells along each feature.
+"""
 
 N_SIZES = CELLS + MOST_FEATURES
 
 OFFSET, SHARES, KEPT = 0, 1, 1 + MOST_FEATURES * SUPPORT
-"""First rows of the parts of working memory: the index at which a state's coefficients begin, the values of the four B-splines of each
-feature, and the values that `FeatureSet.shared` returns.
+"""First rows of the parts of working memory: the index at which a state's coefficients begin, the
+values of the four B-splines of each feature, and the values that `FeatureSet.shared` returns.
 """
 
 WORK_ROWS = KEPT + MOST_SHARED
@@ -43,13 +49,16 @@ WORK_ROWS = KEPT + MOST_SHARED
 def pack(low, step, coefficients, at_rest, dtype):
     """Pack a spline for `spline_block`: return its sizes and its weights in `dtype`.
 
-    `low` and `step` are the lower end of the box and the width of a cell for each feature, `coefficients` have shape (2, cells_1 + 3, …,
-    cells_n + 3), and `at_rest`, the two outputs in the undeformed state, is appended for subtraction.
+    `low` and `step` are the lower end of the box and the width of a cell for each feature,
+    `coefficients` have shape (2, cells_1 + 3, …, cells_n + 3), and `at_rest`, the two outputs in
+    the undeformed state, is appended for subtraction.
     """
     missing = MOST_FEATURES - len(low)
     scaling = [np.pad(values, (missing, 0)) for values in (low, 1 / np.asarray(step))]
     # Both outputs of a place are stored side by side.
-    packed = np.concatenate([*scaling, np.moveaxis(coefficients, 0, -1).ravel(), at_rest]).astype(dtype)
+    packed = np.concatenate([*scaling, np.moveaxis(coefficients, 0, -1).ravel(), at_rest]).astype(
+        dtype
+    )
     sizes = np.zeros(N_SIZES, dtype=np.int64)
     sizes[N_WEIGHTS] = packed.size
     sizes[CELLS:] = [1] * missing + [count - (SUPPORT - 1) for count in coefficients.shape[1:]]
@@ -57,7 +66,9 @@ def pack(low, step, coefficients, at_rest, dtype):
 
 
 def cubic_weights(u):
-    """Return the values of the four cubic B-splines that are non-zero in a cell of the knots, at the place u in [0, 1] within the cell."""
+    """Return the values of the four cubic B-splines that are non-zero in a cell of the knots, at
+    the place u in [0, 1] within the cell.
+    """
     one = like(u, 1.0)
     v = one - u
     sixth = like(u, 1 / 6)
@@ -68,11 +79,16 @@ def cubic_weights(u):
 
 @cache
 def spline_block(features: FeatureSet, dtype):
-    """Return the function, compiled for blocks of bonds, that evaluates splines of two or three features as a bond force.
+    """Return the function, compiled for blocks of bonds, that evaluates splines of two or three
+    features as a bond force.
 
     The function takes the sizes and weights from `pack` as arguments.
     """
-    shared_of, inputs, put_tractions = inlined(features.shared), inlined(features.inputs), write_tractions(features)
+    shared_of, inputs, put_tractions = (
+        inlined(features.shared),
+        inlined(features.inputs),
+        write_tractions(features),
+    )
     weights_at = inlined(cubic_weights)
     # With two features the first of three has one cell and one weight.
     layers = SUPPORT ** (len(features.names) - 2)
@@ -92,15 +108,33 @@ def spline_block(features: FeatureSet, dtype):
         layer = row * (sizes[CELLS + 1] + SUPPORT - 1)
         size1, size0 = real(row), real(layer)
         for k in range(BLOCK):
-            a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
+            a, b, U_mm, J, C33 = (
+                states[0, k],
+                states[1, k],
+                states[2, k],
+                states[3, k],
+                states[4, k],
+            )
             shared = shared_of(a, b, J, C33)
             put_column(kept, k, shared)
             values = inputs(shared, a, b, U_mm, J, C33, states[5, k])
-            t0, t1, t2 = (values[0] - low0) * scale0, (values[-2] - low1) * scale1, (values[-1] - low2) * scale2
+            t0, t1, t2 = (
+                (values[0] - low0) * scale0,
+                (values[-2] - low1) * scale1,
+                (values[-1] - low2) * scale2,
+            )
             # These comparisons map NaN to the lower end.
-            t0, t1, t2 = t0 if t0 > zero else zero, t1 if t1 > zero else zero, t2 if t2 > zero else zero
+            t0, t1, t2 = (
+                t0 if t0 > zero else zero,
+                t1 if t1 > zero else zero,
+                t2 if t2 > zero else zero,
+            )
             t0, t1, t2 = min(t0, cells0), min(t1, cells1), min(t2, cells2)
-            i0, i1, i2 = min(np.floor(t0), cells0 - one), min(np.floor(t1), cells1 - one), min(np.floor(t2), cells2 - one)
+            i0, i1, i2 = (
+                min(np.floor(t0), cells0 - one),
+                min(np.floor(t1), cells1 - one),
+                min(np.floor(t2), cells2 - one),
+            )
             # Single precision holds this whole number exactly: tables are far smaller than 2^24.
             places[OFFSET, k] = real(SCALING) + i0 * size0 + i1 * size1 + real(N_OUTPUTS) * i2
             put_column(ahead, k, weights_at(t0 - i0))

@@ -1,4 +1,5 @@
-"""Steps of dynamic relaxation and of explicit dynamics in place, and the Rayleigh quotient, greatest force and strain of a step.
+"""Steps of dynamic relaxation and of explicit dynamics in place, and the Rayleigh quotient,
+greatest force and strain of a step.
 
 The functions take arrays of vectors of any dimension, and allocate no memory.
 """
@@ -10,9 +11,11 @@ from ..engine.compile import kernel
 
 @kernel
 def rayleigh_parts(velocities, forces, last_forces, mass):
-    """Return v . K v and v . M v, numerator and denominator of the Rayleigh quotient of the velocities v.
+    """Return v . K v and v . M v, numerator and denominator of the Rayleigh quotient of the
+    velocities v.
 
-    K v, stiffness matrix times velocities, is minus the change of the forces over the last time step, of length 1.
+    K v, stiffness matrix times velocities, is minus the change of the forces over the last time
+    step, of length 1.
     """
     stiffness = 0.0
     inertia = 0.0
@@ -25,9 +28,11 @@ def rayleigh_parts(velocities, forces, last_forces, mass):
 
 @kernel
 def relaxation_step(positions, velocities, forces, last_forces, free, mass, damping):
-    """Advance `positions` and `velocities` in place by one step of dynamic relaxation of length 1; copy `forces` to `last_forces`.
+    """Advance `positions` and `velocities` in place by one step of dynamic relaxation of length 1;
+    copy `forces` to `last_forces`.
 
-    `free` is 1 where a component may move and 0 elsewhere, `mass` is fictitious, and the `damping` rate is below 2.
+    `free` is 1 where a component may move and 0 elsewhere, `mass` is fictitious, and the `damping`
+    rate is below 2.
     """
     decay = (2.0 - damping) / (2.0 + damping)
     growth = 2.0 / (2.0 + damping)
@@ -41,7 +46,8 @@ def relaxation_step(positions, velocities, forces, last_forces, free, mass, damp
 
 @kernel
 def greatest_force_density(forces, free, volumes):
-    """Return the largest magnitude of force per volume over the free components of all points; NaN if any is not finite.
+    """Return the largest magnitude of force per volume over the free components of all points; NaN
+    if any is not finite.
 
     `free` is 1 where a component may move and 0 elsewhere.
     """
@@ -57,7 +63,8 @@ def greatest_force_density(forces, free, volumes):
 
 @kernel
 def greatest_strain(displacements, points, first, second):
-    """Return the largest component of u_j - u_i over the undeformed bond length, of all bonds; u are the `displacements`.
+    """Return the largest component of u_j - u_i over the undeformed bond length, of all bonds; u
+    are the `displacements`.
 
     `first` and `second` are the numbers of the points of every pair. Bonds to ghosts are left out.
     """
@@ -76,11 +83,14 @@ def greatest_strain(displacements, points, first, second):
 
 @kernel
 def central_difference_step(positions, velocities, forces, free, mass, damping, step, last_step):
-    """Take one explicit time step of M (a + c v) = f in place, with a `damping` c proportional to mass.
+    """Take one explicit time step of M (a + c v) = f in place, with a `damping` c proportional to
+    mass.
 
-    a is the acceleration, f the force, and `velocities` v are those in the middle between two positions.
+    a is the acceleration, f the force, and `velocities` v are those in the middle between two
+    positions.
 
-    `step` and `last_step` are the lengths of this time step and of the step before; the velocity changes over the mean of both.
+    `step` and `last_step` are the lengths of this time step and of the step before; the velocity
+    changes over the mean of both.
     """
     span = 0.5 * (step + last_step)
     decay = 1.0 - 0.5 * damping * span

@@ -1,4 +1,5 @@
-"""Passes that sum pair forces, and moments S (derivatives of the energy by deformation gradients), to forces on points; sparse products.
+"""Passes that sum pair forces, and moments S (derivatives of the energy by deformation gradients),
+to forces on points; sparse products.
 
 The order of each sum does not depend on the number of threads.
 """
@@ -16,17 +17,21 @@ def sum_pair_forces(algebra):
 
     @Pass
     def sum_pair_forces(chunk, forces, pair_pointers, incidence_pointers, incidence, unit, out):
-        """Write the force on every point, times `unit` (the shear modulus), summed in double precision; return how many are not finite.
+        """Write the force on every point, times `unit` (the shear modulus), summed in double
+        precision; return how many are not finite.
 
-        The force of a pair acts on its first point, and the opposite force on the second. `pair_pointers` bound the pairs that have the
-        point as first point, `incidence` lists the pairs that have it as second point. The pass sums directed
-        bonds, too, where `incidence` lists the reverse bonds.
+        The force of a pair acts on its first point, and the opposite force on the second.
+        `pair_pointers` bound the pairs that have the point as first point, `incidence` lists the
+        pairs that have it as second point. The pass sums directed bonds, too, where `incidence`
+        lists the reverse bonds.
         """
         without_force = 0
         for i in share_of(out.shape[0], chunk):
             own = pair_pointers[i], pair_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
-            algebra.sum_signed_records(forces, own, (incidence, incidence.shape[0]), others, unit, i, out)
+            algebra.sum_signed_records(
+                forces, own, (incidence, incidence.shape[0]), others, unit, i, out
+            )
             without_force += algebra.not_finite(algebra.vector_at(out, i))
         return without_force
 
@@ -35,21 +40,27 @@ def sum_pair_forces(algebra):
 
 @ByDimension
 def sum_moments(algebra):
-    """Build the pass that sums, for every point and ghost, the moments S (matrices) of the pairs it belongs to, times `unit`."""
+    """Build the pass that sums, for every point and ghost, the moments S (matrices) of the pairs
+    it belongs to, times `unit`.
+    """
 
     @Pass
     def sum_moments(chunk, moments, own_pointers, incidence_pointers, incidence, unit, out):
         for i in share_of(out.shape[0], chunk):
             own = own_pointers[i], own_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
-            algebra.sum_matrices(moments, own, (incidence, incidence.shape[0]), others, unit, i, out)
+            algebra.sum_matrices(
+                moments, own, (incidence, incidence.shape[0]), others, unit, i, out
+            )
 
     return sum_moments
 
 
 @ByDimension
 def weigh_moments(algebra):
-    """Build the pass that multiplies the moment S of every point by K^-1/V in place, K the shape tensor and V the volume of the point."""
+    """Build the pass that multiplies the moment S of every point by K^-1/V in place, K the shape
+    tensor and V the volume of the point.
+    """
 
     @Pass
     def weigh_moments(chunk, moments, inverse_shape, volumes):
@@ -62,22 +73,42 @@ def weigh_moments(algebra):
 
 @ByDimension
 def add_node_forces(algebra):
-    """Build the pass that adds to the forces on points the forces that follow from the weighted moments S K^-1/V of the points."""
+    """Build the pass that adds to the forces on points the forces that follow from the weighted
+    moments S K^-1/V of the points.
+    """
 
     @Pass
-    def add_node_forces(chunk, stresses, pointers, neighbors, weighted_bonds, volumes, unit, first_point, node_parts, out):
-        """Add the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j to every force; return how many forces are not finite.
+    def add_node_forces(
+        chunk,
+        stresses,
+        pointers,
+        neighbors,
+        weighted_bonds,
+        volumes,
+        unit,
+        first_point,
+        node_parts,
+        out,
+    ):
+        """Add the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j to every force;
+        return how many forces are not finite.
 
-        S is the moment, K the shape tensor and V the volume of a point, w the weight and x the undeformed vector of a bond;
-        `weighted_bonds` holds w x V_j. `stresses` holds S K^-1/V from `weigh_moments`, and the sums are multiplied by `unit`. The directed
-        bonds are those of the points from `first_point` on; `out` is changed at these points only. `node_parts` is working memory with the
-        shape of `out`.
+        S is the moment, K the shape tensor and V the volume of a point, w the weight and x the
+        undeformed vector of a bond; `weighted_bonds` holds w x V_j. `stresses` holds S K^-1/V from
+        `weigh_moments`, and the sums are multiplied by `unit`. The directed bonds are those of the
+        points from `first_point` on; `out` is changed at these points only. `node_parts` is working
+        memory with the shape of `out`.
         """
         without_force = 0
         for r in share_of(pointers.shape[0] - 1, chunk):
             i = first_point + r
-            algebra.sum_matrix_products(stresses, neighbors, weighted_bonds, (pointers[r], pointers[r + 1]), i, node_parts)
-            force = algebra.plus(algebra.vector_at(out, i), algebra.times(unit * volumes[i], algebra.vector_at(node_parts, i)))
+            algebra.sum_matrix_products(
+                stresses, neighbors, weighted_bonds, (pointers[r], pointers[r + 1]), i, node_parts
+            )
+            force = algebra.plus(
+                algebra.vector_at(out, i),
+                algebra.times(unit * volumes[i], algebra.vector_at(node_parts, i)),
+            )
             algebra.put(out, i, force)
             without_force += algebra.not_finite(force)
         return without_force
@@ -87,14 +118,18 @@ def add_node_forces(algebra):
 
 @cache
 def multiply_rows(width: int) -> Pass:
-    """Return the pass that multiplies rows of a sparse matrix by an array with rows of `width` reals."""
+    """Return the pass that multiplies rows of a sparse matrix by an array with rows of `width`
+    reals.
+    """
     add_up = sum_weighted_rows(width)
 
     @Pass
     def multiply_rows(chunk, rows, pointers, columns, weights, values, kept, products, out):
-        """Write ``out[i] = kept out[i] + (sum of weights * values[columns])`` for each i in `rows`; `products` is working memory.
+        """Write ``out[i] = kept out[i] + (sum of weights * values[columns])`` for each i in `rows`;
+        `products` is working memory.
 
-        `kept` is 1 or 0; with 0 values that are not finite are overwritten. `pointers` bound the entries of each of `rows`.
+        `kept` is 1 or 0; with 0 values that are not finite are overwritten. `pointers` bound the
+        entries of each of `rows`.
         """
         for r in share_of(rows.shape[0], chunk):
             add_up(weights, columns, (pointers[r], pointers[r + 1]), values, r, products)

@@ -1,16 +1,25 @@
-"""Rotation, J and C33 of every point of a sheet, with C33 from the learned bond force instead of the law.
+"""Rotation, J and C33 of every point of a sheet, with C33 from the learned bond force instead of
+the law.
 
-The principal values tau_1, tau_2, tau_3 of the isochoric Kirchhoff stress sum to zero. P33 = 0 requires tau_3 + J3 U'(J3) = 0, so that the
-principal values of the whole Kirchhoff stress are tau_1 - tau_3, tau_2 - tau_3 and 0. Their sum tr(T U) is -3 tau_3, and the thickness
-condition reads
+The principal values tau_1, tau_2, tau_3 of the isochoric Kirchhoff stress sum to zero. P33 = 0
+requires tau_3 + J3 U'(J3) = 0, so that the principal values of the whole Kirchhoff stress are tau_1
+- tau_3, tau_2 - tau_3 and 0. Their sum tr(T U) is -3 tau_3, and the thickness condition reads
 
     J3 U'(J3) = tr(T U)/3,        T = R^T P,
 
-and the map that gives the force of a bond gives the pressure in a point as well: no second surrogate is needed, and the error of the
-learned force is divided by K/mu.
+and the map that gives the force of a bond gives the pressure in a point as well: no second
+surrogate is needed, and the error of the learned force is divided by K/mu.
 """
 
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column, quad_records, tuple_of
+from ..engine.block_arrays import (
+    BLOCK,
+    STATE_ROWS,
+    TRACTION_ROWS,
+    block_rows,
+    put_column,
+    quad_records,
+    tuple_of,
+)
 from ..engine.compile import call_block, widest_vectors
 from ..engine.passes import Pass, share_of
 from .algebra import algebra_of
@@ -20,27 +29,44 @@ from .node_state import rotation, solve_volume_ratios, thickness_squared
 plane = algebra_of(2)
 
 MOST_ITERATIONS = 20
-"""Greatest number of steps in the search for the volume ratio J3 with the learned force. Each step changes J3 by at most a factor of two;
-where twenty, a factor of a million, do not suffice, J3 is computed from the law."""
+"""Greatest number of steps in the search for the volume ratio J3 with the learned force. Each step
+changes J3 by at most a factor of two; where twenty, a factor of a million, do not suffice, J3 is
+computed from the law.
+"""
 
 BUFFER_ROWS = STATE_ROWS + TRACTION_ROWS
 """Number of rows of the buffer in the precision of the model: bond states and tractions."""
 
 SCRATCH_ROWS = 16
-"""Number of rows of doubles: states and result of a response, the components of the stretch tensor U in the rotated frame, three rows for
-the last step, its residual and slope, the last step divided by J3, and working memory of `solve_volume_ratios`.
+"""Number of rows of doubles: states and result of a response, the components of the stretch tensor
+U in the rotated frame, three rows for the last step, its residual and slope, the last step divided
+by J3, and working memory of `solve_volume_ratios`.
 """
 
 
 @Pass
-def surrogate_node_states(chunk, gradients, volume_ratios, volumetric, bond_force, constants, domain, tolerance, memory, records):
-    """Compute the rotation, J and C33 of every point of a sheet from its deformation gradient, with C33 from the learned bond force.
+def surrogate_node_states(
+    chunk,
+    gradients,
+    volume_ratios,
+    volumetric,
+    bond_force,
+    constants,
+    domain,
+    tolerance,
+    memory,
+    records,
+):
+    """Compute the rotation, J and C33 of every point of a sheet from its deformation gradient, with
+    C33 from the learned bond force.
 
-    A row of `records` receives (cos, sin, J, C33) of a point. Return the number of points without a plane-stress state. `volume_ratios`
-    holds J3, on entry the values of the last evaluation, on exit the new ones. `constants` are the sizes and weights of the learned force
-    `bond_force`, and the response and parameters of the law, which serves points outside the `domain` (2, 7) of the learned force; in the
-    band inside the edge of the domain J3 is blended as the bond force is. `tolerance` is the relative step of J3 at which the iteration
-    ends. `memory` is, for each thread, a buffer that already holds the bond length, and the rows `work` and `scratch`.
+    A row of `records` receives (cos, sin, J, C33) of a point. Return the number of points without a
+    plane-stress state. `volume_ratios` holds J3, on entry the values of the last evaluation, on
+    exit the new ones. `constants` are the sizes and weights of the learned force `bond_force`, and
+    the response and parameters of the law, which serves points outside the `domain` (2, 7) of the
+    learned force; in the band inside the edge of the domain J3 is blended as the bond force is.
+    `tolerance` is the relative step of J3 at which the iteration ends. `memory` is, for each
+    thread, a buffer that already holds the bond length, and the rows `work` and `scratch`.
     """
     _, _, response, parameters = constants
     buffers, work, scratch = memory
@@ -82,16 +108,27 @@ def surrogate_node_states(chunk, gradients, volume_ratios, volumetric, bond_forc
                 break
             for k in range(BLOCK):
                 bond[4, k] = thickness_squared(states, k)
-            call_block(bond_force, bond, constants, work[chunk.thread], scratch[chunk.thread], traction)
+            call_block(
+                bond_force, bond, constants, work[chunk.thread], scratch[chunk.thread], traction
+            )
             call_block(volumetric, states, parameters, result)
             largest = 0.0
             for k in range(BLOCK):
-                power = traction[0, k] * frame[0, k] + 2.0 * traction[1, k] * frame[1, k] + traction[2, k] * frame[2, k]
+                power = (
+                    traction[0, k] * frame[0, k]
+                    + 2.0 * traction[1, k] * frame[1, k]
+                    + traction[2, k] * frame[2, k]
+                )
                 residual = result[2, k] - power / 3.0
-                # The slope is that of the chord over the last step, if that step was long enough, else a multiple of the volumetric slope.
+                # The slope is that of the chord over the last step, if that step was long enough,
+                # else a multiple of the volumetric slope.
                 plain = result[3, k]
                 chord = (residual - last[1, k]) / last[0, k]
-                slope = min(max(chord, 0.3 * plain), 3.0 * plain) if abs(last[0, k]) > 1e-5 else last[2, k] * plain
+                slope = (
+                    min(max(chord, 0.3 * plain), 3.0 * plain)
+                    if abs(last[0, k]) > 1e-5
+                    else last[2, k] * plain
+                )
                 slope = slope if last[0, k] != 0.0 else plain
                 step = min(max(-residual / slope, -0.5 * states[2, k]), states[2, k])
                 # A converged state stays as it is while others of the block go on.
@@ -100,20 +137,32 @@ def surrogate_node_states(chunk, gradients, volume_ratios, volumetric, bond_forc
                 states[2, k] += step
                 moved[k] = abs(step) / states[2, k]
                 largest = max(largest, moved[k])
-        # This first test, whether any state is near the edge, is vectorized; `last` is no longer needed.
+        # This first test, whether any state is near the edge, is vectorized; `last` is no longer
+        # needed.
         near = 0.0
         for k in range(size):
             near += 0.0 if moved[k] < 100.0 * tolerance else 1.0
             # NaN is outside.
-            near += is_outside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness_squared(states, k), inner)
+            near += is_outside(
+                frame[0, k],
+                frame[1, k],
+                frame[2, k],
+                states[1, k],
+                thickness_squared(states, k),
+                inner,
+            )
         if near > 0.0:
             for k in range(size):
                 C33 = thickness_squared(states, k)
-                share = share_inside(frame[0, k], frame[1, k], frame[2, k], states[1, k], C33, outer, inner)
+                share = share_inside(
+                    frame[0, k], frame[1, k], frame[2, k], states[1, k], C33, outer, inner
+                )
                 last[0, k] = share if moved[k] < 100.0 * tolerance else 0.0
                 last[1, k] = states[2, k]
                 states[2, k] = J3[k]
-            count += solve_volume_ratios(size, states, result, scratch[chunk.thread, 15], response, parameters)
+            count += solve_volume_ratios(
+                size, states, result, scratch[chunk.thread, 15], response, parameters
+            )
             for k in range(size):
                 if last[0, k] == 1.0:
                     states[2, k] = last[1, k]

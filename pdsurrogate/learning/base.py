@@ -1,7 +1,8 @@
-"""Base classes of the regressors that learn forces and energies: checked data, activations, predictions in the shape of the targets.
+"""Base classes of the regressors that learn forces and energies: checked data, activations,
+predictions in the shape of the targets.
 
-The module also holds `NamedFunction`: a function in a pipeline with the names of the table columns that it reads, by which pipelines check
-and order the columns of tables.
+The module also holds `NamedFunction`: a function in a pipeline with the names of the table columns
+that it reads, by which pipelines check and order the columns of tables.
 """
 
 from collections.abc import Callable
@@ -20,7 +21,9 @@ COUNT = [Interval(Integral, 1, None, closed="left")]
 NOT_NEGATIVE = [Interval(Real, 0, None, closed="left")]
 POSITIVE = [Interval(Real, 0, None, closed="neither")]
 SHARE = [Interval(Real, 0, 1, closed="left")]
-"""Constraints on parameters of estimators, for scikit-learn's validation: whole numbers from 1; numbers from 0, above 0, and in [0, 1)."""
+"""Constraints on parameters of estimators, for scikit-learn's validation: whole numbers from 1;
+numbers from 0, above 0, and in [0, 1).
+"""
 
 
 def algebraic(x):
@@ -49,27 +52,39 @@ def relu(x):
 ACTIVATIONS = {function.__name__: function for function in (algebraic, logistic, tanh, relu)}
 """Functions ``f(x) -> (value, derivative)`` by name; the kernels have all of them.
 
-The values differ from those of `pdsurrogate.kernels.network` by rounding, some 1e-15. A training magnifies such differences into other
-weights: only these expressions reproduce the weights of the shipped artifacts (``pipelines/fit_shipped.py --check``).
+The values differ from those of `pdsurrogate.kernels.network` by rounding, some 1e-15. A training
+magnifies such differences into other weights: only these expressions reproduce the weights of the
+shipped artifacts (``pipelines/fit_shipped.py --check``).
 """
 
 
-def checked_samples(regressor: BaseEstimator, X, y, sample_weight=None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Return X, y and the weights, if any, in double precision; raise ValueError for data that scikit-learn would not accept."""
+def checked_samples(
+    regressor: BaseEstimator, X, y, sample_weight=None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Return X, y and the weights, if any, in double precision; raise ValueError for data that
+    scikit-learn would not accept.
+    """
     X, y = validate_data(regressor, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
     if sample_weight is not None:
-        sample_weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        sample_weight = _check_sample_weight(
+            sample_weight, X, dtype=np.float64, ensure_non_negative=True
+        )
     return X, np.asarray(y, dtype=np.float64), sample_weight
 
 
-def distinct_samples(X: np.ndarray, y: np.ndarray, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the indices of the distinct samples (X, y) of positive weight, and their summed weights, or None if all of these sums are 1.
+def distinct_samples(
+    X: np.ndarray, y: np.ndarray, weights: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the indices of the distinct samples (X, y) of positive weight, and their summed
+    weights, or None if all of these sums are 1.
 
-    Copies of a sample and one sample with the sum of their weights give the same training. Where nothing repeats and all weights are 1,
-    all indices are returned in order; otherwise the samples are in lexicographic order of their values (X, y). Raise ValueError if all
-    weights are 0.
+    Copies of a sample and one sample with the sum of their weights give the same training. Where
+    nothing repeats and all weights are 1, all indices are returned in order; otherwise the samples
+    are in lexicographic order of their values (X, y). Raise ValueError if all weights are 0.
     """
-    _, first, inverse = np.unique(np.column_stack([X, y]), axis=0, return_index=True, return_inverse=True)
+    _, first, inverse = np.unique(
+        np.column_stack([X, y]), axis=0, return_index=True, return_inverse=True
+    )
     if len(first) == len(X) and (weights is None or (weights == 1).all()):
         return np.arange(len(X)), None
     summed = np.bincount(inverse.ravel(), weights, len(first)).astype(float)
@@ -80,10 +95,12 @@ def distinct_samples(X: np.ndarray, y: np.ndarray, weights: np.ndarray | None = 
 
 
 class BaseRegressor(RegressorMixin, BaseEstimator):
-    """Base class of regressors of one or several outputs; predictions have one dimension where the training targets had one.
+    """Base class of regressors of one or several outputs; predictions have one dimension where the
+    training targets had one.
 
-    A subclass implements ``fit``, which takes its data from `_checked`, and ``_outputs``, which returns the outputs of X, shape
-    (n_samples, n_outputs). A regressor is fitted once it has the attribute ``coef_`` or ``coefs_``.
+    A subclass implements ``fit``, which takes its data from `_checked`, and ``_outputs``, which
+    returns the outputs of X, shape (n_samples, n_outputs). A regressor is fitted once it has the
+    attribute ``coef_`` or ``coefs_``.
     """
 
     def __sklearn_tags__(self):
@@ -116,7 +133,9 @@ class BaseRegressor(RegressorMixin, BaseEstimator):
         >>> import numpy as np
         >>> import pdsurrogate as pds
         >>> x = np.linspace(-1, 1, 50)[:, None]
-        >>> pds.learning.ChebyshevRegressor(2).fit(x, x[:, 0] ** 2).predict([[0.5]]).round(6).tolist()
+        >>> pds.learning.ChebyshevRegressor(2).fit(x, x[:, 0] ** 2).predict([[0.5]]).round(
+        ...     6
+        ... ).tolist()
         [0.25]
         """
         check_is_fitted(self)
@@ -124,7 +143,9 @@ class BaseRegressor(RegressorMixin, BaseEstimator):
         return outputs[:, 0] if self._single_output else outputs
 
     def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Check parameters and data; return X, y in two dimensions (n_samples, n_outputs), and the sample weights or None."""
+        """Check parameters and data; return X, y in two dimensions (n_samples, n_outputs), and
+        the sample weights or None.
+        """
         self._validate_params()
         X, y, weights = checked_samples(self, X, y, sample_weight)
         self._single_output = y.ndim == 1
@@ -132,28 +153,41 @@ class BaseRegressor(RegressorMixin, BaseEstimator):
 
 
 class BasePerceptron(BaseRegressor):
-    """Base class of multilayer perceptrons, which predict from ``coefs_``, ``intercepts_`` and the parameter ``activation``."""
+    """Base class of multilayer perceptrons, which predict from ``coefs_``, ``intercepts_`` and
+    the parameter ``activation``.
+    """
 
     def _distinct(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Check parameters and data; return X and y (n, n_outputs) of the distinct samples, and their weights, None where all are 1."""
+        """Check parameters and data; return X and y (n, n_outputs) of the distinct samples, and
+        their weights, None where all are 1.
+        """
         X, Y, weights = self._checked(X, y, sample_weight)
         kept, weights = distinct_samples(X, Y, weights)
         return X[kept], Y[kept], weights
 
     def _outputs(self, X):
-        return network_outputs(X, zip(self.coefs_, self.intercepts_, strict=True), ACTIVATIONS[self.activation])
+        return network_outputs(
+            X, zip(self.coefs_, self.intercepts_, strict=True), ACTIVATIONS[self.activation]
+        )
 
 
 class NamedFunction:
-    """Function of a module with the names of the table columns of X and y that it reads; None stands for columns of any names.
+    """Function of a module with the names of the table columns of X and y that it reads; None
+    stands for columns of any names.
 
-    The ``repr`` is the name of the function. A pickle holds only module and name, as the pickle of a plain function does.
+    The ``repr`` is the name of the function. A pickle holds only module and name, as the pickle of
+    a plain function does.
     """
 
     __name__: str
     __qualname__: str
 
-    def __init__(self, function: Callable, columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | None = None) -> None:
+    def __init__(
+        self,
+        function: Callable,
+        columns: tuple[str, ...] | None = None,
+        targets: tuple[str, ...] | None = None,
+    ) -> None:
         update_wrapper(self, function)
         self.columns, self.targets = columns, targets
 
@@ -167,28 +201,42 @@ class NamedFunction:
         return self.__qualname__
 
 
-def named(columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | None = None) -> Callable[[Callable], NamedFunction]:
-    """Return a decorator that makes a function a `NamedFunction` with the names `columns` of columns of X and `targets` of columns of y."""
+def named(
+    columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | None = None
+) -> Callable[[Callable], NamedFunction]:
+    """Return a decorator that makes a function a `NamedFunction` with the names `columns` of
+    columns of X and `targets` of columns of y.
+    """
     return lambda function: NamedFunction(function, columns, targets)
 
 
 def columns_read(function) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
-    """Return the names of the columns of X and of y that a function (or its ``functools.partial``) reads; None where it states none."""
+    """Return the names of the columns of X and of y that a function (or its
+    ``functools.partial``) reads; None where it states none.
+    """
     function = getattr(function, "func", function)
     return getattr(function, "columns", None), getattr(function, "targets", None)
 
 
 def check_targets(y, names) -> None:
-    """Raise ValueError unless the targets y have two dimensions and one column for each of `names`."""
+    """Raise ValueError unless the targets y have two dimensions and one column for each of
+    `names`.
+    """
     if np.shape(y)[1:] != (len(names),):
-        raise ValueError(f"y must have the {len(names)} columns {', '.join(names)}, not shape {np.shape(y)}")
+        raise ValueError(
+            f"y must have the {len(names)} columns {', '.join(names)}, not shape {np.shape(y)}"
+        )
 
 
 def checked_columns(X, columns: tuple[str, ...], positive: tuple[str, ...]) -> np.ndarray:
-    """Return X transposed, shape (n_columns, n); raise ValueError for missing columns, or values of `positive` columns not above 0."""
+    """Return X transposed, shape (n_columns, n); raise ValueError for missing columns, or values
+    of `positive` columns not above 0.
+    """
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != len(columns):
-        raise ValueError(f"X must have the {len(columns)} columns {', '.join(columns)}, not shape {X.shape}")
+        raise ValueError(
+            f"X must have the {len(columns)} columns {', '.join(columns)}, not shape {X.shape}"
+        )
     for name in positive:
         values = X[:, columns.index(name)]
         if not (values > 0).all():

@@ -1,4 +1,6 @@
-"""Learning of the bond force of a sheet: training samples, pipeline, errors, domain of validity, and conversion to a surrogate."""
+"""Learning of the bond force of a sheet: training samples, pipeline, errors, domain of validity,
+and conversion to a surrogate.
+"""
 
 from collections.abc import Callable
 from typing import ClassVar
@@ -18,17 +20,23 @@ from .sampling import COLUMNS, OUTPUTS, checked_range
 from .target import Range, Samples, Target, relative_errors
 
 SLOPE_STEP = 1e-4
-"""Relative change of the bond stretch in central differences of the force: in double precision their error is 1e-8 of the slope."""
+"""Relative change of the bond stretch in central differences of the force: in double precision
+their error is 1e-8 of the slope.
+"""
 
 LENGTHS, ORIENTATIONS = 2, 5
-"""Bond lengths for each deformation gradient of Algorithm 1, and orientations for each length: enough for both to be spread, and few
-enough for a thousand gradients among 10,000 samples."""
+"""Bond lengths for each deformation gradient of Algorithm 1, and orientations for each length:
+enough for both to be spread, and few enough for a thousand gradients among 10,000 samples.
+"""
 
 
 class _BondForce(Target):
     name, columns, outputs, stretch_range, n_samples = "bond-force", COLUMNS, OUTPUTS, WIDEST, 8_000
     units = "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa"
-    weight_function = "any: the force learned is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS)
+    weight_function = (
+        "any: the force learned is dimensionless, t kappa / (w l mu); known are "
+        + ", ".join(WEIGHT_FUNCTIONS)
+    )
 
     _reported: ClassVar = {"near_rest": 0.25, "off_surface": 0.0}
     reached = staticmethod(sampling.bond_states_reached)
@@ -36,9 +44,17 @@ class _BondForce(Target):
     surrogate = staticmethod(taken_over)
 
     def draw(
-        self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int, off_surface: float = 2 / 3
+        self,
+        law: Law,
+        n_samples: int,
+        stretch_range: Range,
+        near_rest: float,
+        random_state: int,
+        off_surface: float = 2 / 3,
     ) -> Samples:
-        X, y, design, stretches = sampling.wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state)
+        X, y, design, stretches = sampling.wide_bonds(
+            law, n_samples, stretch_range, near_rest, off_surface, random_state
+        )
         return Samples(X, y, design, self, stretches)
 
     def predicted(self, model, law: Law, X: np.ndarray) -> np.ndarray:
@@ -48,22 +64,36 @@ class _BondForce(Target):
         return relative_errors(predicted, samples.y)
 
     def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
-        stretch, rotation, J, C33 = (X[:, COLUMNS.index(name)] for name in ("stretch", "rotation", "J", "C33"))
-        # Components of the stretch tensor U, which stretch and rotation of a bond and the area ratio define.
+        stretch, rotation, J, C33 = (
+            X[:, COLUMNS.index(name)] for name in ("stretch", "rotation", "J", "C33")
+        )
+        # Components of the stretch tensor U, which stretch and rotation of a bond and the area
+        # ratio define.
         U_nn, U_nm = stretch * np.cos(rotation), stretch * np.sin(rotation)
-        low, high = sampling.range_of_stretches(U_nn**2 + 2 * U_nm**2 + ((J + U_nm**2) / U_nn) ** 2, J)
+        low, high = sampling.range_of_stretches(
+            U_nn**2 + 2 * U_nm**2 + ((J + U_nm**2) / U_nn) ** 2, J
+        )
         bulk = J**2 * C33
         return Domain(low, high, float(bulk.min()), float(bulk.max()))
 
     def _more_errors(self, model, law: Law, samples: Samples) -> dict[str, object]:
         force, design = force_of(model), samples.design
-        off = self.draw(law, len(samples), tuple(design["stretch_range"]), 0, design["random_state"] + 1, off_surface=1)
+        off = self.draw(
+            law,
+            len(samples),
+            tuple(design["stretch_range"]),
+            0,
+            design["random_state"] + 1,
+            off_surface=1,
+        )
         states = np.vstack([samples.X, off.X])
         return {
             "off_surface": self.errors(force(*off.X.T), off),
             "at_rest": float(np.linalg.norm(force([1.0], [0.0], [1.0], [1.0], [1.0]))),
             "least_slope": float(stiffness_slopes(force, states).min()),
-            "least_slope_exact": float(stiffness_slopes(AnalyticBondForce(law).bond_force, states).min()),
+            "least_slope_exact": float(
+                stiffness_slopes(AnalyticBondForce(law).bond_force, states).min()
+            ),
         }
 
     def more_reports(self, surrogate, law: Law, stretch_range: Range) -> dict[str, dict]:
@@ -73,14 +103,26 @@ class _BondForce(Target):
     def scaling(self, model) -> dict:
         scaling, _, target = scaled_parts(model)
         if scaling is None:
-            return {"folded": "whatever scaling the model has is part of the payload, which is on plain features"}
-        means_and_scales = [array.tolist() for scaler in (scaling, target) for array in shift_and_scale(scaler)]
+            return {
+                "folded": (
+                    "whatever scaling the model has is part of the payload, which is on plain"
+                    " features"
+                )
+            }
+        means_and_scales = [
+            array.tolist() for scaler in (scaling, target) for array in shift_and_scale(scaler)
+        ]
         names = "feature_mean", "feature_scale", "output_mean", "output_scale"
-        return {**dict(zip(names, means_and_scales, strict=True)), "folded": "into the constants of the payload"}
+        return {
+            **dict(zip(names, means_and_scales, strict=True)),
+            "folded": "into the constants of the payload",
+        }
 
 
 BOND_FORCE = _BondForce()
-"""Target: the dimensionless bond force along and across a bond, as a function of stretch, rotation, length, C33 and J of the bond."""
+"""Target: the dimensionless bond force along and across a bond, as a function of stretch,
+rotation, length, C33 and J of the bond.
+"""
 
 
 def algorithm_1(
@@ -92,12 +134,15 @@ def algorithm_1(
     nondimensional: bool = True,
     random_state: int = 0,
 ) -> Samples:
-    """Draw samples of bond forces by the paper's Algorithm 1: loops over principal stretches, bond lengths and bond orientations.
+    """Draw samples of bond forces by the paper's Algorithm 1: loops over principal stretches, bond
+    lengths and bond orientations.
 
-    The paper loops over "various" values. Here lengths and orientations are drawn uniformly from their ranges, and stretches uniformly in
-    the logarithm. On a full grid of values a network can be exact at the few stretches of the grid and wrong by percents between them. With
-    stretches drawn uniformly, only two in a thousand pairs would have both stretches near their least value, where C33 is greatest, and the
-    error of a network would be ten times as large there as elsewhere.
+    The paper loops over "various" values. Here lengths and orientations are drawn uniformly from
+    their ranges, and stretches uniformly in the logarithm. On a full grid of values a network can
+    be exact at the few stretches of the grid and wrong by percents between them. With stretches
+    drawn uniformly, only two in a thousand pairs would have both stretches near their least value,
+    where C33 is greatest, and the error of a network would be ten times as large there as
+    elsewhere.
 
     Parameters
     ----------
@@ -111,9 +156,11 @@ def algorithm_1(
     weight : str
         Weight function.
     nondimensional : bool
-        Whether lengths are divided by the horizon, and forces t by w l mu/kappa, with the weight w and length l of the bond, the
-        shear modulus mu, and the shape tensor kappa I of a full circular horizon. Otherwise lengths have the unit of `horizon`, and
-        forces are those of Eq. (2) of the paper on such a horizon, in the unit of the shear modulus divided by a length cubed.
+        Whether lengths are divided by the horizon, and forces t by w l mu/kappa, with the weight w
+        and length l of the bond, the shear modulus mu, and the shape tensor kappa I of a full
+        circular horizon. Otherwise lengths have the unit of `horizon`, and forces are those of Eq.
+        (2) of the paper on such a horizon, in the unit of the shear modulus divided by a length
+        cubed.
     random_state : int
         Seed.
 
@@ -124,7 +171,9 @@ def algorithm_1(
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> samples = pds.learning.algorithm_1(pds.materials.NeoHookean(), n_samples=200, random_state=0)
+    >>> samples = pds.learning.algorithm_1(
+    ...     pds.materials.NeoHookean(), n_samples=200, random_state=0
+    ... )
     >>> samples.X.shape
     (200, 5)
     """
@@ -139,7 +188,11 @@ def algorithm_1(
     low, high = checked_range(stretch_range)
     random = np.random.default_rng(random_state)
     pairs = max(1, round(n_samples / (LENGTHS * ORIENTATIONS)))
-    stretches = np.repeat(np.exp(sampling.log_stretches(random, pairs, low, high, near_rest=0.0)), LENGTHS * ORIENTATIONS, axis=0)
+    stretches = np.repeat(
+        np.exp(sampling.log_stretches(random, pairs, low, high, near_rest=0.0)),
+        LENGTHS * ORIENTATIONS,
+        axis=0,
+    )
     length = np.repeat(horizon * (1 - random.uniform(0, 1, pairs * LENGTHS)), ORIENTATIONS)
     angle = 2 * np.pi * (1 - random.uniform(0, 1, len(length)))
     U_nn, U_nm, J, C33 = sampling.on_surface(law, stretches[:, 0], stretches[:, 1], angle)
@@ -161,11 +214,14 @@ def algorithm_1(
 
 
 def stiffness_slopes(force: Callable, states: np.ndarray) -> np.ndarray:
-    """Return d t_n / d lambda_b, shape (n,): the derivatives of the force along the bond by the bond stretch, at fixed other quantities.
+    """Return d t_n / d lambda_b, shape (n,): the derivatives of the force along the bond by the
+    bond stretch, at fixed other quantities.
 
-    ``force(stretch, rotation, length, C33, J)`` returns the components (t_n, t_tau), shape (n, 2); `states`, shape (n, 5), has the columns
-    `COLUMNS`.
+    ``force(stretch, rotation, length, C33, J)`` returns the components (t_n, t_tau), shape (n, 2);
+    `states`, shape (n, 5), has the columns `COLUMNS`.
     """
     stretch = states[:, 0]
-    low, high = (force(stretch * (1 + sign * SLOPE_STEP), *states[:, 1:].T)[:, 0] for sign in (-1, 1))
+    low, high = (
+        force(stretch * (1 + sign * SLOPE_STEP), *states[:, 1:].T)[:, 0] for sign in (-1, 1)
+    )
     return (high - low) / (2 * SLOPE_STEP * stretch)

@@ -18,13 +18,15 @@ MOST_TERMS = 10_000
 class ChebyshevRegressor(BaseRegressor):
     """Least-squares fit of products of Chebyshev polynomials of the features, up to a total degree.
 
-    Features are mapped to [-1, 1] by their range in the training data. The fit has no iterations and no random choices.
+    Features are mapped to [-1, 1] by their range in the training data. The fit has no iterations
+    and no random choices.
 
     Parameters
     ----------
     degree : int or tuple of int, default=6
-        Greatest total degree of a product; or a greatest degree for each feature: the degrees of the features in a product, each divided
-        by the greatest degree of the feature, then add up to at most 1.
+        Greatest total degree of a product; or a greatest degree for each feature: the degrees of
+        the features in a product, each divided by the greatest degree of the feature, then add up
+        to at most 1.
 
     Attributes
     ----------
@@ -50,7 +52,9 @@ class ChebyshevRegressor(BaseRegressor):
     True
     """
 
-    _parameter_constraints: ClassVar = {"degree": [Interval(Integral, 0, MOST_DEGREE, closed="both"), tuple]}
+    _parameter_constraints: ClassVar = {
+        "degree": [Interval(Integral, 0, MOST_DEGREE, closed="both"), tuple]
+    }
 
     def __init__(self, degree=6):
         self.degree = degree
@@ -63,7 +67,8 @@ class ChebyshevRegressor(BaseRegressor):
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
         sample_weight : array-like, shape (n_samples,), optional
-            Weights of the squared errors; the range of the features is that of samples with a weight above 0.
+            Weights of the squared errors; the range of the features is that of samples with a
+            weight above 0.
 
         Returns
         -------
@@ -72,7 +77,8 @@ class ChebyshevRegressor(BaseRegressor):
         Raises
         ------
         ValueError
-            If the degrees make more than `MOST_TERMS` terms; the message names the greatest degree that makes no more.
+            If the degrees make more than `MOST_TERMS` terms; the message names the greatest degree
+            that makes no more.
 
         Examples
         --------
@@ -98,26 +104,48 @@ class ChebyshevRegressor(BaseRegressor):
         return self
 
     def __setstate__(self, state):
-        """Restore a pickled regressor; regressors pickled before release 0.2 call `center_` by its British spelling."""
-        super().__setstate__({"center_" if key == "centre_" else key: value for key, value in state.items()})
+        """Restore a pickled regressor; regressors pickled before release 0.2 call `center_` by
+        its British spelling.
+        """
+        super().__setstate__(
+            {"center_" if key == "centre_" else key: value for key, value in state.items()}
+        )
 
     def _outputs(self, X):
         return self._terms(X) @ self.coef_
 
     def _checked_powers(self, n_features):
-        """Return the degree of each feature in each term, shape (n_terms, n_features); raise ValueError for invalid or too high degrees."""
-        degrees = [self.degree] * n_features if isinstance(self.degree, Integral) else list(self.degree)
-        if len(degrees) != n_features or not all(isinstance(value, Integral) and 0 <= value <= MOST_DEGREE for value in degrees):
-            raise ValueError(f"degree must be one number from 0 to {MOST_DEGREE} for each of the {n_features} features, not {self.degree}")
+        """Return the degree of each feature in each term, shape (n_terms, n_features); raise
+        ValueError for invalid or too high degrees.
+        """
+        degrees = (
+            [self.degree] * n_features if isinstance(self.degree, Integral) else list(self.degree)
+        )
+        if len(degrees) != n_features or not all(
+            isinstance(value, Integral) and 0 <= value <= MOST_DEGREE for value in degrees
+        ):
+            raise ValueError(
+                f"degree must be one number from 0 to {MOST_DEGREE} for each of the {n_features}"
+                f" features, not {self.degree}"
+            )
         powers = list(islice(_powers([int(value) for value in degrees], 1.0), MOST_TERMS + 1))
         if len(powers) > MOST_TERMS:
-            most = max(degree for degree in range(MOST_DEGREE + 1) if comb(n_features + degree, degree) <= MOST_TERMS)
-            raise ValueError(f"degree {self.degree} makes more than {MOST_TERMS} terms: use at most {most}, or lower single degrees")
+            most = max(
+                degree
+                for degree in range(MOST_DEGREE + 1)
+                if comb(n_features + degree, degree) <= MOST_TERMS
+            )
+            raise ValueError(
+                f"degree {self.degree} makes more than {MOST_TERMS} terms: use at most {most}, or"
+                " lower single degrees"
+            )
         return np.array(powers)
 
     def _terms(self, X):
         """Return the values of all terms of the polynomial at X, shape (n_samples, n_terms)."""
-        basis = np.polynomial.chebyshev.chebvander((X - self.center_) / self.half_width_, self.powers_.max())
+        basis = np.polynomial.chebyshev.chebvander(
+            (X - self.center_) / self.half_width_, self.powers_.max()
+        )
         terms = np.ones((len(X), len(self.powers_)))
         for feature in range(X.shape[1]):
             terms *= basis[:, feature, self.powers_[:, feature]]
@@ -125,7 +153,9 @@ class ChebyshevRegressor(BaseRegressor):
 
 
 def _powers(degrees, share):
-    """Yield all tuples (d_1, ..., d_n) of powers for which the sum of d_i/D_i is at most `share`, with `degrees` (D_1, ..., D_n)."""
+    """Yield all tuples (d_1, ..., d_n) of powers for which the sum of d_i/D_i is at most
+    `share`, with `degrees` (D_1, ..., D_n).
+    """
     if not degrees:
         yield ()
         return

@@ -1,4 +1,6 @@
-"""Learning of the energy of a sheet under plane stress: invariants, features, training samples and measures of material stability."""
+"""Learning of the energy of a sheet under plane stress: invariants, features, training samples
+and measures of material stability.
+"""
 
 import numpy as np
 
@@ -15,14 +17,17 @@ INVARIANTS, DERIVATIVES = ("tr C", "J"), ("psi", "dpsi/dtr C", "dpsi/dJ")
 
 @named()
 def log_invariants(X) -> np.ndarray:
-    """Return the features log J and log(tr C/(2 J)), shape (n, 2), of the invariants tr C and J, the columns of X."""
+    """Return the features log J and log(tr C/(2 J)), shape (n, 2), of the invariants tr C and J,
+    the columns of X.
+    """
     trace, J = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
     return np.stack([np.log(J), np.log(trace / (2 * J))], axis=1)
 
 
 @named()
 def rubber_energy_size(features) -> np.ndarray:
-    """Return (tr C + J^-2)/2, shape (n,), from the features that `log_invariants` returns: the size of the energy of rubber.
+    """Return (tr C + J^-2)/2, shape (n,), from the features that `log_invariants` returns: the size
+    of the energy of rubber.
 
     The training divides residuals by this size.
     """
@@ -43,7 +48,9 @@ def derivatives_by_features(X, y) -> np.ndarray:
 
 @named()
 def derivatives_by_invariants(X, z) -> np.ndarray:
-    """Return the energy and its derivatives by tr C and J, shape (n, 3), from energy and derivatives by log J and log(tr C/(2 J)) in z."""
+    """Return the energy and its derivatives by tr C and J, shape (n, 3), from energy and
+    derivatives by log J and log(tr C/(2 J)) in z.
+    """
     trace, J = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
     return np.stack([z[:, 0], z[:, 2] / trace, (z[:, 1] - z[:, 2]) / J], axis=1)
 
@@ -54,11 +61,23 @@ def _names(transformer, input_features):
 
 
 class _SheetEnergy(EnergyTarget):
-    name, columns, outputs, stretch_range, n_samples = "sheet-energy", INVARIANTS, DERIVATIVES, (0.5, 5.0), 2_000
+    name, columns, outputs, stretch_range, n_samples = (
+        "sheet-energy",
+        INVARIANTS,
+        DERIVATIVES,
+        (0.5, 5.0),
+        2_000,
+    )
     has_committees = False
     _surrogate_type, _n_units = EnergyNetwork, 12
     _flat = (0,)
-    _functions = log_invariants, _names, rubber_energy_size, derivatives_by_features, derivatives_by_invariants
+    _functions = (
+        log_invariants,
+        _names,
+        rubber_energy_size,
+        derivatives_by_features,
+        derivatives_by_invariants,
+    )
     reached = staticmethod(bond_states_reached)
     _draw_logs = staticmethod(log_stretches)
 
@@ -78,7 +97,9 @@ class _SheetEnergy(EnergyTarget):
     def _more_errors(self, model: EnergySurrogate, law: Law, samples: Samples) -> dict[str, float]:
         rest = model.energy_derivatives(law, np.array([2.0]), np.array([1.0]))
         acoustic, curvature = _stability(model.energy_derivatives(law, *samples.X.T), samples)
-        exact_acoustic, exact_curvature = _stability(BondEnergyForce().energy_derivatives(law, *samples.X.T), samples)
+        exact_acoustic, exact_curvature = _stability(
+            BondEnergyForce().energy_derivatives(law, *samples.X.T), samples
+        )
         return {
             "at_rest": float(max(abs(rest.psi[0]), abs(2 * rest.by_trace[0] + rest.by_area[0]))),
             "least_acoustic": acoustic,
@@ -87,7 +108,9 @@ class _SheetEnergy(EnergyTarget):
             "least_curvature_exact": exact_curvature,
         }
 
-    def more_reports(self, surrogate: EnergySurrogate, law: Law, stretch_range: Range) -> dict[str, dict]:
+    def more_reports(
+        self, surrogate: EnergySurrogate, law: Law, stretch_range: Range
+    ) -> dict[str, dict]:
         # The errors over the box are mostly those at its corners, which few simulations reach.
         return {"stretches 0.8 to 4": self.report(surrogate, law, (0.8, 4.0))}
 
@@ -97,26 +120,37 @@ class _SheetEnergy(EnergyTarget):
 
 
 SHEET_ENERGY = _SheetEnergy()
-"""Target: the energy of a sheet under plane stress, as a function of tr C and J in the plane; C33 follows from zero stress across it."""
+"""Target: the energy of a sheet under plane stress, as a function of tr C and J in the plane;
+C33 follows from zero stress across it.
+"""
 
 
 def _stability(energy, samples) -> tuple[float, float]:
     """Return two measures of the stability of a sheet, each the least value over all samples.
 
-    The first is the second derivative of the energy along rank-one changes m (x) n of F with unit vectors m and n; the second is the lesser
-    eigenvalue of the matrix of second derivatives of the energy by the logarithms of the two principal stretches.
-    `energy` holds the first and second derivatives of the energy by tr C and J at the samples.
+    The first is the second derivative of the energy along rank-one changes m (x) n of F with unit
+    vectors m and n; the second is the lesser eigenvalue of the matrix of second derivatives of the
+    energy by the logarithms of the two principal stretches. `energy` holds the first and second
+    derivatives of the energy by tr C and J at the samples.
     """
     first, second = samples.stretches.T
     m, n = (angles.reshape(-1, 1) for angles in np.meshgrid(*2 * [np.arange(0, np.pi, np.pi / 12)]))
     # F is diagonal here: m . F n and cof F : m (x) n.
-    along, cofactor = (a * np.cos(m) * np.cos(n) + b * np.sin(m) * np.sin(n) for a, b in ((first, second), (second, first)))
+    along, cofactor = (
+        a * np.cos(m) * np.cos(n) + b * np.sin(m) * np.sin(n)
+        for a, b in ((first, second), (second, first))
+    )
     acoustic = 2 * energy.by_trace + 4 * energy.by_trace_trace * along**2
     acoustic += 4 * energy.by_trace_area * along * cofactor + energy.by_area_area * cofactor**2
     a, b, J = 2 * first**2, 2 * second**2, first * second
 
     def second_derivative(s, t):
-        return energy.by_trace_trace * s * t + energy.by_trace_area * J * (s + t) + energy.by_area_area * J * J + energy.by_area * J
+        return (
+            energy.by_trace_trace * s * t
+            + energy.by_trace_area * J * (s + t)
+            + energy.by_area_area * J * J
+            + energy.by_area * J
+        )
 
     aa, bb = (second_derivative(s, s) + 2 * (energy.by_trace * s) for s in (a, b))
     ab = second_derivative(a, b)

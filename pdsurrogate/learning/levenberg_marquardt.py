@@ -1,6 +1,8 @@
-"""The Levenberg-Marquardt algorithm for any network, and a scikit-learn regressor of multilayer perceptrons trained by the algorithm.
+"""The Levenberg-Marquardt algorithm for any network, and a scikit-learn regressor of multilayer
+perceptrons trained by the algorithm.
 
-`scipy.optimize.least_squares` holds the whole Jacobian of all samples and outputs; here the normal equations are summed over outputs.
+`scipy.optimize.least_squares` holds the whole Jacobian of all samples and outputs; here the normal
+equations are summed over outputs.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,7 +21,9 @@ from ..progress import event
 from .base import ACTIVATIONS, COUNT, NOT_NEGATIVE, POSITIVE, SHARE, BasePerceptron
 
 MOST_DAMPING = 1e12
-"""Damping, relative to the diagonal of the normal matrix, at which a step is below rounding and the training ends."""
+"""Damping, relative to the diagonal of the normal matrix, at which a step is below rounding and
+the training ends.
+"""
 
 CONSTRAINTS = {
     **dict.fromkeys(("max_iter", "n_iter_no_change", "n_init"), COUNT),
@@ -31,14 +35,20 @@ CONSTRAINTS = {
 
 
 def accepted_steps(
-    regressor, number: int, weights: np.ndarray, loss_of: Callable[[np.ndarray], float], normal_equations: Callable
+    regressor,
+    number: int,
+    weights: np.ndarray,
+    loss_of: Callable[[np.ndarray], float],
+    normal_equations: Callable,
 ) -> Iterator[tuple[np.ndarray, float]]:
-    """Minimize a loss by Levenberg-Marquardt steps: yield weights and loss after each of at most ``max_iter`` accepted steps.
+    """Minimize a loss by Levenberg-Marquardt steps: yield weights and loss after each of at most
+    ``max_iter`` accepted steps.
 
     The training starts from `weights`; `number` counts the ``n_init`` trainings of a fit, from 0.
-    ``normal_equations(weights)`` returns J^T J and J^T r for the residuals r and their derivatives J by the weights. The damping, relative
-    to the diagonal of J^T J, is raised until the loss falls, and lowered after the step. The training ends early where no damping makes a
-    step an improvement: the loss is then at its least to rounding.
+    ``normal_equations(weights)`` returns J^T J and J^T r for the residuals r and their derivatives
+    J by the weights. The damping, relative to the diagonal of J^T J, is raised until the loss
+    falls, and lowered after the step. The training ends early where no damping makes a step an
+    improvement: the loss is then at its least to rounding.
     """
     loss, damping, most = loss_of(weights), regressor.initial_damping, regressor.max_iter
     for iteration in range(number * most + 1, (number + 1) * most + 1):
@@ -65,10 +75,12 @@ def accepted_steps(
 class LevenbergMarquardtRegressor(BasePerceptron):
     """Multilayer perceptron for regression, trained by Levenberg-Marquardt on the squared error.
 
-    As in MATLAB's Neural Net Fitting tool, which the paper used, the samples are split into training, validation and test parts: training
-    stops when the validation error has not improved for a number of iterations, and the network of the least validation error is kept.
-    The whole Jacobian is formed, so the regressor is for small networks and up to some 10^5 samples. Inputs and targets should be scaled to
-    unit variance. Repeated samples are merged into one sample of their total weight, so that none is in two parts.
+    As in MATLAB's Neural Net Fitting tool, which the paper used, the samples are split into
+    training, validation and test parts: training stops when the validation error has not improved
+    for a number of iterations, and the network of the least validation error is kept. The whole
+    Jacobian is formed, so the regressor is for small networks and up to some 10^5 samples. Inputs
+    and targets should be scaled to unit variance. Repeated samples are merged into one sample of
+    their total weight, so that none is in two parts.
 
     Parameters
     ----------
@@ -84,7 +96,8 @@ class LevenbergMarquardtRegressor(BasePerceptron):
     tol : float, default=1e-4
         Least relative decrease of the validation error that counts as an improvement.
     n_init : int, default=1
-        Trainings from different first weights, of which the one with the least validation error is kept.
+        Trainings from different first weights, of which the one with the least validation error is
+        kept.
     initial_damping : float, default=1e-2
         Marquardt's parameter at the start, relative to the diagonal of the normal matrix.
     random_state : int, RandomState instance or None, default=None
@@ -105,7 +118,8 @@ class LevenbergMarquardtRegressor(BasePerceptron):
 
     References
     ----------
-    Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431-441; Hagan and Menhaj, IEEE Trans. Neural Netw. 5 (1994) 989-993.
+    Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431-441; Hagan and Menhaj, IEEE Trans. Neural
+    Netw. 5 (1994) 989-993.
 
     See Also
     --------
@@ -118,7 +132,9 @@ class LevenbergMarquardtRegressor(BasePerceptron):
     >>> import pdsurrogate as pds
     >>> import numpy as np
     >>> x = np.linspace(-1, 1, 60)[:, None]
-    >>> model = pds.LevenbergMarquardtRegressor((5,), "tanh", max_iter=100, random_state=0).fit(x, np.sin(2 * x))
+    >>> model = pds.LevenbergMarquardtRegressor((5,), "tanh", max_iter=100, random_state=0).fit(
+    ...     x, np.sin(2 * x)
+    ... )
     >>> model.score(x, np.sin(2 * x)) > 0.999
     True
     """
@@ -151,7 +167,8 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
         sample_weight : array-like, shape (n_samples,), optional
-            Weights of the squared errors, in training, validation and test. A whole number stands for as many copies, 0 for none.
+            Weights of the squared errors, in training, validation and test. A whole number stands
+            for as many copies, 0 for none.
 
         Returns
         -------
@@ -167,72 +184,120 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         >>> import numpy as np
         >>> import pdsurrogate as pds
         >>> x = np.linspace(-1, 1, 60)[:, None]
-        >>> model = pds.LevenbergMarquardtRegressor((5,), "tanh", max_iter=20, random_state=0).fit(x, np.sin(2 * x[:, 0]))
+        >>> model = pds.LevenbergMarquardtRegressor((5,), "tanh", max_iter=20, random_state=0).fit(
+        ...     x, np.sin(2 * x[:, 0])
+        ... )
         >>> model.n_iter_
         20
         """
         X, Y, share = self._distinct(X, y, sample_weight)
         if self.validation_fraction + self.test_fraction >= 1:
-            raise ValueError("validation_fraction and test_fraction must add up to less than 1, so that samples are left for training")
+            raise ValueError(
+                "validation_fraction and test_fraction must add up to less than 1, so that samples"
+                " are left for training"
+            )
         sizes = np.atleast_1d(self.hidden_layer_sizes).astype(int)
         if not sizes.size or (sizes < 1).any():
             given = f"not {self.hidden_layer_sizes}"
-            raise ValueError(f"hidden_layer_sizes must name at least one layer, and every hidden layer needs at least one unit, {given}")
+            raise ValueError(
+                "hidden_layer_sizes must name at least one layer, and every hidden layer needs at"
+                f" least one unit, {given}"
+            )
         random = check_random_state(self.random_state)
 
         order = random.permutation(len(X))
-        n_validation, n_test = (int(fraction * len(X)) for fraction in (self.validation_fraction, self.test_fraction))
+        n_validation, n_test = (
+            int(fraction * len(X)) for fraction in (self.validation_fraction, self.test_fraction)
+        )
         validation, test, train = np.split(order, [n_validation, n_validation + n_test])
-        # One thread: matrices this small gain nothing from more, and the result does not depend on how many there are.
+        # One thread: matrices this small gain nothing from more, and the result does not depend on
+        # how many there are.
         with threadpool_limits(1, user_api="blas"):
-            fitted, watched = (_Part(sizes, ACTIVATIONS[self.activation], X, Y, share, rows) for rows in (train, validation))
-            trainings = [self._train(fitted.first_weights(random), fitted, watched, number) for number in range(self.n_init)]
+            fitted, watched = (
+                _Part(sizes, ACTIVATIONS[self.activation], X, Y, share, rows)
+                for rows in (train, validation)
+            )
+            trainings = [
+                self._train(fitted.first_weights(random), fitted, watched, number)
+                for number in range(self.n_init)
+            ]
         best, weights, self.n_iter_ = min(trainings, key=lambda training: training[0])
         self.coefs_, self.intercepts_ = map(list, fitted.layers(weights))
         self.loss_ = float(fitted.loss(weights))
         self.validation_loss_ = float(best) if n_validation else np.nan
-        right, share = Y[test, 0] if self._single_output else Y[test], None if share is None else share[test]
+        right, share = (
+            Y[test, 0] if self._single_output else Y[test],
+            (None if share is None else share[test]),
+        )
         self.test_score_ = float(self.score(X[test], right, share)) if n_test >= 2 else np.nan
         return self
 
     def _train(self, first, fitted, watched, number):
-        """Train from the weights `first`; return the least validation loss, the weights at this loss, and the number of iterations.
+        """Train from the weights `first`; return the least validation loss, the weights at this
+        loss, and the number of iterations.
 
-        `fitted` and `watched` are the training and validation samples (`_Part`); `number` counts the trainings of a fit, from 0.
+        `fitted` and `watched` are the training and validation samples (`_Part`); `number` counts
+        the trainings of a fit, from 0.
         """
         best, kept, improved, iteration = np.inf, first, 0, 0
-        for iteration, (weights, loss) in enumerate(accepted_steps(self, number, first, fitted.loss, fitted.normal_equations), 1):
+        for iteration, (weights, loss) in enumerate(
+            accepted_steps(self, number, first, fitted.loss, fitted.normal_equations), 1
+        ):
             current = watched.loss(weights) if len(watched.X) else loss
             if current < best * (1 - self.tol):
                 best, kept, improved = current, weights, iteration
             if iteration - improved == self.n_iter_no_change:
                 return best, kept, iteration
-        return best, kept, min(iteration + 1, self.max_iter)  # the step that could not be made counts
+        return (
+            best,
+            kept,
+            min(iteration + 1, self.max_iter),
+        )  # the step that could not be made counts
 
 
 class _Part:
-    """Training or validation samples, and the error of a fully connected network on them as a function of the vector of all weights."""
+    """Training or validation samples, and the error of a fully connected network on them as a
+    function of the vector of all weights.
+    """
 
     def __init__(self, sizes, activation, X, Y, share, rows):
         self.activation, self.X, self.Y = activation, X[rows], Y[rows]
         self.shapes = list(pairwise([X.shape[1], *sizes, Y.shape[1]]))
         self.starts = np.cumsum([0, *(n_in * n_out + n_out for n_in, n_out in self.shapes)])
         # The weights of the samples have the mean 1.
-        self.root = 1.0 if share is None or not len(rows) else np.sqrt(share[rows] / share[rows].mean())[:, None]
+        self.root = (
+            1.0
+            if share is None or not len(rows)
+            else np.sqrt(share[rows] / share[rows].mean())[:, None]
+        )
 
     def first_weights(self, random):
-        """Return the vector of random initial weights; the biases of the output layer are the mean targets."""
+        """Return the vector of random initial weights; the biases of the output layer are the
+        mean targets.
+        """
         parts = []
         for layer, (n_in, n_out) in enumerate(self.shapes):
             output = layer == len(self.shapes) - 1
-            parts.append(random.normal(size=n_in * n_out) * (0.1 if output else 1.4 / np.sqrt(n_in)))
-            parts.append((self.root**2 * self.Y).mean(axis=0) if output else random.uniform(-1.5, 1.5, n_out))
+            parts.append(
+                random.normal(size=n_in * n_out) * (0.1 if output else 1.4 / np.sqrt(n_in))
+            )
+            parts.append(
+                (self.root**2 * self.Y).mean(axis=0) if output else random.uniform(-1.5, 1.5, n_out)
+            )
         return np.concatenate(parts)
 
     def layers(self, weights):
-        """Split the vector of all weights: return the weight matrices of the layers, and the bias vectors of the layers."""
+        """Split the vector of all weights: return the weight matrices of the layers, and the
+        bias vectors of the layers.
+        """
         layers = zip(np.split(weights, self.starts[1:-1]), self.shapes, strict=True)
-        return zip(*((layer[:-n_out].reshape(n_in, n_out).copy(), layer[-n_out:].copy()) for layer, (n_in, n_out) in layers), strict=True)
+        return zip(
+            *(
+                (layer[:-n_out].reshape(n_in, n_out).copy(), layer[-n_out:].copy())
+                for layer, (n_in, n_out) in layers
+            ),
+            strict=True,
+        )
 
     def loss(self, weights):
         """Return the mean squared error of the network with given weights on these samples."""
@@ -240,7 +305,9 @@ class _Part:
         return ((self.root * (outputs - self.Y)) ** 2).mean()
 
     def normal_equations(self, weights):
-        """Return J^T J and J^T r for residuals r = sqrt(sample weight) (outputs - Y) and their derivatives J by the network's weights."""
+        """Return J^T J and J^T r for residuals r = sqrt(sample weight) (outputs - Y) and their
+        derivatives J by the network's weights.
+        """
         coefs, intercepts = self.layers(weights)
         inputs, slopes, values, root = [], [], self.X, self.root
         for W, b in zip(coefs[:-1], intercepts[:-1], strict=True):
@@ -249,12 +316,16 @@ class _Part:
             slopes.append(slope)
         residuals = root * (values @ coefs[-1] + intercepts[-1] - self.Y)
 
-        # An output depends on its own weights of the output layer alone: only the columns of these are formed. With one hidden layer the
-        # columns of all outputs differ by a factor only, an output weight, and their products are formed once.
+        # An output depends on its own weights of the output layer alone: only the columns of these
+        # are formed. With one hidden layer the columns of all outputs differ by a factor only, an
+        # output weight, and their products are formed once.
         hidden = self.starts[-2]
         n_last, n_outputs = self.shapes[-1]
         normal, gradient = np.zeros((self.starts[-1], self.starts[-1])), np.zeros(self.starts[-1])
-        jacobian, factor = np.empty((len(values), hidden + n_last + 1)), np.ones(hidden + n_last + 1)
+        jacobian, factor = (
+            np.empty((len(values), hidden + n_last + 1)),
+            np.ones(hidden + n_last + 1),
+        )
         jacobian[:, hidden:-1] = root * values
         jacobian[:, -1:] = root
         one_layer = len(slopes) == 1
@@ -262,19 +333,29 @@ class _Part:
             if one_layer:
                 factor[:hidden] = np.tile(coefs[-1][:, output], hidden // n_last)
             if output == 0 or not one_layer:
-                self._fill(jacobian, coefs, inputs, slopes, root * slopes[-1] * (1.0 if one_layer else coefs[-1][:, output]))
+                self._fill(
+                    jacobian,
+                    coefs,
+                    inputs,
+                    slopes,
+                    root * slopes[-1] * (1.0 if one_layer else coefs[-1][:, output]),
+                )
                 products = jacobian.T @ jacobian
-            columns = np.concatenate([np.arange(hidden), hidden + np.arange(n_last + 1) * n_outputs + output])
+            columns = np.concatenate(
+                [np.arange(hidden), hidden + np.arange(n_last + 1) * n_outputs + output]
+            )
             normal[np.ix_(columns, columns)] += factor[:, None] * products * factor
             gradient[columns] += factor * (jacobian.T @ residuals[:, output])
         return normal, gradient
 
     def _fill(self, jacobian, coefs, inputs, slopes, delta):
-        """Write the derivatives of an output by weights and biases of the hidden layers to the first columns of `jacobian`.
+        """Write the derivatives of an output by weights and biases of the hidden layers to the
+        first columns of `jacobian`.
 
-        `inputs` and `slopes` are the inputs of each hidden layer and the slopes of its activation; `delta`, shape (n, units),
-        holds the derivatives of the output by the inputs of the activation of the last hidden layer. Each row written is
-        linear in its row of `delta`, so that a factor of `delta`, such as the root of a sample's weight, is a factor of the result.
+        `inputs` and `slopes` are the inputs of each hidden layer and the slopes of its activation;
+        `delta`, shape (n, units), holds the derivatives of the output by the inputs of the
+        activation of the last hidden layer. Each row written is linear in its row of `delta`, so
+        that a factor of `delta`, such as the root of a sample's weight, is a factor of the result.
         """
         for layer in range(len(slopes) - 1, -1, -1):
             start, (n_in, n_out) = self.starts[layer], self.shapes[layer]

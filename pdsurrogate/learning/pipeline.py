@@ -20,12 +20,16 @@ from .sampling import COLUMNS, OUTPUTS, force_factor
 from .target import InputAwareTargetRegressor, is_search
 
 ROUNDING = 1e-10
-"""Spread of an output, relative to the greatest output, below which the output counts as constant."""
+"""Spread of an output, relative to the greatest output, below which the output counts as
+constant.
+"""
 
 SHEARLESS = float(np.sqrt(np.finfo(float).eps))
-"""Ratio |U_nm|/U_nn up to which a bond counts as one without shear, with U in axes along (n) and across (m) the bond.
+"""Ratio |U_nm|/U_nn up to which a bond counts as one without shear, with U in axes along (n) and
+across (m) the bond.
 
-At this ratio the quotient T_nm/U_nm of stress and stretch components, of which an output consists, has lost half of its digits.
+At this ratio the quotient T_nm/U_nm of stress and stretch components, of which an output consists,
+has lost half of its digits.
 """
 
 AT_REST = (1.0, 0.0, 1.0, 1.0, 1.0)
@@ -33,19 +37,34 @@ AT_REST = (1.0, 0.0, 1.0, 1.0, 1.0)
 
 
 def bond_force_pipeline(
-    regressor=None, features: str | None = None, horizon: float = 1.0, weight: str | None = None, shear_modulus: float = 1.0
+    regressor=None,
+    features: str | None = None,
+    horizon: float = 1.0,
+    weight: str | None = None,
+    shear_modulus: float = 1.0,
 ) -> InputAwareTargetRegressor:
-    """Return an unfitted pipeline that predicts bond forces; `pdsurrogate.surrogate_pipeline` explains the arguments."""
+    """Return an unfitted pipeline that predicts bond forces; `pdsurrogate.surrogate_pipeline`
+    explains the arguments.
+    """
     features = "symmetric" if features is None else features
     if not isinstance(features, str) or features not in FEATURE_SETS:
-        raise ValueError(f"unknown features {features!r}; {suggestion(str(features), FEATURE_SETS)}")
-    factor = None if weight is None else partial(force_factor, horizon=horizon, weight=weight, shear_modulus=shear_modulus)
+        raise ValueError(
+            f"unknown features {features!r}; {suggestion(str(features), FEATURE_SETS)}"
+        )
+    factor = (
+        None
+        if weight is None
+        else partial(force_factor, horizon=horizon, weight=weight, shear_modulus=shear_modulus)
+    )
     anchored = FEATURE_SETS[features].anchored
     inner = LevenbergMarquardtRegressor(random_state=0) if regressor is None else regressor
     steps = [
         ("features", feature_transformer(features, horizon)),
         ("scaling", StandardScaler()),
-        ("regressor", TransformedTargetRegressor(_for_two_outputs(inner), transformer=StandardScaler())),
+        (
+            "regressor",
+            TransformedTargetRegressor(_for_two_outputs(inner), transformer=StandardScaler()),
+        ),
     ]
     return InputAwareTargetRegressor(
         Pipeline(steps),
@@ -57,8 +76,14 @@ def bond_force_pipeline(
 
 
 def _for_two_outputs(regressor):
-    """Return the regressor, wrapped in `MultiOutputRegressor` if it fits one target only; raise ValueError if it is not a regressor."""
-    if isinstance(regressor, type) or not (hasattr(regressor, "fit") and hasattr(regressor, "predict")) or not is_regressor(regressor):
+    """Return the regressor, wrapped in `MultiOutputRegressor` if it fits one target only; raise
+    ValueError if it is not a regressor.
+    """
+    if (
+        isinstance(regressor, type)
+        or not (hasattr(regressor, "fit") and hasattr(regressor, "predict"))
+        or not is_regressor(regressor)
+    ):
         title = regressor.__name__ if isinstance(regressor, type) else type(regressor).__name__
         more = "; give an instance of it" if isinstance(regressor, type) else ""
         raise ValueError(f"{title} is not a regressor with the methods fit and predict{more}")
@@ -66,28 +91,48 @@ def _for_two_outputs(regressor):
 
 
 def _takes_two_outputs(regressor) -> bool:
-    """Return whether a regressor fits two targets at once, by its scikit-learn tag; MLPRegressor counts although its tag denies it."""
+    """Return whether a regressor fits two targets at once, by its scikit-learn tag; MLPRegressor
+    counts although its tag denies it.
+    """
     if hasattr(regressor, "steps"):
         return _takes_two_outputs(regressor.steps[-1][1])
     if is_search(regressor):
         return _takes_two_outputs(regressor.estimator)
     # The module of torch defines its outputs.
-    return get_tags(regressor).target_tags.multi_output or isinstance(regressor, MLPRegressor) or hasattr(regressor, "module")
+    return (
+        get_tags(regressor).target_tags.multi_output
+        or isinstance(regressor, MLPRegressor)
+        or hasattr(regressor, "module")
+    )
 
 
 def feature_set_of(model) -> str:
-    """Return the name of the feature set of a bond-force pipeline, fitted or unfitted; raise ValueError for any other model."""
+    """Return the name of the feature set of a bond-force pipeline, fitted or unfitted; raise
+    ValueError for any other model.
+    """
     pipeline = getattr(model, "regressor_", getattr(model, "regressor", None))
-    if isinstance(model, InputAwareTargetRegressor) and isinstance(pipeline, Pipeline) and len(pipeline.steps) > 1:
+    if (
+        isinstance(model, InputAwareTargetRegressor)
+        and isinstance(pipeline, Pipeline)
+        and len(pipeline.steps) > 1
+    ):
         features, outputs = pipeline.steps[0][1], model.func
-        right = getattr(features, "func", None) is feature_values and getattr(outputs, "func", None) is outputs_of_force
+        right = (
+            getattr(features, "func", None) is feature_values
+            and getattr(outputs, "func", None) is outputs_of_force
+        )
         if right and features.kw_args["features"] == outputs.keywords["features"]:
             return features.kw_args["features"]
-    raise ValueError("give a surrogate_pipeline for bond forces, which begins with the features of bonds, with their outputs as target")
+    raise ValueError(
+        "give a surrogate_pipeline for bond forces, which begins with the features of bonds, with"
+        " their outputs as target"
+    )
 
 
 def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransformer:
-    """Return a scikit-learn transformer from the five bond quantities (`COLUMNS`) to the features of a named feature set."""
+    """Return a scikit-learn transformer from the five bond quantities (`COLUMNS`) to the
+    features of a named feature set.
+    """
     return FunctionTransformer(
         feature_values,
         kw_args={"features": features, "horizon": horizon},
@@ -98,19 +143,25 @@ def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransfor
 
 @named()
 def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.ndarray:
-    """Return the features of a named feature set, shape (n, n_features), for bonds X with the columns `COLUMNS`."""
+    """Return the features of a named feature set, shape (n, n_features), for bonds X with the
+    columns `COLUMNS`.
+    """
     a, b, U_mm, J, C33, length = _bond_state(X)
     chosen = FEATURE_SETS[features]
-    return np.stack(chosen.inputs(chosen.shared(a, b, J, C33), a, b, U_mm, J, C33, length / horizon), axis=1)
+    return np.stack(
+        chosen.inputs(chosen.shared(a, b, J, C33), a, b, U_mm, J, C33, length / horizon), axis=1
+    )
 
 
 @named(COLUMNS, OUTPUTS)
 def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
-    """Return the training targets of the regressor, shape (n, 2): the two scalars from which a feature set composes the bond forces y.
+    """Return the training targets of the regressor, shape (n, 2): the two scalars from which a
+    feature set composes the bond forces y.
 
-    ``factor(length)`` is the unit of dimensional forces, by which y is divided; None stands for dimensionless forces.
-    Outputs that vary by rounding only are made constant: scaled to unit variance they would be noise to fit. If one of the
-    outputs is a derivative by the shear U_nm, both are NaN for a bond with U_nm = 0, whose force does not determine the derivative.
+    ``factor(length)`` is the unit of dimensional forces, by which y is divided; None stands for
+    dimensionless forces. Outputs that vary by rounding only are made constant: scaled to unit
+    variance they would be noise to fit. If one of the outputs is a derivative by the shear U_nm,
+    both are NaN for a bond with U_nm = 0, whose force does not determine the derivative.
     """
     a, b, U_mm, J, C33, length = _bond_state(X)
     check_targets(y, OUTPUTS)
@@ -120,7 +171,9 @@ def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
     without_shear = np.abs(b) <= SHEARLESS * a
     b = np.where(without_shear, 0.0, b)
     with np.errstate(divide="ignore", invalid="ignore"):
-        outputs = np.stack(chosen.outputs(chosen.shared(a, b, J, C33), T_nn, T_nm, a, b, U_mm, J, C33), axis=1)
+        outputs = np.stack(
+            chosen.outputs(chosen.shared(a, b, J, C33), T_nn, T_nm, a, b, U_mm, J, C33), axis=1
+        )
     undetermined = without_shear & ~np.isfinite(outputs).all(axis=1)
     outputs[undetermined] = np.nan
     if not undetermined.all():
@@ -132,28 +185,36 @@ def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
 
 @named()
 def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
-    """Return bond forces along and across the deformed bonds X, shape (n, 2), from outputs z, shape (n, 2), of a regressor.
+    """Return bond forces along and across the deformed bonds X, shape (n, 2), from outputs z, shape
+    (n, 2), of a regressor.
 
-    The feature set named `features` defines how the outputs determine the force. ``factor(length)`` is the unit of dimensional forces, by
-    which the result is multiplied; None stands for dimensionless forces. The inverse is `outputs_of_force`.
+    The feature set named `features` defines how the outputs determine the force. ``factor(length)``
+    is the unit of dimensional forces, by which the result is multiplied; None stands for
+    dimensionless forces. The inverse is `outputs_of_force`.
     """
     a, b, U_mm, J, C33, length = _bond_state(X)
     chosen = FEATURE_SETS[features]
-    T_nn, T_nm, _ = chosen.traction(chosen.shared(a, b, J, C33), z[:, 0], z[:, 1], a, b, U_mm, J, C33)
+    T_nn, T_nm, _ = chosen.traction(
+        chosen.shared(a, b, J, C33), z[:, 0], z[:, 1], a, b, U_mm, J, C33
+    )
     force = along_and_across(T_nn, T_nm, a, b, X[:, 0])
     return force if factor is None else force * factor(length)[:, None]
 
 
 def _bond_state(X):
-    """Return the components U_nn, U_nm and U_mm of the stretch tensor, J, C33 and length of the bonds X (columns `COLUMNS`).
+    """Return the components U_nn, U_nm and U_mm of the stretch tensor, J, C33 and length of the
+    bonds X (columns `COLUMNS`).
 
-    The axis n is along the undeformed bond, and m across. Raise ValueError for rotations that no stretch tensor gives
-    a bond: a right angle or more.
+    The axis n is along the undeformed bond, and m across. Raise ValueError for rotations that no
+    stretch tensor gives a bond: a right angle or more.
     """
     stretch, rotation, length, C33, J = checked_columns(X, COLUMNS, ("stretch", "C33", "J"))
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
     if not (a > 0).all():
-        raise ValueError("rotation: a bond is turned by a right angle or more relative to its horizon, which no stretch tensor can do")
+        raise ValueError(
+            "rotation: a bond is turned by a right angle or more relative to its horizon, which no"
+            " stretch tensor can do"
+        )
     return a, b, (J + b * b) / a, J, C33, length
 
 

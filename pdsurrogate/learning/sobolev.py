@@ -1,4 +1,6 @@
-"""Networks fitted to a function and its gradient together (Sobolev training), as a scikit-learn regressor."""
+"""Networks fitted to a function and its gradient together (Sobolev training), as a scikit-learn
+regressor.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
@@ -18,30 +20,35 @@ from .levenberg_marquardt import CONSTRAINTS, accepted_steps
 
 @dataclass(eq=False, repr=False)
 class SobolevRegressor(RegressorMixin, BaseEstimator):
-    """A small network of one hidden layer, trained by the Levenberg-Marquardt algorithm on a scalar function and its gradient together.
+    """A small network of one hidden layer, trained by the Levenberg-Marquardt algorithm on a scalar
+    function and its gradient together.
 
-    Targets of shape (n,) are values; targets of shape (n, 1 + n_features) are the value in the first column and its derivatives by the
-    features in the others. Predictions have the shape of the targets, and the derivatives predicted are those of the value predicted.
+    Targets of shape (n,) are values; targets of shape (n, 1 + n_features) are the value in the
+    first column and its derivatives by the features in the others. Predictions have the shape of
+    the targets, and the derivatives predicted are those of the value predicted.
 
     Parameters
     ----------
     n_units : int, default=12
     activation : {"algebraic", "logistic", "tanh"}, default="algebraic"
     gradient_weight : float, default=1.0
-        Weight of the residuals of the derivatives relative to those of the values, each divided by their spread.
+        Weight of the residuals of the derivatives relative to those of the values, each divided by
+        their spread.
     anchor : array-like, shape (n_features,), default=None
         Features at which the function is exactly zero.
     flat : tuple of int, default=()
         Column indices of the features by which the derivative is exactly zero at the anchor.
     size : callable, default=None
-        ``size(X)``, shape (n_samples,): known size of the function and its derivatives, by which residuals are divided.
+        ``size(X)``, shape (n_samples,): known size of the function and its derivatives, by which
+        residuals are divided.
     max_iter : int, default=400
         Most iterations, each an accepted step.
     alpha : float, default=1e-12
-        Factor of the sum of squared output weights that is added to the mean squared residual (of order one), against large weights of
-        opposite sign, whose sum would lose digits to rounding.
+        Factor of the sum of squared output weights that is added to the mean squared residual (of
+        order one), against large weights of opposite sign, whose sum would lose digits to rounding.
     tol : float, default=1e-3
-        Training ends when the loss falls by less than this, relatively, over `n_iter_no_change` iterations.
+        Training ends when the loss falls by less than this, relatively, over `n_iter_no_change`
+        iterations.
     n_iter_no_change : int, default=50
     n_init : int, default=1
         Trainings from different first weights, of which the one with the least loss is kept.
@@ -56,8 +63,8 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
     hidden_biases_, output_weights_ : ndarray, shape (n_units,)
     intercept_ : float
     slopes_ : ndarray, shape (n_features,)
-        Coefficients of a linear function of ``X - anchor`` that is added to the network, so that the derivatives by the features
-        `flat` vanish at the anchor.
+        Coefficients of a linear function of ``X - anchor`` that is added to the network, so that
+        the derivatives by the features `flat` vanish at the anchor.
     loss_ : float
         Mean squared residual of the values, divided by their variance.
     n_iter_ : int
@@ -65,7 +72,8 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
 
     References
     ----------
-    Czarnecki et al., Sobolev training for neural networks, NeurIPS (2017); Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431-441.
+    Czarnecki et al., Sobolev training for neural networks, NeurIPS (2017); Marquardt, J. Soc. Ind.
+    Appl. Math. 11 (1963) 431-441.
 
     See Also
     --------
@@ -131,7 +139,9 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         >>> import numpy as np
         >>> import pdsurrogate as pds
         >>> x = np.linspace(-1, 1, 40)[:, None]
-        >>> model = pds.learning.SobolevRegressor(6, random_state=0).fit(x, np.column_stack([x**2, 2 * x]))
+        >>> model = pds.learning.SobolevRegressor(6, random_state=0).fit(
+        ...     x, np.column_stack([x**2, 2 * x])
+        ... )
         >>> model.loss_ < 1e-4
         True
         """
@@ -153,8 +163,13 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         if anchor is not None:
             mean = anchor  # the origin of the scaled features
         target = y * np.array([1.0, *spread])[: y.shape[1]]
-        weight = np.ones((len(X), 1)) if self.size is None else 1 / np.asarray(self.size(X), dtype=float).reshape(len(X), 1)
-        # Residuals are divided by the spread of their targets: one scale for the value, one for all derivatives.
+        weight = (
+            np.ones((len(X), 1))
+            if self.size is None
+            else 1 / np.asarray(self.size(X), dtype=float).reshape(len(X), 1)
+        )
+        # Residuals are divided by the spread of their targets: one scale for the value, one for all
+        # derivatives.
         spreads = (weight * target).std(axis=0)
         unit = spreads[0] if spreads[0] > 0 else 1.0
         weights = np.repeat(weight / unit, target.shape[1], axis=1)
@@ -164,9 +179,14 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         if share is not None:
             weights *= np.sqrt(share / share.mean())[:, None]
         random = check_random_state(self.random_state)
-        function = _Function(self, (X - mean) / spread, target / unit, weights * unit)  # all of order one
+        function = _Function(
+            self, (X - mean) / spread, target / unit, weights * unit
+        )  # all of order one
         with threadpool_limits(1, user_api="blas"):
-            trainings = [self._train(function, function.first(random), number) for number in range(self.n_init)]
+            trainings = [
+                self._train(function, function.first(random), number)
+                for number in range(self.n_init)
+            ]
         _, theta, self.n_iter_ = min(trainings, key=lambda training: training[0])
         W, b, v, constant = function.parts(theta)
         self.hidden_weights_ = W / spread[:, None]
@@ -203,7 +223,9 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         >>> import numpy as np
         >>> import pdsurrogate as pds
         >>> x = np.linspace(-1, 1, 40)[:, None]
-        >>> model = pds.learning.SobolevRegressor(6, random_state=0).fit(x, np.column_stack([x**2, 2 * x]))
+        >>> model = pds.learning.SobolevRegressor(6, random_state=0).fit(
+        ...     x, np.column_stack([x**2, 2 * x])
+        ... )
         >>> model.predict([[0.6]]).round(1).tolist()
         [[0.4, 1.2]]
         """
@@ -219,9 +241,11 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         return outputs
 
     def _train(self, function, first, number):
-        """Train the network from the parameters `first`; return the last loss, the last parameters, and the number of iterations.
+        """Train the network from the parameters `first`; return the last loss, the last parameters,
+        and the number of iterations.
 
-        `function` is the network with its loss (`_Function`); `number` counts the trainings of a fit, from 0.
+        `function` is the network with its loss (`_Function`); `number` counts the trainings of a
+        fit, from 0.
         """
         steps, waiting = [(first, function.loss(first))], self.n_iter_no_change
         for step in accepted_steps(self, number, first, function.loss, function.normal_equations):
@@ -232,38 +256,59 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
 
 
 def values_and_slopes(X, W, b, v, activation: str, columns: int) -> np.ndarray:
-    """Return the outputs of a network at X and, in further columns, their derivatives by the features, shape (n, columns).
+    """Return the outputs of a network at X and, in further columns, their derivatives by the
+    features, shape (n, columns).
 
-    The output at features x is the sum of a(x W + b) times the output weights v, with weights W and biases b of the hidden layer and the
-    activation a.
+    The output at features x is the sum of a(x W + b) times the output weights v, with weights W and
+    biases b of the hidden layer and the activation a.
     """
     value, slope, _ = ACTIVATIONS[activation](X @ W + b)
     return np.column_stack([value @ v, (slope * v) @ W.T])[:, :columns]
 
 
 class _Function:
-    """Network of one hidden layer with its gradient and its loss at weighted samples, as functions of the vector theta of its parameters.
+    """Network of one hidden layer with its gradient and its loss at weighted samples, as functions
+    of the vector theta of its parameters.
 
-    With an anchor the features are measured from the anchor, which is the origin, and the network has no constant term: its value at the
-    origin is subtracted from its outputs, and so is a linear function of the features ``flat``, so that the derivatives by these features
-    vanish at the origin.
+    With an anchor the features are measured from the anchor, which is the origin, and the network
+    has no constant term: its value at the origin is subtracted from its outputs, and so is a linear
+    function of the features ``flat``, so that the derivatives by these features vanish at the
+    origin.
     """
 
     def __init__(self, regressor, X, Y, weights):
         self.X, self.Y, self.weights, self.d, self.columns = X, Y, weights, X.shape[1], Y.shape[1]
-        self.units, self.activation, self.flat = regressor.n_units, regressor.activation, regressor.flat
+        self.units, self.activation, self.flat = (
+            regressor.n_units,
+            regressor.activation,
+            regressor.flat,
+        )
         self.anchored = regressor.anchor is not None
         self.penalty = np.zeros(self.units * (self.d + 2) + (not self.anchored))
-        self.penalty[(self.d + 1) * self.units : (self.d + 2) * self.units] = regressor.alpha * Y.size  # of the output weights
+        self.penalty[(self.d + 1) * self.units : (self.d + 2) * self.units] = (
+            regressor.alpha * Y.size
+        )  # of the output weights
 
     def first(self, random):
         W = random.normal(size=(self.d, self.units)) * np.sqrt(2 / self.d)
-        parts = [W.ravel(), random.uniform(-1.5, 1.5, self.units), 0.1 * random.normal(size=self.units)]
+        parts = [
+            W.ravel(),
+            random.uniform(-1.5, 1.5, self.units),
+            0.1 * random.normal(size=self.units),
+        ]
         return np.concatenate(parts if self.anchored else [*parts, [0.0]])
 
     def parts(self, theta):
-        W, rest = theta[: self.d * self.units].reshape(self.d, self.units), theta[self.d * self.units :]
-        return W, rest[: self.units], rest[self.units : 2 * self.units], 0.0 if self.anchored else rest[-1]
+        W, rest = (
+            theta[: self.d * self.units].reshape(self.d, self.units),
+            theta[self.d * self.units :],
+        )
+        return (
+            W,
+            rest[: self.units],
+            rest[self.units : 2 * self.units],
+            0.0 if self.anchored else rest[-1],
+        )
 
     def loss(self, theta):
         residuals = (self._at_samples(self._outputs, theta) - self.Y) * self.weights
@@ -271,14 +316,16 @@ class _Function:
 
     def normal_equations(self, theta):
         residuals = (self._at_samples(self._outputs, theta) - self.Y) * self.weights
-        A = (self._at_samples(self._jacobian, theta) * self.weights[:, :, None]).reshape(-1, theta.size)
+        A = (self._at_samples(self._jacobian, theta) * self.weights[:, :, None]).reshape(
+            -1, theta.size
+        )
         return A.T @ A + np.diag(self.penalty), A.T @ residuals.ravel() + self.penalty * theta
 
     def _at_samples(self, function, theta):
         """Return `function` (outputs or Jacobian) at the samples, shape (n, columns, ...).
 
-        With an anchor, the value of `function` at the origin is subtracted, and so is a linear function of the features ``flat`` with the
-        derivatives by them at the origin.
+        With an anchor, the value of `function` at the origin is subtracted, and so is a linear
+        function of the features ``flat`` with the derivatives by them at the origin.
         """
         values = function(theta, self.X, self.columns)
         if self.anchored:
@@ -298,7 +345,9 @@ class _Function:
         return outputs
 
     def _jacobian(self, theta, X, columns):
-        """Return the derivatives of value and gradient of the network by its parameters, shape (n, columns, n_parameters)."""
+        """Return the derivatives of value and gradient of the network by its parameters, shape
+        (n, columns, n_parameters).
+        """
         W, b, v, _ = self.parts(theta)
         value, slope, curvature = ACTIVATIONS[self.activation](X @ W + b)
         slope_v, curvature_v = slope * v, curvature * v
@@ -309,4 +358,6 @@ class _Function:
             by_W[:, 1 + feature, feature] += slope_v
         by_constant = np.zeros((len(X), columns, 0 if self.anchored else 1))
         by_constant[:, 0] = 1
-        return np.concatenate([by_W.reshape(len(X), columns, W.size), by_b, by_v, by_constant], axis=2)
+        return np.concatenate(
+            [by_W.reshape(len(X), columns, W.size), by_b, by_v, by_constant], axis=2
+        )

@@ -1,4 +1,6 @@
-"""Storing of fitted models as artifacts, with cards that hold their material, domain, training and errors."""
+"""Storing of fitted models as artifacts, with cards that hold their material, domain, training
+and errors.
+"""
 
 import platform
 from collections.abc import Sequence
@@ -22,13 +24,16 @@ from .pipeline import feature_set_of
 from .target import REPORTED_STATES, Samples, Target
 
 MOST_CHARACTERS = 200
-"""Most characters of the text of a regressor's parameter on a card: a nested estimator is written as its ``repr``, which may run to
-pages. Chosen: they hold the name and the first parameters of an estimator."""
+"""Most characters of the text of a regressor's parameter on a card: a nested estimator is written
+as its ``repr``, which may run to pages. Chosen: they hold the name and the first parameters of an
+estimator.
+"""
 
 
 @dataclass(frozen=True)
 class CardText:
-    """Text of a user for the card (``card.json``) of an artifact, in addition to the entries computed from the model.
+    """Text of a user for the card (``card.json``) of an artifact, in addition to the entries
+    computed from the model.
 
     Parameters
     ----------
@@ -37,15 +42,16 @@ class CardText:
     cross_validation : list of dict, optional
         Errors by fold, as `pdsurrogate.cross_validate` returns them.
     search : list of dict, optional
-        Parameters that a search tried, and their errors; by default the table of the fitted model if this is a search.
+        Parameters that a search tried, and their errors; by default the table of the fitted model
+        if this is a search.
     identification : dict, optional
         Report of the identification of the law (`pdsurrogate.identification.report`).
 
     Raises
     ------
     TypeError, ValueError
-        If a value is of the wrong type, or is something else than None, finite numbers, text, lists and dictionaries of them, all that
-        JSON can hold; the message names the value.
+        If a value is of the wrong type, or is something else than None, finite numbers, text, lists
+        and dictionaries of them, all that JSON can hold; the message names the value.
 
     See Also
     --------
@@ -68,7 +74,13 @@ class CardText:
         check_tables(self.cross_validation, "cross_validation")
         check_tables(self.search, "search")
         check_kind(self.identification, dict | None, "identification", "a dictionary, or None")
-        check_plain({"cross_validation": self.cross_validation, "search": self.search, "identification": self.identification})
+        check_plain(
+            {
+                "cross_validation": self.cross_validation,
+                "search": self.search,
+                "identification": self.identification,
+            }
+        )
 
 
 def store(
@@ -81,29 +93,34 @@ def store(
     text: str | CardText,
     members: Sequence[tuple] = (),
 ) -> Path:
-    """Write a fitted model as an artifact, with a card of its material, domain, training and errors.
+    """Write a fitted model as an artifact, with a card of its material, domain, training and
+    errors.
 
     Parameters
     ----------
     model : estimator or object
-        Model fitted to `samples`: a `surrogate_pipeline` with any regressor, or a search over one; for bond forces also another
-        regressor of the five bond quantities, or an object with a ``bond_force``, see `pdsurrogate.learning.surrogate_of`.
+        Model fitted to `samples`: a `surrogate_pipeline` with any regressor, or a search over one;
+        for bond forces also another regressor of the five bond quantities, or an object with a
+        ``bond_force``, see `pdsurrogate.learning.surrogate_of`.
     samples : Samples
         Dimensionless samples; their design gives the domain in which the model holds.
     law : Law
     folder : str, path or None
-        Folder of artifacts, in which ``NAME/VERSION`` is created. None stands for ``artifacts`` in the working folder, where artifacts are
-        found by name; or for ``own-artifacts`` in a checkout of this package, whose ``artifacts`` holds the shipped artifacts
+        Folder of artifacts, in which ``NAME/VERSION`` is created. None stands for ``artifacts`` in
+        the working folder, where artifacts are found by name; or for ``own-artifacts`` in a
+        checkout of this package, whose ``artifacts`` holds the shipped artifacts
         (`pdsurrogate.artifacts.own_folder`).
     name : str
     version : str or None
         Version, which never changes once written; None for the next one.
     text : str or CardText
-        Purpose of the artifact in a sentence; or a `CardText` with this sentence, tables and the identification of the law.
+        Purpose of the artifact in a sentence; or a `CardText` with this sentence, tables and the
+        identification of the law.
     members : sequence of tuple, optional
-        Committee in the same artifact: for each member its fitted model, the samples that it was fitted to, and its law. A run
-        with force ``NAME`` uses `model`, one with ``NAME#3`` the third member; one with ``NAME#all`` uses `model` and records the greatest
-        deviation of a member's force or stress from that of `model`, an estimate of uncertainty.
+        Committee in the same artifact: for each member its fitted model, the samples that it was
+        fitted to, and its law. A run with force ``NAME`` uses `model`, one with ``NAME#3`` the
+        third member; one with ``NAME#all`` uses `model` and records the greatest deviation of a
+        member's force or stress from that of `model`, an estimate of uncertainty.
 
     Returns
     -------
@@ -113,7 +130,8 @@ def store(
     Raises
     ------
     TooInexact
-        If the error of the model on the plane-stress surface is above `pdsurrogate.artifacts.card.MOST_STORED`; nothing is written then.
+        If the error of the model on the plane-stress surface is above
+        `pdsurrogate.artifacts.card.MOST_STORED`; nothing is written then.
     TypeError, ValueError
         If the model is not fitted, or does not predict the target of the samples.
     ArtifactError
@@ -132,7 +150,9 @@ def store(
     >>> import tempfile
     >>> law = pds.materials.NeoHookean()
     >>> samples = pds.training_samples(law, n_samples=500, stretch_range=(0.7, 2.0))
-    >>> model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
+    >>> model = pds.surrogate_pipeline(
+    ...     pds.learning.ChebyshevRegressor((8, 4)), features="isochoric"
+    ... ).fit(samples.X, samples.y)
     >>> path = pds.store(model, samples, law, tempfile.mkdtemp(), "my-rubber", None, "an example")
     >>> path.parts[-2:]
     ('my-rubber', '1')
@@ -143,17 +163,36 @@ def store(
     check_path(folder, "folder")
     version = next_version(folder, name) if version is None else version
     new_artifact(folder, name, version)
-    text, target, title = text if isinstance(text, CardText) else CardText(text), samples.target, f"{name}@{version}"
+    text, target, title = (
+        text if isinstance(text, CardText) else CardText(text),
+        samples.target,
+        f"{name}@{version}",
+    )
     _check_members(members, target)
     surrogate, resampling, stated = _surrogate_and_entry(model, samples, law, title)
-    stated["errors"].update(target.more_reports(surrogate, law, tuple(samples.design["stretch_range"])))
+    stated["errors"].update(
+        target.more_reports(surrogate, law, tuple(samples.design["stretch_range"]))
+    )
     committee, cards = [], []
     for number, (fitted, drawn, of_member) in enumerate(members, 1):
-        found, _, entry = _surrogate_and_entry(fitted, drawn, of_member, f"{title}#{number}", MEMBER_STATES)
+        found, _, entry = _surrogate_and_entry(
+            fitted, drawn, of_member, f"{title}#{number}", MEMBER_STATES
+        )
         box = entry["errors"]["box"]
         committee.append(found)
-        cards.append({**entry, "errors": {"box": {key: box[key] for key in ("stretch_range", "n_samples", "on_surface")}}})
-    search = search_table(model) if text.search is None and hasattr(model, "cv_results_") else text.search
+        cards.append(
+            {
+                **entry,
+                "errors": {
+                    "box": {key: box[key] for key in ("stretch_range", "n_samples", "on_surface")}
+                },
+            }
+        )
+    search = (
+        search_table(model)
+        if text.search is None and hasattr(model, "cv_results_")
+        else text.search
+    )
     model = best_of(model)
     regressor = regressor_of(model)
     card = {
@@ -174,7 +213,9 @@ def store(
         "training": {
             "design": samples.design,
             "regressor": title_of(regressor),
-            "parameters": _plain(regressor.get_params()) if hasattr(regressor, "get_params") else {},
+            "parameters": (
+                _plain(regressor.get_params()) if hasattr(regressor, "get_params") else {}
+            ),
             "outcome": {
                 key.removesuffix("_"): value
                 for key in ("n_iter_", "loss_", "validation_loss_", "test_score_")
@@ -193,48 +234,91 @@ def store(
 
 
 def _check_members(members: Sequence[tuple], target: Target) -> None:
-    """Raise TypeError or ValueError unless committee members are tuples of a fitted model, samples of the target, and a law."""
-    check_kind(members, list | tuple, "members", "a list of tuples, each a fitted model, its samples and its law")
+    """Raise TypeError or ValueError unless committee members are tuples of a fitted model,
+    samples of the target, and a law.
+    """
+    check_kind(
+        members,
+        list | tuple,
+        "members",
+        "a list of tuples, each a fitted model, its samples and its law",
+    )
     if members and not target.has_committees:
-        raise ValueError(f"a surrogate of the target {target.name} cannot have a committee; use the target bond-force or isochoric-energy")
+        raise ValueError(
+            f"a surrogate of the target {target.name} cannot have a committee; use the target"
+            " bond-force or isochoric-energy"
+        )
     for number, member in enumerate(members, 1):
         if not isinstance(member, list | tuple) or len(member) != 3:
-            raise TypeError(f"member {number} must be a tuple of a fitted model, its samples and its law, not {kind_of(member)}")
-        check_kind(member[1], Samples, f"the samples of member {number}", "Samples, such as training_samples draws")
+            raise TypeError(
+                f"member {number} must be a tuple of a fitted model, its samples and its law, not"
+                f" {kind_of(member)}"
+            )
+        check_kind(
+            member[1],
+            Samples,
+            f"the samples of member {number}",
+            "Samples, such as training_samples draws",
+        )
         if member[1].target is not target:
-            raise ValueError(f"the samples of member {number} belong to the target {member[1].target.name}, not to {target.name}")
+            raise ValueError(
+                f"the samples of member {number} belong to the target {member[1].target.name}, not"
+                f" to {target.name}"
+            )
         checked_law(member[2])
 
 
 def _surrogate_and_entry(
     model, samples: Samples, law: Law, title: str, n_samples: int = REPORTED_STATES
 ) -> tuple[LearnedBondForce | LearnedEnergy, dict, dict]:
-    """Return the surrogate of a fitted model, a report on its resampling, and the card's entries material, domain and errors.
+    """Return the surrogate of a fitted model, a report on its resampling, and the card's entries
+    material, domain and errors.
 
     Raise `TooInexact` for a surrogate that is too far from its law.
     """
     surrogate, resampling = checked_surrogate(model, law, samples, title)
-    errors = samples.target.report(surrogate, law, tuple(samples.design["stretch_range"]), n_samples)
+    errors = samples.target.report(
+        surrogate, law, tuple(samples.design["stretch_range"]), n_samples
+    )
     check_worth_storing(errors, title, law)
-    material = {"law": law.name, "trained_with": law.describe(), "shape": dict(surrogate.shape_of(law))}
-    return surrogate, resampling, {"material": material, "domain": asdict(surrogate.domain), "errors": {"box": errors}}
+    material = {
+        "law": law.name,
+        "trained_with": law.describe(),
+        "shape": dict(surrogate.shape_of(law)),
+    }
+    return (
+        surrogate,
+        resampling,
+        {"material": material, "domain": asdict(surrogate.domain), "errors": {"box": errors}},
+    )
 
 
 def search_table(search) -> list[dict]:
-    """Return, for a card, the table of a fitted search over parameters: for each try its parameters, mean score and standard deviation."""
+    """Return, for a card, the table of a fitted search over parameters: for each try its
+    parameters, mean score and standard deviation.
+    """
     found = search.cv_results_
     scores = "mean_test_score" if "mean_test_score" in found else f"mean_test_{search.refit}"
     rows = zip(found["params"], found[scores], found[scores.replace("mean", "std")], strict=True)
-    return [{**_plain(parameters), "score": float(mean), "spread": float(spread)} for parameters, mean, spread in rows]
+    return [
+        {**_plain(parameters), "score": float(mean), "spread": float(spread)}
+        for parameters, mean, spread in rows
+    ]
 
 
 def _plain(parameters: dict) -> dict:
-    """Return parameters of an estimator for a card: numbers, text and lists unchanged, any other value as text."""
+    """Return parameters of an estimator for a card: numbers, text and lists unchanged, any other
+    value as text.
+    """
 
     def plain(value):
         if isinstance(value, tuple | list):
             return [plain(inner) for inner in value]
-        if value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and np.isfinite(value)):
+        if (
+            value is None
+            or isinstance(value, bool | int | str)
+            or (isinstance(value, float) and np.isfinite(value))
+        ):
             return value
         if isinstance(value, np.integer):
             return value.item()
@@ -250,5 +334,8 @@ def _plain(parameters: dict) -> dict:
 
 def versions() -> dict[str, str]:
     """Return, by name, the versions of Python and of the packages that influence an artifact."""
-    others = {package: metadata.version(package) for package in ("numpy", "scipy", "scikit-learn", "joblib")}
+    others = {
+        package: metadata.version(package)
+        for package in ("numpy", "scipy", "scikit-learn", "joblib")
+    }
     return {"python": platform.python_version(), "pdsurrogate": __version__, **others}

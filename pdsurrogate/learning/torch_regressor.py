@@ -1,6 +1,7 @@
 """Larger multilayer perceptrons, trained by stochastic gradients with torch and skorch.
 
-torch is imported when a network is fitted; a fitted regressor holds plain arrays and predicts without it.
+torch is imported when a network is fitted; a fitted regressor holds plain arrays and predicts
+without it.
 """
 
 from collections.abc import Sequence
@@ -15,9 +16,11 @@ from .base import ACTIVATIONS, COUNT, POSITIVE, SHARE, BasePerceptron
 
 @dataclass(eq=False, repr=False)
 class TorchMLPRegressor(BasePerceptron):
-    """Multilayer perceptron for regression, trained by Adam on the squared error, with early stopping and a decaying rate.
+    """Multilayer perceptron for regression, trained by Adam on the squared error, with early
+    stopping and a decaying rate.
 
-    The class is for networks too large for `LevenbergMarquardtRegressor`; a fit needs the ``torch`` extra of the package.
+    The class is for networks too large for `LevenbergMarquardtRegressor`; a fit needs the ``torch``
+    extra of the package.
 
     Parameters
     ----------
@@ -40,7 +43,8 @@ class TorchMLPRegressor(BasePerceptron):
     n_iter_ : int
         Epochs.
     loss_, validation_loss_ : float
-        Mean squared errors of all samples, and of the validation part; the latter is NaN without one.
+        Mean squared errors of all samples, and of the validation part; the latter is NaN without
+        one.
     n_features_in_ : int
 
     See Also
@@ -82,7 +86,8 @@ class TorchMLPRegressor(BasePerceptron):
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
         sample_weight : array-like, shape (n_samples,), optional
-            Weights of the squared errors, in training and validation. A whole number stands for as many copies, 0 for none.
+            Weights of the squared errors, in training and validation. A whole number stands for as
+            many copies, 0 for none.
 
         Returns
         -------
@@ -105,8 +110,13 @@ class TorchMLPRegressor(BasePerceptron):
         try:
             from .torch_training import train
         except ImportError as error:
-            raise ImportError(f"fitting a TorchMLPRegressor needs torch and skorch: pip install 'pdsurrogate[torch]' ({error})") from None
+            raise ImportError(
+                "fitting a TorchMLPRegressor needs torch and skorch: pip install"
+                f" 'pdsurrogate[torch]' ({error})"
+            ) from None
 
-        self.coefs_, self.intercepts_, self.n_iter_, self.validation_loss_ = train(self, X, Y, share)
+        self.coefs_, self.intercepts_, self.n_iter_, self.validation_loss_ = train(
+            self, X, Y, share
+        )
         self.loss_ = float(np.average(((self._outputs(X) - Y) ** 2).mean(axis=1), weights=share))
         return self

@@ -20,29 +20,44 @@ class Algebraic(torch.nn.Module):
         return x * torch.rsqrt(1 + x * x)
 
 
-ACTIVATIONS = {"algebraic": Algebraic, "logistic": torch.nn.Sigmoid, "tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
+ACTIVATIONS = {
+    "algebraic": Algebraic,
+    "logistic": torch.nn.Sigmoid,
+    "tanh": torch.nn.Tanh,
+    "relu": torch.nn.ReLU,
+}
 
 
 class WeightedSquares(torch.nn.Module):
-    """Loss function: mean squared error, weighted by the last column of the targets, which holds the weights of the samples."""
+    """Loss function: mean squared error, weighted by the last column of the targets, which holds
+    the weights of the samples.
+    """
 
     def forward(self, outputs, targets):
-        """Return the mean, over all samples and outputs (shape (n, d)), of the squared error times the weight of the sample.
+        """Return the mean, over all samples and outputs (shape (n, d)), of the squared error times
+        the weight of the sample.
 
-        `targets`, shape (n, d + 1), hold the exact outputs and, in the last column, the weights of the samples.
+        `targets`, shape (n, d + 1), hold the exact outputs and, in the last column, the weights of
+        the samples.
         """
         return (targets[:, -1:] * (outputs - targets[:, :-1]) ** 2).mean()
 
 
 def train(regressor, X, Y, weights):
-    """Train a network; return its weights, biases, number of epochs, and least validation loss (NaN without a validation part).
+    """Train a network; return its weights, biases, number of epochs, and least validation loss (NaN
+    without a validation part).
 
-    The network and its training have the parameters of `regressor`, a `TorchMLPRegressor`; `weights` are those of the samples, or None.
+    The network and its training have the parameters of `regressor`, a `TorchMLPRegressor`;
+    `weights` are those of the samples, or None.
     """
     outputs = Y.shape[1]
     Y = np.column_stack([Y, np.ones(len(Y)) if weights is None else weights / weights.mean()])
     seed = int(check_random_state(regressor.random_state).randint(2**31 - 1))
-    widths = [X.shape[1], *np.atleast_1d(regressor.hidden_layer_sizes).astype(int).tolist(), outputs]
+    widths = [
+        X.shape[1],
+        *np.atleast_1d(regressor.hidden_layer_sizes).astype(int).tolist(),
+        outputs,
+    ]
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         split, callbacks = None, []
@@ -50,9 +65,22 @@ def train(regressor, X, Y, weights):
             split = ValidSplit(regressor.validation_fraction, random_state=seed)
             callbacks.append(("stop", EarlyStopping(patience=regressor.patience, load_best=True)))
         rate, most = regressor.learning_rate, regressor.max_epochs
-        callbacks.append(("rate", LRScheduler(torch.optim.lr_scheduler.CosineAnnealingLR, T_max=most, eta_min=rate / 100)))
-        linear = [torch.nn.Linear(n_in, n_out, dtype=torch.float64) for n_in, n_out in pairwise(widths)]
-        layers = [layer for hidden in linear[:-1] for layer in (hidden, ACTIVATIONS[regressor.activation]())]
+        callbacks.append(
+            (
+                "rate",
+                LRScheduler(
+                    torch.optim.lr_scheduler.CosineAnnealingLR, T_max=most, eta_min=rate / 100
+                ),
+            )
+        )
+        linear = [
+            torch.nn.Linear(n_in, n_out, dtype=torch.float64) for n_in, n_out in pairwise(widths)
+        ]
+        layers = [
+            layer
+            for hidden in linear[:-1]
+            for layer in (hidden, ACTIVATIONS[regressor.activation]())
+        ]
         net = NeuralNetRegressor(
             torch.nn.Sequential(*layers, linear[-1]),
             criterion=WeightedSquares,

@@ -1,4 +1,6 @@
-"""Material laws, their stresses in plane stress, plane strain and three dimensions, and exact homogeneous solutions."""
+"""Material laws, their stresses in plane stress, plane strain and three dimensions, and exact
+homogeneous solutions.
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -12,17 +14,32 @@ from .stretch_laws import FullNetwork, Ogden
 if TYPE_CHECKING:
     from .states import PLANES, SHEETS, dimension_of, plane_strain, plane_stress, solid
 
-LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, MooneyRivlin, Yeoh, Gent, ArrudaBoyce, Ogden, FullNetwork, Polyconvex)}
+LAWS: dict[str, type[Law]] = {
+    law.name: law
+    for law in (NeoHookean, MooneyRivlin, Yeoh, Gent, ArrudaBoyce, Ogden, FullNetwork, Polyconvex)
+}
 """Material laws by their names in scenes and on the command line."""
 
-__all__ = ["LAWS", "ArrudaBoyce", "FullNetwork", "Gent", "LawCovariance", "MooneyRivlin", "NeoHookean", "Ogden", "Polyconvex", "Yeoh"]
+__all__ = [
+    "LAWS",
+    "ArrudaBoyce",
+    "FullNetwork",
+    "Gent",
+    "LawCovariance",
+    "MooneyRivlin",
+    "NeoHookean",
+    "Ogden",
+    "Polyconvex",
+    "Yeoh",
+]
 """Names that type checkers of users' programs accept."""
 
 _OF_STATES = ("PLANES", "SHEETS", "dimension_of", "plane_strain", "plane_stress", "solid")
 
 
 def __getattr__(name: str):
-    # States load numba, which a scene and its laws do without: a scene with a mistake is refused before it is loaded.
+    # States load numba, which a scene and its laws do without: a scene with a mistake is refused
+    # before it is loaded.
     if name == "homogeneous":
         return import_module(".homogeneous", __name__)
     if name in _OF_STATES:

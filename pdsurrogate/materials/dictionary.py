@@ -1,16 +1,22 @@
-"""Dictionary of energies: terms with their names, energies, derivatives and convexity, and the sets from which regressors choose.
+"""Dictionary of energies: terms with their names, energies, derivatives and convexity, and the sets
+from which regressors choose.
 
-A sum of polyconvex functions with positive coefficients is polyconvex. These are the reasons why each term but the last is polyconvex:
+A sum of polyconvex functions with positive coefficients is polyconvex. These are the reasons why
+each term but the last is polyconvex:
 
-- powers of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3: I1bar and I2bar^1.5 are polyconvex (Hartmann, Neff, Int. J. Solids Struct. 40 (2003)
-  2767; I2bar itself is not), the differences are not negative, and powers of such numbers are convex and do not decrease;
-- the logarithm -log(1 - (I1bar - 3)/L), and its continuation: convex functions of I1bar that do not decrease, too;
-- powers of the stretches, among deformations of constant volume: l1^a + l2^a + l3^a is a convex function of F for a >= 1, and of cof F,
-  whose singular values are the inverses of the stretches, for a <= -1 (Ball, Arch. Rat. Mech. Anal. 63 (1977) 337);
+- powers of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3: I1bar and I2bar^1.5 are polyconvex (Hartmann,
+  Neff, Int. J. Solids Struct. 40 (2003) 2767; I2bar itself is not), the differences are not
+  negative, and powers of such numbers are convex and do not decrease;
+- the logarithm -log(1 - (I1bar - 3)/L), and its continuation: convex functions of I1bar that do not
+  decrease, too;
+- powers of the stretches, among deformations of constant volume: l1^a + l2^a + l3^a is a convex
+  function of F for a >= 1, and of cof F, whose singular values are the inverses of the stretches,
+  for a <= -1 (Ball, Arch. Rat. Mech. Anal. 63 (1977) 337);
 - sqrt I1bar and sqrt I2bar, among deformations of constant volume: the norms of F and of cof F.
 
-log(I2bar/3), as in the law of Gent and Thomas, is not polyconvex: along F + t a x n that keeps the volume it is concave at large t. A sum
-with this term may still be convex along all such lines in the states of a body, which `wave_check` tells.
+log(I2bar/3), as in the law of Gent and Thomas, is not polyconvex: along F + t a x n that keeps the
+volume it is concave at large t. A sum with this term may still be convex along all such lines in
+the states of a body, which `wave_check` tells.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,27 +31,37 @@ from ..kernels.elementary_in_numpy import exponential, logarithm, select
 from .stretch_laws import MOST_TERMS
 
 GREATEST_EXPONENT, LIMIT_RANGE = 50.0, (1e-3, 1e6)
-"""Greatest magnitude of an exponent, and least and greatest limit of a logarithm: beyond them rounding decides the stresses. Ogden's
-exponents for rubber are at most 20, and its limits lie between 5 and 200."""
+"""Greatest magnitude of an exponent, and least and greatest limit of a logarithm: beyond them
+rounding decides the stresses. Ogden's exponents for rubber are at most 20, and its limits lie
+between 5 and 200.
+"""
 
 GREATEST_POWER = 4
-"""Greatest power of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3. Chosen: the third, as in Yeoh's law, and the fourth, as in Carroll's, describe
-the rise of the stress at great stretches; higher ones would act at the greatest stretches of the data alone."""
+"""Greatest power of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3. Chosen: the third, as in Yeoh's law, and
+the fourth, as in Carroll's, describe the rise of the stress at great stretches; higher ones would
+act at the greatest stretches of the data alone.
+"""
 
 LEAST_GAP = 0.1
-"""Value of 1 - x/L down to which a term in log(1 - x/L) is a logarithm; from there on the logarithm continues as its Taylor polynomial of
-second degree. Chosen: the stress is then ten times that of a Neo-Hookean term, which test data hardly exceed, and an energy from test
-data must not end within a body."""
+"""Value of 1 - x/L down to which a term in log(1 - x/L) is a logarithm; from there on the logarithm
+continues as its Taylor polynomial of second degree. Chosen: the stress is then ten times that of a
+Neo-Hookean term, which test data hardly exceed, and an energy from test data must not end within a
+body.
+"""
 
 LEAST_EXPONENT = 1.0
 """Least absolute value of an exponent of the stretches, at which their powers are polyconvex."""
 
 STATES, DIRECTIONS, LINE_STEP = 13, 6, 1e-3
-"""Number of stretches of each axis and of angles in a quarter turn of `line_curvatures`, and the step of its differences: the rounding is
-then some 1e-9, and the error of the difference a millionth."""
+"""Number of stretches of each axis and of angles in a quarter turn of `line_curvatures`, and the
+step of its differences: the rounding is then some 1e-9, and the error of the difference a
+millionth.
+"""
 
 STABLE_TO = 3.0
-"""Greatest stretch of the states in which the waves of every fitted energy must be stable, unless measurements exceed it."""
+"""Greatest stretch of the states in which the waves of every fitted energy must be stable,
+unless measurements exceed it.
+"""
 
 
 class Kind(NamedTuple):
@@ -71,21 +87,35 @@ class Kind(NamedTuple):
 
 KINDS = {
     "stretches": Kind(
-        "exponent {:g}", f"exponents of magnitude 1 to {GREATEST_EXPONENT:g}", lambda a: LEAST_EXPONENT <= abs(a) <= GREATEST_EXPONENT
+        "exponent {:g}",
+        f"exponents of magnitude 1 to {GREATEST_EXPONENT:g}",
+        lambda a: LEAST_EXPONENT <= abs(a) <= GREATEST_EXPONENT,
     ),
-    "first": Kind("I1bar - 3 to the power {:g}", f"powers from 1 to {GREATEST_POWER}", lambda k: k in range(1, GREATEST_POWER + 1)),
+    "first": Kind(
+        "I1bar - 3 to the power {:g}",
+        f"powers from 1 to {GREATEST_POWER}",
+        lambda k: k in range(1, GREATEST_POWER + 1),
+    ),
     "second": Kind(
-        "I2bar^1.5 - 3 sqrt 3 to the power {:g}", f"powers from 1 to {GREATEST_POWER}", lambda k: k in range(1, GREATEST_POWER + 1)
+        "I2bar^1.5 - 3 sqrt 3 to the power {:g}",
+        f"powers from 1 to {GREATEST_POWER}",
+        lambda k: k in range(1, GREATEST_POWER + 1),
     ),
-    "roots": Kind("root of I{:g}bar", "the numbers 1 and 2 of the invariants", lambda k: k in (1, 2)),
+    "roots": Kind(
+        "root of I{:g}bar", "the numbers 1 and 2 of the invariants", lambda k: k in (1, 2)
+    ),
     "logarithms": Kind(
         "logarithm of I1bar - 3 with limit {:.4g}",
         f"limits from {LIMIT_RANGE[0]:g} to {LIMIT_RANGE[1]:g}",
         lambda limit: LIMIT_RANGE[0] <= limit <= LIMIT_RANGE[1],
     ),
-    "second_logarithm": Kind("logarithm of I2bar", "the number 1", lambda k: k == 1, polyconvex=False),
+    "second_logarithm": Kind(
+        "logarithm of I2bar", "the number 1", lambda k: k == 1, polyconvex=False
+    ),
 }
-"""Kinds of terms, which are also the names of the parameters of `Polyconvex`; ``stretches`` are its moduli and exponents."""
+"""Kinds of terms, which are also the names of the parameters of `Polyconvex`; ``stretches`` are
+its moduli and exponents.
+"""
 
 
 class Term(NamedTuple):
@@ -96,9 +126,10 @@ class Term(NamedTuple):
     kind : str
         One of `KINDS`.
     number : float
-        Exponent a of ``stretches``, (l1^a + l2^a + l3^a - 3)/a^2; power k of ``first``, (I1bar - 3)^k, and of ``second``,
-        (I2bar^1.5 - 3 sqrt 3)^k; 1 or 2 of ``roots``, sqrt I1bar - sqrt 3 or sqrt I2bar - sqrt 3; limit L of ``logarithms``,
-        -L/2 log(1 - (I1bar - 3)/L); 1 of ``second_logarithm``, log(I2bar/3).
+        Exponent a of ``stretches``, (l1^a + l2^a + l3^a - 3)/a^2; power k of ``first``, (I1bar -
+        3)^k, and of ``second``, (I2bar^1.5 - 3 sqrt 3)^k; 1 or 2 of ``roots``, sqrt I1bar - sqrt 3
+        or sqrt I2bar - sqrt 3; limit L of ``logarithms``, -L/2 log(1 - (I1bar - 3)/L); 1 of
+        ``second_logarithm``, log(I2bar/3).
     """
 
     kind: str
@@ -114,7 +145,8 @@ class Term(NamedTuple):
 
     @property
     def row(self) -> tuple[float, ...]:
-        """Constants (a, r, L, m, c1, ..., c4) of c1 z + ... + c4 z^4 - m/2 L log(1 - z/L), z = S^r - 3^r and S = l1^a + l2^a + l3^a.
+        """Constants (a, r, L, m, c1, ..., c4) of c1 z + ... + c4 z^4 - m/2 L log(1 - z/L), z = S^r
+        - 3^r and S = l1^a + l2^a + l3^a.
 
         With r = 0, z = log(S/3).
         """
@@ -127,7 +159,12 @@ class Term(NamedTuple):
             return (2.0, 1.0, number, 1.0, 0.0, 0.0, 0.0, 0.0)
         if kind == "second_logarithm":
             return (-2.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-        return (*((2.0, 1.0) if kind == "first" else (-2.0, 1.5)), 1.0, 0.0, *(float(number == k) for k in range(1, GREATEST_POWER + 1)))
+        return (
+            *((2.0, 1.0) if kind == "first" else (-2.0, 1.5)),
+            1.0,
+            0.0,
+            *(float(number == k) for k in range(1, GREATEST_POWER + 1)),
+        )
 
     @property
     def shear_modulus(self) -> float:
@@ -137,16 +174,26 @@ class Term(NamedTuple):
 
 
 OF_INVARIANTS = (
-    *(Term("roots", 1.0), Term("stretches", 2.0), Term("first", 2.0), Term("first", 3.0), Term("first", 4.0)),
+    *(
+        Term("roots", 1.0),
+        Term("stretches", 2.0),
+        Term("first", 2.0),
+        Term("first", 3.0),
+        Term("first", 4.0),
+    ),
     *(Term("second_logarithm", 1.0), Term("roots", 2.0), Term("stretches", -2.0)),
 )
-"""Terms of separate functions of the invariants: of I1bar its root, I1bar - 3 itself, which is the exponent 2, and the powers of Yeoh's and
-Carroll's laws; of I2bar those of Gent and Thomas, of Carroll, and of Mooney and Rivlin. Terms that rise faster with I2bar are left out: the
-stresses in equibiaxial tension, which few tests of bodies contain, could be off by a factor."""
+"""Terms of separate functions of the invariants: of I1bar its root, I1bar - 3 itself, which is the
+exponent 2, and the powers of Yeoh's and Carroll's laws; of I2bar those of Gent and Thomas, of
+Carroll, and of Mooney and Rivlin. Terms that rise faster with I2bar are left out: the stresses in
+equibiaxial tension, which few tests of bodies contain, could be off by a factor.
+"""
 
 OF_TESTS = (*OF_INVARIANTS, Term("stretches", 1.0))
-"""Terms for tests that visit all modes of loading: those of the invariants, and l1 + l2 + l3 of Varga's law, a separate function of the
-stretches. Sums of functions of one invariant each do not have the exponents between 1 and 2 of Ogden's law for natural rubber."""
+"""Terms for tests that visit all modes of loading: those of the invariants, and l1 + l2 + l3 of
+Varga's law, a separate function of the stretches. Sums of functions of one invariant each do not
+have the exponents between 1 and 2 of Ogden's law for natural rubber.
+"""
 
 
 def checked_dictionary(terms: Any) -> tuple[Term, ...]:
@@ -155,8 +202,8 @@ def checked_dictionary(terms: Any) -> tuple[Term, ...]:
     Raises
     ------
     TypeError, ValueError
-        If there are none or too many, one is no such pair or unknown, two are the same function up to a factor, or none has a stiffness at
-        rest.
+        If there are none or too many, one is no such pair or unknown, two are the same function up
+        to a factor, or none has a stiffness at rest.
 
     Examples
     --------
@@ -168,7 +215,9 @@ def checked_dictionary(terms: Any) -> tuple[Term, ...]:
     if isinstance(terms, str) or not isinstance(terms, Sequence | np.ndarray):
         raise TypeError(f"dictionary must be a list of terms, {wanted}, not {kind_of(terms)}")
     if not len(terms):
-        raise ValueError(f"dictionary: the list is empty; give terms, {wanted}, or None for the default")
+        raise ValueError(
+            f"dictionary: the list is empty; give terms, {wanted}, or None for the default"
+        )
     found = []
     for pair in terms:
         if isinstance(pair, str) or not isinstance(pair, Sequence | np.ndarray) or len(pair) != 2:
@@ -176,25 +225,40 @@ def checked_dictionary(terms: Any) -> tuple[Term, ...]:
         kind, number = pair
         if not isinstance(kind, str) or kind not in KINDS:
             raise ValueError(f"dictionary: unknown kind {kind!r}; {suggestion(str(kind), KINDS)}")
-        if not isinstance(number, Real) or isinstance(number, bool) or not KINDS[kind].permits(number):
+        if (
+            not isinstance(number, Real)
+            or isinstance(number, bool)
+            or not KINDS[kind].permits(number)
+        ):
             raise ValueError(f"dictionary: {kind} has {KINDS[kind].numbers}, not {kind_of(number)}")
         found.append(Term(kind, float(number)))
     for term, other in combinations(found, 2):
-        if term.row[:3] == other.row[:3] and np.linalg.matrix_rank([term.row[3:], other.row[3:]]) == 1:
-            raise ValueError(f"dictionary: {(*term,)} and {(*other,)} are the same function up to a factor: give one of them")
+        if (
+            term.row[:3] == other.row[:3]
+            and np.linalg.matrix_rank([term.row[3:], other.row[3:]]) == 1
+        ):
+            raise ValueError(
+                f"dictionary: {(*term,)} and {(*other,)} are the same function up to a factor: give"
+                " one of them"
+            )
     counts = [sum(term.kind == kind for term in found) for kind in ("stretches", "logarithms")]
     if max(counts) > MOST_TERMS:
         raise ValueError(
-            f"dictionary: a law has at most {MOST_TERMS} terms of the kind 'stretches' and {MOST_TERMS} of the kind 'logarithms': "
-            f"leave some of the {counts[0]} and {counts[1]} out"
+            f"dictionary: a law has at most {MOST_TERMS} terms of the kind 'stretches' and"
+            f" {MOST_TERMS} of the kind 'logarithms': leave some of the {counts[0]} and"
+            f" {counts[1]} out"
         )
     if not any(term.shear_modulus > 0 for term in found):
-        raise ValueError("dictionary: no term has a stiffness at rest; add one that has, such as ('first', 1)")
+        raise ValueError(
+            "dictionary: no term has a stiffness at rest; add one that has, such as ('first', 1)"
+        )
     return tuple(found)
 
 
 def energy_of_row(x1, x2, x3, s1, s2, s3, coefficients):
-    """Return the energy of constants, `Term.row`, and derivatives, as `pdsurrogate.materials.law.PrincipalStretchLaw.term` does."""
+    """Return the energy of constants, `Term.row`, and derivatives, as
+    `pdsurrogate.materials.law.PrincipalStretchLaw.term` does.
+    """
     exponent, power, limit, modulus, c1, c2, c3, c4 = coefficients
     e1, e2, e3 = exponential(exponent * x1), exponential(exponent * x2), exponential(exponent * x3)
     S = e1 + e2 + e3
@@ -203,15 +267,21 @@ def energy_of_row(x1, x2, x3, s1, s2, s3, coefficients):
     linear, rising, flat = power == 1.0, power == 1.5, power == 0.0
     z = select(linear, S - 3, select(rising, S * root - 3 * np.sqrt(3.0), root - np.sqrt(3.0)))
     z1 = select(linear, 1.0, select(rising, 1.5 * root, select(flat, 1 / S, 0.5 / root)))
-    z2 = select(linear, 0.0, select(rising, 0.75 / root, select(flat, -1 / (S * S), -0.25 / (S * root))))
+    z2 = select(
+        linear, 0.0, select(rising, 0.75 / root, select(flat, -1 / (S * S), -0.25 / (S * root)))
+    )
     gap = 1 - z / limit
     least = select(gap > LEAST_GAP, gap, LEAST_GAP)
-    # One logarithm serves both kinds of terms: where z is log(S/3), there is no logarithm of the gap.
+    # One logarithm serves both kinds of terms: where z is log(S/3), there is no logarithm of the
+    # gap.
     log = logarithm(select(flat, S / 3, least))
     z = select(flat, log, z)
-    # How far the state is beyond the end of the logarithm, from which a Taylor polynomial continues it.
+    # How far the state is beyond the end of the logarithm, from which a Taylor polynomial continues
+    # it.
     beyond = (least - gap) / least
-    W = z * (c1 + z * (c2 + z * (c3 + z * c4))) + modulus / 2 * limit * (beyond + beyond * beyond / 2 - log)
+    W = z * (c1 + z * (c2 + z * (c3 + z * c4))) + modulus / 2 * limit * (
+        beyond + beyond * beyond / 2 - log
+    )
     W1 = c1 + z * (2 * c2 + z * (3 * c3 + z * 4 * c4)) + modulus / 2 * (1 + beyond) / least
     W2 = 2 * c2 + z * (6 * c3 + z * 12 * c4) + modulus / (2 * limit * least * least)
     slope = exponent * W1 * z1
@@ -221,7 +291,8 @@ def energy_of_row(x1, x2, x3, s1, s2, s3, coefficients):
 
 
 def derivatives(terms: Sequence[Term], logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the energies of terms with the coefficient 1, and their derivatives by the logarithms of the isochoric principal stretches.
+    """Return the energies of terms with the coefficient 1, and their derivatives by the logarithms
+    of the isochoric principal stretches.
 
     Parameters
     ----------
@@ -245,21 +316,29 @@ def derivatives(terms: Sequence[Term], logs: np.ndarray) -> tuple[np.ndarray, np
     """
     x = np.asarray(logs, dtype=float).T[:, :, None]
     (x1, x2, x3), (s1, s2, s3) = x, np.exp(2 * x)
-    energy, *slopes, _ = energy_of_row(x1, x2, x3, s1, s2, s3, np.array([term.row for term in terms]).T)
+    energy, *slopes, _ = energy_of_row(
+        x1, x2, x3, s1, s2, s3, np.array([term.row for term in terms]).T
+    )
     return energy, np.stack(slopes, axis=-1)
 
 
 def line_curvatures(terms: Sequence[Term], greatest: float = 3.0) -> np.ndarray:
-    """Return second derivatives of terms with the coefficient 1 along lines F + t a x n that keep the volume, shape (n_lines, n_terms).
+    """Return second derivatives of terms with the coefficient 1 along lines F + t a x n that keep
+    the volume, shape (n_lines, n_terms).
 
-    An energy is strongly elliptic in a state, that is, shear waves of all directions and polarizations are stable, if these are positive.
-    The states F have principal stretches from 1/`greatest` to `greatest`, and the lines the directions n of an octant.
+    An energy is strongly elliptic in a state, that is, shear waves of all directions and
+    polarizations are stable, if these are positive. The states F have principal stretches from
+    1/`greatest` to `greatest`, and the lines the directions n of an octant.
 
     Examples
     --------
     >>> from pdsurrogate.materials.dictionary import Term, line_curvatures
     >>> curvatures = line_curvatures([Term("first", 1.0), Term("second_logarithm", 1.0)])
-    >>> curvatures[:, 0].min().round(3).item(), bool(curvatures[:, 1].min() < 0), bool((2 * curvatures[:, 0] + curvatures[:, 1]).min() > 0)
+    >>> (
+    ...     curvatures[:, 0].min().round(3).item(),
+    ...     bool(curvatures[:, 1].min() < 0),
+    ...     bool((2 * curvatures[:, 0] + curvatures[:, 1]).min() > 0),
+    ... )
     (2.0, True, True)
     """
     logs = np.linspace(-1.0, 1.0, STATES) * np.log(greatest)
@@ -267,8 +346,13 @@ def line_curvatures(terms: Sequence[Term], greatest: float = 3.0) -> np.ndarray:
     kept = (first >= second) & (second >= -first - second) & (-first - second >= logs[0] - 1e-9)
     stretches = np.exp(np.stack([first, second, -first - second], axis=1)[kept])
     angles = (np.arange(DIRECTIONS) + 0.5) * np.pi / 2 / DIRECTIONS
-    polar, around, turn = (grid.ravel() for grid in np.meshgrid(angles, angles, np.arange(2 * DIRECTIONS) * np.pi / 2 / DIRECTIONS))
-    n = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=1)
+    polar, around, turn = (
+        grid.ravel()
+        for grid in np.meshgrid(angles, angles, np.arange(2 * DIRECTIONS) * np.pi / 2 / DIRECTIONS)
+    )
+    n = np.stack(
+        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=1
+    )
     # a is perpendicular to the normal of the deformed surface, F^-T n.
     normal = n / stretches[:, None]
     normal /= np.linalg.norm(normal, axis=2, keepdims=True)
@@ -278,22 +362,30 @@ def line_curvatures(terms: Sequence[Term], greatest: float = 3.0) -> np.ndarray:
     F, energies = stretches[:, None, :, None] * np.eye(3), []
     for step in (-LINE_STEP, 0.0, LINE_STEP):
         moved = (F + step * a[..., :, None] * n[:, None, :]).reshape(-1, 3, 3)
-        energies.append(derivatives(terms, np.log(np.linalg.eigvalsh(np.swapaxes(moved, 1, 2) @ moved)) / 2)[0])
+        energies.append(
+            derivatives(terms, np.log(np.linalg.eigvalsh(np.swapaxes(moved, 1, 2) @ moved)) / 2)[0]
+        )
     return (energies[0] - 2 * energies[1] + energies[2]) / LINE_STEP**2
 
 
-def wave_margin(terms: Sequence[Term], greatest: float = STABLE_TO) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function that tells by how much shear waves are stable in sums of terms: from -1 to 1, positive if they are.
+def wave_margin(
+    terms: Sequence[Term], greatest: float = STABLE_TO
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function that tells by how much shear waves are stable in sums of terms: from -1 to
+    1, positive if they are.
 
-    The function takes coefficients, shape (..., n_terms), and returns margins, shape (...). Sums of polyconvex terms have stable waves in
-    all states, and the margin 1. The others have the least sum of the second derivatives of their terms among the lines of
-    `line_curvatures`, divided by the sum of the absolute values of these.
+    The function takes coefficients, shape (..., n_terms), and returns margins, shape (...). Sums of
+    polyconvex terms have stable waves in all states, and the margin 1. The others have the least
+    sum of the second derivatives of their terms among the lines of `line_curvatures`, divided by
+    the sum of the absolute values of these.
 
     Examples
     --------
     >>> import numpy as np
     >>> from pdsurrogate.materials.dictionary import Term, wave_margin
-    >>> wave_margin([Term("first", 1.0), Term("second_logarithm", 1.0)])(np.array([[1.0, 0.0], [1.0, 2.0], [0.02, 1.0]])).round(2).tolist()
+    >>> wave_margin([Term("first", 1.0), Term("second_logarithm", 1.0)])(
+    ...     np.array([[1.0, 0.0], [1.0, 2.0], [0.02, 1.0]])
+    ... ).round(2).tolist()
     [1.0, 0.85, -0.43]
     """
     by_form = np.array([term.polyconvex for term in terms])

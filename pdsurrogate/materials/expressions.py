@@ -1,12 +1,14 @@
-"""Stresses and energies from the derivatives of W and U, as elementwise expressions of the numbers that describe a state.
+"""Stresses and energies from the derivatives of W and U, as elementwise expressions of the numbers
+that describe a state.
 
 A sheet with F = R U in the plane has a first Piola-Kirchhoff stress that is coaxial with U,
 
     R^T P = p U + q U^-1.
 
-The coefficients (p, q) are functions of the trace of C in the plane, of J = det F in the plane, and of the three-dimensional volume ratio
-J3 = J sqrt(C33). Under plane stress P33 = 0 eliminates the pressure; plane strain has the same expressions at J3 = J, and a
-reaction stress across the plane, which keeps C33 = 1. A solid has three coefficients of tr C, tr cof C and J = det F,
+The coefficients (p, q) are functions of the trace of C in the plane, of J = det F in the plane, and
+of the three-dimensional volume ratio J3 = J sqrt(C33). Under plane stress P33 = 0 eliminates the
+pressure; plane strain has the same expressions at J3 = J, and a reaction stress across the plane,
+which keeps C33 = 1. A solid has three coefficients of tr C, tr cof C and J = det F,
 
     P = p F + q cof F + r F C.
 
@@ -23,15 +25,19 @@ from ..kernels.elementary import exponential, inverse_cube_root, like, logarithm
 from .response import Response
 
 LEAST_SEPARATION = 3e-6
-"""Least difference between the logarithms of two principal stretches in the plane; equal stretches are moved apart by as much.
+"""Least difference between the logarithms of two principal stretches in the plane; equal stretches
+are moved apart by as much.
 
-All results are even in the difference, so they change by some 1e-11, which is the size of rounding there.
+All results are even in the difference, so they change by some 1e-11, which is the size of rounding
+there.
 """
 
 
 @inlined
 def sheet_invariants(state):
-    """Return I1bar and I2bar of a sheet from its state: tr C and det F = J in the plane, and volume ratio J3, with C33 = (J3/J)**2."""
+    """Return I1bar and I2bar of a sheet from its state: tr C and det F = J in the plane, and
+    volume ratio J3, with C33 = (J3/J)**2.
+    """
     trace, J, J3 = state
     c = inverse_cube_root(J3 * J3)
     C33 = (J3 / J) * (J3 / J)
@@ -40,11 +46,13 @@ def sheet_invariants(state):
 
 @inlined
 def of_sheet_invariants(state, isochoric, volumetric):
-    """Return the plane-stress response (p, q, residual, its slope, energy) of a sheet from the derivatives of W(I1bar, I2bar) + U(J3).
+    """Return the plane-stress response (p, q, residual, its slope, energy) of a sheet from the
+    derivatives of W(I1bar, I2bar) + U(J3).
 
-    `isochoric` is (W, W1, W2, W11, W12, W22), and `volumetric` is (U, U', U''). p and q are the coefficients of the stress in theory (7).
-    The residual is J3 dPsi/dJ3 at fixed F in the plane, which vanishes in plane stress, and its slope is the derivative by J3 (Eq. (9) of
-    the paper, with the exponent of C33 in its first term corrected from -2/3 to +2/3).
+    `isochoric` is (W, W1, W2, W11, W12, W22), and `volumetric` is (U, U', U''). p and q are the
+    coefficients of the stress in theory (7). The residual is J3 dPsi/dJ3 at fixed F in the plane,
+    which vanishes in plane stress, and its slope is the derivative by J3 (Eq. (9) of the paper,
+    with the exponent of C33 in its first term corrected from -2/3 to +2/3).
     """
     trace, J, J3 = state
     W, W1, W2, W11, W12, W22 = isochoric
@@ -61,7 +69,8 @@ def of_sheet_invariants(state, isochoric, volumetric):
     d1 = c33 - I1 / 3
     d2 = mixed - 2 * I2 / 3
     residual = 2 * (W1 * d1 + W2 * d2) + J3 * dU
-    # Derivatives by J3: I1bar' = 2 d1/J3, I2bar' = 2 d2/J3, (c C33)' = 4/3 c C33/J3, (c^2 C33 tr)' = 2/3 c^2 C33 tr/J3.
+    # Derivatives by J3: I1bar' = 2 d1/J3, I2bar' = 2 d2/J3, (c C33)' = 4/3 c C33/J3, (c^2 C33 tr)'
+    # = 2/3 c^2 C33 tr/J3.
     d1_slope = (4 * c33 - 2 * d1) / 3
     d2_slope = (2 * mixed - 4 * d2) / 3
     curvature = W11 * d1 * d1 + 2 * W12 * d1 * d2 + W22 * d2 * d2
@@ -71,10 +80,13 @@ def of_sheet_invariants(state, isochoric, volumetric):
 
 @inlined
 def sheet_stretches(state):
-    """Return logarithms and squares of the isochoric principal stretches of a sheet, thickness last, from tr C, in-plane J and J3."""
+    """Return logarithms and squares of the isochoric principal stretches of a sheet, thickness
+    last, from tr C, in-plane J and J3.
+    """
     trace, J, J3 = state
     half = trace / 2
-    # cosh and sinh of the difference of the logarithms; a trace below 2 J can only be a rounding error.
+    # cosh and sinh of the difference of the logarithms; a trace below 2 J can only be a rounding
+    # error.
     excess = (half - J) * (half + J) / (J * J)
     least = LEAST_SEPARATION * LEAST_SEPARATION
     excess = select(excess < least, least, excess)
@@ -88,12 +100,14 @@ def sheet_stretches(state):
 
 @inlined
 def of_sheet_stretches(state, stretches, sums, volumetric):
-    """Return the plane-stress response (p, q, residual, its slope, energy) of a sheet from the derivatives of W(x1, x2, x3) + U(J3).
+    """Return the plane-stress response (p, q, residual, its slope, energy) of a sheet from the
+    derivatives of W(x1, x2, x3) + U(J3).
 
-    x1, x2 and x3 are the logarithms of the isochoric principal stretches. The residual is that of P33 = 0, from which J3 is found, and its
-    slope is the derivative by J3. The principal stresses in the plane are P_a = (g_a - g_3)/lambda_a, with the derivatives g_a = dW/dx_a
-    and the pressure eliminated by P33 = 0; the coefficients p and q follow from p lambda_a^2 + q = g_a - g_3 for both. `sums` is
-    (W, g1, g2, g3, h), see `PrincipalStretchLaw.term`.
+    x1, x2 and x3 are the logarithms of the isochoric principal stretches. The residual is that of
+    P33 = 0, from which J3 is found, and its slope is the derivative by J3. The principal stresses
+    in the plane are P_a = (g_a - g_3)/lambda_a, with the derivatives g_a = dW/dx_a and the pressure
+    eliminated by P33 = 0; the coefficients p and q follow from p lambda_a^2 + q = g_a - g_3 for
+    both. `sums` is (W, g1, g2, g3, h), see `PrincipalStretchLaw.term`.
     """
     trace, _, J3 = state
     _, _, _, s1, s2, _ = stretches
@@ -115,20 +129,26 @@ def _held(state):
 
 @inlined
 def _stress_rows(state, found):
-    """Return the results of `PLANE_STRAIN` from the plane-stress results `found` at C33 = 1: q + J3 dPsi/dJ3 takes the place of q."""
+    """Return the results of `PLANE_STRAIN` from the plane-stress results `found` at C33 = 1: q +
+    J3 dPsi/dJ3 takes the place of q.
+    """
     p, q, across, _, energy = found
     return p, q + across, state[2] / state[1] - 1, 1 / state[1], energy
 
 
 @inlined
 def _isochoric_rows(state, found):
-    """Return the results of `ISOCHORIC_PLANE_STRAIN` (p, q, stress across, energy) from the plane-stress results `found` at C33 = 1."""
+    """Return the results of `ISOCHORIC_PLANE_STRAIN` (p, q, stress across, energy) from the
+    plane-stress results `found` at C33 = 1.
+    """
     p, q, across, _, energy = found
     return p, q + across, across, energy
 
 
 def _of_held_sheet(rows: int, result: Callable, isochoric: bool) -> Response:
-    """Return a `Response` for plane strain, whose results ``result(state, found)`` computes from the plane-stress results at C33 = 1."""
+    """Return a `Response` for plane strain, whose results ``result(state, found)`` computes from
+    the plane-stress results at C33 = 1.
+    """
 
     @inlined
     def invariants(state):
@@ -146,12 +166,16 @@ def _of_held_sheet(rows: int, result: Callable, isochoric: bool) -> Response:
     def of_stretches(state, stretches, sums, volumetric):
         return result(state, of_sheet_stretches(_held(state), stretches, sums, volumetric))
 
-    return Response(rows, 1, invariants, of_invariants, stretches, of_stretches, isochoric=isochoric)
+    return Response(
+        rows, 1, invariants, of_invariants, stretches, of_stretches, isochoric=isochoric
+    )
 
 
 @inlined
 def _solid_invariants(state):
-    """Return the isochoric invariants I1bar and I2bar of a solid from its state (tr C, tr cof C, J)."""
+    """Return the isochoric invariants I1bar and I2bar of a solid from its state (tr C, tr cof C,
+    J).
+    """
     trace, cofactor_trace, J = state
     c = inverse_cube_root(J * J)
     return c * trace, c * c * cofactor_trace
@@ -159,7 +183,9 @@ def _solid_invariants(state):
 
 @inlined
 def _of_solid_invariants(state, isochoric, volumetric):
-    """Return the stress coefficients p, q, r and the energy of a solid from the derivatives of W(I1bar, I2bar) + U(J)."""
+    """Return the stress coefficients p, q, r and the energy of a solid from the derivatives of
+    W(I1bar, I2bar) + U(J).
+    """
     trace, cofactor_trace, J = state
     W, W1, W2, _, _, _ = isochoric
     U, dU, _ = volumetric
@@ -173,16 +199,20 @@ def _of_solid_invariants(state, isochoric, volumetric):
 
 @inlined
 def _solid_stretches(state):
-    """Return logarithms and squares of the isochoric principal stretches of a solid, with the stretch farthest from the others last.
+    """Return logarithms and squares of the isochoric principal stretches of a solid, with the
+    stretch farthest from the others last.
 
-    The eigenvalues of C are mean + 2 sqrt(spread) cos(phi + 2 pi k/3) with cos(3 phi) = c. The greatest, for c > 0, or else the least is
-    given by the root y = cos(arccos(abs(c))/3) of 4 y^3 - 3 y = abs(c): between sqrt(3)/2 and 1, where Newton's method reaches rounding in
-    three steps. The other two follow from the invariants without cancellation, by the formula for a sheet.
+    The eigenvalues of C are mean + 2 sqrt(spread) cos(phi + 2 pi k/3) with cos(3 phi) = c. The
+    greatest, for c > 0, or else the least is given by the root y = cos(arccos(abs(c))/3) of 4 y^3 -
+    3 y = abs(c): between sqrt(3)/2 and 1, where Newton's method reaches rounding in three steps.
+    The other two follow from the invariants without cancellation, by the formula for a sheet.
 
-    Nearly equal stretches, as roots of a cubic, are only known to some 6e-6; equal ones are moved apart by as much. But they belong to
-    invariants within 1e-11 of the given ones, of which energy and stress are smooth functions: energy and stress are accurate to 2e-11,
-    and to rounding at distinct stretches (``tests/materials/test_responses.py``). The single coefficients are less accurate: at three
-    equal stretches r is off by some 1e-5, and compensating errors in p and q keep the stress accurate.
+    Nearly equal stretches, as roots of a cubic, are only known to some 6e-6; equal ones are moved
+    apart by as much. But they belong to invariants within 1e-11 of the given ones, of which energy
+    and stress are smooth functions: energy and stress are accurate to 2e-11, and to rounding at
+    distinct stretches (``tests/materials/test_responses.py``). The single coefficients are less
+    accurate: at three equal stretches r is off by some 1e-5, and compensating errors in p and q
+    keep the stress accurate.
     """
     trace, cofactor_trace, J = state
     mean = trace / 3
@@ -199,7 +229,8 @@ def _solid_stretches(state):
     for _ in range(3):
         y = y - (y * (4 * y * y - 3) - c) / (12 * y * y - 3)
     apart = mean + 2 * root * y * select(skew < 0, -1.0, 1.0)
-    # Sum and product of the other two: for a greatest one the product is computed first, for a least one the sum.
+    # Sum and product of the other two: for a greatest one the product is computed first, for a
+    # least one the sum.
     rest = trace - apart
     product = select(skew < 0, cofactor_trace - apart * rest, J * J / apart)
     rest = select(skew < 0, rest, (cofactor_trace - product) / apart)
@@ -208,10 +239,12 @@ def _solid_stretches(state):
 
 @inlined
 def _of_solid_stretches(state, stretches, sums, volumetric):
-    """Return the stress coefficients p, q, r and the energy of a solid from the derivatives of W(x1, x2, x3) + U(J).
+    """Return the stress coefficients p, q, r and the energy of a solid from the derivatives of
+    W(x1, x2, x3) + U(J).
 
-    The principal Kirchhoff stresses are g_a - (g_1 + g_2 + g_3)/3 + J U', with the derivatives g_a of W by the logarithmic stretches. The
-    quadratic polynomial q J + p s + r s^2 of the squared stretches s takes these values; divided differences give the coefficients.
+    The principal Kirchhoff stresses are g_a - (g_1 + g_2 + g_3)/3 + J U', with the derivatives g_a
+    of W by the logarithmic stretches. The quadratic polynomial q J + p s + r s^2 of the squared
+    stretches s takes these values; divided differences give the coefficients.
     """
     J = state[2]
     _, _, _, s1, s2, s3 = stretches
@@ -224,27 +257,38 @@ def _of_solid_stretches(state, stretches, sums, volumetric):
     return unit * (first - second * (s1 + s2)), constant / J + dU, unit * unit * second, W + U
 
 
-PLANE_STRESS = Response(5, 2, sheet_invariants, of_sheet_invariants, sheet_stretches, of_sheet_stretches, curvature=True)
-"""Response of a sheet in plane stress to (tr C, J, J3): stress coefficients p and q, residual, slope of the residual, and energy Psi.
+PLANE_STRESS = Response(
+    5, 2, sheet_invariants, of_sheet_invariants, sheet_stretches, of_sheet_stretches, curvature=True
+)
+"""Response of a sheet in plane stress to (tr C, J, J3): stress coefficients p and q, residual,
+slope of the residual, and energy Psi.
 
-The residual of P33 = 0 is J3 dPsi/dJ3 at fixed F in the plane, and its slope is the derivative by J3.
-"""
-
-PLANE_STRAIN = _of_held_sheet(5, _stress_rows, isochoric=False)
-"""Response of a sheet in plane strain to (tr C, J, J3), with the rows of `PLANE_STRESS`, so that kernels can use either response.
-
-p, q and the energy are those at J3 = J, whatever J3 is passed; the condition P33 = 0 is replaced by J3/J - 1 = 0, with its derivative by
+The residual of P33 = 0 is J3 dPsi/dJ3 at fixed F in the plane, and its slope is the derivative by
 J3.
 """
 
-ISOCHORIC_PLANE_STRAIN = _of_held_sheet(4, _isochoric_rows, isochoric=True)
-"""Response of a sheet in plane strain to (tr C, J, J3): p, q, the Kirchhoff stress across the plane, and the energy, all from W alone.
+PLANE_STRAIN = _of_held_sheet(5, _stress_rows, isochoric=False)
+"""Response of a sheet in plane strain to (tr C, J, J3), with the rows of `PLANE_STRESS`, so that
+kernels can use either response.
 
-U adds J U' to q and to the stress across the plane, since the first Piola-Kirchhoff stress from U is U' times the cofactor of F.
+p, q and the energy are those at J3 = J, whatever J3 is passed; the condition P33 = 0 is replaced by
+J3/J - 1 = 0, with its derivative by J3.
 """
 
-SOLID = Response(4, 2, _solid_invariants, _of_solid_invariants, _solid_stretches, _of_solid_stretches)
-"""Response of a solid to (tr C, tr cof C, J): stress coefficients p, q and r of P = p F + q cof F + r F C, and the energy."""
+ISOCHORIC_PLANE_STRAIN = _of_held_sheet(4, _isochoric_rows, isochoric=True)
+"""Response of a sheet in plane strain to (tr C, J, J3): p, q, the Kirchhoff stress across the
+plane, and the energy, all from W alone.
+
+U adds J U' to q and to the stress across the plane, since the first Piola-Kirchhoff stress from U
+is U' times the cofactor of F.
+"""
+
+SOLID = Response(
+    4, 2, _solid_invariants, _of_solid_invariants, _solid_stretches, _of_solid_stretches
+)
+"""Response of a solid to (tr C, tr cof C, J): stress coefficients p, q and r of P = p F + q cof
+F + r F C, and the energy.
+"""
 
 ISOCHORIC_SOLID = replace(SOLID, isochoric=True)
 """Response of a solid as `SOLID`, with all results from W alone; U adds U' to q."""

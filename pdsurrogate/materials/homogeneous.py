@@ -1,6 +1,8 @@
-"""Exact homogeneous solutions of slightly compressible laws, in plane stress or plane strain, as references for simulations.
+"""Exact homogeneous solutions of slightly compressible laws, in plane stress or plane strain, as
+references for simulations.
 
-The textbook formulas of the paper's Table 1 hold in the incompressible limit and are off by about 1 % in stress at K = 100 mu.
+The textbook formulas of the paper's Table 1 hold in the incompressible limit and are off by about 1
+% in stress at K = 100 mu.
 """
 
 from collections.abc import Callable
@@ -12,17 +14,22 @@ from .law import Law
 from .states import PLANES, SHEETS, dimension_of, invariants, newton, plane_stress, stretch_squares
 
 STEP = 1e-7
-"""Relative difference from which Newton's iteration computes its slope. Chosen near the square root of rounding: the slope has an error of
-some 1e-7, which costs the iteration no step and the result nothing."""
+"""Relative difference from which Newton's iteration computes its slope. Chosen near the square root
+of rounding: the slope has an error of some 1e-7, which costs the iteration no step and the result
+nothing.
+"""
 
 CHANGE = 1e-3
-"""Relative change of the deformation gradient over which differences of fourth order give an acoustic tensor. Chosen: their error is some
-1e-11, and rounding, which a bulk modulus of 1000 shear moduli multiplies, adds as much."""
+"""Relative change of the deformation gradient over which differences of fourth order give an
+acoustic tensor. Chosen: their error is some 1e-11, and rounding, which a bulk modulus of 1000 shear
+moduli multiplies, adds as much.
+"""
 
 
 @dataclass(frozen=True)
 class HomogeneousState:
-    """Stretches, stresses and energy density of a body under homogeneous loading along the axes x1 and x2.
+    """Stretches, stresses and energy density of a body under homogeneous loading along the axes x1
+    and x2.
 
     Attributes
     ----------
@@ -45,10 +52,16 @@ class HomogeneousState:
     energy_density: float
 
 
-def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stress") -> HomogeneousState:
-    """Return the homogeneous state of a sheet at two given in-plane stretches, in plane "stress" or "strain"."""
+def biaxial(
+    law: Law, stretch: float, lateral_stretch: float, plane: str = "stress"
+) -> HomogeneousState:
+    """Return the homogeneous state of a sheet at two given in-plane stretches, in plane "stress"
+    or "strain".
+    """
     if plane not in SHEETS:
-        raise ValueError(f"plane must be {' or '.join(SHEETS)} for two given stretches of a sheet, not {plane}")
+        raise ValueError(
+            f"plane must be {' or '.join(SHEETS)} for two given stretches of a sheet, not {plane}"
+        )
     for value in (stretch, lateral_stretch):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"a stretch must be positive and finite, not {value}")
@@ -56,13 +69,19 @@ def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stre
     J3, P, energy = PLANES[plane].exact(law, F)
     if not np.isfinite(P).all():
         limit = law.limit(stretch_squares(*invariants(F)))
-        raise ValueError(f"{law.name}: no state exists at the stretches {stretch:g} and {lateral_stretch:g}: {limit}")
+        raise ValueError(
+            f"{law.name}: no state exists at the stretches {stretch:g} and {lateral_stretch:g}:"
+            f" {limit}"
+        )
     thickness = J3 / (stretch * lateral_stretch)
-    return HomogeneousState(*map(float, (stretch, lateral_stretch, thickness, J3, P[0, 0], P[1, 1], energy)))
+    return HomogeneousState(
+        *map(float, (stretch, lateral_stretch, thickness, J3, P[0, 0], P[1, 1], energy))
+    )
 
 
 def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousState:
-    """Return the homogeneous state in tension or compression along x1 with free sides: P22 = 0, and P33 = 0 except in plane strain.
+    """Return the homogeneous state in tension or compression along x1 with free sides: P22 = 0, and
+    P33 = 0 except in plane strain.
 
     `plane` is a name of `PLANES`.
     """
@@ -75,32 +94,46 @@ def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousStat
     if not np.isfinite(lateral).all():
         side = stretch ** (-1.0 if plane == "strain" else -0.5)
         squares = stretch_squares(stretch**2 + side**2, stretch * side)
-        raise ValueError(f"{law.name}: no state with free sides exists at the stretch {stretch:g}: {law.limit(squares)}")
+        raise ValueError(
+            f"{law.name}: no state with free sides exists at the stretch {stretch:g}:"
+            f" {law.limit(squares)}"
+        )
     return biaxial(law, stretch, float(lateral[0]), "strain" if plane == "strain" else "stress")
 
 
 def _root(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
-    """Return the zeros of increasing functions of positive numbers, by Newton's method from `start` with slopes from differences.
+    """Return the zeros of increasing functions of positive numbers, by Newton's method from `start`
+    with slopes from differences.
 
-    ``function(x)`` evaluates all functions, one for each element of x. A zero is NaN if its function is not finite there.
+    ``function(x)`` evaluates all functions, one for each element of x. A zero is NaN if its
+    function is not finite there.
     """
-    found = newton(lambda x: (function(x), (function((1 + STEP) * x) - function(x)) / (STEP * x)), start, 1e-8)
+    found = newton(
+        lambda x: (function(x), (function((1 + STEP) * x) - function(x)) / (STEP * x)), start, 1e-8
+    )
     with np.errstate(all="ignore"):
         return np.where(np.isfinite(function(found)), found, np.nan)
 
 
 def equibiaxial(law: Law, stretch: float) -> HomogeneousState:
-    """Return the homogeneous state of a sheet under plane stress at equal stretches along x1 and x2."""
+    """Return the homogeneous state of a sheet under plane stress at equal stretches along x1 and
+    x2.
+    """
     return biaxial(law, stretch, stretch)
 
 
 def pure_shear(law: Law, stretch: float) -> HomogeneousState:
-    """Return the homogeneous state of a sheet under plane stress at a stretch along x1 and a fixed width (lateral stretch 1)."""
+    """Return the homogeneous state of a sheet under plane stress at a stretch along x1 and a
+    fixed width (lateral stretch 1).
+    """
     return biaxial(law, stretch, 1.0)
 
 
-def wave_speeds(law: Law, F: np.ndarray, normal: np.ndarray, density: float, plane: str = "stress") -> np.ndarray:
-    """Return the speeds of plane waves of small amplitude in a body that is deformed homogeneously, theory (88).
+def wave_speeds(
+    law: Law, F: np.ndarray, normal: np.ndarray, density: float, plane: str = "stress"
+) -> np.ndarray:
+    """Return the speeds of plane waves of small amplitude in a body that is deformed homogeneously,
+    theory (88).
 
     Parameters
     ----------
@@ -112,18 +145,21 @@ def wave_speeds(law: Law, F: np.ndarray, normal: np.ndarray, density: float, pla
     density : float
         Mass per undeformed volume.
     plane : str
-        Name of `PLANES`. Under plane stress the waves are long compared with the thickness of the sheet.
+        Name of `PLANES`. Under plane stress the waves are long compared with the thickness of the
+        sheet.
 
     Returns
     -------
     ndarray, shape (d,)
-        Speeds in the undeformed body in ascending order: the undeformed length that a front crosses in unit time, in the square root of the
-        unit of the shear modulus over that of the density. Waves along a principal direction move faster in space by the stretch along it.
+        Speeds in the undeformed body in ascending order: the undeformed length that a front crosses
+        in unit time, in the square root of the unit of the shear modulus over that of the density.
+        Waves along a principal direction move faster in space by the stretch along it.
 
     Raises
     ------
     ValueError
-        If an argument is unsuitable, if the law has no state at F, or if it is unstable there, so that such waves would grow.
+        If an argument is unsuitable, if the law has no state at F, or if it is unstable there, so
+        that such waves would grow.
 
     Examples
     --------
@@ -136,7 +172,10 @@ def wave_speeds(law: Law, F: np.ndarray, normal: np.ndarray, density: float, pla
         raise ValueError(f"plane must be {' or '.join(PLANES)}, not {plane}")
     F, normal, d = np.asarray(F, dtype=float), np.asarray(normal, dtype=float), dimension_of(plane)
     if F.shape != (d, d) or normal.shape != (d,):
-        raise ValueError(f"F must have the shape {(d, d)} and normal {(d,)} for plane = {plane}, not {F.shape} and {normal.shape}")
+        raise ValueError(
+            f"F must have the shape {(d, d)} and normal {(d,)} for plane = {plane}, not {F.shape}"
+            f" and {normal.shape}"
+        )
     if not (np.isfinite(F).all() and np.linalg.det(F) > 0):
         raise ValueError(f"F must be finite with a positive determinant, not {F.tolist()}")
     length = np.linalg.norm(normal)
@@ -149,15 +188,24 @@ def wave_speeds(law: Law, F: np.ndarray, normal: np.ndarray, density: float, pla
     along = normal / length
     size = CHANGE * np.linalg.norm(F, -2)
     shears = size * np.eye(d)[:, :, None] * along
-    ahead, twice = (sum(side * PLANES[plane].first_piola_stress(law, F + side * by * shears) for side in (1, -1)) for by in (1, 2))
+    ahead, twice = (
+        sum(
+            side * PLANES[plane].first_piola_stress(law, F + side * by * shears) for side in (1, -1)
+        )
+        for by in (1, 2)
+    )
     tensor = (8 * ahead - twice) @ along / (12 * size)
     squares = np.linalg.eigvalsh((tensor + tensor.T) / 2) / density
     if not squares[0] > 0:
-        raise ValueError(f"{law.name}: unstable at F = {F.tolist()}: waves along {normal.tolist()} would grow")
+        raise ValueError(
+            f"{law.name}: unstable at F = {F.tolist()}: waves along {normal.tolist()} would grow"
+        )
     return np.sqrt(squares)
 
 
-def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def sheet_states(
+    law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return nominal stress and volume ratio of many homogeneous states under plane stress at once.
 
     Parameters
@@ -166,17 +214,21 @@ def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> 
     stretch : ndarray, shape (n,)
         Stretches along the stress.
     lateral_stretch : ndarray, shape (n,)
-        Stretches across the stress, in the plane; NaN for free sides, which have no stress. The thickness is always free of stress.
+        Stretches across the stress, in the plane; NaN for free sides, which have no stress. The
+        thickness is always free of stress.
 
     Returns
     -------
     nominal_stress, volume_ratio : ndarray, shape (n,)
-        P11, in the same unit as the shear modulus, and J3; NaN where the law has no state, past its limit.
+        P11, in the same unit as the shear modulus, and J3; NaN where the law has no state, past its
+        limit.
 
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> stress, volume = sheet_states(pds.materials.NeoHookean(), np.array([1.5, 1.5]), np.array([np.nan, 1.0]))
+    >>> stress, volume = sheet_states(
+    ...     pds.materials.NeoHookean(), np.array([1.5, 1.5]), np.array([np.nan, 1.0])
+    ... )
     >>> bool(np.isclose(stress[0], uniaxial(pds.materials.NeoHookean(), 1.5).nominal_stress))
     True
     """
@@ -187,8 +239,11 @@ def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> 
     return np.where(reached, stress, np.nan), np.where(reached, J3, np.nan)
 
 
-def sheet_response(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """Return a function of J3 that gives the nominal stress of states as in `sheet_states`, and what vanishes where the thickness is free.
+def sheet_response(
+    law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray
+) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """Return a function of J3 that gives the nominal stress of states as in `sheet_states`, and
+    what vanishes where the thickness is free.
 
     The latter is divided by the shear modulus. All arrays have the shape (n,).
     """
@@ -198,7 +253,9 @@ def sheet_response(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -
         # Free sides and thickness have the same stretch, by symmetry.
         lateral = np.where(free, np.sqrt(J3 / stretch), lateral_stretch)
         with np.errstate(all="ignore"):
-            p, q, residual, *_ = plane_stress.response(law, stretch**2 + lateral**2, stretch * lateral, J3)
+            p, q, residual, *_ = plane_stress.response(
+                law, stretch**2 + lateral**2, stretch * lateral, J3
+            )
             return law.shear_modulus * (p * stretch + q / stretch), residual
 
     return at

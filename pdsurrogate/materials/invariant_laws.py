@@ -1,4 +1,6 @@
-"""Laws of the isochoric invariants: polynomials in them, and laws of rubber whose chains have a limited extension."""
+"""Laws of the isochoric invariants: polynomials in them, and laws of rubber whose chains have a
+limited extension.
+"""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -22,7 +24,8 @@ class NeoHookean(InvariantLaw):
 
     References
     ----------
-    Chen, Yang, Liu, Int. J. Mech. Sci. 273 (2024) 109234, Eq. (6).  Treloar, Trans. Faraday Soc. 39 (1943) 241.
+    Chen, Yang, Liu, Int. J. Mech. Sci. 273 (2024) 109234, Eq. (6).  Treloar, Trans. Faraday Soc. 39
+    (1943) 241.
 
     Examples
     --------
@@ -54,8 +57,8 @@ class MooneyRivlin(InvariantLaw):
     bulk_modulus : float
         Initial bulk modulus K. Unit: stress.
     second_share : float
-        C01/(C10 + C01), from 0 to 1. Outside this interval one of the two constants is negative, and large strains are unstable. The
-        default is an example, not a fit. Unit: none.
+        C01/(C10 + C01), from 0 to 1. Outside this interval one of the two constants is negative,
+        and large strains are unstable. The default is an example, not a fit. Unit: none.
 
     References
     ----------
@@ -79,7 +82,9 @@ class MooneyRivlin(InvariantLaw):
 
     def check(self) -> None:
         if not 0 <= self.second_share <= 1:
-            raise ValueError(f"{self.name}: second_share must be between 0 and 1, not {self.second_share:g}")
+            raise ValueError(
+                f"{self.name}: second_share must be between 0 and 1, not {self.second_share:g}"
+            )
 
     @staticmethod
     def isochoric(I1, I2, parameters):
@@ -91,7 +96,8 @@ class MooneyRivlin(InvariantLaw):
 
 @dataclass(frozen=True)
 class Yeoh(InvariantLaw):
-    """Yeoh's law, Psi = C10 [(I1bar - 3) + a (I1bar - 3)^2 + b (I1bar - 3)^3] + U(J3), with mu = 2 C10, a = C20/C10 and b = C30/C10.
+    """Yeoh's law, Psi = C10 [(I1bar - 3) + a (I1bar - 3)^2 + b (I1bar - 3)^3] + U(J3), with mu = 2
+    C10, a = C20/C10 and b = C30/C10.
 
     Parameters
     ----------
@@ -100,8 +106,8 @@ class Yeoh(InvariantLaw):
     bulk_modulus : float
         Initial bulk modulus K. Unit: stress.
     second : float
-        a = C20/C10, above -sqrt(3 third). Below this bound the stress decreases at some strain. The default is an example, not a fit. Unit:
-        none.
+        a = C20/C10, above -sqrt(3 third). Below this bound the stress decreases at some strain. The
+        default is an example, not a fit. Unit: none.
     third : float
         b = C30/C10, at least 0. The default is an example, not a fit. Unit: none.
 
@@ -128,8 +134,9 @@ class Yeoh(InvariantLaw):
     def check(self) -> None:
         if not (self.third >= 0 and (self.second >= 0 or self.second**2 < 3 * self.third)):
             raise ValueError(
-                f"{self.name}: second = {self.second:g} and third = {self.third:g} make the stress fall with growing strain; "
-                "third must be at least 0 and second above -sqrt(3 third)"
+                f"{self.name}: second = {self.second:g} and third = {self.third:g} make the stress"
+                " fall with growing strain; third must be at least 0 and second above -sqrt(3"
+                " third)"
             )
 
     @staticmethod
@@ -137,27 +144,37 @@ class Yeoh(InvariantLaw):
         a, b = parameters[1], parameters[2]
         x = I1 - 3
         zero = 0 * I1
-        return x * (1 + x * (a + x * b)) / 2, (1 + x * (2 * a + 3 * b * x)) / 2, zero, a + 3 * b * x, zero, zero
+        return (
+            x * (1 + x * (a + x * b)) / 2,
+            (1 + x * (2 * a + 3 * b * x)) / 2,
+            zero,
+            a + 3 * b * x,
+            zero,
+            zero,
+        )
 
 
 @dataclass(frozen=True)
 class Gent(InvariantLaw):
     """Gent's law, Psi = -mu Jm/2 log(1 - (I1bar - 3)/Jm) + K/2 ((J3^2 - 1)/2 - log J3).
 
-    The law ends at I1bar - 3 = Jm: there and past it every response is NaN, which the plane-stress solution reports as an error.
+    The law ends at I1bar - 3 = Jm: there and past it every response is NaN, which the plane-stress
+    solution reports as an error.
 
     Parameters
     ----------
     shear_modulus : float
         Initial shear modulus mu. Unit: stress.
     bulk_modulus : float
-        Initial bulk modulus K; equal to 2/D in the paper, where D = 0.01 gives K = 200 mu. Unit: stress.
+        Initial bulk modulus K; equal to 2/D in the paper, where D = 0.01 gives K = 200 mu. Unit:
+        stress.
     chain_limit : float
         Limit Jm of I1bar - 3; 120 in the paper's section 6.7. Unit: none.
 
     References
     ----------
-    Gent, Rubber Chem. Technol. 69 (1996) 59.  Chen, Yang, Liu, Int. J. Mech. Sci. 273 (2024) 109234, Eq. (32).
+    Gent, Rubber Chem. Technol. 69 (1996) 59.  Chen, Yang, Liu, Int. J. Mech. Sci. 273 (2024)
+    109234, Eq. (32).
 
     Examples
     --------
@@ -178,7 +195,10 @@ class Gent(InvariantLaw):
     chain_limit: float = 120.0
 
     def limit(self, squares: np.ndarray) -> str:
-        return f"I1bar - 3 = {squares.sum() - 3:.4g} exceeds the limit of the law, chain_limit = {self.chain_limit:g}"
+        return (
+            f"I1bar - 3 = {squares.sum() - 3:.4g} exceeds the limit of the law, chain_limit ="
+            f" {self.chain_limit:g}"
+        )
 
     @staticmethod
     def isochoric(I1, I2, parameters):
@@ -187,25 +207,39 @@ class Gent(InvariantLaw):
         gap = select(gap > 0, gap, np.nan)
         zero = 0 * I1
         # 0 * gap passes NaN on, which the kernels' logarithm does not.
-        return 0 * gap - limit / 2 * logarithm(gap), 1 / (2 * gap), zero, 1 / (2 * limit * gap * gap), zero, zero
+        return (
+            0 * gap - limit / 2 * logarithm(gap),
+            1 / (2 * gap),
+            zero,
+            1 / (2 * limit * gap * gap),
+            zero,
+            zero,
+        )
 
     @staticmethod
     def volumetric(J3, parameters):
         K = parameters[0]
         inverse = 1 / J3
-        return K / 2 * ((J3 * J3 - 1) / 2 - logarithm(J3)), K / 2 * (J3 - inverse), K / 2 * (1 + inverse * inverse)
+        return (
+            K / 2 * ((J3 * J3 - 1) / 2 - logarithm(J3)),
+            K / 2 * (J3 - inverse),
+            K / 2 * (1 + inverse * inverse),
+        )
 
 
 @dataclass(frozen=True)
 class ArrudaBoyce(InvariantLaw):
-    """Eight-chain law, Psi = n kT N [y beta + log(beta/sinh(beta))] + U(J3), y = sqrt(I1bar/(3 N)), beta = L^-1(y).
+    """Eight-chain law, Psi = n kT N [y beta + log(beta/sinh(beta))] + U(J3), y = sqrt(I1bar/(3 N)),
+    beta = L^-1(y).
 
-    The law ends where the chains are straight, at I1bar = 3 N: there and beyond every response is NaN.
+    The law ends where the chains are straight, at I1bar = 3 N: there and beyond every response is
+    NaN.
 
     Parameters
     ----------
     shear_modulus : float
-        Initial shear modulus mu; n kT follows from it, mu = n kT beta0/(3 y0) with y0 = 1/sqrt(N). Unit: stress.
+        Initial shear modulus mu; n kT follows from it, mu = n kT beta0/(3 y0) with y0 = 1/sqrt(N).
+        Unit: stress.
     bulk_modulus : float
         Initial bulk modulus K. Unit: stress.
     chain_links : float
@@ -239,10 +273,15 @@ class ArrudaBoyce(InvariantLaw):
         at_rest = N**-0.5
         beta = float(inverse_langevin(at_rest)[0])
         density = 3 * at_rest / beta
-        return np.array([self.bulk_modulus / self.shear_modulus, N, density, float(chain_energy(at_rest, beta))])
+        return np.array(
+            [self.bulk_modulus / self.shear_modulus, N, density, float(chain_energy(at_rest, beta))]
+        )
 
     def limit(self, squares: np.ndarray) -> str:
-        return f"I1bar/3 = {squares.sum() / 3:.4g} exceeds the limit of the law, chain_links = {self.chain_links:g}"
+        return (
+            f"I1bar/3 = {squares.sum() / 3:.4g} exceeds the limit of the law, chain_links ="
+            f" {self.chain_links:g}"
+        )
 
     @staticmethod
     def isochoric(I1, I2, parameters):
@@ -251,4 +290,11 @@ class ArrudaBoyce(InvariantLaw):
         beta, stiffness = inverse_langevin(y)
         zero = 0 * I1
         W11 = density * (stiffness * y - beta) / (36 * N * y * y * y)
-        return density * N * (chain_energy(y, beta) - at_rest), density * beta / (6 * y), zero, W11, zero, zero
+        return (
+            density * N * (chain_energy(y, beta) - at_rest),
+            density * beta / (6 * y),
+            zero,
+            W11,
+            zero,
+            zero,
+        )

@@ -1,7 +1,8 @@
 """Interface of a material law.
 
-A law is a small frozen dataclass. It states its energy and the derivatives of its energy as elementwise expressions, which NumPy evaluates
-for checks and numba compiles for runs. `expressions` and `states` derive stresses and stiffness from them.
+A law is a small frozen dataclass. It states its energy and the derivatives of its energy as
+elementwise expressions, which NumPy evaluates for checks and numba compiles for runs. `expressions`
+and `states` derive stresses and stiffness from them.
 
 Energies and stresses are dimensionless, in units of the law's shear modulus.
 """
@@ -24,21 +25,27 @@ class Law(ABC):
     Parameters
     ----------
     shear_modulus : float
-        Shear modulus in the undeformed state, in any unit of stress; energies and stresses are computed in units of the shear modulus.
+        Shear modulus in the undeformed state, in any unit of stress; energies and stresses are
+        computed in units of the shear modulus.
     bulk_modulus : float
-        Bulk modulus in the undeformed state, in the same unit. The default, 100 shear moduli, is the paper's; rubber has about 1,000.
+        Bulk modulus in the undeformed state, in the same unit. The default, 100 shear moduli, is
+        the paper's; rubber has about 1,000.
     """
 
     name: ClassVar[str]
     reference: ClassVar[str]
     bounds: ClassVar[dict[str, tuple[float, float]]] = {}
-    """Bounds within which an identification from test data searches the parameters other than the two moduli."""
+    """Bounds within which an identification from test data searches the parameters other than
+    the two moduli.
+    """
 
     above: ClassVar[dict[str, float]] = {}
     """Values that parameters other than the two moduli must exceed."""
 
     costly: ClassVar[bool] = False
-    """True if the law's response costs more than a learned bond force; the learned force then computes the thickness as well."""
+    """True if the law's response costs more than a learned bond force; the learned force then
+    computes the thickness as well.
+    """
 
     shear_modulus: float = 1.0
     bulk_modulus: float = 100.0
@@ -76,19 +83,23 @@ class Law(ABC):
 
     @property
     def parameters(self) -> np.ndarray:
-        """Dimensionless parameters, float64, in the order in which the law's expressions read them; by default K/mu and the `shape`.
+        """Dimensionless parameters, float64, in the order in which the law's expressions read them;
+        by default K/mu and the `shape`.
 
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> pds.materials.Gent(shear_modulus=2.0, bulk_modulus=100.0, chain_limit=60.0).parameters.tolist()
+        >>> pds.materials.Gent(
+        ...     shear_modulus=2.0, bulk_modulus=100.0, chain_limit=60.0
+        ... ).parameters.tolist()
         [50.0, 60.0]
         """
         return np.array([self.bulk_modulus / self.shear_modulus, *self.shape.values()])
 
     @staticmethod
     def volumetric(J3, parameters):
-        """Return the volumetric energy U and its derivatives; by default U = K/8 (J3 - 1/J3)^2, Eq. (6) of the paper.
+        """Return the volumetric energy U and its derivatives; by default U = K/8 (J3 - 1/J3)^2, Eq.
+        (6) of the paper.
 
         Parameters
         ----------
@@ -112,7 +123,11 @@ class Law(ABC):
         K = parameters[0]
         inverse = 1 / J3
         square = inverse * inverse
-        return K / 8 * (J3 - inverse) * (J3 - inverse), K / 4 * (J3 - inverse * square), K / 4 * (1 + 3 * square * square)
+        return (
+            K / 8 * (J3 - inverse) * (J3 - inverse),
+            K / 4 * (J3 - inverse * square),
+            K / 4 * (1 + 3 * square * square),
+        )
 
     def limit(self, squares: np.ndarray) -> str:
         """Explain, for an error message, why no state exists at some isochoric principal stretches.
@@ -137,7 +152,8 @@ class Law(ABC):
 
     @property
     def shape(self) -> dict[str, float]:
-        """Dimensionless parameters, by name, on which the bond force / mu in a given state depends; by default all but mu and K.
+        """Dimensionless parameters, by name, on which the bond force / mu in a given state depends;
+        by default all but mu and K.
 
         Examples
         --------
@@ -148,7 +164,8 @@ class Law(ABC):
         return {field.name: getattr(self, field.name) for field in fields(self)[2:]}
 
     def scaled(self, factor: float) -> Self:
-        """Return a copy of the law with all moduli multiplied by a factor, for example for another unit of stress.
+        """Return a copy of the law with all moduli multiplied by a factor, for example for another
+        unit of stress.
 
         Parameters
         ----------
@@ -162,10 +179,14 @@ class Law(ABC):
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> pds.materials.NeoHookean(shear_modulus=0.4, bulk_modulus=40.0).scaled(1000.0)  # from MPa to kPa
+        >>> pds.materials.NeoHookean(shear_modulus=0.4, bulk_modulus=40.0).scaled(
+        ...     1000.0
+        ... )  # from MPa to kPa
         NeoHookean(shear_modulus=400.0, bulk_modulus=40000.0)
         """
-        return replace(self, shear_modulus=self.shear_modulus * factor, bulk_modulus=self.bulk_modulus * factor)
+        return replace(
+            self, shear_modulus=self.shear_modulus * factor, bulk_modulus=self.bulk_modulus * factor
+        )
 
     def describe(self) -> dict:
         """Return name and parameters of the law, in the form used by scenes and artifact cards.
@@ -180,7 +201,10 @@ class Law(ABC):
         >>> pds.materials.NeoHookean(shear_modulus=0.4, bulk_modulus=40.0).describe()
         {'law': 'neo-hookean', 'shear_modulus': 0.4, 'bulk_modulus': 40.0}
         """
-        return {"law": self.name, **{field.name: getattr(self, field.name) for field in fields(self)}}
+        return {
+            "law": self.name,
+            **{field.name: getattr(self, field.name) for field in fields(self)},
+        }
 
     def _repr_html_(self) -> str:
         return html_facts(f"Law {self.name}", {**self.describe(), "source": self.reference})
@@ -202,7 +226,8 @@ def checked_law(law) -> Law:
 class InvariantLaw(Law):
     """Base class of laws W(I1bar, I2bar) + U(J3) of the isochoric invariants.
 
-    A subclass defines `isochoric`, and `volumetric` if U is not the default: static methods that are plain elementwise expressions.
+    A subclass defines `isochoric`, and `volumetric` if U is not the default: static methods that
+    are plain elementwise expressions.
     """
 
     @staticmethod
@@ -220,7 +245,8 @@ class InvariantLaw(Law):
         Returns
         -------
         tuple
-            W, W1, W2, W11, W12, W22 in units of mu; the digits stand for derivatives by I1bar and I2bar.
+            W, W1, W2, W11, W12, W22 in units of mu; the digits stand for derivatives by I1bar and
+            I2bar.
 
         Examples
         --------
@@ -232,15 +258,18 @@ class InvariantLaw(Law):
 
 
 class PrincipalStretchLaw(Law):
-    """Base class of laws W + U(J3) whose isochoric part W is a sum of terms of one form in the isochoric principal stretches.
+    """Base class of laws W + U(J3) whose isochoric part W is a sum of terms of one form in the
+    isochoric principal stretches.
 
-    Ogden's law is such a sum, and so is a quadrature over directions on the sphere. A subclass defines `terms`, and `coefficients` and
-    `term` as static methods that are plain elementwise expressions.
+    Ogden's law is such a sum, and so is a quadrature over directions on the sphere. A subclass
+    defines `terms`, and `coefficients` and `term` as static methods that are plain elementwise
+    expressions.
     """
 
     @property
     def terms(self) -> np.ndarray:
-        """Dimensionless constants of the terms, one row for each, which `coefficients` reads from `parameters`.
+        """Dimensionless constants of the terms, one row for each, which `coefficients` reads from
+        `parameters`.
 
         Examples
         --------
@@ -260,7 +289,9 @@ class PrincipalStretchLaw(Law):
         >>> pds.materials.Ogden(moduli=(1.0,), exponents=(2.0,)).parameters.tolist()
         [100.0, 1.0, 1.0, 2.0]
         """
-        return np.concatenate([[self.bulk_modulus / self.shear_modulus, len(self.terms)], *self.terms])
+        return np.concatenate(
+            [[self.bulk_modulus / self.shear_modulus, len(self.terms)], *self.terms]
+        )
 
     @staticmethod
     @abstractmethod
@@ -305,10 +336,16 @@ class PrincipalStretchLaw(Law):
         --------
         >>> import pdsurrogate as pds
         >>> law = pds.materials.Ogden(moduli=(1.0,), exponents=(2.0,))
-        >>> [round(float(part), 6) for part in law.sums((0.0, 0.0, 0.0, 1.0, 1.0, 1.0), law.parameters)]
+        >>> [
+        ...     round(float(part), 6)
+        ...     for part in law.sums((0.0, 0.0, 0.0, 1.0, 1.0, 1.0), law.parameters)
+        ... ]
         [0.0, 1.0, 1.0, 1.0, 1.333333]
         """
-        terms = (self.term(*stretches, self.coefficients(parameters, k)) for k in range(int(parameters[1])))
+        terms = (
+            self.term(*stretches, self.coefficients(parameters, k))
+            for k in range(int(parameters[1]))
+        )
         return [sum(parts) for parts in zip(*terms, strict=True)]
 
     @staticmethod
@@ -328,8 +365,9 @@ class PrincipalStretchLaw(Law):
         Returns
         -------
         tuple
-            Energy; its derivatives g1, g2 and g3 by x1, x2 and x3; and the second derivative h along (-1, -1, 2)/3, the direction in which
-            J3 changes the stretches at fixed F in the plane.
+            Energy; its derivatives g1, g2 and g3 by x1, x2 and x3; and the second derivative h
+            along (-1, -1, 2)/3, the direction in which J3 changes the stretches at fixed F in the
+            plane.
 
         Examples
         --------

@@ -1,4 +1,6 @@
-"""Law whose energy is a sum of terms of the dictionary with coefficients of which none is negative."""
+"""Law whose energy is a sum of terms of the dictionary with coefficients of which none is
+negative.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,20 +15,25 @@ from .stretch_laws import MOST_TERMS, Ogden
 
 @dataclass(frozen=True)
 class Polyconvex(Ogden):
-    """Polyconvex law: a sum of powers of stretches, powers and roots of the invariants, and logarithms, none with a negative coefficient.
+    """Polyconvex law: a sum of powers of stretches, powers and roots of the invariants, and
+    logarithms, none with a negative coefficient.
 
-    Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + sum_k a_k x^k + sum_k b_k y^k + d_1 (sqrt I1bar - sqrt 3)
-    + d_2 (sqrt I2bar - sqrt 3) - sum_k m_k/2 L_k log(1 - x/L_k) + e log(I2bar/3) + U(J3), with the isochoric principal stretches l,
-    x = I1bar - 3 and y = I2bar^1.5 - 3 sqrt 3. From x = 0.9 L_k on, a logarithm of x continues as its Taylor polynomial of second degree,
-    so that the law has no limit. Each term but the last is polyconvex: powers of the invariants and logarithms of x for all deformations,
-    powers of stretches and roots if only deformations of constant volume are considered. The term in log I2bar, of the law of Gent and
-    Thomas, is not: with it, waves are stable in a bounded range of states only, which depends on the other terms.
+    Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + sum_k a_k x^k + sum_k b_k
+    y^k + d_1 (sqrt I1bar - sqrt 3) + d_2 (sqrt I2bar - sqrt 3) - sum_k m_k/2 L_k log(1 - x/L_k) + e
+    log(I2bar/3) + U(J3), with the isochoric principal stretches l, x = I1bar - 3 and y = I2bar^1.5
+    - 3 sqrt 3. From x = 0.9 L_k on, a logarithm of x continues as its Taylor polynomial of second
+    degree, so that the law has no limit. Each term but the last is polyconvex: powers of the
+    invariants and logarithms of x for all deformations, powers of stretches and roots if only
+    deformations of constant volume are considered. The term in log I2bar, of the law of Gent and
+    Thomas, is not: with it, waves are stable in a bounded range of states only, which depends on
+    the other terms.
 
     Parameters
     ----------
     shear_modulus : float, optional
-        Initial shear modulus mu. It follows from the terms, as sum_k mu_k alpha_k / 2 + 2 a_1 + 3 sqrt 3 b_1 + (d_1 + d_2) / sqrt 3
-        + sum_k m_k + 2 e / 3, and if given must equal this sum. Unit: stress.
+        Initial shear modulus mu. It follows from the terms, as sum_k mu_k alpha_k / 2 + 2 a_1 + 3
+        sqrt 3 b_1 + (d_1 + d_2) / sqrt 3 + sum_k m_k + 2 e / 3, and if given must equal this sum.
+        Unit: stress.
     bulk_modulus : float, optional
         Initial bulk modulus K; 100 mu by default. Unit: stress.
     moduli : tuple of float
@@ -48,9 +55,10 @@ class Polyconvex(Ogden):
 
     References
     ----------
-    Hartmann, Neff, Int. J. Solids Struct. 40 (2003) 2767, for the powers of the invariants; Ogden, Proc. R. Soc. A 326 (1972) 565; Carroll,
-    J. Elast. 103 (2011) 173, for the root of the second invariant; Gent, Rubber Chem. Technol. 69 (1996) 59, for the logarithm of x; Gent,
-    Thomas, J. Polym. Sci. 28 (1958) 625, for that of the second invariant.
+    Hartmann, Neff, Int. J. Solids Struct. 40 (2003) 2767, for the powers of the invariants; Ogden,
+    Proc. R. Soc. A 326 (1972) 565; Carroll, J. Elast. 103 (2011) 173, for the root of the second
+    invariant; Gent, Rubber Chem. Technol. 69 (1996) 59, for the logarithm of x; Gent, Thomas, J.
+    Polym. Sci. 28 (1958) 625, for that of the second invariant.
 
     Examples
     --------
@@ -63,8 +71,22 @@ class Polyconvex(Ogden):
 
     name: ClassVar[str] = "polyconvex"
     reference: ClassVar[str] = "Hartmann, Neff 2003"
-    lists: ClassVar[tuple[str, ...]] = ("moduli", "exponents", "first", "second", "roots", "logarithms", "limits", "second_logarithm")
-    lengths: ClassVar[dict[str, int]] = {"first": GREATEST_POWER, "second": GREATEST_POWER, "roots": 2, "second_logarithm": 1}
+    lists: ClassVar[tuple[str, ...]] = (
+        "moduli",
+        "exponents",
+        "first",
+        "second",
+        "roots",
+        "logarithms",
+        "limits",
+        "second_logarithm",
+    )
+    lengths: ClassVar[dict[str, int]] = {
+        "first": GREATEST_POWER,
+        "second": GREATEST_POWER,
+        "roots": 2,
+        "second_logarithm": 1,
+    }
     """Numbers of constants in the lists that are filled up with zeros."""
 
     moduli: tuple[float, ...] = ()
@@ -79,18 +101,34 @@ class Polyconvex(Ogden):
     def _check_terms(self) -> None:
         for key, most in {**self.lengths, "logarithms": MOST_TERMS}.items():
             values = getattr(self, key)
-            if len(values) > most or not (np.isfinite(values).all() and min(values, default=0) >= 0):
-                raise ValueError(f"{self.name}: {key} must be at most {most} finite numbers, none negative, not {list(values)}")
-            object.__setattr__(self, key, (*values, *[0.0] * (self.lengths.get(key, 0) - len(values))))
-        if len(self.limits) != len(self.logarithms) or not all(0 < limit < np.inf for limit in self.limits):
-            raise ValueError(f"{self.name}: limits must be positive numbers, one for each of logarithms, not {list(self.limits)}")
+            if len(values) > most or not (
+                np.isfinite(values).all() and min(values, default=0) >= 0
+            ):
+                raise ValueError(
+                    f"{self.name}: {key} must be at most {most} finite numbers, none negative, not"
+                    f" {list(values)}"
+                )
+            object.__setattr__(
+                self, key, (*values, *[0.0] * (self.lengths.get(key, 0) - len(values)))
+            )
+        if len(self.limits) != len(self.logarithms) or not all(
+            0 < limit < np.inf for limit in self.limits
+        ):
+            raise ValueError(
+                f"{self.name}: limits must be positive numbers, one for each of logarithms, not"
+                f" {list(self.limits)}"
+            )
         if self.moduli or self.exponents:
             super()._check_terms()
         if min(map(abs, self.exponents), default=1) < 1:
-            raise ValueError(f"{self.name}: exponents must be at least 1 in size for a polyconvex law, not {list(self.exponents)}")
+            raise ValueError(
+                f"{self.name}: exponents must be at least 1 in size for a polyconvex law, not"
+                f" {list(self.exponents)}"
+            )
         if not self._stiffness() > 0:
             raise ValueError(
-                f"{self.name}: the stiffness at rest is zero: give moduli, roots, logarithms, or a first number above 0 in first or second"
+                f"{self.name}: the stiffness at rest is zero: give moduli, roots, logarithms, or a"
+                " first number above 0 in first or second"
             )
 
     @property
@@ -100,12 +138,27 @@ class Polyconvex(Ogden):
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> {str(term): float(size) for term, size in pds.materials.Polyconvex(first=(0.4, 0.01)).combination.items()}
+        >>> {
+        ...     str(term): float(size)
+        ...     for term, size in pds.materials.Polyconvex(first=(0.4, 0.01)).combination.items()
+        ... }
         {'I1bar - 3 to the power 1': 0.4, 'I1bar - 3 to the power 2': 0.01}
         """
-        pairs = [(Term("stretches", exponent), modulus * exponent) for modulus, exponent in zip(self.moduli, self.exponents, strict=True)]
-        pairs += [(Term(kind, float(k)), size) for kind in self.lengths for k, size in enumerate(getattr(self, kind), start=1) if size]
-        pairs += [(Term("logarithms", limit), modulus) for modulus, limit in zip(self.logarithms, self.limits, strict=True) if modulus]
+        pairs = [
+            (Term("stretches", exponent), modulus * exponent)
+            for modulus, exponent in zip(self.moduli, self.exponents, strict=True)
+        ]
+        pairs += [
+            (Term(kind, float(k)), size)
+            for kind in self.lengths
+            for k, size in enumerate(getattr(self, kind), start=1)
+            if size
+        ]
+        pairs += [
+            (Term("logarithms", limit), modulus)
+            for modulus, limit in zip(self.logarithms, self.limits, strict=True)
+            if modulus
+        ]
         found: dict[Term, float] = {}
         for term, size in pairs:
             found[term] = found.get(term, 0.0) + size
@@ -116,10 +169,13 @@ class Polyconvex(Ogden):
 
     @property
     def terms(self) -> np.ndarray:
-        # Terms that are functions of the same z are one row; all with the same r and a, and a logarithm's L, are.
+        # Terms that are functions of the same z are one row; all with the same r and a, and a
+        # logarithm's L, are.
         rows: dict[tuple, np.ndarray] = {}
         for term, size in self.combination.items():
-            rows[term.row[:3]] = rows.get(term.row[:3], 0) + size / self.shear_modulus * np.array(term.row[3:])
+            rows[term.row[:3]] = rows.get(term.row[:3], 0) + size / self.shear_modulus * np.array(
+                term.row[3:]
+            )
         return np.array([[*constants, *sizes] for constants, sizes in rows.items()])
 
     @property
@@ -127,20 +183,38 @@ class Polyconvex(Ogden):
         found = super().shape
         for key in self.lists[2:]:
             size = 1.0 if key == "limits" else self.shear_modulus
-            found |= {f"{key}_{number}": value / size for number, value in enumerate(getattr(self, key), start=1)}
+            found |= {
+                f"{key}_{number}": value / size
+                for number, value in enumerate(getattr(self, key), start=1)
+            }
         return found
 
     @staticmethod
     def coefficients(parameters, k):
         at = 2 + 8 * k
-        exponent, root, limit, modulus = parameters[at], parameters[at + 1], parameters[at + 2], parameters[at + 3]
-        return exponent, root, limit, modulus, parameters[at + 4], parameters[at + 5], parameters[at + 6], parameters[at + 7]
+        exponent, root, limit, modulus = (
+            parameters[at],
+            parameters[at + 1],
+            parameters[at + 2],
+            parameters[at + 3],
+        )
+        return (
+            exponent,
+            root,
+            limit,
+            modulus,
+            parameters[at + 4],
+            parameters[at + 5],
+            parameters[at + 6],
+            parameters[at + 7],
+        )
 
     term = staticmethod(energy_of_row)
 
 
 def law_of(terms: Sequence[Term], coefficients: ArrayLike, bulk_modulus: float) -> Ogden:
-    """Return the law whose isochoric energy is a sum of terms with coefficients: `Ogden` if all are powers of stretches, else `Polyconvex`.
+    """Return the law whose isochoric energy is a sum of terms with coefficients: `Ogden` if all are
+    powers of stretches, else `Polyconvex`.
 
     Parameters
     ----------
@@ -160,24 +234,36 @@ def law_of(terms: Sequence[Term], coefficients: ArrayLike, bulk_modulus: float) 
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials.dictionary import Term
     >>> from pdsurrogate.materials.polyconvex import law_of
-    >>> law_of([Term("first", 1), Term("first", 2)], [0.4, 0.01], 400.0) == pds.materials.Polyconvex(first=(0.4, 0.01), bulk_modulus=400.0)
+    >>> law_of(
+    ...     [Term("first", 1), Term("first", 2)], [0.4, 0.01], 400.0
+    ... ) == pds.materials.Polyconvex(first=(0.4, 0.01), bulk_modulus=400.0)
     True
     """
     sizes = np.asarray(coefficients, dtype=float)
     if not (sizes >= 0).all():
-        raise ValueError(f"coefficients of energy terms must not be negative, but the least is {sizes.min():g}")
-    lists: dict[str, list[float]] = {key: [0.0] * Polyconvex.lengths.get(key, 0) for key in Polyconvex.lists}
+        raise ValueError(
+            f"coefficients of energy terms must not be negative, but the least is {sizes.min():g}"
+        )
+    lists: dict[str, list[float]] = {
+        key: [0.0] * Polyconvex.lengths.get(key, 0) for key in Polyconvex.lists
+    }
     for (kind, number), size in zip(terms, sizes.tolist(), strict=True):
         if not size:
             continue
         if kind in Polyconvex.lengths:
             lists[kind][int(number) - 1] += size
         else:
-            moduli, numbers = ("moduli", "exponents") if kind == "stretches" else ("logarithms", "limits")
+            moduli, numbers = (
+                ("moduli", "exponents") if kind == "stretches" else ("logarithms", "limits")
+            )
             lists[moduli].append(size / number if kind == "stretches" else size)
             lists[numbers].append(float(number))
     if all(not any(values) for key, values in lists.items() if key not in Ogden.lists):
-        return Ogden(bulk_modulus=bulk_modulus, moduli=tuple(lists["moduli"]), exponents=tuple(lists["exponents"]))
+        return Ogden(
+            bulk_modulus=bulk_modulus,
+            moduli=tuple(lists["moduli"]),
+            exponents=tuple(lists["exponents"]),
+        )
     given: dict[str, Any] = {key: tuple(values) for key, values in lists.items()}
     return Polyconvex(bulk_modulus=bulk_modulus, **given)
 

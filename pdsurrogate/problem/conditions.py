@@ -29,20 +29,26 @@ from .program import NominalStress, Prescription, Stage, known_ends, parameter_o
 from .regions import BodyRegions
 
 RIGID = 1e3
-"""Stiffness of rigid regions divided by that of the rest of the body, for the first guess of an equilibrium; the guess is then moved until
-the regions are rigid. Chosen: strains of the regions are a thousandth of those beside them; a greater ratio costs digits of the
-factorization."""
+"""Stiffness of rigid regions divided by that of the rest of the body, for the first guess of an
+equilibrium; the guess is then moved until the regions are rigid. Chosen: strains of the regions are
+a thousandth of those beside them; a greater ratio costs digits of the factorization.
+"""
 
 SAMPLES = 5
-"""Number of values of the loading parameter in each stage at which two prescribed motions are compared; motions equal at all of them count
-as equal. Chosen: amplitudes are smooth or tables, and two different ones that agree at five values are not written by accident."""
+"""Number of values of the loading parameter in each stage at which two prescribed motions are
+compared; motions equal at all of them count as equal. Chosen: amplitudes are smooth or tables, and
+two different ones that agree at five values are not written by accident.
+"""
 
 MOST_STEPS = 1e9
-"""Maximum number of steps of a stage: more would run for weeks even on the smallest body, and indicate wrong units of density or rate."""
+"""Maximum number of steps of a stage: more would run for weeks even on the smallest body, and
+indicate wrong units of density or rate.
+"""
 
 LEAST_SPREAD = 1e-6
-"""Singular value of the matrix of constraints on the rigid motions below which a motion counts as free. Chosen: two held points that are a
-thousandth of the body apart yield more."""
+"""Singular value of the matrix of constraints on the rigid motions below which a motion counts as
+free. Chosen: two held points that are a thousandth of the body apart yield more.
+"""
 
 
 def conditions_of(
@@ -54,7 +60,8 @@ def conditions_of(
     rigid: np.ndarray,
     stress: NominalStress | None = None,
 ) -> Loading:
-    """Return the boundary conditions and loads of a body (`Loading`), checked, with the first guesses of equilibria that follow from them.
+    """Return the boundary conditions and loads of a body (`Loading`), checked, with the first
+    guesses of equilibria that follow from them.
 
     Parameters
     ----------
@@ -71,40 +78,70 @@ def conditions_of(
     Raises
     ------
     ValueError
-        If a region is empty, two entries move a point or plane differently, an amplitude is not zero at the start, or nothing keeps a piece
-        of the body where it is; the message names the key.
+        If a region is empty, two entries move a point or plane differently, an amplitude is not
+        zero at the start, or nothing keeps a piece of the body where it is; the message names the
+        key.
     """
     body = regions.body
     names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
     edges = [edge_of(plane) for plane in body.planes]
     planes, held, along_planes = [], [], []
-    reached = np.unique(body.bonds.second[body.bonds.second >= len(body)]) - len(body)  # images at which bonds end
+    reached = np.unique(body.bonds.second[body.bonds.second >= len(body)]) - len(
+        body
+    )  # images at which bonds end
     for number, (edge, plane) in enumerate(zip(edges, body.planes, strict=True)):
         holding = [one for one in prescriptions if edge in regions.mirrors(one.region)]
         if not body.share.any(body.ghosts.lever[reached, number].any()):
             words = words_for(edge, body)
-            why = "precuts run along all of it; move them into the body" if len(body.bonds.cut) else "no material is there; check the holes"
+            why = (
+                "precuts run along all of it; move them into the body"
+                if len(body.bonds.cut)
+                else "no material is there; check the holes"
+            )
             raise ValueError(f"{holding[0].key}: no bond crosses the {words} of the body: {why}")
-        points, sources = regions.points(edge), np.unique(body.ghosts.source[body.ghosts.plane == number])
+        points, sources = (
+            regions.points(edge),
+            np.unique(body.ghosts.source[body.ghosts.plane == number]),
+        )
         feet, _ = plane.mirrored(body.points[sources])
-        rigid_points = np.intersect1d(points, rigid)  # a plane's images hold no region that nothing deforms
+        rigid_points = np.intersect1d(
+            points, rigid
+        )  # a plane's images hold no region that nothing deforms
         by_component = {component: one for one in holding for component in one.components}
         for one in holding:
-            if components := tuple(component for component in one.components if by_component[component] is one):
+            if components := tuple(
+                component for component in one.components if by_component[component] is one
+            ):
                 planes.append(one.held(names, sources, feet, components, plane=number))
             along_planes.append(one.held(names, points, body.points[points]))
             if len(rigid_points):
                 held.append(one.held(names, rigid_points, body.points[rigid_points]))
     moving = any(stage.inertia is not None for stage in stages)
-    held += [_points_of(one, names, regions, moving, edges) for one in prescriptions if not _mirrored(one, regions, edges)]
-    loading = Loading(body, *parameter_of(scene), names, [f"{edge} edge" for edge in edges], [*held, *planes], loads)
-    # A plane moves like its points: two prescriptions may not disagree on either. Holds may move points next to a grip's plane.
+    held += [
+        _points_of(one, names, regions, moving, edges)
+        for one in prescriptions
+        if not _mirrored(one, regions, edges)
+    ]
+    loading = Loading(
+        body,
+        *parameter_of(scene),
+        names,
+        [f"{edge} edge" for edge in edges],
+        [*held, *planes],
+        loads,
+    )
+    # A plane moves like its points: two prescriptions may not disagree on either. Holds may move
+    # points next to a grip's plane.
     _check_motions(loading, [*along_planes, *held], [loading.rest, *known_ends(stages)])
     _check_counted(loading, prescriptions)
-    modulus = 1.0 if scene.material is None else scene.law().shear_modulus  # a picture of a scene without a material needs none
+    modulus = (
+        1.0 if scene.material is None else scene.law().shear_modulus
+    )  # a picture of a scene without a material needs none
     springs = np.full(len(body), modulus)
     springs[rigid] *= RIGID
-    strain, pull = (scene.solver.largest_increment, None) if stress is None else (np.inf, stress.pull)  # grips limit the stretch itself
+    strain, pull = (
+        (scene.solver.largest_increment, None) if stress is None else (np.inf, stress.pull)
+    )  # grips limit the stretch itself
     loading.course = Paths(loading, springs, modulus, strain, pull)
     for support in loading.supports:
         support.response = loading.course.response
@@ -112,25 +149,36 @@ def conditions_of(
         _check_held(loading, "grips", "add a hold", f"moving along x{stress.axis + 1}")
     elif any(stage.inertia is None for stage in stages):
         ways = "x1 or x2" if body.dimension == 2 else "x1, x2 or x3"
-        _check_held(loading, "prescribed", f"prescribe {ways} = 0 on a region, or run the steps in dynamics")
+        _check_held(
+            loading, "prescribed", f"prescribe {ways} = 0 on a region, or run the steps in dynamics"
+        )
     return loading
 
 
 def warn_of_points(scene: Scene, boundaries: Mapping[str, str]) -> None:
     """Warn of boundaries that are held at their points, see `held_at_points`."""
     for name, why in boundaries.items():
-        loss = "half a cell inside it, which makes the body too stiff there (a bushing by 16 % with 20 points through its wall)"
-        warnings.warn(f"scene {scene.name}: prescribed: {name} is held at its points, {loss}: {why}", stacklevel=3)
+        loss = (
+            "half a cell inside it, which makes the body too stiff there (a bushing by 16 % with 20"
+            " points through its wall)"
+        )
+        warnings.warn(
+            f"scene {scene.name}: prescribed: {name} is held at its points, {loss}: {why}",
+            stacklevel=3,
+        )
 
 
 def _mirrored(one: Prescription, regions: BodyRegions, mirrors: list[str]) -> bool:
-    """Return whether mirrored points hold the whole region of a prescription; `mirrors` are the parts of the boundary that they hold."""
+    """Return whether mirrored points hold the whole region of a prescription; `mirrors` are the
+    parts of the boundary that they hold.
+    """
     parts = regions.mirrors(one.region)
     return bool(parts) and {*parts} <= {*mirrors}
 
 
 def _check_counted(loading: Loading, prescriptions: list[Prescription]) -> None:
-    """Raise ValueError for a support that has no effect along a component, since later prescriptions hold all of its points along it.
+    """Raise ValueError for a support that has no effect along a component, since later
+    prescriptions hold all of its points along it.
 
     Results would report the force of such a support along this component as zero.
     """
@@ -143,20 +191,35 @@ def _check_counted(loading: Loading, prescriptions: list[Prescription]) -> None:
     for one in prescriptions:
         for axis in one.components if one.holder is not None else ():
             if not loading.body.share.any(counted[loading.names.index(one.holder), axis]):
-                raise ValueError(f"{one.key}: later entries hold all of its points along x{axis + 1} as well; remove one of the entries")
+                raise ValueError(
+                    f"{one.key}: later entries hold all of its points along x{axis + 1} as well;"
+                    " remove one of the entries"
+                )
 
 
-def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, moving: bool, mirrors: list[str]) -> Held:
-    """Return the points that a prescription holds, as a held part of the body; `names` are the supports whose forces are reported.
+def _points_of(
+    one: Prescription,
+    names: tuple[str, ...],
+    regions: BodyRegions,
+    moving: bool,
+    mirrors: list[str],
+) -> Held:
+    """Return the points that a prescription holds, as a held part of the body; `names` are the
+    supports whose forces are reported.
 
-    Parts of the boundary that mirrored points hold, `mirrors`, are left out. A region that is a place equally near to several points is
-    held at the mean of these points. In a program with dynamics (`moving`) this raises ValueError.
+    Parts of the boundary that mirrored points hold, `mirrors`, are left out. A region that is a
+    place equally near to several points is held at the mean of these points. In a program with
+    dynamics (`moving`) this raises ValueError.
     """
     body, share = regions.body, regions.body.share
-    points = regions.points(one.region, f"{one.key}.region" if one.key.startswith("prescribed") else one.key)
+    points = regions.points(
+        one.region, f"{one.key}.region" if one.key.startswith("prescribed") else one.key
+    )
     parts = regions.mirrors(one.region)
     if set(parts) & set(mirrors):  # mirrored points hold the other parts
-        points = np.unique(np.concatenate([regions.points(part) for part in parts if part not in mirrors]))
+        points = np.unique(
+            np.concatenate([regions.points(part) for part in parts if part not in mirrors])
+        )
     found = {}
     if regions.is_place(one.region):
         rows = [(int(share.numbers[point]), tuple(body.points[point])) for point in points]
@@ -164,63 +227,102 @@ def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, 
     if len(found) < 2:
         return one.held(names, points, body.points[points])
     if moving:
-        why = f"{len(found)} points are equally near to this place, and dynamics cannot hold a place between points"
-        raise ValueError(f"{one.key}.region: {why}; give the numbers of points, or a box around them")
+        why = (
+            f"{len(found)} points are equally near to this place, and dynamics cannot hold a place"
+            " between points"
+        )
+        raise ValueError(
+            f"{one.key}.region: {why}; give the numbers of points, or a box around them"
+        )
     others = share.local(np.array(list(found)[1:]))
     place = np.mean(list(found.values()), axis=0, keepdims=True)
     return one.held(names, np.setdiff1d(points, others), place, others=others, count=len(found))
 
 
 def _check_motions(loading: Loading, held: list[Held], ends: list[float]) -> None:
-    """Raise ValueError if a prescribed displacement is not zero at the start, or two held parts prescribe different motions of a point.
+    """Raise ValueError if a prescribed displacement is not zero at the start, or two held parts
+    prescribe different motions of a point.
 
-    The later part would otherwise override the earlier one without notice. `ends` are the values of the loading parameter at the start and
-    at the ends of all stages; motions are compared at `SAMPLES` values in each stage. Motions that alone drive the body, and are lost in
-    the rounding of its positions, are refused too.
+    The later part would otherwise override the earlier one without notice. `ends` are the values of
+    the loading parameter at the start and at the ends of all stages; motions are compared at
+    `SAMPLES` values in each stage. Motions that alone drive the body, and are lost in the rounding
+    of its positions, are refused too.
     """
     body = loading.body
-    samples = np.unique(np.concatenate([ends[:1], *(np.linspace(a, b, SAMPLES) for a, b in pairwise(ends))])).tolist()
+    samples = np.unique(
+        np.concatenate([ends[:1], *(np.linspace(a, b, SAMPLES) for a, b in pairwise(ends))])
+    ).tolist()
     every, error = Loading(body, "t", 0.0, (), [], held, Loads(body, [])), 1e-9 * body.spacing
     try:
-        moves, at_rest = np.array([every.moves(sample) for sample in samples]), np.abs(every.moves(ends[0])) > error
+        moves, at_rest = (
+            np.array([every.moves(sample) for sample in samples]),
+            np.abs(every.moves(ends[0])) > error,
+        )
     except InvalidState as invalid:
         raise ValueError(str(invalid)) from None
     if at_rest.any():
         name = held[every.part[at_rest.argmax()]].name
-        raise ValueError(f"{name}.amplitude: must be 0 at t = 0, where the body is undeformed (as ramp and sine are)")
+        raise ValueError(
+            f"{name}.amplitude: must be 0 at t = 0, where the body is undeformed (as ramp and sine"
+            " are)"
+        )
     # Conditions on one component of a point stand next to each other, in the order of `held`.
     order = np.lexsort((every.point, every.component))
     one, other = order[:-1], order[1:]
-    apart = (every.point[one] == every.point[other]) & (every.component[one] == every.component[other])
+    apart = (every.point[one] == every.point[other]) & (
+        every.component[one] == every.component[other]
+    )
     apart &= (np.abs(moves[:, one] - moves[:, other]) > error).any(axis=0)
     if apart.any():
-        one, other = min(zip(one[apart], other[apart], strict=True), key=lambda pair: (every.component[pair[1]], pair[1]))
-        names, point = f"{held[every.part[one]].name} and {held[every.part[other]].name}", every.point[other]
-        where = f"point {point} at {text_of(body.points[point])} differently along x{every.component[other] + 1}"
+        one, other = min(
+            zip(one[apart], other[apart], strict=True),
+            key=lambda pair: (every.component[pair[1]], pair[1]),
+        )
+        names, point = (
+            f"{held[every.part[one]].name} and {held[every.part[other]].name}",
+            every.point[other],
+        )
+        where = (
+            f"point {point} at {text_of(body.points[point])} differently along"
+            f" x{every.component[other] + 1}"
+        )
         raise ValueError(f"{names} move {where}")
     greatest = max(body.share.greatest(np.abs(loading.moves(sample))) for sample in samples)
     least = RESOLVED * strain_rounding(body, body.points) * body.spacing
     if 0 < greatest < least and not len(loading.loads):
-        what = f"the greatest displacement, {greatest:.2g}, is too small for double precision, which resolves {least:.1g} here"
+        what = (
+            f"the greatest displacement, {greatest:.2g}, is too small for double precision, which"
+            f" resolves {least:.1g} here"
+        )
         key = "prescribed" if loading.parameter == "t" else "stretches"
-        raise ValueError(f"{key}: {what}; apply larger ones and scale the results, or describe the body nearer to the origin")
+        raise ValueError(
+            f"{key}: {what}; apply larger ones and scale the results, or describe the body nearer"
+            " to the origin"
+        )
 
 
 def _check_held(loading: Loading, key: str, advice: str, only: str | None = None) -> None:
-    """Raise ValueError if a piece of the body can move or turn as a whole: it would have no equilibrium, or many.
+    """Raise ValueError if a piece of the body can move or turn as a whole: it would have no
+    equilibrium, or many.
 
-    If `only` is given, one of the descriptions that `_free_motions` returns, no other rigid motion is checked. `key` and `advice` appear in
-    the message.
+    If `only` is given, one of the descriptions that `_free_motions` returns, no other rigid motion
+    is checked. `key` and `advice` appear in the message.
     """
     body, share = loading.body, loading.body.share
     count, piece = loading.pieces()
     extent = body.extent
     middle = np.array([share.sum(column) for column in body.points.T]) / share.size
     motions_there = rigid_motions((loading.place - middle) / extent)
-    rows = share.joined(motions_there[np.arange(len(loading.point)), loading.component], loading.point)
+    rows = share.joined(
+        motions_there[np.arange(len(loading.point)), loading.component], loading.point
+    )
     pieces = share.joined(piece[loading.point], loading.point)
     for number in range(count):
-        motions = [motion for motion in _free_motions(rows[pieces == number], body.dimension) if only in (None, motion)]
+        motions = [
+            motion
+            for motion in _free_motions(rows[pieces == number], body.dimension)
+            if only in (None, motion)
+        ]
         if not motions:
             continue
         loose = np.flatnonzero((piece == number) & share.own)
@@ -228,28 +330,51 @@ def _check_held(loading: Loading, key: str, advice: str, only: str | None = None
         where = f", at {text_of(body.points[loose[0]])}," if len(loose) else ""
         what = "the body" if count == 1 else f"a piece of {size} points of the body{where}"
         if count > 1:
-            thin = f"for example because a wall is thinner than the spacing {body.spacing:.3g}, or a cut goes all the way through"
-            advice = f"the body consists of {count} pieces without bonds between them, {thin}: use {body.finer}, or {advice}"
+            thin = (
+                f"for example because a wall is thinner than the spacing {body.spacing:.3g}, or a"
+                " cut goes all the way through"
+            )
+            advice = (
+                f"the body consists of {count} pieces without bonds between them, {thin}: use"
+                f" {body.finer}, or {advice}"
+            )
         raise ValueError(f"{key}: nothing keeps {what} from {' or '.join(motions)}; {advice}")
     if count > 1 and share.leads:
-        why = f"for example because a cut goes all the way through, or a wall is thinner than the spacing {body.spacing:.3g}"
-        warnings.warn(f"the body consists of {count} pieces without bonds between them, {why}; each piece is held by itself", stacklevel=2)
+        why = (
+            "for example because a cut goes all the way through, or a wall is thinner than the"
+            f" spacing {body.spacing:.3g}"
+        )
+        warnings.warn(
+            f"the body consists of {count} pieces without bonds between them, {why}; each piece is"
+            " held by itself",
+            stacklevel=2,
+        )
 
 
 def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
-    """Return descriptions of the rigid motions (see `rigid_motions`) that constraints, rows of shape (k, motions), leave free."""
+    """Return descriptions of the rigid motions (see `rigid_motions`) that constraints, rows of
+    shape (k, motions), leave free.
+    """
     # The rank of R with R^T R = A^T A, which is small however many places there are.
-    rank = np.linalg.matrix_rank(np.linalg.qr(rows / np.sqrt(max(1, len(rows))), mode="r"), tol=LEAST_SPREAD)
+    rank = np.linalg.matrix_rank(
+        np.linalg.qr(rows / np.sqrt(max(1, len(rows))), mode="r"), tol=LEAST_SPREAD
+    )
     if rank == rows.shape[1]:
         return []
-    words = [f"moving along x{axis + 1}" for axis in range(dimension) if not (np.abs(rows[:, axis]) > 0).any()]
+    words = [
+        f"moving along x{axis + 1}"
+        for axis in range(dimension)
+        if not (np.abs(rows[:, axis]) > 0).any()
+    ]
     return [*words, "turning"] if rows.shape[1] - rank > len(words) else words
 
 
 def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modulus: float) -> None:
-    """Raise ValueError if held parts move apart faster than shear waves: the result would depend on the motion at the start.
+    """Raise ValueError if held parts move apart faster than shear waves: the result would depend on
+    the motion at the start.
 
-    The wave speed follows from the shear modulus `modulus` and the density of each stage in dynamics.
+    The wave speed follows from the shear modulus `modulus` and the density of each stage in
+    dynamics.
     """
     units = scene.units
     unit = f" {units.length}/{units.time}" if units.length and units.time else ""
@@ -261,39 +386,64 @@ def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modu
         if speed <= wave:
             continue
         if stage.inertia.pace == "stretch_rate":
-            what, slowest = "the grips", f"the greatest possible rate is {motion.rate * wave / speed:.4g}"
+            what, slowest = (
+                "the grips",
+                f"the greatest possible rate is {motion.rate * wave / speed:.4g}",
+            )
         else:
-            what, least = "parts that are held", units.amount(motion.duration * speed / wave, "time", ".4g")
+            what, least = (
+                "parts that are held",
+                units.amount(motion.duration * speed / wave, "time", ".4g"),
+            )
             slowest = f"the shortest possible duration is {least}"
-        apart = f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}"
+        apart = (
+            f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at"
+            f" {wave:.4g}{unit}"
+        )
         raise ValueError(f"{stage.key}.{stage.inertia.pace}: {apart}; {slowest}")
 
 
 def check_steps(loading: Loading, stages: tuple[Stage, ...], modulus: float) -> None:
-    """Raise ValueError if a stage in dynamics needs more than `MOST_STEPS` time steps for sure; `modulus` is the least shear modulus.
+    """Raise ValueError if a stage in dynamics needs more than `MOST_STEPS` time steps for sure;
+    `modulus` is the least shear modulus.
 
-    The estimate is generous, as the horizon is longer than the waves that limit the step, and pressure waves are faster than shear waves.
+    The estimate is generous, as the horizon is longer than the waves that limit the step, and
+    pressure waves are faster than shear waves.
     """
     for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
         if stage.inertia is None:
             continue
-        crossing = loading.body.horizon * math.sqrt(stage.inertia.density / modulus)  # time of a shear wave through a horizon
+        crossing = loading.body.horizon * math.sqrt(
+            stage.inertia.density / modulus
+        )  # time of a shear wave through a horizon
         damped, duration = 2 * (stage.inertia.viscosity or 0.0), stage.motion(begin).duration
-        step = stage.inertia.safety * (crossing if crossing >= damped else crossing * crossing / damped)
+        step = stage.inertia.safety * (
+            crossing if crossing >= damped else crossing * crossing / damped
+        )
         if duration > MOST_STEPS * step:
-            many = f"a duration of {duration:.3g} in time steps of less than {step:.1g} needs more than {MOST_STEPS:.0e} steps"
-            settings = f"{stage.key}.density, {stage.key}.{stage.inertia.pace}, {stage.key}.viscosity and {stage.key}.safety"
+            many = (
+                f"a duration of {duration:.3g} in time steps of less than {step:.1g} needs more"
+                f" than {MOST_STEPS:.0e} steps"
+            )
+            settings = (
+                f"{stage.key}.density, {stage.key}.{stage.inertia.pace}, {stage.key}.viscosity and"
+                f" {stage.key}.safety"
+            )
             raise ValueError(f"{stage.key}: {many}; check {settings} and their units")
 
 
 def _greatest_speed(loading: Loading, motion: Motion) -> float:
-    """Return the greatest difference of velocity between two held points, in any component, during a stage in dynamics."""
+    """Return the greatest difference of velocity between two held points, in any component,
+    during a stage in dynamics.
+    """
     share, places, fastest = loading.body.share, loading.body.points[loading.point], 0.0
     for begin, end in pairwise(np.linspace(0, motion.duration, 17)):
         changes = loading.moves(motion.at(end), places) - loading.moves(motion.at(begin), places)
         for component in range(loading.body.dimension):
             own = changes[loading.component == component]
-            apart = share.greatest(own.max(initial=-np.inf)) + share.greatest(-own.min(initial=np.inf))
+            apart = share.greatest(own.max(initial=-np.inf)) + share.greatest(
+                -own.min(initial=np.inf)
+            )
             fastest = max(fastest, apart / (end - begin))
     return fastest
 
@@ -304,17 +454,27 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[Law]
     Raises
     ------
     ValueError
-        For a region that is empty, a load on an edge that is held by reflection, or an unsuitable obstacle; the message names the key.
+        For a region that is empty, a load on an edge that is held by reflection, or an unsuitable
+        obstacle; the message names the key.
     """
     found: list[DeadLoad | Pressure | Obstacle] = [*obstacles_of(scene, body, regions, laws)]
     for number, load in enumerate(scene.loads):
         # Several loads may share a name, as traction and pressure on one edge do; results sum them.
-        named = load.name or label_of_region(load.region, f"loads.{number}"), amplitude_of(load.amplitude), body.share
+        named = (
+            load.name or label_of_region(load.region, f"loads.{number}"),
+            amplitude_of(load.amplitude),
+            body.share,
+        )
         key = f"loads.{number}.region"
         if load.kind == "pressure":
-            deformed, facets = scene.plane == "stress" and load.thickness != "undeformed", _facets_of(key, load, body, regions)
+            deformed, facets = (
+                scene.plane == "stress" and load.thickness != "undeformed",
+                _facets_of(key, load, body, regions),
+            )
             at_edge = _thickness_at_edge(scene, number, facets, regions, laws) if deformed else None
-            found.append(Pressure(*named, regions.surface(), facets, load.pressure, deformed, at_edge))
+            found.append(
+                Pressure(*named, regions.surface(), facets, load.pressure, deformed, at_edge)
+            )
         else:
             found.append(DeadLoad(*named, *_dead_forces(key, load, body, regions)))
     return Loads(body, found)
@@ -323,11 +483,17 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[Law]
 def _thickness_at_edge(
     scene: Scene, number: int, facets: np.ndarray, regions: BodyRegions, laws: Sequence[Law]
 ) -> Callable[[np.ndarray, float], np.ndarray] | None:
-    """Return the function that gives the thickness at the facets of a pressure, load `number`, from their own stretch, theory (44a).
+    """Return the function that gives the thickness at the facets of a pressure, load `number`, from
+    their own stretch, theory (44a).
 
-    None if the body has several materials, or if other loads or an obstacle may act on the facets, whose stress is then another one.
+    None if the body has several materials, or if other loads or an obstacle may act on the facets,
+    whose stress is then another one.
     """
-    others = [load for other, load in enumerate(scene.loads) if other != number and load.kind in ("pressure", "traction")]
+    others = [
+        load
+        for other, load in enumerate(scene.loads)
+        if other != number and load.kind in ("pressure", "traction")
+    ]
     shared = any(np.isin(facets, regions.facets(load.region, "")).any() for load in others)
     if shared or scene.obstacles or len(laws) != 1:
         return None
@@ -335,25 +501,39 @@ def _thickness_at_edge(
 
 
 def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.ndarray:
-    """Return the facets that a traction or pressure acts on; raise ValueError, naming the `key`, if one lies in a reflection plane."""
+    """Return the facets that a traction or pressure acts on; raise ValueError, naming the `key`,
+    if one lies in a reflection plane.
+    """
     facets, surface = regions.facets(load.region, key), regions.surface()
     for plane in body.planes:
         if (surface.parts[facets] == edge_of(plane)).any():
             edge = words_for(edge_of(plane), body)
-            why = f"which is held by reflection, so that a {load.kind} there acts on the support only"
-            raise ValueError(f"{key}: the region contains the {edge}, {why}; leave the {edge} out, or hold points (support=points)")
+            why = (
+                f"which is held by reflection, so that a {load.kind} there acts on the support only"
+            )
+            raise ValueError(
+                f"{key}: the region contains the {edge}, {why}; leave the {edge} out, or hold"
+                " points (support=points)"
+            )
     return facets
 
 
-def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tuple[np.ndarray, np.ndarray]:
-    """Return this rank's own points on which a dead load (traction, force or body force) acts, and its forces on them.
+def _dead_forces(
+    key: str, load: Load, body: Body, regions: BodyRegions
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return this rank's own points on which a dead load (traction, force or body force) acts, and
+    its forces on them.
 
-    Raise ValueError, with the `key` of the load's region, for a load on an edge or face that is held by reflection.
+    Raise ValueError, with the `key` of the load's region, for a load on an edge or face that is
+    held by reflection.
     """
     if load.kind == "traction":
         facets, surface = _facets_of(key, load, body, regions), regions.surface()
         corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
-        spread = [sum(others, first).T for first, *others in zip(*(one.rows for one in corners), strict=True)]
+        spread = [
+            sum(others, first).T
+            for first, *others in zip(*(one.rows for one in corners), strict=True)
+        ]
         sizes = np.stack([rows @ surface.areas()[facets] / len(corners) for rows in spread], axis=1)
         points = np.flatnonzero(sizes.any(axis=1))
         return points, sizes[points] * np.array(load.traction)
@@ -362,7 +542,9 @@ def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tupl
         # It would pull at points half a cell inside the edge, which are free.
         edge = words_for(held[0], body)
         why = f"the {edge} is held by reflection, so that a force there acts on the support only"
-        raise ValueError(f"{key}: {why}; give another region, or hold points instead (support=points)")
+        raise ValueError(
+            f"{key}: {why}; give another region, or hold points instead (support=points)"
+        )
     points = regions.points(load.region, key)
     points = points[body.share.own[points]]
     if load.kind == "body_force":
@@ -372,14 +554,18 @@ def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tupl
 
 
 def edge_of(plane: Mirror) -> str:
-    """Return the name of the part of the boundary that lies in a reflection plane, or that mirrored points hold."""
+    """Return the name of the part of the boundary that lies in a reflection plane, or that
+    mirrored points hold.
+    """
     if isinstance(plane, HeldBoundary):
         return plane.name
     return next(edge for edge, place in EDGES.items() if place == (plane.axis, plane.side))
 
 
 def words_for(edge: str, body: Body) -> str:
-    """Return the words that messages use for an edge of a sheet, a face of a solid, as "left edge", or another part of the boundary."""
+    """Return the words that messages use for an edge of a sheet, a face of a solid, as "left
+    edge", or another part of the boundary.
+    """
     if edge not in EDGES:
         return f"boundary {edge}"
     return f"{edge} {'edge' if body.dimension == 2 else 'face'}"

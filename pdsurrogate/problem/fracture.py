@@ -1,4 +1,6 @@
-"""Fracture: the bond stretch at which bonds break, from a fracture energy, and the fracture energy from a tear test."""
+"""Fracture: the bond stretch at which bonds break, from a fracture energy, and the fracture
+energy from a tear test.
+"""
 
 import warnings
 from collections.abc import Callable
@@ -15,21 +17,29 @@ from ..scenes.model import Criterion, Fracture
 from ..scenes.tip_diameter import TIP_DIAMETER, TipDiameters, tip_diameters_in
 
 LEAST_LAYERS, ONE_LAYER = 4, 2.0
-"""Fewest points across a wall of a solid with a fracture energy, if bonds reach one layer of the lattice, at horizons below two spacings.
+"""Fewest points across a wall of a solid with a fracture energy, if bonds reach one layer of the
+lattice, at horizons below two spacings.
 
-In three layers, a pair of points of the middle one can leave both flanks of a crack and hold it: strips tore at up to 1.7 times the energy
-of strips of four and five layers, which had no such pair."""
+In three layers, a pair of points of the middle one can leave both flanks of a crack and hold it:
+strips tore at up to 1.7 times the energy of strips of four and five layers, which had no such pair.
+"""
 
 MOST_IN_WALLS, INSIDE = 0.1, 0.75
-"""Part of a solid that may lie in walls of too few points, since every rounded body has thin edges; and distance in spacings from the
-nearest point within which a point of a grid counts as inside a body: in clouds most are within it."""
+"""Part of a solid that may lie in walls of too few points, since every rounded body has thin edges;
+and distance in spacings from the nearest point within which a point of a grid counts as inside a
+body: in clouds most are within it.
+"""
 
 
-def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER) -> float:
-    """Return the critical bond stretch with which a crack grows when its energy release rate reaches the fracture energy.
+def critical_stretch_of(
+    law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER
+) -> float:
+    """Return the critical bond stretch with which a crack grows when its energy release rate
+    reaches the fracture energy.
 
-    At a blunted tip rubber fails in uniaxial tension, and the fracture energy G is the energy density psi at the stretch lambda_c of
-    failure times an effective diameter d of the tip (Thomas 1955).  Here d is `tip_diameter` times the horizon:
+    At a blunted tip rubber fails in uniaxial tension, and the fracture energy G is the energy
+    density psi at the stretch lambda_c of failure times an effective diameter d of the tip (Thomas
+    1955).  Here d is `tip_diameter` times the horizon:
 
         G = psi_uniaxial(lambda_c) d,
 
@@ -42,8 +52,9 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
         Energy per unit area of crack in the undeformed state, in units of stress times length.
     horizon : float
     tip_diameter : float
-        Diameter in horizons. The default, 1.15, is near that of sheets with force models whose `family` is "bond force". Diameters of all
-        cases, by critical stretch, are in `pdsurrogate/scenes/tip_diameters.json` and in the documentation (validation, crack tips).
+        Diameter in horizons. The default, 1.15, is near that of sheets with force models whose
+        `family` is "bond force". Diameters of all cases, by critical stretch, are in
+        `pdsurrogate/scenes/tip_diameters.json` and in the documentation (validation, crack tips).
 
     Returns
     -------
@@ -52,7 +63,8 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
     Raises
     ------
     ValueError
-        If the energy, the horizon or the diameter is not positive, or no stretch up to the law's limit stores as much energy.
+        If the energy, the horizon or the diameter is not positive, or no stretch up to the law's
+        limit stores as much energy.
 
     References
     ----------
@@ -61,21 +73,42 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
     See Also
     --------
     pdsurrogate.tearing_energy : fracture energy from the force of a trouser tear.
-    pdsurrogate.greatest_bond_stretch : critical stretch from the equilibrium in which a crack starts.
+    pdsurrogate.greatest_bond_stretch : critical stretch from the equilibrium in which a crack
+        starts.
 
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> print(round(pds.critical_stretch_of(pds.materials.NeoHookean(720.0, 72_000.0), fracture_energy=274.0, horizon=0.063), 3))
+    >>> print(
+    ...     round(
+    ...         pds.critical_stretch_of(
+    ...             pds.materials.NeoHookean(720.0, 72_000.0), fracture_energy=274.0, horizon=0.063
+    ...         ),
+    ...         3,
+    ...     )
+    ... )
     3.624
     """
-    _check_positive({"fracture energy": fracture_energy, "horizon": horizon, "diameter of the tip": tip_diameter})
+    _check_positive(
+        {
+            "fracture energy": fracture_energy,
+            "horizon": horizon,
+            "diameter of the tip": tip_diameter,
+        }
+    )
     return _stretch_of_energy(law, fracture_energy / horizon, lambda stretch: tip_diameter)
 
 
 def _stretch_of_energy(law: Law, wanted: float, diameter: Callable[[float], float]) -> float:
-    """Return the stretch at which the uniaxial energy density times the diameter of a tip, in horizons, has a wanted value."""
-    return _stretch_at(law, lambda one: homogeneous.uniaxial(law, one).energy_density * diameter(one), wanted, "that fracture energy")
+    """Return the stretch at which the uniaxial energy density times the diameter of a tip, in
+    horizons, has a wanted value.
+    """
+    return _stretch_at(
+        law,
+        lambda one: homogeneous.uniaxial(law, one).energy_density * diameter(one),
+        wanted,
+        "that fracture energy",
+    )
 
 
 class CriticalStretches:
@@ -90,67 +123,99 @@ class CriticalStretches:
     family : str
         Family of the force models, on which the effective diameter of a crack tip depends.
     of_points : ndarray of int, shape (n,)
-        Number of the material of every point of the body: 0 for the rest of the body, then those of `materials`, counted from 1.
+        Number of the material of every point of the body: 0 for the rest of the body, then those of
+        `materials`, counted from 1.
 
     Attributes
     ----------
     of_materials : list of float
         Critical stretch within each material.
     of_interfaces : dict of float
-        Critical stretch of the bonds between two materials with an entry of their own, by their numbers, the smaller first.
+        Critical stretch of the bonds between two materials with an entry of their own, by their
+        numbers, the smaller first.
     summary : dict
-        Entries of a run's summary: the critical stretch of the rest of the body, those of interfaces, if any, and remarks on fracture
-        energies.
+        Entries of a run's summary: the critical stretch of the rest of the body, those of
+        interfaces, if any, and remarks on fracture energies.
 
     Warns
     -----
     UserWarning
-        If the critical stretch of a fracture energy is outside those for which crack tips were measured; the message is also a remark.
+        If the critical stretch of a fracture energy is outside those for which crack tips were
+        measured; the message is also a remark.
 
     Raises
     ------
     ValueError
-        If no critical stretch follows from a fracture energy, or no bond crosses an interface; the message names the key.
+        If no critical stretch follows from a fracture energy, or no bond crosses an interface; the
+        message names the key.
     """
 
-    def __init__(self, scene: Scene, rest: Fracture, body: Body, family: str, of_points: np.ndarray) -> None:
+    def __init__(
+        self, scene: Scene, rest: Fracture, body: Body, family: str, of_points: np.ndarray
+    ) -> None:
         self._body, self._of_points = body, of_points
         self._scene, self._remarks = scene, list[str]()
         tip = tip_diameters_in(scene, family) if gives_fracture_energy(scene) else None
         laws = [scene.law(), *(part.material.build() for part in scene.materials)]
-        own = [(None, ""), *((part.fracture, f"materials.{number}.") for number, part in enumerate(scene.materials))]
+        own = [
+            (None, ""),
+            *(
+                (part.fracture, f"materials.{number}.")
+                for number, part in enumerate(scene.materials)
+            ),
+        ]
         self.of_materials = [
             self._critical(given or rest, (law, law), tip, f"{key if given else ''}fracture")
             for (given, key), law in zip(own, laws, strict=True)
         ]
-        names, ends, self.of_interfaces = names_of_materials(scene), np.sort(self._ends()) if rest.interfaces else np.zeros((0, 2)), {}
+        names, ends, self.of_interfaces = (
+            names_of_materials(scene),
+            np.sort(self._ends()) if rest.interfaces else np.zeros((0, 2)),
+            {},
+        )
         for number, entry in enumerate(rest.interfaces):
             one, other = sorted(names.index(name) for name in entry.between)
             key = f"fracture.interfaces.{number}"
-            self.of_interfaces[one, other] = self._critical(entry, (laws[one], laws[other]), tip, key)
+            self.of_interfaces[one, other] = self._critical(
+                entry, (laws[one], laws[other]), tip, key
+            )
             if not body.share.any(np.equal(ends, (one, other)).all(axis=1).any()):
                 why = "they do not touch, or precuts separate them"
-                raise ValueError(f"{key}.between: no bond crosses from {names[one]} to {names[other]}: {why}; leave the entry out")
-        self.summary: dict = {"critical_stretch": self.of_materials[0], "fracture_remarks": self._remarks}
+                raise ValueError(
+                    f"{key}.between: no bond crosses from {names[one]} to {names[other]}: {why};"
+                    " leave the entry out"
+                )
+        self.summary: dict = {
+            "critical_stretch": self.of_materials[0],
+            "fracture_remarks": self._remarks,
+        }
         if rest.interfaces:
             found = zip(rest.interfaces, self.of_interfaces.values(), strict=True)
-            self.summary["interfaces"] = [{"between": list(entry.between), "critical_stretch": stretch} for entry, stretch in found]
+            self.summary["interfaces"] = [
+                {"between": list(entry.between), "critical_stretch": stretch}
+                for entry, stretch in found
+            ]
 
     def of_pairs(self) -> np.ndarray:
         """Return the critical stretch of every pair of the body, shape (n_pairs,).
 
-        A pair between two materials without an entry in `of_interfaces` has the smaller of their critical stretches.
+        A pair between two materials without an entry in `of_interfaces` has the smaller of their
+        critical stretches.
         """
         least = np.minimum.outer(self.of_materials, self.of_materials)
         for (one, other), stretch in self.of_interfaces.items():
             least[one, other] = least[other, one] = stretch
         return least[tuple(self._ends().T)]
 
-    def _critical(self, given: Criterion, laws: tuple[Law, Law], tip: TipDiameters | None, key: str) -> float:
-        """Return the critical stretch of bonds between two materials, given as such or by a fracture energy.
+    def _critical(
+        self, given: Criterion, laws: tuple[Law, Law], tip: TipDiameters | None, key: str
+    ) -> float:
+        """Return the critical stretch of bonds between two materials, given as such or by a
+        fracture energy.
 
-        `tip` has the diameters of a crack tip, and is needed for an energy. Raise ValueError, with the key, if no stretch stores as much
-        energy, or the two materials have different laws. Warn of a critical stretch at which no tip was measured.
+        `tip` has the diameters of a crack tip, and is needed for an energy. Raise ValueError, with
+        the key, if no stretch stores as much energy, or the two materials have different laws. Warn
+        of a critical stretch at which no tip was measured.
         """
         if given.critical_stretch is not None:
             return given.critical_stretch
@@ -158,7 +223,9 @@ class CriticalStretches:
         assert tip is not None
         try:
             if laws[0] != laws[1]:
-                raise ValueError("no crack between two different laws was measured; set critical_stretch instead")
+                raise ValueError(
+                    "no crack between two different laws was measured; set critical_stretch instead"
+                )
             stretch = _stretch_of_energy(laws[0], given.energy / self._body.horizon, tip.at)
         except ValueError as error:
             raise ValueError(f"{key}.energy: {error}") from None
@@ -167,49 +234,73 @@ class CriticalStretches:
         return stretch
 
     def _remark(self, stretch: float, tip: TipDiameters, key: str) -> None:
-        """Warn of a critical stretch at which no crack tip was measured, and keep the warning for the summary."""
+        """Warn of a critical stretch at which no crack tip was measured, and keep the warning
+        for the summary.
+        """
         end, inner = (0, 1) if stretch < tip.stretches[0] else (-1, -2)
         change = 100 * (tip.diameters[end] / tip.diameters[inner] - 1)
-        trend = f"from {tip.stretches[inner]:g} to {tip.stretches[end]:g} it changes by {change:+.0f} %"
+        trend = (
+            f"from {tip.stretches[inner]:g} to {tip.stretches[end]:g} it changes by {change:+.0f} %"
+        )
         remark = (
-            f"{key}.energy gives a critical stretch of {stretch:.3g}, but crack tips were measured for critical stretches from "
-            f"{tip.stretches[0]:g} to {tip.stretches[-1]:g}: the diameter at {tip.stretches[end]:g} is used ({trend}), so that the energy "
-            "release rate at the peak of the load may differ from the given energy by more than 7 %; to be sure, set critical_stretch"
+            f"{key}.energy gives a critical stretch of {stretch:.3g}, but crack tips were measured"
+            f" for critical stretches from {tip.stretches[0]:g} to {tip.stretches[-1]:g}: the"
+            f" diameter at {tip.stretches[end]:g} is used ({trend}), so that the energy release"
+            " rate at the peak of the load may differ from the given energy by more than 7 %; to"
+            " be sure, set critical_stretch"
         )
         self._remarks.append(remark)
         warnings.warn(f"scene {self._scene.name}: {remark}", stacklevel=2)
 
     def _ends(self) -> np.ndarray:
-        """Return the numbers of the materials at both ends of every pair of the body, shape (n_pairs, 2)."""
+        """Return the numbers of the materials at both ends of every pair of the body, shape
+        (n_pairs, 2).
+        """
         bonds = self._body.bonds
         numbers = np.concatenate([self._of_points, self._of_points[self._body.ghosts.source]])
         return np.stack([numbers[bonds.first], numbers[bonds.second]], axis=1)
 
 
 def check_walls(scene: Scene, body: Body) -> None:
-    """Raise ValueError if a fracture energy is given for a solid in which bonds reach one layer, and too much of it lies in thin walls."""
-    if not (scene.plane == "space" and scene.horizon_ratio < ONE_LAYER and gives_fracture_energy(scene)):
+    """Raise ValueError if a fracture energy is given for a solid in which bonds reach one layer,
+    and too much of it lies in thin walls.
+    """
+    if not (
+        scene.plane == "space" and scene.horizon_ratio < ONE_LAYER and gives_fracture_energy(scene)
+    ):
         return
     share = share_in_walls(body, LEAST_LAYERS)
     if share > MOST_IN_WALLS:
-        layers = next(layers for layers in range(LEAST_LAYERS - 1, 0, -1) if share_in_walls(body, layers) <= MOST_IN_WALLS)
+        layers = next(
+            layers
+            for layers in range(LEAST_LAYERS - 1, 0, -1)
+            if share_in_walls(body, layers) <= MOST_IN_WALLS
+        )
         raise ValueError(
-            f"fracture.energy needs walls of at least {LEAST_LAYERS} points in a solid with horizon_ratio {scene.horizon_ratio:g}, but "
-            f"{share:.0%} of the body lies in thinner ones, down to {layers}: points of the middle one of three layers can hold a crack; "
-            f"set horizon_ratio to 2.2 or 3, or spacing to {layers / LEAST_LAYERS * body.spacing:.3g} or less, or set "
-            "fracture.critical_stretch instead"
+            f"fracture.energy needs walls of at least {LEAST_LAYERS} points in a solid with"
+            f" horizon_ratio {scene.horizon_ratio:g}, but {share:.0%} of the body lies in thinner"
+            f" ones, down to {layers}: points of the middle one of three layers can hold a crack;"
+            " set horizon_ratio to 2.2 or 3, or spacing to"
+            f" {layers / LEAST_LAYERS * body.spacing:.3g} or less, or set fracture.critical_stretch"
+            " instead"
         )
 
 
 def share_in_walls(body: Body, layers: int) -> float:
-    """Return the part of a grid's points in the body that lie in walls of fewer than `layers` points.
+    """Return the part of a grid's points in the body that lie in walls of fewer than `layers`
+    points.
 
-    Walls are counted along the axes of the grid, which has the spacing of the body, so that clouds count as lattices.
+    Walls are counted along the axes of the grid, which has the spacing of the body, so that clouds
+    count as lattices.
     """
     lowest = body.all_points.min(axis=0)
     counts = np.rint(np.ptp(body.all_points, axis=0) / body.spacing).astype(int) + 1
-    grid = lowest + body.spacing * np.stack(np.meshgrid(*(np.arange(count) for count in counts), indexing="ij"), axis=-1)
-    distances, _ = scipy.spatial.cKDTree(body.all_points).query(grid, distance_upper_bound=body.spacing)
+    grid = lowest + body.spacing * np.stack(
+        np.meshgrid(*(np.arange(count) for count in counts), indexing="ij"), axis=-1
+    )
+    distances, _ = scipy.spatial.cKDTree(body.all_points).query(
+        grid, distance_upper_bound=body.spacing
+    )
     inside = distances < INSIDE * body.spacing
     thick = np.ones_like(inside)
     for axis in range(body.dimension):
@@ -221,13 +312,15 @@ def share_in_walls(body: Body, layers: int) -> float:
 def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:
     """Return the energy per undeformed area of a trouser tear at a given force on its legs.
 
-    While the tear advances by dc, each leg, in simple tension lambda, lengthens by lambda dc under the force F, and a volume 2 b h dc of
-    unstrained material enters the legs (Rivlin and Thomas 1953):
+    While the tear advances by dc, each leg, in simple tension lambda, lengthens by lambda dc under
+    the force F, and a volume 2 b h dc of unstrained material enters the legs (Rivlin and Thomas
+    1953):
 
         T = 2 F lambda / h - w(lambda),   w = 2 b psi(lambda),
 
-    with F = b h P(lambda).  w is the energy of both legs per undeformed length and thickness, b and h are width and thickness of a leg, psi
-    is the energy density and P the nominal stress of the law in simple tension.  For legs that hardly stretch T = 2 F / h.
+    with F = b h P(lambda).  w is the energy of both legs per undeformed length and thickness, b and
+    h are width and thickness of a leg, psi is the energy density and P the nominal stress of the
+    law in simple tension.  For legs that hardly stretch T = 2 F / h.
 
     Parameters
     ----------
@@ -258,13 +351,28 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> print(round(pds.tearing_energy(pds.materials.NeoHookean(), force=1.0, leg_width=8.0, thickness=2.0), 4))
+    >>> print(
+    ...     round(
+    ...         pds.tearing_energy(
+    ...             pds.materials.NeoHookean(), force=1.0, leg_width=8.0, thickness=2.0
+    ...         ),
+    ...         4,
+    ...     )
+    ... )
     1.0106
     """
     _check_positive({"force": force, "leg's width": leg_width, "thickness": thickness})
     stress = force / (leg_width * thickness)
-    stretch = _stretch_at(law, lambda stretch: homogeneous.uniaxial(law, stretch).nominal_stress, stress, "that stress")
-    return 2 * force * stretch / thickness - 2 * leg_width * homogeneous.uniaxial(law, stretch).energy_density
+    stretch = _stretch_at(
+        law,
+        lambda stretch: homogeneous.uniaxial(law, stretch).nominal_stress,
+        stress,
+        "that stress",
+    )
+    return (
+        2 * force * stretch / thickness
+        - 2 * leg_width * homogeneous.uniaxial(law, stretch).energy_density
+    )
 
 
 def _check_positive(values: dict[str, float]) -> None:
@@ -275,9 +383,11 @@ def _check_positive(values: dict[str, float]) -> None:
 
 
 def _stretch_at(law: Law, quantity: Callable[[float], float], wanted: float, what: str) -> float:
-    """Return the uniaxial stretch at which a quantity of a law, a function of the stretch, has a wanted value.
+    """Return the uniaxial stretch at which a quantity of a law, a function of the stretch, has a
+    wanted value.
 
-    Raise ValueError if the law reaches its greatest stretch before this value; `what` describes the wanted value in the message.
+    Raise ValueError if the law reaches its greatest stretch before this value; `what` describes the
+    wanted value in the message.
     """
     checked_law(law)
     upper = 1.1
@@ -286,5 +396,9 @@ def _stretch_at(law: Law, quantity: Callable[[float], float], wanted: float, wha
         try:
             quantity(upper)
         except ValueError:
-            raise ValueError(f"{law.name} reaches its limit at the stretch {lower:.3g}, before it reaches {what}") from None
-    return float(scipy.optimize.brentq(lambda stretch: quantity(stretch) - wanted, 1.0, upper, xtol=1e-12))
+            raise ValueError(
+                f"{law.name} reaches its limit at the stretch {lower:.3g}, before it reaches {what}"
+            ) from None
+    return float(
+        scipy.optimize.brentq(lambda stretch: quantity(stretch) - wanted, 1.0, upper, xtol=1e-12)
+    )

@@ -1,4 +1,6 @@
-"""Materials of a scene: the force model and the points of each material, and warnings about their combination."""
+"""Materials of a scene: the force model and the points of each material, and warnings about
+their combination.
+"""
 
 import warnings
 from collections.abc import Iterator, Sequence
@@ -19,30 +21,44 @@ from ..scenes.tip_diameter import tip_diameters_in
 from .regions import BodyRegions
 
 LEAST_CELLS = 3
-"""Thickness in cells of a region of one material below which the run warns: at a horizon of 3.15 cells bonds reach through the region."""
+"""Thickness in cells of a region of one material below which the run warns: at a horizon of 3.15
+cells bonds reach through the region.
+"""
 
 LEAST_LOADED_CELLS = 5
-"""Thickness in cells of a rigid region below which the run warns of tractions on it: with 2 cells the force in the results is up to 31 %
-off, with 3 cells 20 %. At a free side the count is one too many, so that five means at least four cells."""
+"""Thickness in cells of a rigid region below which the run warns of tractions on it: with 2 cells
+the force in the results is up to 31 % off, with 3 cells 20 %. At a free side the count is one too
+many, so that five means at least four cells.
+"""
 
 MOST_CONTRAST = 30.0
-"""Ratio of the shear moduli of two materials beyond which the run warns of a force model that has no energy: stresses are then 2 to 7 % off
-and thin soft layers lock."""
+"""Ratio of the shear moduli of two materials beyond which the run warns of a force model that has
+no energy: stresses are then 2 to 7 % off and thin soft layers lock.
+"""
 
 NOT_CONFINED = 2.0
-"""Bulk modulus of a soft material divided by the shear modulus of a stiff one, beyond which the run warns of confined parts in plane
-strain. Chosen: a stiff material of more than half this bulk modulus yields as much as the soft one where it is confined."""
+"""Bulk modulus of a soft material divided by the shear modulus of a stiff one, beyond which the run
+warns of confined parts in plane strain. Chosen: a stiff material of more than half this bulk
+modulus yields as much as the soft one where it is confined.
+"""
 
 AS_GOOD_AS_RIGID = 1e4
 """Ratio of shear moduli beyond which the run recommends a rigid region for the stiff material.
 
-A box of rubber between blocks 1,000 times as stiff converges in 1,800 evaluations, between blocks 80,000 times as stiff not within 4,500,
-and with rigid blocks in 970."""
+A box of rubber between blocks 1,000 times as stiff converges in 1,800 evaluations, between blocks
+80,000 times as stiff not within 4,500, and with rigid blocks in 970.
+"""
 
 
 def settings_of(scene: Scene) -> ForceSettings:
-    """Return the `ForceSettings` of a scene: its keys that have the name of a setting, and `breakable` if the scene has fracture."""
-    keys = {setting.name: getattr(scene, setting.name) for setting in fields(ForceSettings) if setting.name != "breakable"}
+    """Return the `ForceSettings` of a scene: its keys that have the name of a setting, and
+    `breakable` if the scene has fracture.
+    """
+    keys = {
+        setting.name: getattr(scene, setting.name)
+        for setting in fields(ForceSettings)
+        if setting.name != "breakable"
+    }
     return ForceSettings(**keys, breakable=scene.fracture is not None)
 
 
@@ -51,39 +67,69 @@ def _warn(scene: Scene, text: str) -> None:
 
 
 def warn_of_bulk_moduli(scene: Scene) -> None:
-    """Warn of a bulk modulus below 2/3 of the shear modulus, for example a default bulk modulus beside a shear modulus in other units."""
-    laws = {f"materials.{number}": part.material.build() for number, part in enumerate(scene.materials) if not part.material.rigid}
+    """Warn of a bulk modulus below 2/3 of the shear modulus, for example a default bulk modulus
+    beside a shear modulus in other units.
+    """
+    laws = {
+        f"materials.{number}": part.material.build()
+        for number, part in enumerate(scene.materials)
+        if not part.material.rigid
+    }
     for key, law in {"material": scene.law(), **laws}.items():
         if law.bulk_modulus < 2 / 3 * law.shear_modulus:
-            moduli = f"the bulk modulus, {law.bulk_modulus:g}, is less than two thirds of the shear modulus, {law.shear_modulus:g}"
-            remedy = "set bulk_modulus in the unit of shear_modulus; its default is 100 or 200 in any unit"
+            moduli = (
+                f"the bulk modulus, {law.bulk_modulus:g}, is less than two thirds of the shear"
+                f" modulus, {law.shear_modulus:g}"
+            )
+            remedy = (
+                "set bulk_modulus in the unit of shear_modulus; its default is 100 or 200 in any"
+                " unit"
+            )
             _warn(scene, f"{key}: {moduli}, so that Poisson's ratio is negative; {remedy}")
 
 
 def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[str]) -> None:
-    """Warn of materials that are too thin or too stiff for the force model; raise ValueError for a rigid region one cell thick.
+    """Warn of materials that are too thin or too stiff for the force model; raise ValueError for a
+    rigid region one cell thick.
 
     `model` is the name of the force model, and `rigid` lists the names of the rigid regions.
     """
     laws = [portion.law for portion in force.portions]
     if rigid:
-        _check_rigid_thickness(scene, force.interfaces.cells_across(len(laws), LEAST_LOADED_CELLS), ", ".join(rigid))
+        _check_rigid_thickness(
+            scene, force.interfaces.cells_across(len(laws), LEAST_LOADED_CELLS), ", ".join(rigid)
+        )
     for number, law in enumerate(laws if len(laws) > 1 else ()):
         cells = force.interfaces.cells_across(number, LEAST_CELLS)
         if 0 < cells < LEAST_CELLS:
-            thin = f"only about {cells:.0f} cells ({cells * force.body.spacing:.3g}) thick, and bonds reach through it"
-            errors = (
-                "a soft layer of 2 cells is 1.6 times too stiff between parts 10 times as stiff (8 times if they are 100 times as stiff)"
+            thin = (
+                f"only about {cells:.0f} cells ({cells * force.body.spacing:.3g}) thick, and bonds"
+                " reach through it"
             )
-            _warn(scene, f"the part with shear modulus {law.shear_modulus:.4g} is {thin}: {errors}; use a smaller spacing")
+            errors = (
+                "a soft layer of 2 cells is 1.6 times too stiff between parts 10 times as stiff (8"
+                " times if they are 100 times as stiff)"
+            )
+            _warn(
+                scene,
+                f"the part with shear modulus {law.shear_modulus:.4g} is {thin}: {errors}; use a"
+                " smaller spacing",
+            )
     moduli = [law.shear_modulus for law in laws]
     contrast = max(moduli) / min(moduli)
     stiff = f"one material is {contrast:.3g} times as stiff as another"
     if contrast > AS_GOOD_AS_RIGID:
         trouble = "equilibrium needs thousands of evaluations, or is not found"
-        _warn(scene, f'{stiff}, and {trouble}: use material = "rigid" for it, which changes results by less than 0.1 %')
+        _warn(
+            scene,
+            f'{stiff}, and {trouble}: use material = "rigid" for it, which changes results by less'
+            " than 0.1 %",
+        )
     if not force.has_energy and contrast > MOST_CONTRAST:
-        trouble = "has errors of 2 to 7 %, makes a soft layer of 4 cells many times too stiff, or finds no equilibrium"
+        trouble = (
+            "has errors of 2 to 7 %, makes a soft layer of 4 cells many times too stiff, or finds"
+            " no equilibrium"
+        )
         _warn(scene, f"{stiff}, for which {model} {trouble}: use force=bond-energy")
     confined = [
         (one.shear_modulus, soft.bulk_modulus)
@@ -92,28 +138,56 @@ def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[st
         if YIELDING * soft.shear_modulus < one.shear_modulus < soft.bulk_modulus / NOT_CONFINED
     ]
     if force.has_energy and scene.plane == "strain" and confined:
-        beside = "a material with shear modulus {:.4g} lies next to a softer one with bulk modulus {:.4g}".format(*confined[0])
-        trouble = "the softer one is too soft where it is confined (by 6 to 14 % in a layer of 4 cells, by 3 % in a layer of 8)"
-        _warn(scene, f'{beside}, and {trouble}; use a smaller spacing, or material = "rigid" for the stiff part')
+        beside = (
+            "a material with shear modulus {:.4g} lies next to a softer one with bulk modulus"
+            " {:.4g}".format(*confined[0])
+        )
+        trouble = (
+            "the softer one is too soft where it is confined (by 6 to 14 % in a layer of 4 cells,"
+            " by 3 % in a layer of 8)"
+        )
+        _warn(
+            scene,
+            f'{beside}, and {trouble}; use a smaller spacing, or material = "rigid" for the stiff'
+            " part",
+        )
 
 
 def _check_rigid_thickness(scene: Scene, cells: float, names: str) -> None:
-    """Raise ValueError for rigid regions one cell thick, and warn of thin rigid regions with a traction or pressure in the scene.
+    """Raise ValueError for rigid regions one cell thick, and warn of thin rigid regions with a
+    traction or pressure in the scene.
 
-    Part of a traction or pressure on a thin rigid region acts on the material behind it. `cells` is the thickness of the regions in cells,
-    and `names` their names in the messages.
+    Part of a traction or pressure on a thin rigid region acts on the material behind it. `cells` is
+    the thickness of the regions in cells, and `names` their names in the messages.
     """
     if cells < 2:
-        raise ValueError(f"materials: a rigid region ({names}) is only one cell thick, but needs two; use a smaller spacing")
-    if 0 < cells < LEAST_LOADED_CELLS and {load.kind for load in scene.loads} & {"traction", "pressure"}:
-        thin = f"a rigid region is at most {cells:.0f} cells thick, and part of a traction or pressure on it acts on the material behind it"
-        errors = "its force in the results has errors of up to 31 % with 2 cells and 20 % with 3, although all forces are in balance"
-        _warn(scene, f"{thin}: {errors}; apply the load as a force on the region, or use a smaller spacing")
+        raise ValueError(
+            f"materials: a rigid region ({names}) is only one cell thick, but needs two; use a"
+            " smaller spacing"
+        )
+    if 0 < cells < LEAST_LOADED_CELLS and {load.kind for load in scene.loads} & {
+        "traction",
+        "pressure",
+    }:
+        thin = (
+            f"a rigid region is at most {cells:.0f} cells thick, and part of a traction or pressure"
+            " on it acts on the material behind it"
+        )
+        errors = (
+            "its force in the results has errors of up to 31 % with 2 cells and 20 % with 3,"
+            " although all forces are in balance"
+        )
+        _warn(
+            scene,
+            f"{thin}: {errors}; apply the load as a force on the region, or use a smaller spacing",
+        )
 
 
 @contextmanager
 def scene_errors(scene: Scene, key: str = "") -> Iterator[None]:
-    """Context that turns every ValueError into a SceneError with the name of the scene, and optionally a key, in its message."""
+    """Context that turns every ValueError into a SceneError with the name of the scene, and
+    optionally a key, in its message.
+    """
     try:
         yield
     except SceneError:
@@ -123,17 +197,19 @@ def scene_errors(scene: Scene, key: str = "") -> Iterator[None]:
 
 
 def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
-    """Check the force models of a scene and return them: `model`, then the model of each entry of the scene's `materials`.
+    """Check the force models of a scene and return them: `model`, then the model of each entry of
+    the scene's `materials`.
 
-    `model` is that of the body outside the regions of `materials`. An entry has the model that it names; or else `model`, if this describes
-    the entry's law; or else a stored surrogate of the entry's law of the same `family` (bond force or bond energy).
+    `model` is that of the body outside the regions of `materials`. An entry has the model that it
+    names; or else `model`, if this describes the entry's law; or else a stored surrogate of the
+    entry's law of the same `family` (bond force or bond energy).
 
     Raises
     ------
     SceneError
-        If a model does not describe its material, or cannot honor a setting of the scene, an artifact cannot be read or is of another
-        family than `model`, a region is rigid and `model` has no energy, or no critical stretch follows from the fracture energy with
-        `model`.
+        If a model does not describe its material, or cannot honor a setting of the scene, an
+        artifact cannot be read or is of another family than `model`, a region is rigid and `model`
+        has no energy, or no critical stretch follows from the fracture energy with `model`.
     """
     with scene_errors(scene):
         settings_of(scene).check(model.name, model.honored(scene.plane))
@@ -148,10 +224,15 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
 
 
 def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
-    """Return the force model of an entry of `materials`; raise ValueError if it does not fit `rest`, the model of the rest."""
+    """Return the force model of an entry of `materials`; raise ValueError if it does not fit
+    `rest`, the model of the rest.
+    """
     if part.material.rigid:
         if rest.family != "bond energy":
-            raise ValueError(f"a rigid region needs a force that defines an energy, such as bond-energy; {rest.name} defines none")
+            raise ValueError(
+                "a rigid region needs a force that defines an energy, such as bond-energy;"
+                f" {rest.name} defines none"
+            )
         return rest  # not evaluated there
     law = part.material.build()
     if part.force is None:
@@ -162,7 +243,10 @@ def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
         return rest
     own = artifacts.load_surrogate(part.force)
     if own.family != rest.family:
-        raise ValueError(f"{own.name} is a {own.family} model, but {rest.name} of the rest is a {rest.family} model; use one family")
+        raise ValueError(
+            f"{own.name} is a {own.family} model, but {rest.name} of the rest is a {rest.family}"
+            " model; use one family"
+        )
     own.check_material(law)
     return own
 
@@ -170,24 +254,28 @@ def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
 def portions_of(
     scene: Scene, body: Body, models: Sequence[ForceModel], regions: BodyRegions
 ) -> tuple[list[Portion], dict[str, np.ndarray], np.ndarray]:
-    """Assign the points of a body to the materials of a scene: return law, model and points of each, rigid regions, and numbers.
+    """Assign the points of a body to the materials of a scene: return law, model and points of
+    each, rigid regions, and numbers.
 
     Parameters
     ----------
     scene : Scene
     body : Body
     models : list of ForceModel
-        Force model of the body outside the regions of the scene's `materials`, then one for each of these.
+        Force model of the body outside the regions of the scene's `materials`, then one for each of
+        these.
     regions : BodyRegions
 
     Returns
     -------
     list of Portion
-        Law, force model and points of every deformable material with points: the rest of the body, then `materials` in order.
+        Law, force model and points of every deformable material with points: the rest of the body,
+        then `materials` in order.
     dict of ndarray
         Points of the rigid regions, by name.
     ndarray of int, shape (n,)
-        Number of the material of every point: 0 for the rest of the body, then those of `materials`, counted from 1.
+        Number of the material of every point: 0 for the rest of the body, then those of
+        `materials`, counted from 1.
 
     Raises
     ------
@@ -195,7 +283,10 @@ def portions_of(
         If a region has no point, or two materials contain the same point; the message names them.
     """
     of_points = np.zeros(len(body), dtype=np.int64)
-    laws = [scene.law(), *(None if part.material.rigid else part.material.build() for part in scene.materials)]
+    laws = [
+        scene.law(),
+        *(None if part.material.rigid else part.material.build() for part in scene.materials),
+    ]
     for number, part in enumerate(scene.materials, 1):
         key = f"materials.{number - 1}"
         points = regions.points(part.region, f"{key}.region")
@@ -211,13 +302,27 @@ def portions_of(
         error, twice = None, (before > 0) & ~np.array(same, dtype=bool)
         if twice.any():
             first, where = before[twice.argmax()] - 1, text_of(body.points[points[twice.argmax()]])
-            taken = f"materials.{first} and {key} both contain {int(twice.sum())} points, the first at {where}"
+            taken = (
+                f"materials.{first} and {key} both contain {int(twice.sum())} points, the first at"
+                f" {where}"
+            )
             error = ValueError(f"{taken}; regions of different materials must not overlap")
         body.share.agree(error)
         of_points[points] = number
     found = {number: np.flatnonzero(of_points == number) for number in range(len(laws))}
     parts = {number: part for number, part in enumerate(scene.materials) if part.material.rigid}
-    rigid = {label_of_region(part.region, f"materials.{number}"): found[number + 1] for number, part in parts.items()}
+    rigid = {
+        label_of_region(part.region, f"materials.{number}"): found[number + 1]
+        for number, part in parts.items()
+    }
     # All ranks have the same portions.
-    kept = [number for number, law in enumerate(laws) if law is not None and body.share.any(len(found[number]) > 0)]
-    return [Portion(laws[number], models[number], found[number]) for number in kept], rigid, of_points
+    kept = [
+        number
+        for number, law in enumerate(laws)
+        if law is not None and body.share.any(len(found[number]) > 0)
+    ]
+    return (
+        [Portion(laws[number], models[number], found[number]) for number in kept],
+        rigid,
+        of_points,
+    )

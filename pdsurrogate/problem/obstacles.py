@@ -1,4 +1,6 @@
-"""Obstacles of a scene with the boundary that they can touch, and the stiffness of their contact."""
+"""Obstacles of a scene with the boundary that they can touch, and the stiffness of their
+contact.
+"""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -16,36 +18,50 @@ from ..solvers.obstacles import ContactNodes, Obstacle
 from .regions import BodyRegions
 
 THIN = 20.0
-"""Stiffness of the contact: pressure over penetration, times the spacing and divided by the modulus of the material against strain along
-one axis. Contact is then as stiff as a layer of the material, a twentieth of a spacing thick, that cannot bulge. Chosen: a sheet of 32
-points pressed by 20 % then has a force 0.2 % too low; with 10 it is 0.4 %, and with 50 dynamics take 1.5 times the steps."""
+"""Stiffness of the contact: pressure over penetration, times the spacing and divided by the modulus
+of the material against strain along one axis. Contact is then as stiff as a layer of the material,
+a twentieth of a spacing thick, that cannot bulge. Chosen: a sheet of 32 points pressed by 20 % then
+has a force 0.2 % too low; with 10 it is 0.4 %, and with 50 dynamics take 1.5 times the steps.
+"""
 
 LEAST_RADIUS = 2.0
-"""Least radius of an obstacle in spacings; between the nodes of the boundary, a spacing apart, a smaller one could enter unnoticed."""
+"""Least radius of an obstacle in spacings; between the nodes of the boundary, a spacing apart, a
+smaller one could enter unnoticed.
+"""
 
 
 OVERLAP = 0.02
-"""Overlap of an obstacle with the undeformed body, in spacings, up to which they only touch: nodes of a round boundary lie as far from it,
-since its polygon has the area of the circle."""
+"""Overlap of an obstacle with the undeformed body, in spacings, up to which they only touch: nodes
+of a round boundary lie as far from it, since its polygon has the area of the circle.
+"""
 
 SHARP = 0.95
-"""Length of the mean of the unit normals of the facets that meet at a node, below which the node lies at an edge of the body: half of the
-angle between two normals is then 18 degrees, which is more than between facets of a round boundary."""
+"""Length of the mean of the unit normals of the facets that meet at a node, below which the node
+lies at an edge of the body: half of the angle between two normals is then 18 degrees, which is more
+than between facets of a round boundary.
+"""
 
 REACHES = 33
-"""Number of values of the loading parameter in a stage at which obstacles are checked for rigid regions in their way."""
+"""Number of values of the loading parameter in a stage at which obstacles are checked for rigid
+regions in their way.
+"""
 
 GAUSS = {2: 0.5 + 3**-0.5 / 2, 3: 2 / 3}
-"""Greatest shape function at the Gauss points of a facet, by dimension: with equal weights they integrate quadratic functions exactly."""
+"""Greatest shape function at the Gauss points of a facet, by dimension: with equal weights they
+integrate quadratic functions exactly.
+"""
 
 
-def obstacles_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[Law]) -> list[Obstacle]:
+def obstacles_of(
+    scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[Law]
+) -> list[Obstacle]:
     """Return the obstacles of a scene.
 
     Raises
     ------
     ValueError
-        If an obstacle overlaps the undeformed body at t = 0, or is too small for the spacing; the message names the key.
+        If an obstacle overlaps the undeformed body at t = 0, or is too small for the spacing; the
+        message names the key.
     """
     if not scene.obstacles:
         return []
@@ -59,58 +75,112 @@ def obstacles_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[
             direction = -np.array(shape.normal) if radius is None else np.array(shape.axis)
             direction /= np.linalg.norm(direction)
         if radius is not None and radius < LEAST_RADIUS * body.spacing:
-            small = f"{radius:g} is less than {LEAST_RADIUS:g} spacings ({LEAST_RADIUS * body.spacing:.4g})"
-            raise ValueError(f"{key}.{entry.shape}.radius: {small}, so that it would slip through the boundary; use {body.finer}")
+            small = (
+                f"{radius:g} is less than {LEAST_RADIUS:g} spacings"
+                f" ({LEAST_RADIUS * body.spacing:.4g})"
+            )
+            raise ValueError(
+                f"{key}.{entry.shape}.radius: {small}, so that it would slip through the boundary;"
+                f" use {body.finer}"
+            )
         travel = np.array([entry.x1, entry.x2, entry.x3 or 0.0])[: body.dimension]
-        one = Obstacle(entry.name or key, amplitude_of(entry.amplitude), nodes, center, radius, direction, travel, stiffness)
+        one = Obstacle(
+            entry.name or key,
+            amplitude_of(entry.amplitude),
+            nodes,
+            center,
+            radius,
+            direction,
+            travel,
+            stiffness,
+        )
         places = np.vstack([nodes.nodes, body.points])
         gaps, _ = one.gaps(places, one.amplitude(0.0))
         deepest, error = int(gaps.argmin()), None
         if gaps[deepest] < -OVERLAP * body.spacing:
-            overlap = f"at t = 0 the obstacle overlaps the body, by {-gaps[deepest]:.3g} at {text_of(places[deepest])}"
-            turned = ", or turn its normal, which points into the obstacle" if radius is None else ""
-            error = ValueError(f"{key}.{entry.shape}: {overlap}; begin outside, and move it toward the body with x1, x2 or x3{turned}")
+            overlap = (
+                f"at t = 0 the obstacle overlaps the body, by {-gaps[deepest]:.3g} at"
+                f" {text_of(places[deepest])}"
+            )
+            turned = (
+                ", or turn its normal, which points into the obstacle" if radius is None else ""
+            )
+            error = ValueError(
+                f"{key}.{entry.shape}: {overlap}; begin outside, and move it toward the body with"
+                f" x1, x2 or x3{turned}"
+            )
         body.share.agree(error)
         found.append(one)
     return found
 
 
-def bar_rigid_regions(loading: Loading, rigid: Mapping[str, np.ndarray], ends: Sequence[float]) -> None:
-    """Bar the obstacles of a body from its rigid regions: where these touched, single places would carry the whole force.
+def bar_rigid_regions(
+    loading: Loading, rigid: Mapping[str, np.ndarray], ends: Sequence[float]
+) -> None:
+    """Bar the obstacles of a body from its rigid regions: where these touched, single places would
+    carry the whole force.
 
-    A flat rigid side that stands on one place of a round obstacle is not stable. `rigid` are the points of the regions by name, and `ends`
-    the ends of the stages.
+    A flat rigid side that stands on one place of a round obstacle is not stable. `rigid` are the
+    points of the regions by name, and `ends` the ends of the stages.
 
     Raises
     ------
     ValueError
-        If an obstacle reaches the undeformed place of a region that may move freely; the message names the key.
+        If an obstacle reaches the undeformed place of a region that may move freely; the message
+        names the key.
     """
-    body, times = loading.body, np.unique([np.linspace(*ends, REACHES) for ends in pairwise([0.0, *ends])])
+    body, times = (
+        loading.body,
+        np.unique([np.linspace(*ends, REACHES) for ends in pairwise([0.0, *ends])]),
+    )
     for number, one in enumerate(loading.loads.obstacles if rigid else ()):
-        of_points, nodes = scipy.spatial.cKDTree(body.points).query(one.surface.nodes)[1], one.surface.nodes
-        one.barred = {name: np.flatnonzero(np.isin(of_points, points)) for name, points in rigid.items()}
+        of_points, nodes = (
+            scipy.spatial.cKDTree(body.points).query(one.surface.nodes)[1],
+            one.surface.nodes,
+        )
+        one.barred = {
+            name: np.flatnonzero(np.isin(of_points, points)) for name, points in rigid.items()
+        }
         for name, places in one.barred.items():
-            deepest = [-one.gaps(nodes[places], one.amplitude(t))[0].min(initial=0.0) for t in times]
+            deepest = [
+                -one.gaps(nodes[places], one.amplitude(t))[0].min(initial=0.0) for t in times
+            ]
             if max(deepest) > OVERLAP * body.spacing and loading.free[rigid[name]].all():
-                why = "obstacles push on deformable materials alone, since rigid bodies would touch at single places"
-                remedy = f"prescribe the motion of {name} in the place of the obstacle, or give it a stiff law"
-                raise ValueError(f"obstacles.{number}: the obstacle {one.name} reaches the rigid region {name}; {why}: {remedy}")
+                why = (
+                    "obstacles push on deformable materials alone, since rigid bodies would touch"
+                    " at single places"
+                )
+                remedy = (
+                    f"prescribe the motion of {name} in the place of the obstacle, or give it a"
+                    " stiff law"
+                )
+                raise ValueError(
+                    f"obstacles.{number}: the obstacle {one.name} reaches the rigid region {name};"
+                    f" {why}: {remedy}"
+                )
 
 
 def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
-    """Return the places at which obstacles push: nodes of the boundary, and others at edges and beside bonded corners.
+    """Return the places at which obstacles push: nodes of the boundary, and others at edges and
+    beside bonded corners.
 
-    A node stands for its part of the facets around it. At an edge of the body a side that does not touch would count there too, so that
-    facets at edges have Gauss points instead. Facets in planes of reflection do not touch obstacles, and nodes in bonded planes are not
-    pushed. Where a free side folds over such a plane, the linear fit of the nodes beside the corner does not follow, and the outermost
-    points there stop at an obstacle themselves.
+    A node stands for its part of the facets around it. At an edge of the body a side that does not
+    touch would count there too, so that facets at edges have Gauss points instead. Facets in planes
+    of reflection do not touch obstacles, and nodes in bonded planes are not pushed. Where a free
+    side folds over such a plane, the linear fit of the nodes beside the corner does not follow, and
+    the outermost points there stop at an obstacle themselves.
     """
     surface, share, d = regions.surface(), body.share, body.dimension
-    kept, bonded, corner = regions.facets("body", "obstacles"), np.zeros(len(surface.nodes), dtype=bool), np.zeros(len(body), dtype=bool)
+    kept, bonded, corner = (
+        regions.facets("body", "obstacles"),
+        np.zeros(len(surface.nodes), dtype=bool),
+        np.zeros(len(body), dtype=bool),
+    )
     for plane in body.planes:
         if plane.axis is None:
-            on_plane = np.isin(np.arange(len(surface.nodes)), surface.facets[surface.parts == plane.name])
+            on_plane = np.isin(
+                np.arange(len(surface.nodes)), surface.facets[surface.parts == plane.name]
+            )
         else:
             on_plane = np.abs(plane.mirrored(surface.nodes)[1]) < ON_A_PLANE * body.spacing
         kept = kept[~on_plane[surface.facets[kept]].all(axis=1)]
@@ -123,35 +193,48 @@ def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
     np.add.at(mean, facets, (surface.normals()[kept] / of_facets[:, None])[:, None])
     sharp = np.linalg.norm(mean, axis=1) < SHARP * np.bincount(facets.ravel(), minlength=len(used))
     at_edge = sharp[facets].any(axis=1) & ~bonded[facets].any(axis=1)
-    areas = np.bincount(facets[~at_edge].ravel(), np.repeat(of_facets[~at_edge] / d, d), len(used)) * ~bonded
+    areas = (
+        np.bincount(facets[~at_edge].ravel(), np.repeat(of_facets[~at_edge] / d, d), len(used))
+        * ~bonded
+    )
     edges = facets[at_edge]
     # Row i of the shape functions is that of the Gauss point near corner i.
     shape = GAUSS[d] * np.eye(d) + (1 - GAUSS[d]) / (d - 1) * (1 - np.eye(d))
     columns = np.repeat(edges, d, axis=0).ravel()
     gauss = scipy.sparse.csr_array(
-        (np.tile(shape.ravel(), len(edges)), columns, d * np.arange(len(columns) // d + 1)), shape=(d * len(edges), len(used))
+        (np.tile(shape.ravel(), len(edges)), columns, d * np.arange(len(columns) // d + 1)),
+        shape=(d * len(edges), len(used)),
     )
-    beside = np.flatnonzero(corner & share.own & np.isfinite(surface.distances(body.points, body.cell.max())))
+    beside = np.flatnonzero(
+        corner & share.own & np.isfinite(surface.distances(body.points, body.cell.max()))
+    )
     numbers = share.joined(share.numbers[beside], beside)
     order = np.argsort(numbers)
     rows = np.searchsorted(numbers[order], share.numbers[beside])
-    themselves = scipy.sparse.csr_array((np.ones(len(beside)), (rows, beside)), shape=(len(numbers), len(body)))
+    themselves = scipy.sparse.csr_array(
+        (np.ones(len(beside)), (rows, beside)), shape=(len(numbers), len(body))
+    )
     nodes = surface.nodes[used]
     maps = tuple(
-        scipy.sparse.vstack([of_nodes, gauss @ of_nodes, themselves], format="csr") for of_nodes in surface.interpolation[used].rows
+        scipy.sparse.vstack([of_nodes, gauss @ of_nodes, themselves], format="csr")
+        for of_nodes in surface.interpolation[used].rows
     )
     places = np.vstack([nodes, gauss @ nodes, share.joined(body.points[beside], beside)[order]])
     sides = share.joined(body.volumes[beside] / body.spacing, beside)[order]
     areas = np.concatenate([areas, np.repeat(of_facets[at_edge] / d, d), sides])
     first = len(places) - len(sides)
     distance, nearest = (
-        scipy.spatial.cKDTree(places[first:]).query(nodes[facets].mean(axis=1)) if len(sides) else (np.full(len(facets), np.inf), 0)
+        scipy.spatial.cKDTree(places[first:]).query(nodes[facets].mean(axis=1))
+        if len(sides)
+        else (np.full(len(facets), np.inf), 0)
     )
     stops = np.where(distance < body.cell.max(), first + nearest, -1)
     return ContactNodes(share, Following(maps), places, areas, facets, bonded, stops, body.spacing)
 
 
 def _modulus(law: Law, plane: str) -> float:
-    """Return the modulus of a law against small strain along one axis, with none across it in the plane or in space."""
+    """Return the modulus of a law against small strain along one axis, with none across it in
+    the plane or in space.
+    """
     mu, K = law.shear_modulus, law.bulk_modulus
     return 4 * mu * (3 * K + mu) / (3 * K + 4 * mu) if plane == "stress" else K + 4 * mu / 3

@@ -1,4 +1,6 @@
-"""Compilation of a scene into a problem: everything that a run needs, resolved once into points, numbers and names."""
+"""Compilation of a scene into a problem: everything that a run needs, resolved once into points,
+numbers and names.
+"""
 
 import warnings
 from collections.abc import Sequence
@@ -9,7 +11,15 @@ import numpy as np
 
 from ..body import HALO, Body, Surface, divided
 from ..body.local_fit import text_of
-from ..discretization import check_size, cuts_of, discretize, grip_areas, held_at_points, memory_here, surface_of
+from ..discretization import (
+    check_size,
+    cuts_of,
+    discretize,
+    grip_areas,
+    held_at_points,
+    memory_here,
+    surface_of,
+)
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
 from ..forces.interface_fits import SIGHT
 from ..materials import Law
@@ -31,7 +41,16 @@ from .materials import (
     warn_of_parts,
 )
 from .obstacles import bar_rigid_regions
-from .program import Measures, Prescription, Stage, known_ends, measures_of, parameter_of, prescriptions_of, stages_of
+from .program import (
+    Measures,
+    Prescription,
+    Stage,
+    known_ends,
+    measures_of,
+    parameter_of,
+    prescriptions_of,
+    stages_of,
+)
 from .regions import BodyRegions
 
 
@@ -44,8 +63,8 @@ class Problem:
     scene : Scene
         Scene that the results describe; the solvers do not read it.
     models : sequence of ForceModel
-        Force model of the body outside the regions of the scene's `materials`, then one for each of these; empty if the problem is compiled
-        without models, so that no force can be bound.
+        Force model of the body outside the regions of the scene's `materials`, then one for each of
+        these; empty if the problem is compiled without models, so that no force can be bound.
     settings : ForceSettings
         Choices for the evaluation of the force models.
     body : Body
@@ -88,15 +107,21 @@ class Problem:
     @cached_property
     def fronts(self) -> Fronts:
         """Fronts of the cracks of the whole body."""
-        return Fronts(self.scene, self.whole, cuts_of(self.scene, self.regions.lower, self.regions.upper))
+        return Fronts(
+            self.scene, self.whole, cuts_of(self.scene, self.regions.lower, self.regions.upper)
+        )
 
     @cached_property
     def held_at_points(self) -> dict[str, str]:
-        """Return the outlines, holes and curved groups that are held at their points, by name, with the reason and what would help."""
+        """Return the outlines, holes and curved groups that are held at their points, by name,
+        with the reason and what would help.
+        """
         return held_at_points(self.scene, all(model.mirrors_curves for model in self.models))
 
     def describe(self) -> dict:
-        """Return the entries of a run's summary that follow from the scene and the names of its force models."""
+        """Return the entries of a run's summary that follow from the scene and the names of its
+        force models.
+        """
         units = self.scene.units
         return {
             "scene": self.scene.name,
@@ -105,11 +130,20 @@ class Problem:
             **({"held_at_points": self.held_at_points} if self.held_at_points else {}),
             "units": {**units.model_dump(), "force": units.force, "energy": units.energy},
             **({"grip_areas": self.measures.areas} if self.measures.nominal_stress else {}),
-            **({"materials": [self._describe_part(number) for number in range(len(self.scene.materials))]} if self.scene.materials else {}),
+            **(
+                {
+                    "materials": [
+                        self._describe_part(number) for number in range(len(self.scene.materials))
+                    ]
+                }
+                if self.scene.materials
+                else {}
+            ),
         }
 
     def bind(self, precision: str | None = None) -> tuple[InternalForce, LoadedForce]:
-        """Return the internal force of the body, and the force with loads, supports and rigid regions with which solvers work.
+        """Return the internal force of the body, and the force with loads, supports and rigid
+        regions with which solvers work.
 
         Parameters
         ----------
@@ -121,7 +155,9 @@ class Problem:
         SceneError
             If the force models do not fit the body, or leave a point without support.
         """
-        settings = self.settings if precision is None else replace(self.settings, precision=precision)
+        settings = (
+            self.settings if precision is None else replace(self.settings, precision=precision)
+        )
         with scene_errors(self.scene):
             force = bind_portions(self.body, self.portions, settings, _together(self.rigid))
             rigid = self._rigid_regions(force) if self.rigid else []
@@ -132,50 +168,89 @@ class Problem:
         return force, loaded
 
     def changed(self, scene: Scene, models: Sequence[ForceModel]) -> "Problem":
-        """Return the problem of a scene that differs in materials, loads or prescribed motions alone, on the same body, on one rank."""
-        moved = any(getattr(scene, key) != getattr(self.scene, key) for key in ("loads", "prescribed", "obstacles"))
+        """Return the problem of a scene that differs in materials, loads or prescribed motions
+        alone, on the same body, on one rank.
+        """
+        moved = any(
+            getattr(scene, key) != getattr(self.scene, key)
+            for key in ("loads", "prescribed", "obstacles")
+        )
         if not moved and not len(self.loading.loads):  # loads and obstacles may depend on the laws
             with scene_errors(scene):
                 portions, _, _ = portions_of(scene, self.body, models, self.regions)
             measures = measures_of(scene, self.measures.areas)
             return replace(self, scene=scene, models=models, portions=portions, measures=measures)
-        regions = BodyRegions(scene, self.body, self.regions.lower, self.regions.upper, self.regions.surface)
+        regions = BodyRegions(
+            scene, self.body, self.regions.lower, self.regions.upper, self.regions.surface
+        )
         return _on_body(scene, models, self.whole, regions, ALONE)
 
     def reached(self, parameter: float) -> str:
-        """Return the prescribed motions and loads at a value of the loading parameter, as text for messages."""
-        found = [f"{one.key} to {words}" for one in self.prescriptions if (words := one.reached(parameter))]
+        """Return the prescribed motions and loads at a value of the loading parameter, as text
+        for messages.
+        """
+        found = [
+            f"{one.key} to {words}"
+            for one in self.prescriptions
+            if (words := one.reached(parameter))
+        ]
         for number, load in enumerate(self.scene.loads):
             size = np.array(getattr(load, load.kind)) * amplitude_of(load.amplitude)(parameter)
-            found.append(f"loads.{number} to {load.kind} = {np.array2string(size, precision=4, separator=', ')}")
+            found.append(
+                f"loads.{number} to {load.kind} ="
+                f" {np.array2string(size, precision=4, separator=', ')}"
+            )
         for one in self.loading.loads.obstacles:
             if one.travel.any():
-                found.append(f"{one.name} moved by {text_of(one.amplitude(parameter) * one.travel)}")
+                found.append(
+                    f"{one.name} moved by {text_of(one.amplitude(parameter) * one.travel)}"
+                )
         return "; ".join(found)
 
     def _describe_part(self, number: int) -> dict:
-        """Return the entry of a run's summary about an entry of `materials`: region, material, force model and critical stretch."""
+        """Return the entry of a run's summary about an entry of `materials`: region, material,
+        force model and critical stretch.
+        """
         part, stretches = self.scene.materials[number], self.critical_stretches
         region = part.model_dump(mode="json", include={"region"}, exclude_none=True, by_alias=True)
         if part.material.rigid:
             return {**region, "material": {"law": RIGID}}
-        found = {**region, "material": part.material.build().describe(), "force": self.models[number + 1].name}
-        return found if stretches is None else {**found, "critical_stretch": stretches.of_materials[number + 1]}
+        found = {
+            **region,
+            "material": part.material.build().describe(),
+            "force": self.models[number + 1].name,
+        }
+        return (
+            found
+            if stretches is None
+            else {**found, "critical_stretch": stretches.of_materials[number + 1]}
+        )
 
     def _rigid_regions(self, force: InternalForce) -> list[RigidRegion]:
-        """Return the rigid regions of the body; raise ValueError for one that cannot move as prescribed, or that nothing holds.
+        """Return the rigid regions of the body; raise ValueError for one that cannot move as
+        prescribed, or that nothing holds.
 
         A region that is neither held nor bonded to a deformable material could be anywhere.
         """
-        first, second, every = self.body.bonds.first, self.body.bonds.second, np.arange(len(self.body.all_points))
+        first, second, every = (
+            self.body.bonds.first,
+            self.body.bonds.second,
+            np.arange(len(self.body.all_points)),
+        )
         rigid = np.isin(every, _together(self.rigid))
         for name, numbers in self.rigid.items():
             own = np.isin(every, numbers)
             pulls = (own[first] & ~rigid[second]) | (own[second] & ~rigid[first])
             if not pulls.any() and (self.loading.free[numbers] > 0).all():
                 why = "nothing holds this rigid region: it is not bonded to a deformable material"
-                raise ValueError(f"{name}: {why}; hold it with prescribed, or join it with the region that it touches")
-        regions = [RigidRegion(name, self.body, numbers, self.loading.free) for name, numbers in self.rigid.items()]
+                raise ValueError(
+                    f"{name}: {why}; hold it with prescribed, or join it with the region that it"
+                    " touches"
+                )
+        regions = [
+            RigidRegion(name, self.body, numbers, self.loading.free)
+            for name, numbers in self.rigid.items()
+        ]
         for value in sorted({0.0, *known_ends(self.stages)}):
             positions = self.body.points.copy()
             try:
@@ -188,7 +263,8 @@ class Problem:
         return regions
 
     def _check_support(self, force: InternalForce) -> None:
-        """Raise ValueError for points whose bonds lie on one line, or in one plane in a solid: they have no deformation gradient.
+        """Raise ValueError for points whose bonds lie on one line, or in one plane in a solid: they
+        have no deformation gradient.
 
         Only a crack may leave points without a deformation gradient.
         """
@@ -196,9 +272,18 @@ class Problem:
         if len(alone):
             plane = self.body.dimension == 2
             where, what = ("on one line", "rows") if plane else ("in one plane", "layers")
-            lie = f"the bonds of {len(alone)} of its points, the first at {text_of(self.body.points[alone[0]])}, lie {where}"
-            needs = f"at least two {what} of points in {'either' if plane else 'every'} direction everywhere"
-            raise ValueError(f"body: {lie}; it needs {needs}, at the spacing {self.body.spacing:.4g}: use {self.body.finer}")
+            lie = (
+                f"the bonds of {len(alone)} of its points, the first at"
+                f" {text_of(self.body.points[alone[0]])}, lie {where}"
+            )
+            needs = (
+                f"at least two {what} of points in {'either' if plane else 'every'} direction"
+                " everywhere"
+            )
+            raise ValueError(
+                f"body: {lie}; it needs {needs}, at the spacing {self.body.spacing:.4g}: use"
+                f" {self.body.finer}"
+            )
 
 
 def _together(rigid: dict[str, np.ndarray]) -> np.ndarray:
@@ -206,7 +291,9 @@ def _together(rigid: dict[str, np.ndarray]) -> np.ndarray:
     return np.concatenate([np.zeros(0, np.int64), *rigid.values()])
 
 
-def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Communicator = ALONE) -> Problem:
+def compile_scene(
+    scene: Scene, models: Sequence[ForceModel] = (), ranks: Communicator = ALONE
+) -> Problem:
     """Compile a scene: resolve its body, regions, conditions, loads and materials.
 
     Parameters
@@ -220,8 +307,8 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
     Raises
     ------
     SceneError
-        If the body cannot be built, a region is empty, or the body is held or loaded in a way that has no solution; the message names the
-        key.
+        If the body cannot be built, a region is empty, or the body is held or loaded in a way that
+        has no solution; the message names the key.
     """
     if models:
         warn_of_bulk_moduli(scene)
@@ -232,14 +319,19 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
         whole.append(body)
         return body if ranks.size == 1 else divided(body, ranks, SIGHT if scene.materials else HALO)
 
-    # The body has this function, which therefore has no reference to the body: a cycle would keep both in memory.
+    # The body has this function, which therefore has no reference to the body: a cycle would keep
+    # both in memory.
     made: list[Surface] = []
 
     def boundary(body: Body) -> np.ndarray | None:
         try:
             return surface_of_part(body).on_points(body.planes)
         except ValueError as error:  # such as of holes in three dimensions that meet
-            warnings.warn(f"{error}; strain and stress near the boundary are less accurate: gradients are not balanced", stacklevel=2)
+            warnings.warn(
+                f"{error}; strain and stress near the boundary are less accurate: gradients are not"
+                " balanced",
+                stacklevel=2,
+            )
             return None
 
     def surface_of_part(body: Body) -> Surface:
@@ -248,28 +340,54 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
         return made[0]
 
     curves = all(model.mirrors_curves for model in models)
-    # Bond forces do not know where in a cell the interface lies: they gain nothing by divided cells.
-    body, lower, upper = discretize(scene, share_of, curves, all(model.family == "bond energy" for model in models))
+    # Bond forces do not know where in a cell the interface lies: they gain nothing by divided
+    # cells.
+    body, lower, upper = discretize(
+        scene, share_of, curves, all(model.family == "bond energy" for model in models)
+    )
     undivided = None if ranks.size == 1 else whole[0]
     vars(body)["boundary"] = boundary
-    problem = _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, lambda: surface_of_part(body)), ranks)
+    problem = _on_body(
+        scene,
+        models,
+        whole[0],
+        BodyRegions(scene, body, lower, upper, lambda: surface_of_part(body)),
+        ranks,
+    )
     if models:
         warn_of_points(scene, problem.held_at_points)
     return problem
 
 
-def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: BodyRegions, ranks: Communicator) -> Problem:
-    """Return the problem of a scene on its discretized body: this rank's part with its regions, and the whole body."""
+def _on_body(
+    scene: Scene,
+    models: Sequence[ForceModel],
+    whole: Body,
+    regions: BodyRegions,
+    ranks: Communicator,
+) -> Problem:
+    """Return the problem of a scene on its discretized body: this rank's part with its regions,
+    and the whole body.
+    """
     body, stages = regions.body, stages_of(scene)
     with scene_errors(scene):
-        portions, rigid, of_points = portions_of(scene, body, models, regions) if models else ([], {}, np.zeros(len(body), np.int64))
+        portions, rigid, of_points = (
+            portions_of(scene, body, models, regions)
+            if models
+            else ([], {}, np.zeros(len(body), np.int64))
+        )
         if rigid and ranks.size > 1:
-            raise ValueError("materials: rigid regions are supported on one rank only; run without mpiexec, or give the regions a law")
+            raise ValueError(
+                "materials: rigid regions are supported on one rank only; run without mpiexec, or"
+                " give the regions a law"
+            )
         vars(body)["loaded"] = any(load.kind in ("traction", "pressure") for load in scene.loads)
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages, parameter_of(scene)[1])
         measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))
-        loading = conditions_of(scene, prescriptions, regions, loads, stages, _together(rigid), measures.nominal_stress)
+        loading = conditions_of(
+            scene, prescriptions, regions, loads, stages, _together(rigid), measures.nominal_stress
+        )
         bar_rigid_regions(loading, rigid, known_ends(stages))
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
@@ -283,4 +401,6 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
             check_walls(scene, whole)
             critical = CriticalStretches(scene, scene.fracture, body, models[0].family, of_points)
     held = (regions, prescriptions, stages, loading)
-    return Problem(scene, models, settings_of(scene), body, whole, *held, portions, rigid, measures, critical)
+    return Problem(
+        scene, models, settings_of(scene), body, whole, *held, portions, rigid, measures, critical
+    )

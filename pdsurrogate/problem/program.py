@@ -1,4 +1,6 @@
-"""Program of a scene: stages in equilibrium or in dynamics, the motions that it prescribes, and the measures that results report."""
+"""Program of a scene: stages in equilibrium or in dynamics, the motions that it prescribes, and
+the measures that results report.
+"""
 
 import math
 from collections.abc import Callable
@@ -38,8 +40,8 @@ class Stage:
     key : str
         Key of the scene that describes the stage, for messages.
     control : str or None
-        Key of the displacement of a probe that the stage changes in place of the loading parameter, which is found; `to` and
-        `largest_increment` are then displacements.
+        Key of the displacement of a probe that the stage changes in place of the loading parameter,
+        which is found; `to` and `largest_increment` are then displacements.
     """
 
     to: float
@@ -50,26 +52,42 @@ class Stage:
     control: str | None = None
 
     def motion(self, begin: float) -> Motion:
-        """Return the loading parameter as a function of time in dynamics, from the value `begin` to the end of the stage."""
+        """Return the loading parameter as a function of time in dynamics, from the value `begin`
+        to the end of the stage.
+        """
         pace, change = getattr(self.inertia, self.inertia.pace), self.to - begin
-        rate, duration = (change / pace, pace) if self.inertia.pace == "duration" else (pace, change / pace)
+        rate, duration = (
+            (change / pace, pace) if self.inertia.pace == "duration" else (pace, change / pace)
+        )
         return Motion(begin, self.to, rate, duration)
 
 
 def stages_of(scene: Scene) -> tuple[Stage, ...]:
     """Return the stages of a scene's program.
 
-    A body between grips has a stage in equilibrium for each stretch and, if the scene gives dynamics, a last stage in dynamics; any other
-    body has one stage for each step of the scene.
+    A body between grips has a stage in equilibrium for each stretch and, if the scene gives
+    dynamics, a last stage in dynamics; any other body has one stage for each step of the scene.
     """
     if not scene.stretched:
         return tuple(
-            Stage(step.to, step.outputs, step.largest_increment, step.dynamics, f"steps.{number}.{step.kind}", step.control)
+            Stage(
+                step.to,
+                step.outputs,
+                step.largest_increment,
+                step.dynamics,
+                f"steps.{number}.{step.kind}",
+                step.control,
+            )
             for number, step in enumerate(scene.steps)
         )
-    stages = [Stage(stretch, 1, scene.solver.largest_increment, None, "stretches") for stretch in scene.stretches]
+    stages = [
+        Stage(stretch, 1, scene.solver.largest_increment, None, "stretches")
+        for stretch in scene.stretches
+    ]
     if scene.dynamics is not None:
-        stages.append(Stage(scene.dynamics.stretch, scene.dynamics.outputs, None, scene.dynamics, "dynamics"))
+        stages.append(
+            Stage(scene.dynamics.stretch, scene.dynamics.outputs, None, scene.dynamics, "dynamics")
+        )
     return tuple(stages)
 
 
@@ -85,12 +103,14 @@ def known_ends(stages: tuple[Stage, ...]) -> list[float]:
 
 @dataclass(frozen=True)
 class NominalStress:
-    """Nominal stress of a body between grips: the outward force of one grip along the loaded axis, divided by the cross-section there.
+    """Nominal stress of a body between grips: the outward force of one grip along the loaded axis,
+    divided by the cross-section there.
 
     Attributes
     ----------
     edge : str
-        Edge of that grip: of the two grips the one that travels farther, or the right or top one if they travel alike.
+        Edge of that grip: of the two grips the one that travels farther, or the right or top one if
+        they travel alike.
     area : float
         Undeformed cross-section of the body at the grip.
     number : int
@@ -106,7 +126,9 @@ class NominalStress:
         return float(EDGES[self.edge][1] * forces[self.number, self.axis] / self.area)
 
     def pull(self, forces: np.ndarray) -> float:
-        """Return the force with which the grips pull, negative where they push, from the forces of both grips, shape (2, d)."""
+        """Return the force with which the grips pull, negative where they push, from the forces
+        of both grips, shape (2, d).
+        """
         return self.of(forces) * self.area
 
     @property
@@ -122,14 +144,17 @@ class Measures:
     Attributes
     ----------
     nominal_stress : NominalStress or None
-        Nominal stress of a body between two grips; None for other bodies. The results of other bodies report moments and, in dynamics, have
-        a row of ``summary["levels"]`` for every output.
+        Nominal stress of a body between two grips; None for other bodies. The results of other
+        bodies report moments and, in dynamics, have a row of ``summary["levels"]`` for every
+        output.
     lateral : int or None
-        Axis across the load, along which the displacements of the edges of a rectangle between grips are reported; None otherwise.
+        Axis across the load, along which the displacements of the edges of a rectangle between
+        grips are reported; None otherwise.
     areas : dict of float
         Cross-section of the body at every grip or reflected edge.
     reference : callable
-        Function that returns reference values of reported quantities, by name, at a value of the loading parameter.
+        Function that returns reference values of reported quantities, by name, at a value of the
+        loading parameter.
     """
 
     nominal_stress: NominalStress | None
@@ -139,7 +164,9 @@ class Measures:
 
 
 def measures_of(scene: Scene, areas: dict[str, float]) -> Measures:
-    """Return the `Measures` of a scene, which say what its results report; `areas` maps edges with grips to the cross-sections there."""
+    """Return the `Measures` of a scene, which say what its results report; `areas` maps edges
+    with grips to the cross-sections there.
+    """
     if not scene.stretched:
         return Measures(None, None, areas, lambda parameter: {})
     grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
@@ -151,7 +178,8 @@ def measures_of(scene: Scene, areas: dict[str, float]) -> Measures:
 
 @dataclass(frozen=True)
 class Prescription:
-    """Motion prescribed for a region: a displacement and a rotation, both times a factor that depends on the loading parameter.
+    """Motion prescribed for a region: a displacement and a rotation, both times a factor that
+    depends on the loading parameter.
 
     Attributes
     ----------
@@ -186,7 +214,9 @@ class Prescription:
     axis: np.ndarray | None = None
 
     def motion(self, parameter: float) -> np.ndarray:
-        """Return the motion [Q - I, c] at a value of the loading parameter, shape (d, d + 1): a place X moves by (Q - I) X + c."""
+        """Return the motion [Q - I, c] at a value of the loading parameter, shape (d, d + 1): a
+        place X moves by (Q - I) X + c.
+        """
         factor, dimension = self.factor(parameter), len(self.displacement)
         found = np.zeros((dimension, dimension + 1))
         found[:, -1] = self.displacement * factor
@@ -197,31 +227,60 @@ class Prescription:
         return found
 
     def angle(self, parameter: float) -> float:
-        """Return the angle in degrees by which the region has turned at a value of the loading parameter."""
+        """Return the angle in degrees by which the region has turned at a value of the loading
+        parameter.
+        """
         return self.rotation * self.factor(parameter)
 
     def held(
-        self, names: tuple[str, ...], points: np.ndarray, places: np.ndarray, components: tuple[int, ...] | None = None, **further
+        self,
+        names: tuple[str, ...],
+        points: np.ndarray,
+        places: np.ndarray,
+        components: tuple[int, ...] | None = None,
+        **further,
     ) -> Held:
-        """Return a held part of the body, points or a reflection plane, that makes the prescribed motion.
+        """Return a held part of the body, points or a reflection plane, that makes the prescribed
+        motion.
 
-        `points` are the held points, or for a reflection plane the points that have mirror images beyond it, and `places`, shape (k, d),
-        the undeformed places of the part. `names` lists the names of all supports whose forces are reported, `components` the held
-        components (by default all prescribed ones); `further` are more fields of `Held`.
+        `points` are the held points, or for a reflection plane the points that have mirror images
+        beyond it, and `places`, shape (k, d), the undeformed places of the part. `names` lists the
+        names of all supports whose forces are reported, `components` the held components (by
+        default all prescribed ones); `further` are more fields of `Held`.
         """
         holder = None if self.holder is None else names.index(self.holder)
         angle = None if self.rotation is None else self.angle
-        return Held(self.key, holder, components or self.components, self.motion, points, places, angle, **further)
+        return Held(
+            self.key,
+            holder,
+            components or self.components,
+            self.motion,
+            points,
+            places,
+            angle,
+            **further,
+        )
 
     def reached(self, parameter: float) -> str:
-        """Return the prescribed displacement and rotation at a value of the parameter, as text for messages; empty if all are zero."""
+        """Return the prescribed displacement and rotation at a value of the parameter, as text
+        for messages; empty if all are zero.
+        """
         factor = self.factor(parameter)
-        found = [f"x{component} = {value * factor:.4g}" for component, value in enumerate(self.displacement, 1) if value]
-        return ", ".join(found + ([f"rotation = {self.rotation * factor:.4g}"] if self.rotation else []))
+        found = [
+            f"x{component} = {value * factor:.4g}"
+            for component, value in enumerate(self.displacement, 1)
+            if value
+        ]
+        return ", ".join(
+            found + ([f"rotation = {self.rotation * factor:.4g}"] if self.rotation else [])
+        )
 
 
-def prescriptions_of(scene: Scene, regions: BodyRegions, stages: tuple[Stage, ...], rest: float) -> list[Prescription]:
-    """Return the prescribed motions of a scene in the order in which they take effect: of two that hold a point, the later one counts.
+def prescriptions_of(
+    scene: Scene, regions: BodyRegions, stages: tuple[Stage, ...], rest: float
+) -> list[Prescription]:
+    """Return the prescribed motions of a scene in the order in which they take effect: of two that
+    hold a point, the later one counts.
 
     `rest` is the loading parameter of the undeformed body.
 
@@ -231,25 +290,47 @@ def prescriptions_of(scene: Scene, regions: BodyRegions, stages: tuple[Stage, ..
         If two entries on different regions share a name.
     """
     length = float((regions.upper - regions.lower)[scene.loaded_axis]) if scene.stretched else 1.0
-    entries, labels, ends = prescribed_in(scene, length), _labels(scene), [0.0, *(end - rest for end in known_ends(stages))]
+    entries, labels, ends = (
+        prescribed_in(scene, length),
+        _labels(scene),
+        [0.0, *(end - rest for end in known_ends(stages))],
+    )
     found = []
     for key, entry in entries.items():
         values = np.array([value or 0.0 for value in entry.displacement[: scene.dimension]])
-        factor = partial(_factor, f"{key}.amplitude", amplitude_of(entry.amplitude), (min(ends), max(ends)), rest)
-        words = [f"x{number} = {value:g}" for number, value in enumerate(entry.displacement, 1) if value is not None]
+        factor = partial(
+            _factor, f"{key}.amplitude", amplitude_of(entry.amplitude), (min(ends), max(ends)), rest
+        )
+        words = [
+            f"x{number} = {value:g}"
+            for number, value in enumerate(entry.displacement, 1)
+            if value is not None
+        ]
         words += [] if entry.rotation is None else [f"turned by {entry.rotation:g} degrees"]
-        about, axis = (None if place is None else np.array(place) for place in (entry.about, entry.axis))
+        about, axis = (
+            None if place is None else np.array(place) for place in (entry.about, entry.axis)
+        )
         held = labels.get(key), entry.region, prescribed_components(entry, scene.dimension)
-        found.append(Prescription(key, *held, values, factor, ", ".join(words), entry.rotation, about, axis))
+        found.append(
+            Prescription(key, *held, values, factor, ", ".join(words), entry.rotation, about, axis)
+        )
     return found
 
 
-def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, float], rest: float, parameter: float) -> float:
-    """Return an amplitude at t = parameter - rest; beyond the program's `span`, its least and greatest t, it is extrapolated.
+def _factor(
+    key: str,
+    amplitude: Callable[[float], float],
+    span: tuple[float, float],
+    rest: float,
+    parameter: float,
+) -> float:
+    """Return an amplitude at t = parameter - rest; beyond the program's `span`, its least and
+    greatest t, it is extrapolated.
 
-    Viscous forces need values slightly after the end of the program, where the amplitude itself may be undefined. The extrapolation, by
-    reflection in the point at the end, keeps the velocity of parts that move there. Raise InvalidState, with the `key` of the amplitude in
-    the scene, if the amplitude is undefined at `t`, or at a value within the span that the extrapolation uses.
+    Viscous forces need values slightly after the end of the program, where the amplitude itself may
+    be undefined. The extrapolation, by reflection in the point at the end, keeps the velocity of
+    parts that move there. Raise InvalidState, with the `key` of the amplitude in the scene, if the
+    amplitude is undefined at `t`, or at a value within the span that the extrapolation uses.
     """
     t = parameter - rest
     try:
@@ -260,11 +341,23 @@ def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, fl
 
 
 def names_of_forces(scene: Scene) -> dict[str, str]:
-    """Return the names under which results report forces, by the keys of the grips, or of the entries that prescribe, load or press."""
-    entries = {key: entry for key, entry in prescribed_in(scene).items() if not key.startswith("holds")}
-    entries |= {f"{kind}.{number}": entry for kind in ("loads", "obstacles") for number, entry in enumerate(getattr(scene, kind))}
+    """Return the names under which results report forces, by the keys of the grips, or of the
+    entries that prescribe, load or press.
+    """
+    entries = {
+        key: entry for key, entry in prescribed_in(scene).items() if not key.startswith("holds")
+    }
+    entries |= {
+        f"{kind}.{number}": entry
+        for kind in ("loads", "obstacles")
+        for number, entry in enumerate(getattr(scene, kind))
+    }
     return {
-        key: entry.name or (key if key.startswith("obstacles") else label_of_region(entry.region, key)) for key, entry in entries.items()
+        key: (
+            entry.name
+            or (key if key.startswith("obstacles") else label_of_region(entry.region, key))
+        )
+        for key, entry in entries.items()
     }
 
 
@@ -273,7 +366,11 @@ def _labels(scene: Scene) -> dict[str, str]:
     labels, owners, entries = names_of_forces(scene), {}, prescribed_in(scene)
     for key, label in labels.items():
         kind, number = key.split(".")
-        own = key if kind == "obstacles" else (entries[key] if key in entries else getattr(scene, kind)[int(number)]).region
+        own = (
+            key
+            if kind == "obstacles"
+            else (entries[key] if key in entries else getattr(scene, kind)[int(number)]).region
+        )
         other, region = owners.setdefault(label, (key, own))
         if region != own:
             one = f"{other} and {key} have different regions but the same name {label!r}"

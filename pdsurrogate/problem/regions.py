@@ -1,4 +1,6 @@
-"""Regions of a scene, resolved into the numbers of the points of its body, or of the facets of its boundary, that lie in them."""
+"""Regions of a scene, resolved into the numbers of the points of its body, or of the facets of
+its boundary, that lie in them.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
@@ -17,49 +19,75 @@ from ..scenes.problems import suggestion
 from ..scenes.regions import edge_names
 
 LAYER = 0.99
-"""Greatest distance of points that belong to an edge or to the boundary, in cells; from an edge of a mesh in sides of the point's own cell.
+"""Greatest distance of points that belong to an edge or to the boundary, in cells; from an edge of
+a mesh in sides of the point's own cell.
 
-The outermost points lie half a cell inside; so do points along a boundary whose cells include a part of another, cut cell. Points of the
-second layer lie one and a half cells inside. A triangle or tetrahedron that touches the edge with one corner lies 2/3 or 3/4 inside."""
+The outermost points lie half a cell inside; so do points along a boundary whose cells include a
+part of another, cut cell. Points of the second layer lie one and a half cells inside. A triangle or
+tetrahedron that touches the edge with one corner lies 2/3 or 3/4 inside.
+"""
 
 RIM = 0.05
-"""Distance in cells by which a place may lie outside the facets of the boundary and still count as inside the body.
+"""Distance in cells by which a place may lie outside the facets of the boundary and still count as
+inside the body.
 
-Facets of round outlines, half a cell long, lie up to 0.02 cells inside the outline."""
+Facets of round outlines, half a cell long, lie up to 0.02 cells inside the outline.
+"""
 
 NEAR = 2.0
-"""Greatest distance in cells from the place that a region states by its key ``near`` to the nearest point of the body; a scene with a
-greater distance is refused. Chosen: inside a body the nearest point lies 0.9 cells away at most; a place two cells away lies outside, and
-is a mistake in the scene."""
+"""Greatest distance in cells from the place that a region states by its key ``near`` to the nearest
+point of the body; a scene with a greater distance is refused. Chosen: inside a body the nearest
+point lies 0.9 cells away at most; a place two cells away lies outside, and is a mistake in the
+scene.
+"""
 
 ALIKE = 1e-3
-"""Difference of distance, in cells, within which points count as equally near to a place. Chosen far above rounding, and far below the
-differences that points of a mesh have by chance.
+"""Difference of distance, in cells, within which points count as equally near to a place. Chosen
+far above rounding, and far below the differences that points of a mesh have by chance.
 
-Such points lie on either side of an axis of symmetry, where a support at one of the points alone would turn the body."""
+Such points lie on either side of an axis of symmetry, where a support at one of the points alone
+would turn the body.
+"""
 
 
 class _Parts:
-    """Base class for the points of a body, or the facets of its boundary, each at a place, among which those in a region are searched.
+    """Base class for the points of a body, or the facets of its boundary, each at a place, among
+    which those in a region are searched.
 
-    Every search returns the distances of all points or facets from the region, with which messages about empty regions name the nearest:
-    0 for those in it, infinite where no distance is defined.
+    Every search returns the distances of all points or facets from the region, with which messages
+    about empty regions name the nearest: 0 for those in it, infinite where no distance is defined.
     """
 
-    def __init__(self, regions: "BodyRegions", places: np.ndarray, groups: Mapping[str, np.ndarray]) -> None:
-        self.body, self.surface, self.places, self.groups = regions.body, regions.surface, places, groups
+    def __init__(
+        self, regions: "BodyRegions", places: np.ndarray, groups: Mapping[str, np.ndarray]
+    ) -> None:
+        self.body, self.surface, self.places, self.groups = (
+            regions.body,
+            regions.surface,
+            places,
+            groups,
+        )
         self.corners, self.tolerance = (regions.lower, regions.upper), regions.tolerance
 
     def group(self, name: str) -> np.ndarray:
-        """Return the distances from a physical group of the mesh file: 0 for its points or facets, infinite for others."""
+        """Return the distances from a physical group of the mesh file: 0 for its points or
+        facets, infinite for others.
+        """
         if not self.groups:
-            raise ValueError(f"there is no group {name!r}: the body is not a mesh with physical groups of cells or lines")
+            raise ValueError(
+                f"there is no group {name!r}: the body is not a mesh with physical groups of cells"
+                " or lines"
+            )
         if name not in self.groups:
-            raise ValueError(f"the mesh has no group {name!r}; {suggestion(name, self.groups, 'it has')}")
+            raise ValueError(
+                f"the mesh has no group {name!r}; {suggestion(name, self.groups, 'it has')}"
+            )
         return self.numbered(self.groups[name])
 
     def numbered(self, numbers: np.ndarray) -> np.ndarray:
-        """Return the distances that mean that the points or facets with the given numbers are in the region: 0 for them, else infinite."""
+        """Return the distances that mean that the points or facets with the given numbers are in
+        the region: 0 for them, else infinite.
+        """
         distance = np.full(len(self.places), np.inf)
         distance[numbers] = 0.0
         return distance
@@ -77,21 +105,31 @@ class _Points(_Parts):
         axis, side = EDGES[name]
         distance = side * (self.corners[side > 0][axis] - self.places[:, axis])
         cells = self.body.mesh_cells
-        return np.where(distance < LAYER * (self.body.cell[axis] if cells is None else cells.extents(axis)), 0.0, distance)
+        return np.where(
+            distance < LAYER * (self.body.cell[axis] if cells is None else cells.extents(axis)),
+            0.0,
+            distance,
+        )
 
     def boundary(self, name: str) -> np.ndarray:
         surface, reach, cells = self.surface(), LAYER * self.body.cell.max(), self.body.mesh_cells
         facets = _facets_of(surface, name)
         if cells is not None:  # those that touch it, of whatever size
-            return np.where(cells.touching(np.isfinite(surface.distances(cells.nodes, self.tolerance, facets))), 0.0, np.inf)
+            return np.where(
+                cells.touching(np.isfinite(surface.distances(cells.nodes, self.tolerance, facets))),
+                0.0,
+                np.inf,
+            )
         distance = surface.distances(self.places, reach, facets)
         return np.where(distance < reach, 0.0, distance)
 
     def listed(self, region: Region) -> np.ndarray:
-        """Return the distances from the points that a region lists by number, or from those nearest to its place `near`.
+        """Return the distances from the points that a region lists by number, or from those nearest
+        to its place `near`.
 
-        They are 0 for these points, infinite for others. Several points may be equally near (`ALIKE`). Raise ValueError if a number is too
-        great, or if the nearest point is more than `NEAR` cells from the place.
+        They are 0 for these points, infinite for others. Several points may be equally near
+        (`ALIKE`). Raise ValueError if a number is too great, or if the nearest point is more than
+        `NEAR` cells from the place.
         """
         share = self.body.share
         if region.near is not None:
@@ -100,11 +138,17 @@ class _Points(_Parts):
             least = min(share.everywhere(float(distance[nearest])))
             if least > NEAR * self.body.cell.max():
                 place, found = text_of(np.array(region.near)), self.describe(nearest)
-                raise ValueError(f"no point is close enough to {place}: the nearest one is {found}, {distance[nearest]:.3g} away")
+                raise ValueError(
+                    f"no point is close enough to {place}: the nearest one is {found},"
+                    f" {distance[nearest]:.3g} away"
+                )
             return self.numbered(np.flatnonzero(distance <= least + ALIKE * self.body.cell.min()))
         numbers, size = np.array(region.points, dtype=np.int64), share.size
         if numbers.max(initial=-1) >= size:
-            raise ValueError(f"there is no point {numbers.max()}; the points of the body have the numbers 0 to {size - 1}")
+            raise ValueError(
+                f"there is no point {numbers.max()}; the points of the body have the numbers 0 to"
+                f" {size - 1}"
+            )
         return self.numbered(share.local(numbers))
 
 
@@ -114,7 +158,10 @@ class _Facets(_Parts):
     what = "the region contains no part of the boundary"
 
     def describe(self, number: int) -> str:
-        return f"a facet of {self.surface().parts[number]} with its middle at {text_of(self.places[number])}"
+        return (
+            f"a facet of {self.surface().parts[number]} with its middle at"
+            f" {text_of(self.places[number])}"
+        )
 
     def edge(self, name: str) -> np.ndarray:
         return self.numbered(self.surface().parts == name)
@@ -124,27 +171,41 @@ class _Facets(_Parts):
 
     def listed(self, region: Region) -> np.ndarray:
         key = "near" if region.points is None else "points"
-        raise ValueError(f"this load needs a part of the boundary, not points; instead of {key} give an edge, outline, holes or a box")
+        raise ValueError(
+            f"this load needs a part of the boundary, not points; instead of {key} give an edge,"
+            " outline, holes or a box"
+        )
 
 
 def _facets_of(surface: Surface, name: str) -> np.ndarray:
-    """Return the numbers of the facets of a part of the boundary: "outline", "holes" for all holes, or "holes.0", ... for one of them."""
+    """Return the numbers of the facets of a part of the boundary: "outline", "holes" for all
+    holes, or "holes.0", ... for one of them.
+    """
     holes = np.char.startswith(surface.parts, "holes.")
-    found = np.flatnonzero(~holes if name == "outline" else holes if name == "holes" else surface.parts == name)
+    found = np.flatnonzero(
+        ~holes if name == "outline" else holes if name == "holes" else surface.parts == name
+    )
     if not len(found):
         there = sorted(set(surface.parts[holes]), key=lambda part: int(part.removeprefix("holes.")))
-        raise ValueError(f"there is no boundary {name}; " + (f"there are {', '.join(there)}" if there else "the body has no holes"))
+        raise ValueError(
+            f"there is no boundary {name}; "
+            + (f"there are {', '.join(there)}" if there else "the body has no holes")
+        )
     return found
 
 
 class BodyRegions:
-    """Regions of a scene, resolved into numbers of points of its body and of facets of its boundary.
+    """Regions of a scene, resolved into numbers of points of its body and of facets of its
+    boundary.
 
-    A point belongs to a shape if it is inside the shape; to an edge, the outline or the holes if it is within a cell of them; to a group of
-    a mesh if its cell is in the group, or has a line of the group as a side. A facet belongs to a shape if its middle is inside the shape;
-    to an edge, the outline or the holes if it is part of them; to a group if it is of the cells or lines of the group.
+    A point belongs to a shape if it is inside the shape; to an edge, the outline or the holes if it
+    is within a cell of them; to a group of a mesh if its cell is in the group, or has a line of the
+    group as a side. A facet belongs to a shape if its middle is inside the shape; to an edge, the
+    outline or the holes if it is part of them; to a group if it is of the cells or lines of the
+    group.
 
-    Error messages identify a region by its name, or a region without a name by the `key` of the scene's entry that defines it.
+    Error messages identify a region by its name, or a region without a name by the `key` of the
+    scene's entry that defines it.
 
     Parameters
     ----------
@@ -156,8 +217,21 @@ class BodyRegions:
         Returns the boundary of the body, made where it is first needed.
     """
 
-    def __init__(self, scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
-        self._scene, self.body, self.lower, self.upper, self.surface = scene, body, lower, upper, surface
+    def __init__(
+        self,
+        scene: Scene,
+        body: Body,
+        lower: np.ndarray,
+        upper: np.ndarray,
+        surface: Callable[[], Surface],
+    ) -> None:
+        self._scene, self.body, self.lower, self.upper, self.surface = (
+            scene,
+            body,
+            lower,
+            upper,
+            surface,
+        )
         self.tolerance = ROUNDING * float((upper - lower).max())
         self._points = _Points(self, body.points, body.groups)
 
@@ -171,7 +245,8 @@ class BodyRegions:
         Raises
         ------
         ValueError
-            If there are none; the message gives the name of the region (for a region without a name `key`) and the nearest point.
+            If there are none; the message gives the name of the region (for a region without a name
+            `key`) and the nearest point.
         """
         return self._found(reference, key, self._points)
 
@@ -181,24 +256,30 @@ class BodyRegions:
         Raises
         ------
         ValueError
-            If there are none, or a node of a facet has too few points near it to determine its motion; the message names the region (one
-            without a name by `key`) and the place.
+            If there are none, or a node of a facet has too few points near it to determine its
+            motion; the message names the region (one without a name by `key`) and the place.
         """
         found = self._found(reference, key, self._facets)
         surface = self.surface()
         lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
         if len(lost):
-            few = f"where the points near the boundary, with which it moves, are {too_few(self.body)}"
+            few = (
+                f"where the points near the boundary, with which it moves, are {too_few(self.body)}"
+            )
             thin = f"the body is too thin at {text_of(surface.nodes[lost[0]])}, {few}"
             raise ValueError(f"{self._key(reference, key)}: {thin}; use {self.body.finer}")
         return found
 
     def edge(self, reference: str | Region) -> str | None:
-        """Return the name of the edge or face of the bounding box that a region consists of; None for any other region."""
+        """Return the name of the edge or face of the bounding box that a region consists of;
+        None for any other region.
+        """
         return whole_edge(self._scene, reference, self.body.faces)
 
     def mirrors(self, reference: str | Region) -> tuple[str, ...]:
-        """Return the name of the edge, or the names of the outline or holes, that a region consists of: mirrored points may hold them."""
+        """Return the name of the edge, or the names of the outline or holes, that a region
+        consists of: mirrored points may hold them.
+        """
         edge = self.edge(reference)
         return whole_boundaries(self._scene, reference) if edge is None else (edge,)
 
@@ -213,16 +294,24 @@ class BodyRegions:
         Raises
         ------
         ValueError
-            If the place lies elsewhere; the message names `key`, the key of the place in the scene, and the nearest point.
+            If the place lies elsewhere; the message names `key`, the key of the place in the scene,
+            and the nearest point.
         """
         at = np.array([place], dtype=float)
         surface = self.surface()
-        if not surface.encloses(at)[0] and not np.isfinite(surface.distances(at, RIM * self.body.cell.max())[0]):
+        if not surface.encloses(at)[0] and not np.isfinite(
+            surface.distances(at, RIM * self.body.cell.max())[0]
+        ):
             distance, point = scipy.spatial.cKDTree(self.body.points).query(at[0])
-            nearest = f"its nearest point is {point} at {text_of(self.body.points[point])}, {distance:.3g} away"
+            nearest = (
+                f"its nearest point is {point} at {text_of(self.body.points[point])},"
+                f" {distance:.3g} away"
+            )
             raise ValueError(f"{key}: {text_of(at[0])} lies outside the body; {nearest}")
 
-    def _found(self, reference: str | Region, key: str | None, parts: _Points | _Facets) -> np.ndarray:
+    def _found(
+        self, reference: str | Region, key: str | None, parts: _Points | _Facets
+    ) -> np.ndarray:
         try:
             distance = self._resolved(reference, parts)
             numbers = np.flatnonzero(distance == 0)
@@ -233,7 +322,9 @@ class BodyRegions:
         return numbers
 
     def _unnamed(self, reference: str | Region) -> str | Region:
-        """Return the region that the scene defines under a name; other names, as of edges, and regions are returned unchanged."""
+        """Return the region that the scene defines under a name; other names, as of edges, and
+        regions are returned unchanged.
+        """
         while isinstance(reference, str) and reference in self._scene.regions:
             reference = self._scene.regions[reference]
         return reference
@@ -244,7 +335,11 @@ class BodyRegions:
         if isinstance(region, str):
             if region in edge_names(self._scene.dimension):
                 return parts.edge(region)
-            return parts.numbered(np.arange(len(parts.places))) if region == "body" else parts.boundary(region)
+            return (
+                parts.numbered(np.arange(len(parts.places)))
+                if region == "body"
+                else parts.boundary(region)
+            )
         if members := [self._resolved(member, parts) for _, member in region.members()]:
             if region.other is not None:
                 return parts.numbered(members[0] > 0)
@@ -258,22 +353,42 @@ class BodyRegions:
         distance, round_one = np.full(len(parts.places), np.inf), region.disc or region.ball
         near = slice(None)
         if round_one is not None:
-            # Of thousands of inclusions each has few of the points at its own x1; the others matter where it has none.
-            beside = np.flatnonzero(np.abs(parts.places[:, 0] - round_one.center[0]) <= round_one.radius + self.tolerance)
-            near = beside if (_distance(region, parts.places[beside]) <= self.tolerance).any() else near
+            # Of thousands of inclusions each has few of the points at its own x1; the others matter
+            # where it has none.
+            beside = np.flatnonzero(
+                np.abs(parts.places[:, 0] - round_one.center[0])
+                <= round_one.radius + self.tolerance
+            )
+            near = (
+                beside
+                if (_distance(region, parts.places[beside]) <= self.tolerance).any()
+                else near
+            )
         distance[near] = _distance(region, parts.places[near])
         distance[distance <= self.tolerance] = 0.0
         return distance
 
-    def _nearby(self, reference: str | Region, parts: _Points | _Facets, distance: np.ndarray) -> str:
-        """Return, for the message about an empty region, which point or facet is nearest by the given distances, or why none is near."""
+    def _nearby(
+        self, reference: str | Region, parts: _Points | _Facets, distance: np.ndarray
+    ) -> str:
+        """Return, for the message about an empty region, which point or facet is nearest by the
+        given distances, or why none is near.
+        """
         region = self._unnamed(reference)
         if isinstance(region, Region) and region.both is not None:
-            counts = [f"{(self._resolved(member, parts) == 0).sum()} lie in {key}" for key, member in region.members()]
-            return f": of {len(parts.places)} candidates, {', '.join(counts)}, but none lies in all of them"
+            counts = [
+                f"{(self._resolved(member, parts) == 0).sum()} lie in {key}"
+                for key, member in region.members()
+            ]
+            return (
+                f": of {len(parts.places)} candidates, {', '.join(counts)}, but none lies in all of"
+                " them"
+            )
         edge = self.edge(region)
         if edge is not None and parts is not self._points:
-            side, there = ("straight side", "edge") if len(self.lower) == 2 else ("flat part", "face")
+            side, there = (
+                ("straight side", "edge") if len(self.lower) == 2 else ("flat part", "face")
+            )
             return f"; no {side} of the body is on its {edge} {there}"
         if not np.isfinite(distance).any():
             return ""
@@ -281,14 +396,18 @@ class BodyRegions:
         return f"; the nearest is {parts.describe(number)}, {distance[number]:.3g} away"
 
     def _key(self, reference: str | Region, key: str | None) -> str:
-        """Return what error messages call a region: ``regions.NAME`` if the scene defines it, else `key`, else the name, or "region"."""
+        """Return what error messages call a region: ``regions.NAME`` if the scene defines it,
+        else `key`, else the name, or "region".
+        """
         if isinstance(reference, str) and reference in self._scene.regions:
             return f"regions.{reference}"
         return key or (reference if isinstance(reference, str) else "region")
 
 
 def _distance(region: Region, places: np.ndarray) -> np.ndarray:
-    """Return the distances of places (n, d) from a region that is a box, disc, ball, half-plane or half-space; zero inside it."""
+    """Return the distances of places (n, d) from a region that is a box, disc, ball, half-plane
+    or half-space; zero inside it.
+    """
     if region.box is not None:
         lower, upper = np.array(region.box)
         return np.linalg.norm(np.maximum(0, np.maximum(lower - places, places - upper)), axis=1)

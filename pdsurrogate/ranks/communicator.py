@@ -16,19 +16,26 @@ LAUNCHED = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "PMIX_SIZE")
 
 
 _PAUSE, _PART = 0.01, 0.1
-"""Greatest number of seconds between two checks of a rank that waits asleep, and the same divided by the time it has waited so far. Chosen:
-too short to be noticed, and long enough that a waiting rank takes no processor time from the others."""
+"""Greatest number of seconds between two checks of a rank that waits asleep, and the same divided
+by the time it has waited so far. Chosen: too short to be noticed, and long enough that a waiting
+rank takes no processor time from the others.
+"""
 
 _TOLD, _ASKED = 1, 2
-"""Tags of messages between the first rank and a rank that takes no part in a run: how the run ended, and that it should stop."""
+"""Tags of messages between the first rank and a rank that takes no part in a run: how the run
+ended, and that it should stop.
+"""
 
 
 class NotUnderMPI(RuntimeError):
-    """Error for several processes that a launcher has started without messages between them: mpi4py is not in use, or of another MPI."""
+    """Error for several processes that a launcher has started without messages between them:
+    mpi4py is not in use, or of another MPI.
+    """
 
 
 class Communicator:
-    """Messages between all ranks of a run: the processes of MPI, or one process, which loads nothing of MPI.
+    """Messages between all ranks of a run: the processes of MPI, or one process, which loads
+    nothing of MPI.
 
     Parameters
     ----------
@@ -45,7 +52,8 @@ class Communicator:
     def __init__(self, mpi=None, world=None) -> None:
         self._mpi, self._world = mpi, mpi and (world or mpi.COMM_WORLD)
         self.rank, self.size = (self._world.rank, self._world.size) if mpi else (0, 1)
-        # A rank may leave while others wait in a message to it: the end of a run is agreed upon apart.
+        # A rank may leave while others wait in a message to it: the end of a run is agreed upon
+        # apart.
         self._ends = mpi and self._world.Dup()
         self._firsts: dict[int, Communicator] = {}
 
@@ -62,12 +70,16 @@ class Communicator:
             _wait(self._world.Ibarrier().Test)
 
     def first(self, count: int) -> "Communicator":
-        """Return the communicator of the first `count` ranks, which all ranks must ask for together; the others must not use it."""
+        """Return the communicator of the first `count` ranks, which all ranks must ask for
+        together; the others must not use it.
+        """
         if count == self.size:
             return self
         if count not in self._firsts:
             world = self._world.Split(self.rank >= count, self.rank) if count > 1 else None
-            self._firsts[count] = Communicator(self._mpi, world) if world and self.rank < count else ALONE
+            self._firsts[count] = (
+                Communicator(self._mpi, world) if world and self.rank < count else ALONE
+            )
         return self._firsts[count]
 
     def tell(self, ranks: range, value) -> None:
@@ -81,7 +93,8 @@ class Communicator:
     def hear(self, asks: Callable[[], bool]):
         """Return the value that the first rank sends by `tell`, for which this rank waits asleep.
 
-        When `asks` returns true for the first time, a request that the first rank can see in `asked` is sent to it.
+        When `asks` returns true for the first time, a request that the first rank can see in
+        `asked` is sent to it.
         """
         asked = False
 
@@ -110,11 +123,15 @@ class Communicator:
         return self._world.allgather(value) if self._mpi else [value]
 
     def to_each(self, values: Sequence) -> list:
-        """Send one of the given values to each rank, and return the values that this rank receives, both in the order of the ranks."""
+        """Send one of the given values to each rank, and return the values that this rank
+        receives, both in the order of the ranks.
+        """
         return self._world.alltoall(list(values)) if self._mpi else list(values)
 
     def total(self, here):
-        """Return the sum over all ranks of a number, of each number of a tuple, or of an array, on every rank."""
+        """Return the sum over all ranks of a number, of each number of a tuple, or of an array,
+        on every rank.
+        """
         if not self._mpi:
             return here
         values = np.asarray(here)
@@ -125,7 +142,8 @@ class Communicator:
         return tuple(sums.tolist()) if isinstance(here, tuple) else sums.item()
 
     def greatest(self, here: float | np.ndarray) -> float:
-        """Return one number, the greatest entry of `here` (a number or an array) on all ranks; NaN if an entry is NaN.
+        """Return one number, the greatest entry of `here` (a number or an array) on all ranks; NaN
+        if an entry is NaN.
 
         An array without entries counts as 0.
         """
@@ -134,10 +152,14 @@ class Communicator:
             return most
         found = np.empty(self.size)
         self._world.Allgather(np.array(most), found)
-        return float(found.max())  # the MPI standard does not define the maximum of a NaN, NumPy does
+        return float(
+            found.max()
+        )  # the MPI standard does not define the maximum of a NaN, NumPy does
 
     def agree(self, error: Exception | None) -> None:
-        """Raise on every rank the error of the lowest rank that has found one; `error` is the error found on this rank, or None."""
+        """Raise on every rank the error of the lowest rank that has found one; `error` is the
+        error found on this rank, or None.
+        """
         if not self.total(int(error is not None)):
             return
         # All ranks raise the error of the first rank that has one.
@@ -149,7 +171,9 @@ class Communicator:
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Context whose errors all ranks raise: if its block fails on any rank, every rank raises the error of the first such rank."""
+        """Context whose errors all ranks raise: if its block fails on any rank, every rank
+        raises the error of the first such rank.
+        """
         error = None
         try:
             yield
@@ -158,26 +182,40 @@ class Communicator:
         self.agree(error)
 
     def gather(self, rows: np.ndarray) -> list[np.ndarray] | None:
-        """Return, on the first rank, the list of the arrays `rows` of all ranks; None on the others."""
+        """Return, on the first rank, the list of the arrays `rows` of all ranks; None on the
+        others.
+        """
         return self._world.gather(rows)
 
     def hand_out(self, parts: Sequence[np.ndarray] | None) -> np.ndarray:
-        """Return this rank's item of `parts`, a list of one array for each rank that the first rank gives; the others give None."""
+        """Return this rank's item of `parts`, a list of one array for each rank that the first
+        rank gives; the others give None.
+        """
         return self._world.scatter(parts)
 
     def exchange(self, outgoing: dict[int, np.ndarray], incoming: dict[int, np.ndarray]) -> None:
-        """Send the arrays `outgoing`, by rank, and overwrite the arrays `incoming`, by rank, with those received; all at the same time."""
+        """Send the arrays `outgoing`, by rank, and overwrite the arrays `incoming`, by rank,
+        with those received; all at the same time.
+        """
         if not self._mpi:
             return
         byte = self._mpi.BYTE
-        requests = [self._world.Irecv([array.reshape(-1).view(np.uint8), byte], source=rank) for rank, array in incoming.items()]
-        requests += [self._world.Isend([array.reshape(-1).view(np.uint8), byte], dest=rank) for rank, array in outgoing.items()]
+        requests = [
+            self._world.Irecv([array.reshape(-1).view(np.uint8), byte], source=rank)
+            for rank, array in incoming.items()
+        ]
+        requests += [
+            self._world.Isend([array.reshape(-1).view(np.uint8), byte], dest=rank)
+            for rank, array in outgoing.items()
+        ]
         self._mpi.Request.Waitall(requests)
 
     def leave(self, seconds: float) -> bool:
-        """Wait for all ranks to end, for some seconds at most; if they do, finalize MPI and return True, else return False.
+        """Wait for all ranks to end, for some seconds at most; if they do, finalize MPI and return
+        True, else return False.
 
-        After False a rank that exits with a status other than 0 aborts the others, and MPI reports that.
+        After False a rank that exits with a status other than 0 aborts the others, and MPI reports
+        that.
         """
         if not self._mpi:
             return True
@@ -207,13 +245,14 @@ _world: Communicator | None = None
 def communicator() -> Communicator:
     """Return the communicator of this run.
 
-    A run has several ranks only under a launcher of MPI and where mpi4py is in use, as under ``python -m mpi4py``.
+    A run has several ranks only under a launcher of MPI and where mpi4py is in use, as under
+    ``python -m mpi4py``.
 
     Raises
     ------
     NotUnderMPI
-        If a launcher has started several processes, and mpi4py is not in use or belongs to another MPI than the launcher: each would run
-        the scene by itself.
+        If a launcher has started several processes, and mpi4py is not in use or belongs to another
+        MPI than the launcher: each would run the scene by itself.
     """
     global _world
     mpi = None
@@ -223,12 +262,21 @@ def communicator() -> Communicator:
         if mpi.COMM_WORLD.size > 1:
             _world = _world or Communicator(mpi)
             return _world
-    started = max((int(os.environ[name]) for name in LAUNCHED if os.environ.get(name, "").isdecimal()), default=1)
+    started = max(
+        (int(os.environ[name]) for name in LAUNCHED if os.environ.get(name, "").isdecimal()),
+        default=1,
+    )
     if started == 1:
         return ALONE
     alone = f"{started} processes were started, but each would run the whole scene by itself"
     if mpi:
         library = mpi.Get_library_version().split(",")[0].split("\n")[0]
-        raise NotUnderMPI(f"{alone}: the launcher is not that of mpi4py, which uses {library}; use the mpiexec of this MPI")
+        raise NotUnderMPI(
+            f"{alone}: the launcher is not that of mpi4py, which uses {library}; use the mpiexec of"
+            " this MPI"
+        )
     missing = "" if importlib.util.find_spec("mpi4py") else 'pip install "pdsurrogate[mpi]" && '
-    raise NotUnderMPI(f"{alone}; for one run on all of them use: {missing}mpiexec -n {started} python -m mpi4py -m pdsurrogate ...")
+    raise NotUnderMPI(
+        f"{alone}; for one run on all of them use: {missing}mpiexec -n {started} python -m mpi4py"
+        " -m pdsurrogate ..."
+    )

@@ -1,4 +1,6 @@
-"""Division of a body among ranks: the share of each rank, with points of its own and a halo of points that other ranks own."""
+"""Division of a body among ranks: the share of each rank, with points of its own and a halo of
+points that other ranks own.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ from .communicator import ALONE, Communicator
 
 
 class Halo:
-    """Halo of an array: its rows that other ranks own, and the messages that copy their values from these ranks or back.
+    """Halo of an array: its rows that other ranks own, and the messages that copy their values from
+    these ranks or back.
 
     Parameters
     ----------
@@ -27,19 +30,31 @@ class Halo:
 
     def __init__(self, ranks: Communicator, names: np.ndarray, owners: np.ndarray) -> None:
         self._ranks, self.rows = ranks, np.flatnonzero(owners != ranks.rank)
-        self._receive = {rank: np.flatnonzero(owners == rank) for rank in np.unique(owners[self.rows]).tolist()}
-        wanted = ranks.to_each([names[self._receive.get(rank, self.rows[:0])] for rank in range(ranks.size)])
+        self._receive = {
+            rank: np.flatnonzero(owners == rank) for rank in np.unique(owners[self.rows]).tolist()
+        }
+        wanted = ranks.to_each(
+            [names[self._receive.get(rank, self.rows[:0])] for rank in range(ranks.size)]
+        )
         order = np.argsort(names, kind="stable")
-        self._send = {rank: order[np.searchsorted(names, asked, sorter=order)] for rank, asked in enumerate(wanted) if len(asked)}
+        self._send = {
+            rank: order[np.searchsorted(names, asked, sorter=order)]
+            for rank, asked in enumerate(wanted)
+            if len(asked)
+        }
 
     def fill(self, *fields: np.ndarray) -> None:
-        """Copy the rows of the halo in each field, in place, from the ranks that own them; further rows, as of images, stay as they are."""
+        """Copy the rows of the halo in each field, in place, from the ranks that own them;
+        further rows, as of images, stay as they are.
+        """
         for field in fields:
             for rows, values in self._exchanged(field, self._send, self._receive):
                 field[rows] = values
 
     def fill_sparse(self, rows):
-        """Return a sparse matrix with a row for each row here, with the rows of the halo replaced by those of the ranks that own them."""
+        """Return a sparse matrix with a row for each row here, with the rows of the halo
+        replaced by those of the ranks that own them.
+        """
         if self._ranks.size == 1:
             return rows
         ranks, none = range(self._ranks.size), self.rows[:0]
@@ -49,7 +64,9 @@ class Halo:
         return scipy.sparse.vstack([rows[own], *received]).tocsr()[np.argsort(order)]
 
     def fold(self, field: np.ndarray) -> None:
-        """Add the rows of a field's halo to the rows on their owners, in place, and set the halo to zero: the transpose of `fill`."""
+        """Add the rows of a field's halo to the rows on their owners, in place, and set the halo
+        to zero: the transpose of `fill`.
+        """
         for rows, values in self._exchanged(field, self._receive, self._send):
             field[rows] += values
         self.clear(field)
@@ -59,20 +76,28 @@ class Halo:
         if len(self.rows):
             field[self.rows] = 0
 
-    def _exchanged(self, field: np.ndarray, send: dict[int, np.ndarray], receive: dict[int, np.ndarray]) -> list[tuple]:
-        """Send the rows `send` of a field, by receiving rank, and receive values for the rows `receive`, by sending rank.
+    def _exchanged(
+        self, field: np.ndarray, send: dict[int, np.ndarray], receive: dict[int, np.ndarray]
+    ) -> list[tuple]:
+        """Send the rows `send` of a field, by receiving rank, and receive values for the rows
+        `receive`, by sending rank.
 
-        The result is a list of pairs of row numbers and received values, in the order of the sending ranks.
+        The result is a list of pairs of row numbers and received values, in the order of the
+        sending ranks.
         """
         if not (send or receive):
             return []
-        incoming = {rank: np.empty((len(rows), *field.shape[1:]), dtype=field.dtype) for rank, rows in sorted(receive.items())}
+        incoming = {
+            rank: np.empty((len(rows), *field.shape[1:]), dtype=field.dtype)
+            for rank, rows in sorted(receive.items())
+        }
         self._ranks.exchange({rank: field[rows] for rank, rows in send.items()}, incoming)
         return [(receive[rank], values) for rank, values in incoming.items()]
 
 
 class Rows:
-    """Correspondence between the rows of an array on this rank, which it owns or has copied, and the rows of that array for the whole body.
+    """Correspondence between the rows of an array on this rank, which it owns or has copied, and
+    the rows of that array for the whole body.
 
     Parameters
     ----------
@@ -89,14 +114,21 @@ class Rows:
     numbers, own, total
     """
 
-    def __init__(self, ranks: Communicator, numbers: np.ndarray, own: np.ndarray, total: int) -> None:
+    def __init__(
+        self, ranks: Communicator, numbers: np.ndarray, own: np.ndarray, total: int
+    ) -> None:
         self._ranks, self.numbers, self.own, self.total = ranks, numbers, own, total
 
     def gather(self, values: np.ndarray) -> np.ndarray | None:
-        """Return, on the first rank, the array of the whole body from the own rows of all ranks; None on the other ranks."""
+        """Return, on the first rank, the array of the whole body from the own rows of all ranks;
+        None on the other ranks.
+        """
         if self._ranks.size == 1:
             return values
-        numbers, rows = self._ranks.gather(self.numbers[self.own]), self._ranks.gather(values[self.own])
+        numbers, rows = (
+            self._ranks.gather(self.numbers[self.own]),
+            self._ranks.gather(values[self.own]),
+        )
         if rows is None:
             return None
         whole = np.empty((self.total, *values.shape[1:]), dtype=values.dtype)
@@ -105,7 +137,9 @@ class Rows:
         return whole
 
     def hand_out(self, whole: np.ndarray | None) -> np.ndarray:
-        """Return this rank's rows of an array of the whole body, given on the first rank; `whole` is None on the other ranks."""
+        """Return this rank's rows of an array of the whole body, given on the first rank;
+        `whole` is None on the other ranks.
+        """
         if self._ranks.size == 1:
             return whole
         numbers = self._ranks.gather(self.numbers)
@@ -113,14 +147,17 @@ class Rows:
 
 
 class Share:
-    """Points of a body that one rank works on: its own points, and a halo of points owned by other ranks.
+    """Points of a body that one rank works on: its own points, and a halo of points owned by other
+    ranks.
 
-    In a single process all points are its own. Points are numbered in the order of the whole body, with those of the halo in between, so
-    that sums over bonds are taken in the same order on any number of ranks, with bitwise identical results. Values summed over all bonds of
-    a point are correct on owned points, and are copied from their owners to the halo.
+    In a single process all points are its own. Points are numbered in the order of the whole body,
+    with those of the halo in between, so that sums over bonds are taken in the same order on any
+    number of ranks, with bitwise identical results. Values summed over all bonds of a point are
+    correct on owned points, and are copied from their owners to the halo.
 
-    Reductions over ranks are of two kinds. `dot` and `sum` take an array with a row for every local point, and leave out halo points, so
-    that each point of the body counts once. `total`, `greatest` and `any` combine values that each rank has computed, with none left out.
+    Reductions over ranks are of two kinds. `dot` and `sum` take an array with a row for every local
+    point, and leave out halo points, so that each point of the body counts once. `total`,
+    `greatest` and `any` combine values that each rank has computed, with none left out.
 
     Parameters
     ----------
@@ -135,25 +172,42 @@ class Share:
     Attributes
     ----------
     own : ndarray of bool, shape (n,)
-        True for the points that this rank owns. A pair belongs to the owner of its first point, so ``own[first]`` is True for the pairs
-        that this rank counts.
+        True for the points that this rank owns. A pair belongs to the owner of its first point, so
+        ``own[first]`` is True for the pairs that this rank counts.
     divided : bool
         True if several ranks share the body.
     leads : bool
-        True on the first rank. A value that every rank has whole, such as the work of a load, enters a sum over ranks on this rank only.
+        True on the first rank. A value that every rank has whole, such as the work of a load,
+        enters a sum over ranks on this rank only.
     agree, everywhere, total, greatest : callable
-        Methods of `Communicator`: raise an error of any rank on all, list the values of all ranks, and take sum and maximum over them.
+        Methods of `Communicator`: raise an error of any rank on all, list the values of all ranks,
+        and take sum and maximum over them.
     fill, fill_sparse, fold, clear, gather : callable
         Methods of `Halo` and `Rows`, for arrays with a row for each point.
     numbers, owners, size, ranks
     """
 
-    def __init__(self, numbers: np.ndarray, owners: np.ndarray, size: int, ranks: Communicator = ALONE) -> None:
+    def __init__(
+        self, numbers: np.ndarray, owners: np.ndarray, size: int, ranks: Communicator = ALONE
+    ) -> None:
         self.numbers, self.owners, self.size, self.ranks = numbers, owners, size, ranks
         self.own, self.divided, self.leads = owners == ranks.rank, ranks.size > 1, ranks.rank == 0
-        self.agree, self.everywhere, self.total, self.greatest = ranks.agree, ranks.everywhere, ranks.total, ranks.greatest
-        halo, self.gather = Halo(ranks, numbers, owners), Rows(ranks, numbers, self.own, size).gather
-        self.fill, self.fill_sparse, self.fold, self.clear = halo.fill, halo.fill_sparse, halo.fold, halo.clear
+        self.agree, self.everywhere, self.total, self.greatest = (
+            ranks.agree,
+            ranks.everywhere,
+            ranks.total,
+            ranks.greatest,
+        )
+        halo, self.gather = (
+            Halo(ranks, numbers, owners),
+            Rows(ranks, numbers, self.own, size).gather,
+        )
+        self.fill, self.fill_sparse, self.fold, self.clear = (
+            halo.fill,
+            halo.fill_sparse,
+            halo.fold,
+            halo.clear,
+        )
         self._own = np.flatnonzero(self.own) if self.divided else slice(None)
         self._weights = self.own.astype(float) if self.divided else None
 
@@ -163,15 +217,20 @@ class Share:
         return cls(np.arange(n), np.zeros(n, dtype=np.int32), n)
 
     def any(self, flags):
-        """Return whether a flag is true on any rank; for an array of flags, return the array of these answers."""
+        """Return whether a flag is true on any rank; for an array of flags, return the array of
+        these answers.
+        """
         found = self.total(np.asarray(flags, dtype=np.int64)) > 0
         return found if np.ndim(flags) else bool(found)
 
-    def dot(self, first: np.ndarray, second: np.ndarray, weights: np.ndarray | None = None) -> float:
-        """Return the inner product of two arrays (n, d) over all points of the body, with optional weights (n,) of the points.
+    def dot(
+        self, first: np.ndarray, second: np.ndarray, weights: np.ndarray | None = None
+    ) -> float:
+        """Return the inner product of two arrays (n, d) over all points of the body, with optional
+        weights (n,) of the points.
 
-        NumPy computes the sum rather than BLAS, whose threads would wait for the threads of the kernels, and whose result depends on the
-        number of threads.
+        NumPy computes the sum rather than BLAS, whose threads would wait for the threads of the
+        kernels, and whose result depends on the number of threads.
         """
         if self.divided:
             weights = self._weights if weights is None else self._weights * weights
@@ -182,7 +241,8 @@ class Share:
     def sum(self, values: np.ndarray, in_order: bool = False) -> float:
         """Return the sum over the whole body of an array with a row for each local point.
 
-        With `in_order` the sum has the same bits on any number of ranks, since all entries are gathered on one rank.
+        With `in_order` the sum has the same bits on any number of ranks, since all entries are
+        gathered on one rank.
         """
         if not in_order:
             return self.total(float(values[self._own].sum()))
@@ -190,16 +250,19 @@ class Share:
         return self.ranks.to_all(None if whole is None else float(whole.sum()))
 
     def joined(self, rows: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return, on every rank, the rows of all ranks joined in the order of the ranks, without rows of halo points.
+        """Return, on every rank, the rows of all ranks joined in the order of the ranks, without
+        rows of halo points.
 
         `points` are the local points to which the rows of this rank belong.
         """
         return np.concatenate(self.everywhere(rows[self.own[points]]))
 
     def pieces(self, first: np.ndarray, second: np.ndarray) -> tuple[int, np.ndarray]:
-        """Return the number of pieces into which bonds connect the points of the whole body, and the piece of each local point, shape (n,).
+        """Return the number of pieces into which bonds connect the points of the whole body, and
+        the piece of each local point, shape (n,).
 
-        Local bonds are given by their ends `first` and `second`. Pieces on two ranks are joined where a halo point of one rank is in both.
+        Local bonds are given by their ends `first` and `second`. Pieces on two ranks are joined
+        where a halo point of one rank is in both.
         """
         count, label = connected(len(self.own), first, second)
         if not self.divided:
@@ -210,7 +273,8 @@ class Share:
         self.fill(theirs)
         edges = np.unique(np.stack([label, theirs], axis=1), axis=0)
         _, piece = connected(sum(counts), *np.concatenate(self.everywhere(edges)).T)
-        # A piece of a share may consist of halo points only. Pieces with owned points count, in the order of the first such point.
+        # A piece of a share may consist of halo points only. Pieces with owned points count, in the
+        # order of the first such point.
         least = np.full(sum(counts), self.size)
         np.minimum.at(least, piece[label[self._own]], self.numbers[self._own])
         least = np.min(self.everywhere(least), axis=0)
@@ -218,9 +282,11 @@ class Share:
         return int(np.count_nonzero(least < self.size)), rank_of[piece[label]]
 
     def own_columns(self, rows):
-        """Return the columns, for local points, of a sparse matrix (k, points of the whole body), with 0 in columns of halo points.
+        """Return the columns, for local points, of a sparse matrix (k, points of the whole body),
+        with 0 in columns of halo points.
 
-        The sum over ranks of the products with local vectors is then the product for the whole body.
+        The sum over ranks of the products with local vectors is then the product for the whole
+        body.
         """
         if not self.divided:
             return rows
@@ -229,13 +295,17 @@ class Share:
         return found
 
     def with_rows_of_others(self, rows):
-        """Return a sparse matrix (n, n) of the local points with the rows of its halo points replaced by those of their owners."""
+        """Return a sparse matrix (n, n) of the local points with the rows of its halo points
+        replaced by those of their owners.
+        """
         if not self.divided:
             return rows
         entries = rows.tocoo()
         own = self.own[entries.row]
         found = self.numbers[entries.row[own]], self.numbers[entries.col[own]], entries.data[own]
-        row, column, value = (np.concatenate(parts) for parts in zip(*self.everywhere(found), strict=True))
+        row, column, value = (
+            np.concatenate(parts) for parts in zip(*self.everywhere(found), strict=True)
+        )
         places = np.full(self.size, -1)
         places[self.numbers] = np.arange(len(self.numbers))
         row, column = places[row], places[column]
@@ -243,25 +313,33 @@ class Share:
         return scipy.sparse.csr_array((value[here], (row[here], column[here])), shape=rows.shape)
 
     def beside_halo(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """Return the numbers of the bonds, given by their ends, with an end that is a halo point or an image (mirrored point).
+        """Return the numbers of the bonds, given by their ends, with an end that is a halo point or
+        an image (mirrored point).
 
         In a single process the result is empty.
         """
         n = len(self.own)
-        return np.flatnonzero(~self.own[first] | (second >= n) | ~self.own[np.minimum(second, n - 1)]) if self.divided else first[:0]
+        return (
+            np.flatnonzero(~self.own[first] | (second >= n) | ~self.own[np.minimum(second, n - 1)])
+            if self.divided
+            else first[:0]
+        )
 
     def local(self, numbers: np.ndarray) -> np.ndarray:
-        """Return the local numbers, rising, of points given by their numbers in the whole body; points not on this rank are left out."""
+        """Return the local numbers, rising, of points given by their numbers in the whole body;
+        points not on this rank are left out.
+        """
         places = np.searchsorted(self.numbers, numbers)
         places[places == len(self.numbers)] = 0
         return np.unique(places[self.numbers[places] == numbers])
 
 
 def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.ndarray]:
-    """Return the number of connected components of n points, and the number of the component of each point, shape (n,).
+    """Return the number of connected components of n points, and the number of the component of
+    each point, shape (n,).
 
-    Bonds join the points `first` to the points `second`. Only the bonds given here count: ranks do not communicate, unlike in
-    `Share.pieces`.
+    Bonds join the points `first` to the points `second`. Only the bonds given here count: ranks do
+    not communicate, unlike in `Share.pieces`.
     """
     root = np.arange(n, dtype=np.uint32)
     while True:
@@ -270,7 +348,8 @@ def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.nd
         if not apart.any():
             break
         first, second, one, other = first[apart], second[apart], one[apart], other[apart]
-        # Every root becomes a child of the least root that its bonds reach; then all points become children of roots again.
+        # Every root becomes a child of the least root that its bonds reach; then all points become
+        # children of roots again.
         np.minimum.at(root, np.maximum(one, other), np.minimum(one, other))
         while (root[root] != root).any():
             root = root[root]
@@ -279,13 +358,18 @@ def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.nd
 
 
 def bond_counts(points: np.ndarray, radius: float, chosen: slice = slice(None)) -> np.ndarray:
-    """Return, for each chosen point, the number of points within a radius, itself included, which measures the cost of computing it."""
-    counted = scipy.spatial.cKDTree(points).query_ball_point(points[chosen], radius, return_length=True)
+    """Return, for each chosen point, the number of points within a radius, itself included,
+    which measures the cost of computing it.
+    """
+    counted = scipy.spatial.cKDTree(points).query_ball_point(
+        points[chosen], radius, return_length=True
+    )
     return np.asarray(counted, dtype=float)
 
 
 def bisected(points: np.ndarray, weights: np.ndarray, parts: int) -> np.ndarray:
-    """Divide points into parts of nearly equal cost by recursive bisection: return the part of every point, shape (n,).
+    """Divide points into parts of nearly equal cost by recursive bisection: return the part of
+    every point, shape (n,).
 
     Parameters
     ----------
@@ -309,7 +393,13 @@ def bisected(points: np.ndarray, weights: np.ndarray, parts: int) -> np.ndarray:
         axis = int(np.ptp(points[numbers], axis=0).argmax())
         order = numbers[np.argsort(points[numbers, axis], kind="stable")]
         sums = np.cumsum(weights[order])
-        cut = int(np.clip(np.searchsorted(sums, sums[-1] * before / count), before, len(order) - (count - before)))
+        cut = int(
+            np.clip(
+                np.searchsorted(sums, sums[-1] * before / count),
+                before,
+                len(order) - (count - before),
+            )
+        )
         split(order[:cut], first, before)
         split(order[cut:], first + before, count - before)
 

@@ -1,4 +1,6 @@
-"""Checkpoints: files of plain arrays with everything that an interrupted run needs to continue with unchanged results."""
+"""Checkpoints: files of plain arrays with everything that an interrupted run needs to continue
+with unchanged results.
+"""
 
 import json
 from collections.abc import Collection
@@ -13,8 +15,9 @@ from .contents import contents_in, differences_between
 from .files import replacing
 
 FORMAT = 12
-"""Number of the format of checkpoints; it rises with every change that an older or newer version would misread, and other numbers are
-refused."""
+"""Number of the format of checkpoints; it rises with every change that an older or newer version
+would misread, and other numbers are refused.
+"""
 
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
@@ -47,10 +50,12 @@ class Checkpoint(NamedTuple):
         ----------
         folder : Path
         identity : dict
-            Entries that must be equal in the run that resumes: its scene, force models and mesh (see `contents_of`), and its numbers of
-            points and bonds.
+            Entries that must be equal in the run that resumes: its scene, force models and mesh
+            (see `contents_of`), and its numbers of points and bonds.
         """
-        text = json.dumps({"format": FORMAT, "identity": identity, "progress": self.progress}, allow_nan=False)
+        text = json.dumps(
+            {"format": FORMAT, "identity": identity, "progress": self.progress}, allow_nan=False
+        )
         # First, so that the head of the file identifies it.
         arrays = {_DESCRIPTION: np.frombuffer(text.encode(), dtype=np.uint8), **self.arrays}
         with replacing(folder / NAME) as temporary, temporary.open("wb") as file:
@@ -58,7 +63,8 @@ class Checkpoint(NamedTuple):
 
     @classmethod
     def read(cls, folder: Path, identity: dict, shapes: dict[str, tuple]) -> Self:
-        """Return the checkpoint in a folder, after checking that it is undamaged and belongs to the run that resumes.
+        """Return the checkpoint in a folder, after checking that it is undamaged and belongs to the
+        run that resumes.
 
         Parameters
         ----------
@@ -78,40 +84,56 @@ class Checkpoint(NamedTuple):
             raise CheckpointError(f"there is no checkpoint in {folder}; run without --resume")
         try:
             described, arrays = _parts_of(path)
-            found, written, progress = (described[key] for key in ("format", "identity", "progress"))
+            found, written, progress = (
+                described[key] for key in ("format", "identity", "progress")
+            )
         except _DAMAGE as error:
             raise CheckpointError(f"{path} is damaged ({type(error).__name__}); {ANEW}") from None
         if found != FORMAT:
-            raise CheckpointError(f"{path} has the format {found!r}, but this version reads {FORMAT}; {ANEW}")
+            raise CheckpointError(
+                f"{path} has the format {found!r}, but this version reads {FORMAT}; {ANEW}"
+            )
         there = contents_in(written)
         if there is None:
             raise CheckpointError(f"{path} is damaged: it does not name its scene; {ANEW}")
         if differences := differences_between(there, identity):
-            raise CheckpointError(f"{path} belongs to another run: {differences}; {ANEW}, or resume with the values of the checkpoint")
+            raise CheckpointError(
+                f"{path} belongs to another run: {differences}; {ANEW}, or resume with the values"
+                " of the checkpoint"
+            )
         for key in identity.keys() - there.keys():
             if written.get(key) != identity[key]:
                 raise CheckpointError(f"{path} belongs to another run: its {key} differs; {ANEW}")
         for key, (shape, dtype) in shapes.items():
             if key not in arrays or arrays[key].shape != shape or arrays[key].dtype != dtype:
-                raise CheckpointError(f"{path} is damaged: {key} is missing or has another shape; {ANEW}")
+                raise CheckpointError(
+                    f"{path} is damaged: {key} is missing or has another shape; {ANEW}"
+                )
         for key, array in arrays.items():
             if array.dtype.kind not in "fiub" or not np.isfinite(array).all():
-                raise CheckpointError(f"{path} is damaged: {key} contains values that are not finite numbers; {ANEW}")
+                raise CheckpointError(
+                    f"{path} is damaged: {key} contains values that are not finite numbers; {ANEW}"
+                )
         return cls(progress, arrays)
 
 
 def identity_in(folder: Path) -> dict | None:
-    """Return the identity of the run that left a checkpoint in a folder, see `Checkpoint.write`; None if it is missing or damaged."""
+    """Return the identity of the run that left a checkpoint in a folder, see `Checkpoint.write`;
+    None if it is missing or damaged.
+    """
     with suppress(*_DAMAGE):
         return _parts_of(Path(folder) / NAME, [_DESCRIPTION])[0]["identity"]
     return None
 
 
-def _parts_of(path: Path, names: Collection[str] | None = None) -> tuple[dict, dict[str, np.ndarray]]:
-    """Return the description (a dictionary) and the arrays of a checkpoint's file: all arrays, or only the arrays listed in `names`.
+def _parts_of(
+    path: Path, names: Collection[str] | None = None
+) -> tuple[dict, dict[str, np.ndarray]]:
+    """Return the description (a dictionary) and the arrays of a checkpoint's file: all arrays, or
+    only the arrays listed in `names`.
 
-    The description is stored as JSON in the array named `_DESCRIPTION`, which `names` must contain. Raise one of the exception types in
-    `_DAMAGE` if the file cannot be read.
+    The description is stored as JSON in the array named `_DESCRIPTION`, which `names` must contain.
+    Raise one of the exception types in `_DAMAGE` if the file cannot be read.
     """
     with path.open("rb") as file:
         arrays = read_arrays(file, names)

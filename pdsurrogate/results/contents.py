@@ -1,4 +1,6 @@
-"""Identity of a run: its scene, its force models and its mesh, by which results are told from results of other runs."""
+"""Identity of a run: its scene, its force models and its mesh, by which results are told from
+results of other runs.
+"""
 
 import hashlib
 from collections.abc import Sequence
@@ -16,24 +18,28 @@ MESH = "mesh"
 """Key of the digest of the scene's mesh file among the digests of the force models."""
 
 MOST_TOLD, MOST_CHARACTERS = 3, 60
-"""Greatest number of differences between the inputs of two runs that a message lists, and of characters that it shows of a value. Chosen:
-the message stays some lines long, and three differences tell a changed setting from another scene."""
+"""Greatest number of differences between the inputs of two runs that a message lists, and of
+characters that it shows of a value. Chosen: the message stays some lines long, and three
+differences tell a changed setting from another scene.
+"""
 
 ABSENT = "not given"
 """Text that stands in a message for the value of a missing entry."""
 
 
 def contents_of(scene: Scene, models: Sequence[ForceModel]) -> dict[str, Any]:
-    """Return the inputs of a run that determine its results, as entries for its summary and its checkpoints.
+    """Return the inputs of a run that determine its results, as entries for its summary and its
+    checkpoints.
 
     Raise SceneError if the file of the scene's mesh cannot be read.
 
     Returns
     -------
     dict
-        ``scene_as_run``: the scene with all defaults, as plain values; ``force``: name of the force model (in a body of several materials,
-        of the model for the points outside all regions of ``materials``); ``digests``: digest of every force model by its name, and of the
-        mesh file under `MESH`.
+        ``scene_as_run``: the scene with all defaults, as plain values; ``force``: name of the force
+        model (in a body of several materials, of the model for the points outside all regions of
+        ``materials``); ``digests``: digest of every force model by its name, and of the mesh file
+        under `MESH`.
     """
     digests = {model.name: digest_of_model(model) for model in models}
     if isinstance(scene.body, Mesh):
@@ -42,33 +48,54 @@ def contents_of(scene: Scene, models: Sequence[ForceModel]) -> dict[str, Any]:
 
 
 def contents_in(entries: Any) -> dict[str, Any] | None:
-    """Return the scene, the name of the force and the digests of a run, in the form of `contents_of`; None if they are missing or invalid.
+    """Return the scene, the name of the force and the digests of a run, in the form of
+    `contents_of`; None if they are missing or invalid.
 
-    `entries` is what was read from the run's ``summary.json`` or from the identity in its checkpoint (`Checkpoint.write`).
+    `entries` is what was read from the run's ``summary.json`` or from the identity in its
+    checkpoint (`Checkpoint.write`).
     """
     try:
         scene = Scene.model_validate(entries["scene_as_run"])
-        return {"force": entries["force"], "digests": dict(entries["digests"]), "scene_as_run": _dump(scene)}
+        return {
+            "force": entries["force"],
+            "digests": dict(entries["digests"]),
+            "scene_as_run": _dump(scene),
+        }
     except (KeyError, TypeError, ValueError, ValidationError):
         return None
 
 
 def differences_between(there: dict[str, Any], now: dict[str, Any]) -> str:
-    """Return a text that says how two runs differ in scene, force model or mesh file; empty if they are equal but for the scene's title.
+    """Return a text that says how two runs differ in scene, force model or mesh file; empty if they
+    are equal but for the scene's title.
 
-    `there` is the run found in a folder, `now` the run that is to begin, both in the form of `contents_of`.
+    `there` is the run found in a folder, `now` the run that is to begin, both in the form of
+    `contents_of`.
     """
     before, after = ({**contents["scene_as_run"], "title": None} for contents in (there, now))
     found = differences_of(before, after)
     if there["force"] != now["force"]:
         found.append(f"force is {there['force']} there and {now['force']} here")
-    changed = [name for name, digest in there["digests"].items() if now["digests"].get(name, digest) != digest]
-    found += [f"the file of the {MESH} has changed" if name == MESH else f"{name} is another one by that name" for name in changed]
+    changed = [
+        name
+        for name, digest in there["digests"].items()
+        if now["digests"].get(name, digest) != digest
+    ]
+    found += [
+        (
+            f"the file of the {MESH} has changed"
+            if name == MESH
+            else f"{name} is another one by that name"
+        )
+        for name in changed
+    ]
     return told(found)
 
 
 def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
-    """Return texts such as "spacing is 0.1 there and 0.2 here", one for each entry that differs between two nested dictionaries."""
+    """Return texts such as "spacing is 0.1 there and 0.2 here", one for each entry that differs
+    between two nested dictionaries.
+    """
     before, now = leaves_of(there), leaves_of(here)
     return [
         f"{key} is {_value(before.get(key, ABSENT))} there and {_value(now.get(key, ABSENT))} here"
@@ -78,13 +105,17 @@ def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
 
 
 def told(differences: list[str]) -> str:
-    """Return a message that joins the first `MOST_TOLD` of a list of differences and counts the rest; an empty text for an empty list."""
+    """Return a message that joins the first `MOST_TOLD` of a list of differences and counts the
+    rest; an empty text for an empty list.
+    """
     more = f", and {len(differences) - MOST_TOLD} more" if len(differences) > MOST_TOLD else ""
     return "; ".join(differences[:MOST_TOLD]) + more
 
 
 def digest_of_mesh(mesh: Mesh) -> str:
-    """Return the SHA-256 digest of the file of a mesh; raise SceneError if the file cannot be read."""
+    """Return the SHA-256 digest of the file of a mesh; raise SceneError if the file cannot be
+    read.
+    """
     try:
         return hashlib.sha256(Path(mesh.file).read_bytes()).hexdigest()
     except OSError as error:
@@ -96,8 +127,17 @@ def _dump(scene: Scene) -> dict[str, Any]:
 
 
 def leaves_of(value: Any) -> dict[str, Any]:
-    """Return the values in nested mappings and lists by dotted key; a list without mappings counts as one value."""
-    return dict(leaves(value, lambda inner: isinstance(inner, list) and not any(isinstance(item, dict) for item in inner)))
+    """Return the values in nested mappings and lists by dotted key; a list without mappings
+    counts as one value.
+    """
+    return dict(
+        leaves(
+            value,
+            lambda inner: (
+                isinstance(inner, list) and not any(isinstance(item, dict) for item in inner)
+            ),
+        )
+    )
 
 
 def _value(value: Any) -> str:

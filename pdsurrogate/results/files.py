@@ -13,16 +13,21 @@ TEMPORARY = ".pdsurrogate-tmp-"
 """Beginning of the names of files that are still being written."""
 
 MARK = "pdsurrogate run"
-"""Mark within the first `HEAD` bytes of every state file and picture that this package writes; it identifies them later."""
+"""Mark within the first `HEAD` bytes of every state file and picture that this package writes;
+it identifies them later.
+"""
 
 HEAD = 2048
-"""Number of bytes at the beginning of a file among which `MARK` stands, and which are read to recognize the file. Chosen: the metadata of
-pictures and the header of a state file are shorter."""
+"""Number of bytes at the beginning of a file among which `MARK` stands, and which are read to
+recognize the file. Chosen: the metadata of pictures and the header of a state file are shorter.
+"""
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path to write to, in the folder of `path`; after success move the file to `path`, after an error remove it."""
+    """Yield a temporary path to write to, in the folder of `path`; after success move the file
+    to `path`, after an error remove it.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f"{TEMPORARY}{path.stem}-{uuid4().hex}{path.suffix}")
     try:
@@ -31,7 +36,8 @@ def replacing(path: Path) -> Iterator[Path]:
             os.fsync(file.fileno())
         os.replace(temporary, path)
     except Exception as error:
-        # An interrupt that leaves a member of a ZIP file open makes zipfile raise an error of its own.
+        # An interrupt that leaves a member of a ZIP file open makes zipfile raise an error of its
+        # own.
         if isinstance(error.__context__, KeyboardInterrupt):
             raise error.__context__ from None
         raise
@@ -46,7 +52,9 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, data) -> None:
-    """Write data as a JSON file, whole or not at all; raise ValueError for numbers that are not finite."""
+    """Write data as a JSON file, whole or not at all; raise ValueError for numbers that are not
+    finite.
+    """
     write_text(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
 
 
@@ -57,7 +65,9 @@ def remove_leftovers(folder: Path) -> None:
 
 
 def head_of(path: Path) -> bytes:
-    """Return the first `HEAD` bytes of a file, by which its kind is recognized; for an unreadable file, bytes that match no kind."""
+    """Return the first `HEAD` bytes of a file, by which its kind is recognized; for an
+    unreadable file, bytes that match no kind.
+    """
     try:
         with path.open("rb") as file:
             return file.read(HEAD)
@@ -67,7 +77,9 @@ def head_of(path: Path) -> bytes:
 
 @contextmanager
 def made(folder: Path) -> Iterator[None]:
-    """Create a folder and its missing parents when a context begins; when it ends, remove those that were created and are still empty."""
+    """Create a folder and its missing parents when a context begins; when it ends, remove those
+    that were created and are still empty.
+    """
     new = [place for place in (folder, *folder.parents) if not place.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -79,7 +91,8 @@ def made(folder: Path) -> Iterator[None]:
 
 
 def check_writable(folder: Path) -> None:
-    """Check, before any work is done, that files can be created in a folder, or in the nearest existing parent of a new one.
+    """Check, before any work is done, that files can be created in a folder, or in the nearest
+    existing parent of a new one.
 
     Raises
     ------
@@ -88,10 +101,14 @@ def check_writable(folder: Path) -> None:
     """
     place = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not place.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, "this is a file, but a folder is needed", str(place))
+        raise NotADirectoryError(
+            errno.ENOTDIR, "this is a file, but a folder is needed", str(place)
+        )
     try:
         with tempfile.NamedTemporaryFile(dir=place):
             pass
     except OSError as error:
         where = "" if place == folder else f" ({place} is not writable)"
-        raise type(error)(error.errno, f"files cannot be created here{where}: {error.strerror}", str(folder)) from None
+        raise type(error)(
+            error.errno, f"files cannot be created here{where}: {error.strerror}", str(folder)
+        ) from None

@@ -1,14 +1,17 @@
 """Folder of results: which files in it belong to a run, and when a new run may replace them.
 
-A run of a scene called NAME owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (if every rank writes a piece, ``NAME-000.pvtu`` and
-``NAME-000.piece0.vtu``), ``NAME.png``, ``NAME-loading.png``, ``NAME.gif``, ``summary.json``, ``history.csv``, ``convergence.csv`` and
-``checkpoint.npz``, and, while it writes, the lock file ``.pdsurrogate-run``, see `occupied`.
+A run of a scene called NAME owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (if every rank writes a
+piece, ``NAME-000.pvtu`` and ``NAME-000.piece0.vtu``), ``NAME.png``, ``NAME-loading.png``,
+``NAME.gif``, ``summary.json``, ``history.csv``, ``convergence.csv`` and ``checkpoint.npz``, and,
+while it writes, the lock file ``.pdsurrogate-run``, see `occupied`.
 
-A file with such a name belongs to a run if its first bytes contain `MARK` (state files, PVD index, pictures) or match a pattern of
-`_HEADS` (tables, checkpoint), or if it is a valid summary; any other file is never replaced, but raises `FolderTaken`.
+A file with such a name belongs to a run if its first bytes contain `MARK` (state files, PVD index,
+pictures) or match a pattern of `_HEADS` (tables, checkpoint), or if it is a valid summary; any
+other file is never replaced, but raises `FolderTaken`.
 
-A folder holds a run of a scene if its summary or, without one, its checkpoint names the scene, or if a PVD index of that name contains
-`MARK`.  Summary and checkpoint also hold the scene of the run and the digests of its force models and mesh, see `contents_of`.
+A folder holds a run of a scene if its summary or, without one, its checkpoint names the scene, or
+if a PVD index of that name contains `MARK`.  Summary and checkpoint also hold the scene of the run
+and the digests of its force models and mesh, see `contents_of`.
 """
 
 import json
@@ -29,7 +32,9 @@ RUNNING, INTERRUPTED, FAILED, DONE = "running", "interrupted", "failed", "done"
 
 
 class FolderTaken(ValueError):
-    """Error for a folder that a run may not write to; the message gives the reason and the remedy."""
+    """Error for a folder that a run may not write to; the message gives the reason and the
+    remedy.
+    """
 
 
 LOCK = ".pdsurrogate-run"
@@ -37,10 +42,12 @@ LOCK = ".pdsurrogate-run"
 
 @contextmanager
 def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
-    """Reserve a folder for this run during a context; create the folder if necessary, and remove it if it stays empty.
+    """Reserve a folder for this run during a context; create the folder if necessary, and remove it
+    if it stays empty.
 
-    A thread may reserve a folder again that it holds already. A lock file names the process and its host; a run replaces the lock of a
-    process on this host that no longer exists. If another run is writing there, wait up to `patience` seconds for its end.
+    A thread may reserve a folder again that it holds already. A lock file names the process and its
+    host; a run replaces the lock of a process on this host that no longer exists. If another run is
+    writing there, wait up to `patience` seconds for its end.
 
     Raises
     ------
@@ -56,8 +63,13 @@ def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
             held = lock.acquire(patience, 0.2)
         except Timeout:
             process, host, *_ = [*head_of(path).decode(errors="replace").split(), "", ""]
-            taken = f"{folder}: {f'process {process} on {host}' if host else 'another process'} is writing a run to this folder"
-            raise FolderTaken(f"{taken}; use another folder (or, if no run writes there, remove {path})") from None
+            taken = (
+                f"{folder}: {f'process {process} on {host}' if host else 'another process'} is"
+                " writing a run to this folder"
+            )
+            raise FolderTaken(
+                f"{taken}; use another folder (or, if no run writes there, remove {path})"
+            ) from None
         with held:
             yield
 
@@ -67,13 +79,16 @@ _HEADS = {
     CONVERGENCE: rb"(stretch|t),increment,evaluation|\Z",
     CHECKPOINT: rb'(?s).*description\.npy.*\{"format": |\Z',
 }
-"""Patterns of the first bytes of files that have the same name in every run; an empty or damaged file of a run still matches."""
+"""Patterns of the first bytes of files that have the same name in every run; an empty or damaged
+file of a run still matches.
+"""
 
 WAY_OUT = "use another folder, or --overwrite (in Python overwrite=True)"
 
 
 def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
-    """Check that a run may write its results to a folder; by default only finished results of an equal run may be replaced.
+    """Check that a run may write its results to a folder; by default only finished results of an
+    equal run may be replaced.
 
     Parameters
     ----------
@@ -86,39 +101,52 @@ def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
     Raises
     ------
     FolderTaken
-        If the folder holds results of another run, a checkpoint of an equal run that was interrupted, or a file named like a result that
-        no run wrote.
+        If the folder holds results of another run, a checkpoint of an equal run that was
+        interrupted, or a file named like a result that no run wrote.
     """
     names, name = _scenes_in(folder), contents["scene_as_run"]["name"]
     check_names(folder, name)
     if overwrite or not names:
         return
     if others := sorted(names - {name}):
-        raise FolderTaken(f"{folder} contains the results of another scene ({', '.join(others)}); {WAY_OUT}")
+        raise FolderTaken(
+            f"{folder} contains the results of another scene ({', '.join(others)}); {WAY_OUT}"
+        )
     summary = read_summary(folder)
     found = contents_in(summary or identity_in(folder))
     if found is None:
-        raise FolderTaken(f"{folder} contains results of {name} without a description of their scene; {WAY_OUT}")
+        raise FolderTaken(
+            f"{folder} contains results of {name} without a description of their scene; {WAY_OUT}"
+        )
     if differences := differences_between(found, contents):
-        raise FolderTaken(f"{folder} contains the results of another run of {name} ({differences}); {WAY_OUT}")
+        raise FolderTaken(
+            f"{folder} contains the results of another run of {name} ({differences}); {WAY_OUT}"
+        )
     ended = summary is not None and summary.get("status") not in (RUNNING, INTERRUPTED)
     if not ended and (folder / CHECKPOINT).exists():  # without a checkpoint nothing can be resumed
-        ways = "continue it with --resume, or start again with --overwrite (in Python resume=True or overwrite=True)"
+        ways = (
+            "continue it with --resume, or start again with --overwrite (in Python resume=True or"
+            " overwrite=True)"
+        )
         raise FolderTaken(f"{folder} contains this run, which was interrupted: {ways}")
 
 
 def check_names(folder: Path, name: str, resumed: bool = False) -> None:
-    """Raise FolderTaken if a folder has a file that is named like a result of the scene `name` but was not written by a run.
+    """Raise FolderTaken if a folder has a file that is named like a result of the scene `name` but
+    was not written by a run.
 
     For a run that is `resumed`, the checkpoint is not checked.
     """
     for path in (*(folder / kind for kind in (SUMMARY, *_HEADS)), *_files_of(folder, name)):
         if path.exists() and not _is_ours(path) and not (resumed and path.name == CHECKPOINT):
-            raise FolderTaken(f"{path} was not written by a run and would be overwritten; use another folder")
+            raise FolderTaken(
+                f"{path} was not written by a run and would be overwritten; use another folder"
+            )
 
 
 def make_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
-    """Remove the files of earlier runs, and no others, from a folder for a run with the given `contents`.
+    """Remove the files of earlier runs, and no others, from a folder for a run with the given
+    `contents`.
 
     Raise FolderTaken if `check_room` does not permit it.
     """
@@ -133,7 +161,8 @@ def make_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
 
 
 def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
-    """Check that a report may be written to a path: no file is there, or a report whose entry ``asked`` equals the settings `asked`.
+    """Check that a report may be written to a path: no file is there, or a report whose entry
+    ``asked`` equals the settings `asked`.
 
     Parameters
     ----------
@@ -156,7 +185,8 @@ def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
 
 
 def differences_from(path: Path, key: str, asked: dict) -> tuple[dict, str]:
-    """Return the content of a JSON file, and a text that says how its entry `key` differs from the settings `asked`, empty if it is equal.
+    """Return the content of a JSON file, and a text that says how its entry `key` differs from the
+    settings `asked`, empty if it is equal.
 
     Raise FolderTaken if the file cannot be read or has no such entry.
     """
@@ -164,11 +194,15 @@ def differences_from(path: Path, key: str, asked: dict) -> tuple[dict, str]:
         written = json.loads(path.read_text("utf-8"))
         return written, told(differences_of(written[key], json.loads(json.dumps(asked))))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise FolderTaken(f"{path} is not a report with known settings, and would be overwritten; {WAY_OUT}") from None
+        raise FolderTaken(
+            f"{path} is not a report with known settings, and would be overwritten; {WAY_OUT}"
+        ) from None
 
 
 def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:
-    """Return the number and the path of every file of a state of the scene `name`: VTU files, also of pieces, and PVTU files."""
+    """Return the number and the path of every file of a state of the scene `name`: VTU files,
+    also of pieces, and PVTU files.
+    """
     pattern = re.compile(re.escape(name) + r"-(\d{3,})(\.pvtu|(\.piece\d+)?\.vtu)")
     found = ((pattern.fullmatch(path.name), path) for path in sorted(folder.glob("*vtu")))
     return [(int(match[1]), path) for match, path in found if match]
@@ -176,18 +210,27 @@ def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:
 
 def _files_of(folder: Path, name: str) -> list[Path]:
     others = (folder / f"{name}{ending}" for ending in (".pvd", ".png", "-loading.png", ".gif"))
-    return [*(path for _, path in state_files(folder, name)), *(path for path in others if path.exists())]
+    return [
+        *(path for _, path in state_files(folder, name)),
+        *(path for path in others if path.exists()),
+    ]
 
 
 def _is_ours(path: Path) -> bool:
-    """Return whether a file that is named like a result was written by a run of this package, judging by its first bytes."""
+    """Return whether a file that is named like a result was written by a run of this package,
+    judging by its first bytes.
+    """
     if path.name == SUMMARY:
         return read_summary(path.parent) is not None
-    return bool(re.match(_HEADS[path.name], head_of(path))) if path.name in _HEADS else is_marked(path)
+    return (
+        bool(re.match(_HEADS[path.name], head_of(path))) if path.name in _HEADS else is_marked(path)
+    )
 
 
 def is_marked(path: Path) -> bool:
-    """Return whether a state file (VTU or PVTU), a PVD index or a picture contains `MARK`, which identifies files of this package."""
+    """Return whether a state file (VTU or PVTU), a PVD index or a picture contains `MARK`, which
+    identifies files of this package.
+    """
     return MARK.encode() in head_of(path)
 
 
@@ -202,10 +245,18 @@ def _scenes_in(folder: Path) -> set[str]:
 
 
 def read_summary(folder: Path) -> dict | None:
-    """Return the content of ``summary.json`` of the run in a folder; None if the folder has no valid summary."""
+    """Return the content of ``summary.json`` of the run in a folder; None if the folder has no
+    valid summary.
+    """
     with suppress(OSError, ValueError, RecursionError):
         read = json.loads((folder / SUMMARY).read_text("utf-8"))
-        scene = read.get("scene") if isinstance(read, dict) and isinstance(read.get("levels"), list) else None
-        if isinstance(scene, str) and scene and scene == Path(scene).name:  # not a path: files are named after it
+        scene = (
+            read.get("scene")
+            if isinstance(read, dict) and isinstance(read.get("levels"), list)
+            else None
+        )
+        if (
+            isinstance(scene, str) and scene and scene == Path(scene).name
+        ):  # not a path: files are named after it
             return read
     return None

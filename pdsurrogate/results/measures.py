@@ -1,4 +1,6 @@
-"""Measures of a deformed body: energy, displacements of the edges, fields on the points and at probes."""
+"""Measures of a deformed body: energy, displacements of the edges, fields on the points and at
+probes.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +20,17 @@ from ..ranks import Share
 from ..scenes import Probe, Units
 
 MOST_FITTED = 10_000
-"""Number of points of a cloud, evenly chosen, of which the roughness is computed; each needs a fit to some fifty others."""
+"""Number of points of a cloud, evenly chosen, of which the roughness is computed; each needs a
+fit to some fifty others.
+"""
 
 
 def strain_energy(force: InternalForce) -> float:
-    """Return this rank's share of the stored energy of a body in the state that its force evaluated last; for a sheet per unit thickness.
+    """Return this rank's share of the stored energy of a body in the state that its force evaluated
+    last; for a sheet per unit thickness.
 
-    If the force model has no energy (``force.has_energy`` is False), sum the law's energy at the deformation gradients of the rank's own
-    points instead.
+    If the force model has no energy (``force.has_energy`` is False), sum the law's energy at the
+    deformation gradients of the rank's own points instead.
     """
     if force.has_energy:
         return force.energy()
@@ -35,16 +40,19 @@ def strain_energy(force: InternalForce) -> float:
 def edge_displacements(
     body: Body, displacements: np.ndarray, axis: int, box: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the displacements along `axis` of the two edges of a sheet that are normal to this axis.
+    """Return the displacements along `axis` of the two edges of a sheet that are normal to this
+    axis.
 
-    On a lattice the two outermost points of each line along the axis, one cell wide, are extrapolated linearly to the edge; on a cloud the
-    displacement at places a cell apart follows from a fit to the points around, see `fields_at`. `box` (2, 2) are the lower and the upper
+    On a lattice the two outermost points of each line along the axis, one cell wide, are
+    extrapolated linearly to the edge; on a cloud the displacement at places a cell apart follows
+    from a fit to the points around, see `fields_at`. `box` (2, 2) are the lower and the upper
     corner of the sheet, which a cloud needs.
 
     Returns
     -------
     position, lower, upper : ndarray, shape (lines,)
-        Coordinate of each line along the other axis, and the displacement of its lower and upper end.
+        Coordinate of each line along the other axis, and the displacement of its lower and upper
+        end.
     """
     x, u = body.points[:, axis], displacements[:, axis]
     if body.tessellate is not None:
@@ -56,37 +64,55 @@ def edge_displacements(
         return along, *(fields_at(body, places)[0][axis] @ u).reshape(-1, 2).T
     order, line = _lines_along(body, axis)
     lines = np.split(order, np.flatnonzero(np.diff(line)) + 1)
-    first, second, before, last = np.array([points[[0, 1, -2, -1]] for points in lines if len(points) > 1]).T
+    first, second, before, last = np.array(
+        [points[[0, 1, -2, -1]] for points in lines if len(points) > 1]
+    ).T
     low, high = x.min() - body.cell[axis] / 2, x.max() + body.cell[axis] / 2
 
     def continued(outer: np.ndarray, inner: np.ndarray, place: float) -> np.ndarray:
         return u[outer] + (u[outer] - u[inner]) * (place - x[outer]) / (x[outer] - x[inner])
 
-    return body.points[first, 1 - axis], continued(first, second, low), continued(last, before, high)
+    return (
+        body.points[first, 1 - axis],
+        continued(first, second, low),
+        continued(last, before, high),
+    )
 
 
 def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
-    """Return the roughness of a sheet's lateral displacement (normal to the loaded axis `axis`), which reveals zero-energy modes.
+    """Return the roughness of a sheet's lateral displacement (normal to the loaded axis `axis`),
+    which reveals zero-energy modes.
 
-    The roughness is the root mean square of the second differences of this displacement between neighboring points on lines along `axis`,
-    divided by the greatest absolute value of the displacement.  For a smooth field of wavelength L the roughness is about
-    (2 pi cell/L)^2 / sqrt(2); for a mode that alternates from point to point it is 4.  On a cloud four times the deviation of the
-    displacements of points (at most `MOST_FITTED`) from a fit to the points around replaces the second differences.
+    The roughness is the root mean square of the second differences of this displacement between
+    neighboring points on lines along `axis`, divided by the greatest absolute value of the
+    displacement.  For a smooth field of wavelength L the roughness is about (2 pi cell/L)^2 /
+    sqrt(2); for a mode that alternates from point to point it is 4.  On a cloud four times the
+    deviation of the displacements of points (at most `MOST_FITTED`) from a fit to the points around
+    replaces the second differences.
     """
     greatest = np.abs(displacements[:, 1 - axis]).max()
     if body.tessellate is not None:
         some = np.arange(0, len(body), -(-len(body) // MOST_FITTED))
-        second = 4 * (displacements[some] - fields_at(body, body.points[some])[0][1 - axis] @ displacements)[:, 1 - axis]
+        second = (
+            4
+            * (
+                displacements[some]
+                - fields_at(body, body.points[some])[0][1 - axis] @ displacements
+            )[:, 1 - axis]
+        )
     else:
         order, line = _lines_along(body, axis)
         u, x = displacements[order, 1 - axis], body.points[order, axis]
-        neighbors = (line[2:] == line[:-2]) & (np.abs(x[2:] - x[:-2] - 2 * body.cell[axis]) < 0.1 * body.cell[axis])
+        neighbors = (line[2:] == line[:-2]) & (
+            np.abs(x[2:] - x[:-2] - 2 * body.cell[axis]) < 0.1 * body.cell[axis]
+        )
         second = (u[2:] - 2 * u[1:-1] + u[:-2])[neighbors]
     return float(np.sqrt((second**2).mean()) / greatest) if len(second) and greatest > 0 else 0.0
 
 
 def _lines_along(body: Body, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of a sheet's points, sorted along lines parallel to an axis, and the number of each point's line.
+    """Return the numbers of a sheet's points, sorted along lines parallel to an axis, and the
+    number of each point's line.
 
     A line is one cell wide.
     """
@@ -97,7 +123,8 @@ def _lines_along(body: Body, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class PointState:
-    """Deformation, stress and energy of the points in one state of a body, from which the fields in result files are computed.
+    """Deformation, stress and energy of the points in one state of a body, from which the fields in
+    result files are computed.
 
     Parameters
     ----------
@@ -121,38 +148,58 @@ class PointState:
     F : ndarray, shape (n, d, d)
         Deformation gradients.
     volume_ratio : ndarray, shape (n,)
-        Volume ratio at which the volumetric energy is evaluated: under plane stress J3, which is det F times the stretch of the thickness;
-        otherwise det F, or a mean over neighboring points if the force is a bond energy with a separate volumetric part (selective).
+        Volume ratio at which the volumetric energy is evaluated: under plane stress J3, which is
+        det F times the stretch of the thickness; otherwise det F, or a mean over neighboring points
+        if the force is a bond energy with a separate volumetric part (selective).
     stress : ndarray, shape (n, 3, 3)
         First Piola-Kirchhoff stress, see `InternalForce.stress_and_energy`.
     energy_density : ndarray, shape (n,)
         Stored energy per undeformed volume.
     deviation : ndarray, shape (n,), or None
-        How far the points are beyond the training domain of a surrogate, see `InternalForce.learned`; None without a domain.
+        How far the points are beyond the training domain of a surrogate, see
+        `InternalForce.learned`; None without a domain.
     member_deviation : ndarray, shape (n,), or None
-        Greatest deviation of the committee members' stresses from those of the surrogate at each point; a committee is a set of further
-        fits stored with a surrogate, whose spread estimates its error. None without a committee.
+        Greatest deviation of the committee members' stresses from those of the surrogate at each
+        point; a committee is a set of further fits stored with a surrogate, whose spread estimates
+        its error. None without a committee.
     kept : dict of ndarray
-        Internal variables that the force model marks for output (`pdsurrogate.forces.term.Kept` with ``shown``), by name.
+        Internal variables that the force model marks for output (`pdsurrogate.forces.term.Kept`
+        with ``shown``), by name.
     """
 
-    def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
+    def __init__(
+        self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None
+    ) -> None:
         force.place(positions)
-        self.laws, self.plane, self.displacement, self.damage = force.laws, force.plane, positions - force.body.points, damage
+        self.laws, self.plane, self.displacement, self.damage = (
+            force.laws,
+            force.plane,
+            positions - force.body.points,
+            damage,
+        )
         self.position, self.volumes = force.body.points, force.body.volumes
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
         self.stress, self.energy_density = force.stress_and_energy()
-        self.deviation, self.member_deviation = force.learned.domain_deviation(), force.learned.member_deviation()
-        self.kept = {array.name: array.at_points(force.body) for array in force.states if array.shown}
+        self.deviation, self.member_deviation = (
+            force.learned.domain_deviation(),
+            force.learned.member_deviation(),
+        )
+        self.kept = {
+            array.name: array.at_points(force.body) for array in force.states if array.shown
+        }
 
     @cached_property
     def deformation_gradient(self) -> np.ndarray:
-        """Deformation gradient in three dimensions, shape (n, 3, 3); for a sheet its last entry is the stretch of the thickness."""
+        """Deformation gradient in three dimensions, shape (n, 3, 3); for a sheet its last entry
+        is the stretch of the thickness.
+        """
         if self.plane == "space":
             return self.F
         gradient = np.zeros((len(self.F), 3, 3))
         gradient[:, :2, :2] = self.F
-        gradient[:, 2, 2] = 1.0 if self.plane == "strain" else self.volume_ratio / np.linalg.det(self.F)
+        gradient[:, 2, 2] = (
+            1.0 if self.plane == "strain" else self.volume_ratio / np.linalg.det(self.F)
+        )
         return gradient
 
     @cached_property
@@ -163,22 +210,30 @@ class PointState:
 
     @cached_property
     def stretches(self) -> np.ndarray:
-        """Principal stretches in descending order, shape (n, d); for a sheet only the two in its plane."""
+        """Principal stretches in descending order, shape (n, d); for a sheet only the two in its
+        plane.
+        """
         return principal_stretches(self.F)
 
     @cached_property
     def principal_stretches(self) -> np.ndarray:
-        """Three principal stretches in descending order, including the stretch of a sheet's thickness, shape (n, 3)."""
+        """Three principal stretches in descending order, including the stretch of a sheet's
+        thickness, shape (n, 3).
+        """
         if self.plane == "space":
             return self.stretches
-        return -np.sort(-np.column_stack([self.stretches, self.deformation_gradient[:, 2, 2]]), axis=1)
+        return -np.sort(
+            -np.column_stack([self.stretches, self.deformation_gradient[:, 2, 2]]), axis=1
+        )
 
     def pressure(self) -> np.ndarray:
         """Return the pressure, minus a third of the trace of the Cauchy stress, shape (n,)."""
         return -np.trace(self.cauchy_stress, axis1=1, axis2=2) / 3
 
     def von_mises(self) -> np.ndarray:
-        """Return the von Mises stress, the root of 3/2 s:s with the deviator s of the Cauchy stress, shape (n,)."""
+        """Return the von Mises stress, the root of 3/2 s:s with the deviator s of the Cauchy
+        stress, shape (n,).
+        """
         deviator = self.cauchy_stress + self.pressure()[:, None, None] * np.eye(3)
         return np.sqrt(1.5 * (deviator * deviator).sum(axis=(1, 2)))
 
@@ -190,7 +245,8 @@ class PointField:
     Attributes
     ----------
     values : callable
-        Function of a `PointState` that returns the values, or None if the field has no meaning there.
+        Function of a `PointState` that returns the values, or None if the field has no meaning
+        there.
     components : int
         Number of values at a point; a tensor has 9, row by row.
     unit : {"length", "stress", None}
@@ -212,17 +268,26 @@ def _with_three_components(vectors: np.ndarray) -> np.ndarray:
 
 POINT_FIELDS = {
     "position": PointField(lambda state: _with_three_components(state.position), 3, "length", "X"),
-    "displacement": PointField(lambda state: _with_three_components(state.displacement), 3, "length", "u"),
-    "principal_stretch": PointField(lambda state: state.stretches[:, 0].copy(), symbol="greatest principal stretch λ₁"),
+    "displacement": PointField(
+        lambda state: _with_three_components(state.displacement), 3, "length", "u"
+    ),
+    "principal_stretch": PointField(
+        lambda state: state.stretches[:, 0].copy(), symbol="greatest principal stretch λ₁"
+    ),
     "principal_stretches": PointField(lambda state: state.principal_stretches, 3, symbol="λ"),
     "volume_ratio": PointField(lambda state: state.volume_ratio.copy(), symbol="volume ratio J"),
-    "C33": PointField(lambda state: None if state.plane == "space" else state.deformation_gradient[:, 2, 2] ** 2, symbol="C₃₃"),
+    "C33": PointField(
+        lambda state: None if state.plane == "space" else state.deformation_gradient[:, 2, 2] ** 2,
+        symbol="C₃₃",
+    ),
     "stress": PointField(lambda state: state.stress, 9, "stress", "P"),
     "cauchy_stress": PointField(lambda state: state.cauchy_stress, 9, "stress", "σ"),
     "von_mises": PointField(PointState.von_mises, unit="stress", symbol="von Mises stress"),
     "pressure": PointField(PointState.pressure, unit="stress", symbol="pressure p"),
     "volume": PointField(lambda state: state.volumes),
-    "energy_density": PointField(lambda state: state.energy_density, unit="stress", symbol="energy density W"),
+    "energy_density": PointField(
+        lambda state: state.energy_density, unit="stress", symbol="energy density W"
+    ),
     "deformation_gradient": PointField(lambda state: state.deformation_gradient, 9, symbol="F"),
     "domain_deviation": PointField(lambda state: state.deviation),
     "member_deviation": PointField(lambda state: state.member_deviation, unit="stress"),
@@ -232,7 +297,8 @@ POINT_FIELDS = {
 
 
 def point_fields(state: PointState) -> dict[str, np.ndarray]:
-    """Return, by name, the fields of `POINT_FIELDS` that are defined in a state, and the internal variables in ``state.kept``.
+    """Return, by name, the fields of `POINT_FIELDS` that are defined in a state, and the internal
+    variables in ``state.kept``.
 
     Every field has shape (n,) or (n, components).
     """
@@ -244,13 +310,16 @@ def point_fields(state: PointState) -> dict[str, np.ndarray]:
         n = len(state.position)
         if np.size(values) != n * field.components:
             shape = (n,) if field.components == 1 else (n, field.components)
-            raise ValueError(f"the field {name} has values of shape {np.shape(values)} at a state, not {shape}")
+            raise ValueError(
+                f"the field {name} has values of shape {np.shape(values)} at a state, not {shape}"
+            )
         fields[name] = values if field.components == 1 else values.reshape(-1, field.components)
     return fields | state.kept
 
 
 def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
-    """Return the values of a field, or of a component such as ``stress_22``, from the fields of a state; see `Result.field`.
+    """Return the values of a field, or of a component such as ``stress_22``, from the fields of a
+    state; see `Result.field`.
 
     Raises
     ------
@@ -260,17 +329,26 @@ def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
     base, indices = _split(name) if name not in fields else (name, ())
     if base not in fields:
         components = [field + name[len(base) :] for field in fields]
-        raise ValueError(f"field: the state has no field {name!r}; {suggestion(name, fields, unlisted=components)}")
+        raise ValueError(
+            f"field: the state has no field {name!r};"
+            f" {suggestion(name, fields, unlisted=components)}"
+        )
     values = fields[base]
     values = values.reshape(-1, 3, 3) if values.ndim == 2 and values.shape[1] == 9 else values
     if indices and values.ndim - 1 != len(indices):
-        needed = {1: "no components", 2: f"components such as {base}_1", 3: f"components such as {base}_22"}[values.ndim]
+        needed = {
+            1: "no components",
+            2: f"components such as {base}_1",
+            3: f"components such as {base}_22",
+        }[values.ndim]
         raise ValueError(f"field: {name!r} does not exist: {base} has {needed}")
     return values[(slice(None), *indices)]
 
 
 def scalars_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
-    """Return the values of a scalar field or a component, or the lengths of a vector field, shape (n,); raise ValueError for a tensor."""
+    """Return the values of a scalar field or a component, or the lengths of a vector field,
+    shape (n,); raise ValueError for a tensor.
+    """
     values = values_of(fields, name)
     if values.ndim == 3:
         raise ValueError(f"field: {name} has nine components; give one of them, such as {name}_22")
@@ -278,7 +356,9 @@ def scalars_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
 
 
 def label_of(name: str, units: Units) -> str:
-    """Return the label of a field or a component in pictures: symbol or words, and the unit, such as "u₂ (cm)" or "|u| (cm)"."""
+    """Return the label of a field or a component in pictures: symbol or words, and the unit,
+    such as "u₂ (cm)" or "|u| (cm)".
+    """
     base, indices = _split(name) if name not in POINT_FIELDS else (name, ())
     field = POINT_FIELDS.get(base, PointField(lambda state: None))
     symbol = (field.symbol or base.replace("_", " ")) + "".join("₁₂₃"[index] for index in indices)
@@ -288,12 +368,16 @@ def label_of(name: str, units: Units) -> str:
 
 
 def greatest_of(fields: dict[str, np.ndarray], name: str) -> float:
-    """Return the greatest absolute value of all components of the field to which a name, such as ``stress_22``, belongs."""
+    """Return the greatest absolute value of all components of the field to which a name, such as
+    ``stress_22``, belongs.
+    """
     return float(np.abs(fields[name if name in fields else _split(name)[0]]).max())
 
 
 def _split(name: str) -> tuple[str, tuple[int, ...]]:
-    """Split the name of a component into field and indices, ("stress", (1, 1)) for ``stress_22``; other names have no indices, ()."""
+    """Split the name of a component into field and indices, ("stress", (1, 1)) for
+    ``stress_22``; other names have no indices, ().
+    """
     found = re.fullmatch(r"(.+)_([123]{1,2})", name)
     return (found[1], tuple(int(digit) - 1 for digit in found[2])) if found else (name, ())
 
@@ -313,17 +397,30 @@ class Probes:
     Raises
     ------
     ValueError
-        If a probe lies outside the body, or has too few points around it; the message names the probe's key in the scene, ``probes.0.at``.
+        If a probe lies outside the body, or has too few points around it; the message names the
+        probe's key in the scene, ``probes.0.at``.
     """
 
-    def __init__(self, body: Body, probes: tuple[Probe, ...], portion_of: np.ndarray | None = None, share: Share | None = None) -> None:
-        self._names, self._rows, self._share = [probe.name for probe in probes], [], share or body.share
+    def __init__(
+        self,
+        body: Body,
+        probes: tuple[Probe, ...],
+        portion_of: np.ndarray | None = None,
+        share: Share | None = None,
+    ) -> None:
+        self._names, self._rows, self._share = (
+            [probe.name for probe in probes],
+            [],
+            share or body.share,
+        )
         for number, probe in enumerate(probes):
             try:
                 rows = fields_at(body, np.array([probe.at]), portion_of)
             except ValueError as error:
                 raise ValueError(f"probes.{number}.at: {error}") from None
-            self._rows.append([[self._share.own_columns(row) for row in of_kind] for of_kind in rows])
+            self._rows.append(
+                [[self._share.own_columns(row) for row in of_kind] for of_kind in rows]
+            )
 
     def __len__(self) -> int:
         return len(self._names)
@@ -331,14 +428,18 @@ class Probes:
     def read(self, state: PointState) -> dict[str, dict[str, list]]:
         """Return displacement, stress and deformation gradient at every probe in a state.
 
-        A local fit to the values at the surrounding points is evaluated at the position of the probe.
+        A local fit to the values at the surrounding points is evaluated at the position of the
+        probe.
 
         Returns
         -------
         dict
-            For the name of each probe: ``displacement`` (d components), ``stress`` (first Piola-Kirchhoff, 3 by 3) and ``F`` (3 by 3).
+            For the name of each probe: ``displacement`` (d components), ``stress`` (first
+            Piola-Kirchhoff, 3 by 3) and ``F`` (3 by 3).
         """
-        stress, gradient = (field.reshape(len(field), 9) for field in (state.stress, state.deformation_gradient))
+        stress, gradient = (
+            field.reshape(len(field), 9) for field in (state.stress, state.deformation_gradient)
+        )
         read = self.displacements(state.displacement)
         for name, (_, tensors) in zip(self._names, self._rows, strict=True):
             for key, field in (("stress", stress), ("F", gradient)):
@@ -346,24 +447,39 @@ class Probes:
         return read
 
     def weights(self, name: str) -> list[scipy.sparse.csr_array]:
-        """Return, for each component of the displacement at a probe, the weights of the points, shape (1, n)."""
+        """Return, for each component of the displacement at a probe, the weights of the points,
+        shape (1, n).
+        """
         return self._rows[self._names.index(name)][0]
 
     def displacements(self, displacements: np.ndarray) -> dict[str, dict[str, list]]:
-        """Return the entries of `read` that are displacements, from the displacements of the points, shape (n, d)."""
-        # The weights of a row sum to 1 and reproduce the place, so they apply to displacements as to positions.
+        """Return the entries of `read` that are displacements, from the displacements of the
+        points, shape (n, d).
+        """
+        # The weights of a row sum to 1 and reproduce the place, so they apply to displacements as
+        # to positions.
         rows = zip(self._names, self._rows, strict=True)
-        return {name: {"displacement": self._share.total(_read(moved, displacements)).tolist()} for name, (moved, _) in rows}
+        return {
+            name: {"displacement": self._share.total(_read(moved, displacements)).tolist()}
+            for name, (moved, _) in rows
+        }
 
     def columns(self, displacements: np.ndarray) -> dict[str, float]:
-        """Return the displacements at the probes as columns of the history, from the displacements of the points, shape (n, d)."""
+        """Return the displacements at the probes as columns of the history, from the
+        displacements of the points, shape (n, d).
+        """
         read = self.displacements(displacements).items()
-        return {f"{name}_displacement_{axis}": value for name, row in read for axis, value in enumerate(row["displacement"], 1)}
+        return {
+            f"{name}_displacement_{axis}": value
+            for name, row in read
+            for axis, value in enumerate(row["displacement"], 1)
+        }
 
 
 def _read(rows: Sequence[scipy.sparse.csr_array], values: np.ndarray) -> np.ndarray:
     """Return the m components of a field at a probe, from the values at the points, shape (n, m).
 
-    `rows` has a sparse row of weights, shape (1, n), for each component; weights differ by component at planes of symmetry.
+    `rows` has a sparse row of weights, shape (1, n), for each component; weights differ by
+    component at planes of symmetry.
     """
     return np.array([(row @ values[:, component])[0] for component, row in enumerate(rows)])

@@ -16,12 +16,18 @@ from .. import __version__
 
 
 def provenance() -> dict:
-    """Return the versions of the package and its libraries, the commit, the date and the machine, as entries for a run's summary."""
+    """Return the versions of the package and its libraries, the commit, the date and the
+    machine, as entries for a run's summary.
+    """
     return {
         "version": __version__,
         "git": git_state(),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "machine": {"processor": processor(), "cores": os.cpu_count(), "system": platform.platform()},
+        "machine": {
+            "processor": processor(),
+            "cores": os.cpu_count(),
+            "system": platform.platform(),
+        },
         "python": platform.python_version(),
         **{library.__name__: library.__version__ for library in (numpy, scipy, numba)},
     }
@@ -39,14 +45,18 @@ def processor() -> str:
 
 @cache
 def git_state() -> dict | None:
-    """Return the commit of the git checkout from which the package runs, and whether files are modified; None without a checkout."""
+    """Return the commit of the git checkout from which the package runs, and whether files are
+    modified; None without a checkout.
+    """
     root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():
         return None
 
     words = ["git", "-C", str(root), "status", "--porcelain=v2", "--branch", "--untracked-files=no"]
     with suppress(OSError, subprocess.SubprocessError):
-        lines = subprocess.run(words, capture_output=True, text=True, timeout=10, check=True).stdout.splitlines()
+        lines = subprocess.run(
+            words, capture_output=True, text=True, timeout=10, check=True
+        ).stdout.splitlines()
         (commit,) = (line.split()[-1] for line in lines if line.startswith("# branch.oid "))
         return {"commit": commit, "modified": any(not line.startswith("#") for line in lines)}
     return None

@@ -21,8 +21,9 @@ class Moment:
     Attributes
     ----------
     run_time : float
-        Pseudo-time that orders all states of the run: the number of outputs in equilibrium so far, plus `time`. The PVD index has it where
-        the loading parameter does not grow from state to state, or after dynamics.
+        Pseudo-time that orders all states of the run: the number of outputs in equilibrium so far,
+        plus `time`. The PVD index has it where the loading parameter does not grow from state to
+        state, or after dynamics.
     stretch : float or None
         Distance of the grips divided by its undeformed value, in a scene with grips.
     time : float
@@ -38,7 +39,8 @@ class Moment:
 
 
 class States:
-    """Sequence of the states that a run records, with their fields in memory; ranks other than the first keep only their moments.
+    """Sequence of the states that a run records, with their fields in memory; ranks other than the
+    first keep only their moments.
 
     Parameters
     ----------
@@ -54,7 +56,8 @@ class States:
     """Whether several ranks wrote the fields in pieces, each for its own points."""
 
     def append(self, moment: Moment, fields: Fields | Path) -> None:
-        """Record a state: its moment, and its fields on the points, or the path of the file that holds them.
+        """Record a state: its moment, and its fields on the points, or the path of the file that
+        holds them.
 
         On a rank that stores no fields, every value in `fields` is None.
         """
@@ -65,22 +68,29 @@ class States:
         return len(self.moments)
 
     def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        """Return the moment and the fields on the points of a state, by its number; raise RuntimeError on a rank that has no fields."""
+        """Return the moment and the fields on the points of a state, by its number; raise
+        RuntimeError on a rank that has no fields.
+        """
         moment, kept = self.moments[number], self._kept[number]
         fields = vtk.read_state(kept)[2] if isinstance(kept, Path) else kept
         if fields.get(vtk.DISPLACEMENT) is None:
-            raise RuntimeError("the fields of a run on several ranks are available on the first rank only")
+            raise RuntimeError(
+                "the fields of a run on several ranks are available on the first rank only"
+            )
         return moment, fields
 
     def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
-        """Return the cells of the body in a state that was read from a file, and the displacements of their nodes, shape (k, d)."""
+        """Return the cells of the body in a state that was read from a file, and the
+        displacements of their nodes, shape (k, d).
+        """
         if not any(isinstance(kept, Path) for kept in self._kept):
             raise ValueError("the result contains neither a body nor files with states")
         return vtk.read_state(self._kept[number])[:2]
 
 
 class StatesInFiles(States):
-    """Sequence of the states of a run in VTU files with a PVD index, written when a state is recorded, and read when it is accessed.
+    """Sequence of the states of a run in VTU files with a PVD index, written when a state is
+    recorded, and read when it is accessed.
 
     If a body is divided among ranks, every rank writes a piece of each state, for its own points.
 
@@ -90,12 +100,16 @@ class StatesInFiles(States):
     name : str
         Stem of the file names.
     body : Body, optional
-        Body with the cells to write; if it is divided among ranks, the share of this rank. States without a body are only read.
+        Body with the cells to write; if it is divided among ranks, the share of this rank. States
+        without a body are only read.
     moments : list of Moment, optional
-        Moments of the states that a resumed run has already recorded; files of later states are removed.
+        Moments of the states that a resumed run has already recorded; files of later states are
+        removed.
     """
 
-    def __init__(self, folder: Path, name: str, body: Body | None = None, moments: list[Moment] | None = None) -> None:
+    def __init__(
+        self, folder: Path, name: str, body: Body | None = None, moments: list[Moment] | None = None
+    ) -> None:
         super().__init__(moments)
         self.folder, self.name, self.body = folder, name, body
         self._kept = [self._path(number) for number in range(len(self.moments))]
@@ -114,7 +128,8 @@ class StatesInFiles(States):
         folder, name
             As for the class.
         most : int, optional
-            Greatest number of states to return: the number in the summary of the run, as a killed run may have written one more.
+            Greatest number of states to return: the number in the summary of the run, as a killed
+            run may have written one more.
 
         Raises
         ------
@@ -132,7 +147,9 @@ class StatesInFiles(States):
         return self.body is not None and self.body.share.divided
 
     def append(self, moment: Moment, fields: Fields) -> None:
-        """Write the file of a state, and the index that lists it; an error on one rank is raised on all ranks."""
+        """Write the file of a state, and the index that lists it; an error on one rank is raised
+        on all ranks.
+        """
         share, path = self.body.share, self._path(len(self.moments))
         values = {name: value for name, value in asdict(moment).items() if value is not None}
         cells, nodes = deformed_cells(self.body, fields)
@@ -140,26 +157,44 @@ class StatesInFiles(States):
             path = path.with_suffix(".pvtu")
             cells, used = cells.only(share.own)
             nodes = nodes[used]
-            fields = {name: field[share.own] for name, field in fields.items()} | {vtk.NUMBER: share.numbers[share.own]}
+            fields = {name: field[share.own] for name, field in fields.items()} | {
+                vtk.NUMBER: share.numbers[share.own]
+            }
         with share.ranks.together():
-            vtk.write_state(_piece(path, share.ranks.rank) if self.in_pieces else path, cells, nodes, fields, values)
+            vtk.write_state(
+                _piece(path, share.ranks.rank) if self.in_pieces else path,
+                cells,
+                nodes,
+                fields,
+                values,
+            )
         super().append(moment, path)
         with share.ranks.together():
             if self.in_pieces and share.leads:
                 pieces = [_piece(path, rank).name for rank in range(share.ranks.size)]
-                vtk.write_pieces(path, pieces, {name: field[:1].size for name, field in fields.items()})
+                vtk.write_pieces(
+                    path, pieces, {name: field[:1].size for name, field in fields.items()}
+                )
             if share.leads:
                 self._write_index()
 
     def _write_index(self) -> None:
-        # The loading parameter if it alone orders the states: not where it falls or rests, or in dynamics, whose axis is the time.
-        times = np.array([moment.stretch if moment.t is None else moment.t for moment in self.moments])
+        # The loading parameter if it alone orders the states: not where it falls or rests, or in
+        # dynamics, whose axis is the time.
+        times = np.array(
+            [moment.stretch if moment.t is None else moment.t for moment in self.moments]
+        )
         if any(moment.time for moment in self.moments) or (np.diff(times) <= 0).any():
             times = np.array([moment.run_time for moment in self.moments])
-        vtk.write_index(self.folder / f"{self.name}.pvd", list(zip(times, (path.name for path in self._kept), strict=True)))
+        vtk.write_index(
+            self.folder / f"{self.name}.pvd",
+            list(zip(times, (path.name for path in self._kept), strict=True)),
+        )
 
     def _path(self, number: int) -> Path:
-        """Return the path of the file of a state: a VTU file, or the PVTU file of a state that was written in pieces."""
+        """Return the path of the file of a state: a VTU file, or the PVTU file of a state that
+        was written in pieces.
+        """
         path = self.folder / f"{self.name}-{number:03d}.pvtu"
         return path if path.exists() else path.with_suffix(".vtu")
 
@@ -186,7 +221,11 @@ def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
 
     def parted(one: np.ndarray, other: np.ndarray) -> np.ndarray:
         broken = damaged[one] & damaged[other]
-        return broken if body.separates is None else broken | body.separates(body.points[one], body.points[other])
+        return (
+            broken
+            if body.separates is None
+            else broken | body.separates(body.points[one], body.points[other])
+        )
 
     # Neighbors can separate only where bonds are cut or break.
     if damaged.any() or body.separates is not None:

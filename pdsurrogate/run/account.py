@@ -1,4 +1,6 @@
-"""Energy account of a stage in dynamics: work of supports and loads, kinetic energy, and energy lost in damping and breaking bonds."""
+"""Energy account of a stage in dynamics: work of supports and loads, kinetic energy, and energy
+lost in damping and breaking bonds.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,44 +15,62 @@ from ..solvers.methods import EnergyMinimizer
 from .run import Run
 
 STEPS_PER_ROW = 20
-"""Steps between rows of the history; every output has a row as well. Chosen: waves take longer than twenty steps to cross a few horizons.
+"""Steps between rows of the history; every output has a row as well. Chosen: waves take longer than
+twenty steps to cross a few horizons.
 
-Work and damped energy are summed in every step by the trapezoidal rule. The energy dissipated by viscosity follows from the elastic forces
-at the present positions. These forces are evaluated in each row and, if the force has an energy, in every step for this number of steps
-after a bond breaks, because they then change fast, while held parts change their velocity, and where an approximation is too inaccurate
-(`MOST_DRIFT`); in other steps they are approximated (`ExplicitDynamics.elastic`)."""
+Work and damped energy are summed in every step by the trapezoidal rule. The energy dissipated by
+viscosity follows from the elastic forces at the present positions. These forces are evaluated in
+each row and, if the force has an energy, in every step for this number of steps after a bond
+breaks, because they then change fast, while held parts change their velocity, and where an
+approximation is too inaccurate (`MOST_DRIFT`); in other steps they are approximated
+(`ExplicitDynamics.elastic`).
+"""
 
 MOST_ENERGY = 1.5
-"""Greatest ratio of kinetic plus damped energy to the supplied energy; a greater one indicates an unstable step, or a force that has no
-energy. Half of the supplied energy covers the errors of the trapezoidal rule and of the points' own strain energy.
+"""Greatest ratio of kinetic plus damped energy to the supplied energy; a greater one indicates an
+unstable step, or a force that has no energy. Half of the supplied energy covers the errors of the
+trapezoidal rule and of the points' own strain energy.
 
-The part above 1 is relative to the greatest energy supplied so far: a force map has no energy, so that the account of a body that has
-been unloaded and has returned nearly all its energy has an error in proportion to the energy that it held, not to the remaining energy."""
+The part above 1 is relative to the greatest energy supplied so far: a force map has no energy, so
+that the account of a body that has been unloaded and has returned nearly all its energy has an
+error in proportion to the energy that it held, not to the remaining energy.
+"""
 
 MOST_DRIFT = 2e-3
-"""Part of the supplied energy by which approximated elastic forces may change the account of a stage with fracture.
+"""Part of the supplied energy by which approximated elastic forces may change the account of a
+stage with fracture.
 
-When the last ligament has snapped, the parts of the body retract for hundreds of steps in which no bond breaks, and strains change so much
-within the retardation time that approximated forces would leave a gap of up to 0.6 %. The elastic forces are therefore evaluated in every
-step where the approximation would exceed this part until the next row. Chosen: less than half of the gap at which a run warns; with a part
-half as large, a tear in plane strain took 3 % more evaluations."""
+When the last ligament has snapped, the parts of the body retract for hundreds of steps in which no
+bond breaks, and strains change so much within the retardation time that approximated forces would
+leave a gap of up to 0.6 %. The elastic forces are therefore evaluated in every step where the
+approximation would exceed this part until the next row. Chosen: less than half of the gap at which
+a run warns; with a part half as large, a tear in plane strain took 3 % more evaluations.
+"""
 
 GAP_WARNED, GAP_FAILED = 0.005, 0.05
-"""Gaps of the energy account relative to the supplied energy: beyond the first the run warns, beyond the second it fails. Chosen: accounts
-of torn strips close within 0.1 % with the default viscosity (`CRACK_VISCOSITY`), and are off by half without it."""
+"""Gaps of the energy account relative to the supplied energy: beyond the first the run warns,
+beyond the second it fails. Chosen: accounts of torn strips close within 0.1 % with the default
+viscosity (`CRACK_VISCOSITY`), and are off by half without it.
+"""
 
 MEND_GAP = "use a smaller dynamics.safety or more dynamics.viscosity"
-"""Advice for an energy account that does not close: forces are closer to linear within a shorter step, and viscosity damps short waves."""
+"""Advice for an energy account that does not close: forces are closer to linear within a shorter
+step, and viscosity damps short waves.
+"""
 
 LEAST_UNEVENNESS = 0.01
-"""Change of velocity of held parts within the retardation time, relative to that velocity, beyond which elastic forces are evaluated.
+"""Change of velocity of held parts within the retardation time, relative to that velocity, beyond
+which elastic forces are evaluated.
 
-If the elastic forces were approximated instead, the work of supports that viscosity dissipates would have this relative error."""
+If the elastic forces were approximated instead, the work of supports that viscosity dissipates
+would have this relative error.
+"""
 
 
 @dataclass
 class Account:
-    """Running totals of the energy balance of a dynamic stage, saved in checkpoints; in two dimensions energies are per unit thickness.
+    """Running totals of the energy balance of a dynamic stage, saved in checkpoints; in two
+    dimensions energies are per unit thickness.
 
     Attributes
     ----------
@@ -59,26 +79,32 @@ class Account:
     initial_energy : float
         Kinetic energy and strain energy at the start.
     work, damped_energy, released_energy : float
-        Work of all supports and loads, energy dissipated by damping, and energy released by breaking bonds, since the start.
+        Work of all supports and loads, energy dissipated by damping, and energy released by
+        breaking bonds, since the start.
     power, damped_power : Power
-        Power of supports and loads, and of damping, as last computed; after the account is read from a checkpoint they are lists.
+        Power of supports and loads, and of damping, as last computed; after the account is read
+        from a checkpoint they are lists.
     rate_time : float
-        Time at which `power` and `damped_power` were computed: the time of the last row of the history, or of a later step.
+        Time at which `power` and `damped_power` were computed: the time of the last row of the
+        history, or of a later step.
     row_time : float
         Time of the last row of the history.
     most_put_in : float
         Greatest sum of initial energy and work at any row.
     gap, greatest_gap : float
-        Energy at the last row, including dissipated and released energy, minus the supplied energy; and, of the values at all rows, the
-        one of greatest magnitude.
+        Energy at the last row, including dissipated and released energy, minus the supplied energy;
+        and, of the values at all rows, the one of greatest magnitude.
     on_planes, levers : list or None
-        Part of the reactions that is due to the elastic forces alone (see `ExplicitDynamics.elastic`): the force of each reflection plane
-        on the body, and the sum of the outer products f (x) y of the forces f that the plane exerts at the places y, which gives the power
-        of a plane that turns. None until they are computed, and while no plane moves; `levers` stays None if no plane turns.
+        Part of the reactions that is due to the elastic forces alone (see
+        `ExplicitDynamics.elastic`): the force of each reflection plane on the body, and the sum of
+        the outer products f (x) y of the forces f that the plane exerts at the places y, which
+        gives the power of a plane that turns. None until they are computed, and while no plane
+        moves; `levers` stays None if no plane turns.
     last_break : int
         Step in which a bond last broke.
     last_found, last_drift : int
-        Steps in which elastic forces were last evaluated, and in which their approximation was last too inaccurate (`MOST_DRIFT`).
+        Steps in which elastic forces were last evaluated, and in which their approximation was last
+        too inaccurate (`MOST_DRIFT`).
     drift : float
         Estimated energy by which approximated elastic forces have changed the account.
     outputs : int
@@ -107,7 +133,8 @@ class Account:
 
 
 class Bookkeeping:
-    """Energy account of a stage in dynamics while it runs: sums work and losses, and checks that the account closes.
+    """Energy account of a stage in dynamics while it runs: sums work and losses, and checks that
+    the account closes.
 
     Parameters
     ----------
@@ -125,30 +152,49 @@ class Bookkeeping:
         Whether the force has an energy, so that the account closes.
     """
 
-    def __init__(self, run: Run, integrator: ExplicitDynamics, motion: Motion, viscosity: float) -> None:
-        self._run, self._integrator, self._motion, self._viscosity, self.account = run, integrator, motion, viscosity, Account()
+    def __init__(
+        self, run: Run, integrator: ExplicitDynamics, motion: Motion, viscosity: float
+    ) -> None:
+        self._run, self._integrator, self._motion, self._viscosity, self.account = (
+            run,
+            integrator,
+            motion,
+            viscosity,
+            Account(),
+        )
         self.closes = run.force.has_energy
-        # Smaller energies are rounding errors: a body at rest has none, and any motion would exceed the supplied energy.
+        # Smaller energies are rounding errors: a body at rest has none, and any motion would exceed
+        # the supplied energy.
         modulus = max(law.shear_modulus for law, _ in run.force.laws)
-        self._rounding = EnergyMinimizer.ROUNDING[run.force.precision] * modulus * run.body.share.sum(run.body.volumes)
+        self._rounding = (
+            EnergyMinimizer.ROUNDING[run.force.precision]
+            * modulus
+            * run.body.share.sum(run.body.volumes)
+        )
 
     def kinetic_energy(self) -> float:
-        """Return the kinetic energy at the time of the positions; raise Diverging if it is not finite."""
+        """Return the kinetic energy at the time of the positions; raise Diverging if it is not
+        finite.
+        """
         kinetic = self._integrator.kept_energy()[1]
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
         return kinetic
 
     def count_release(self) -> None:
-        """Add the kinetic energy lost by the breaking of bonds in the last step to the released energy.
+        """Add the kinetic energy lost by the breaking of bonds in the last step to the released
+        energy.
 
-        `ExplicitDynamics.kept_energy` returns the kinetic energy with and without the forces of these bonds; the difference is lost.
+        `ExplicitDynamics.kept_energy` returns the kinetic energy with and without the forces of
+        these bonds; the difference is lost.
         """
         arriving, leaving = self._integrator.kept_energy()
         self.account.released_energy += arriving - leaving
 
     def between_rows(self) -> None:
-        """Add work and damped energy to the account after a time step without a row in the history."""
+        """Add work and damped energy to the account after a time step without a row in the
+        history.
+        """
         last = max(self.account.last_break, self.account.last_drift)
         changing = self.closes and self._integrator.steps - last < STEPS_PER_ROW
         moving = self._planes_move()
@@ -157,44 +203,63 @@ class Bookkeeping:
         self.advance(reactions, changing or unknown or self._uneven(), moving)
 
     def _planes_move(self) -> bool:
-        """Return whether a reflection plane moves in the last step or the next; otherwise its reaction does no work in them."""
+        """Return whether a reflection plane moves in the last step or the next; otherwise its
+        reaction does no work in them.
+        """
         motion, time, step = self._motion, self.account.time, self._integrator.last_step
-        now, *others = (self._run.loading.plane_motions(motion.at(time + ahead)) for ahead in (0.0, -step, step))
+        now, *others = (
+            self._run.loading.plane_motions(motion.at(time + ahead)) for ahead in (0.0, -step, step)
+        )
         return any((now != other).any() for other in others)
 
     def _uneven(self) -> bool:
-        """Return whether supports change velocity within the retardation time by more than `LEAST_UNEVENNESS`, relatively."""
+        """Return whether supports change velocity within the retardation time by more than
+        `LEAST_UNEVENNESS`, relatively.
+        """
         viscosity, motion, now = self._viscosity, self._motion, self._run.state.parameter
         last = motion.at(self.account.time - self._integrator.last_step)
-        return viscosity > 0 and self._run.loading.unevenness(last, now, now + viscosity * motion.rate) > LEAST_UNEVENNESS
+        return (
+            viscosity > 0
+            and self._run.loading.unevenness(last, now, now + viscosity * motion.rate)
+            > LEAST_UNEVENNESS
+        )
 
     def _power_of_holders(self, reactions: Reactions) -> Power:
-        """Return the power of all supports (holders) at given reactions, with their velocities in the last step, the next, and the mean."""
+        """Return the power of all supports (holders) at given reactions, with their velocities
+        in the last step, the next, and the mean.
+        """
         course, time, step = self._run.loading.course, self.account.time, self._integrator.last_step
         before = course.power(reactions, self._motion, time, step)
         after = course.power(reactions, self._motion, time + step, step)
         return Power(before, 0.5 * (before + after), after)
 
     def _work_over(self, elapsed: float, last: Power, power: Power) -> float:
-        """Return the work done in the `elapsed` time by the trapezoidal rule, from `last` and `power`, the power at its start and end."""
+        """Return the work done in the `elapsed` time by the trapezoidal rule, from `last` and
+        `power`, the power at its start and end.
+        """
         if elapsed < 1.5 * self._integrator.last_step:
             return 0.5 * elapsed * (last.after + power.before)
         return 0.5 * elapsed * (last.now + power.now)
 
     def advance(self, reactions: Reactions, evaluate: bool, of_planes: bool = True) -> None:
-        """Add to the account the work of supports and loads, and the energy dissipated by damping, since the last call.
+        """Add to the account the work of supports and loads, and the energy dissipated by damping,
+        since the last call.
 
-        `reactions` are those of the supports to the forces that move the points, which include viscosity. The energy dissipated by
-        viscosity follows from the difference between these forces and the elastic forces: with `evaluate` the elastic forces are evaluated
-        at the present positions, otherwise `ExplicitDynamics.elastic` approximates them. Without `of_planes` the planes do not move, and
-        their reactions, which do no work, are omitted.
+        `reactions` are those of the supports to the forces that move the points, which include
+        viscosity. The energy dissipated by viscosity follows from the difference between these
+        forces and the elastic forces: with `evaluate` the elastic forces are evaluated at the
+        present positions, otherwise `ExplicitDynamics.elastic` approximates them. Without
+        `of_planes` the planes do not move, and their reactions, which do no work, are omitted.
         """
         run, account, integrator = self._run, self.account, self._integrator
         elapsed, held = account.time - account.rate_time, self._power_of_holders(reactions)
         power = held
         if run.loads:
             thickness, around = run.loaded.thickness(), integrator.velocities_around()
-            loads = (run.body.share.total(run.loads.power(run.positions, velocities, thickness)) for velocities in around)
+            loads = (
+                run.body.share.total(run.loads.power(run.positions, velocities, thickness))
+                for velocities in around
+            )
             power = held.plus(Power(*loads))
         # At the start the account is empty, and no time has passed.
         account.work += self._work_over(elapsed, Power(*account.power), power)
@@ -203,10 +268,13 @@ class Bookkeeping:
         damped, last = integrator.damped_power(), Power(*account.damped_power)
         if self._viscosity > 0:
             # Viscosity dissipates a part of the work of the holders as well.
-            elastic = self._power_of_holders(self._elastic_reactions(reactions, evaluate, of_planes))
+            elastic = self._power_of_holders(
+                self._elastic_reactions(reactions, evaluate, of_planes)
+            )
             damped = damped.plus(held).plus(elastic, -1.0)
         if self.closes and account.last_break == integrator.steps:
-            # Bonds that broke in this step changed the power since the last step; until then it was constant.
+            # Bonds that broke in this step changed the power since the last step; until then it was
+            # constant.
             quiet = max(0.0, elapsed - integrator.last_step)
             account.damped_energy += quiet * last.now
             elapsed -= quiet
@@ -214,44 +282,64 @@ class Bookkeeping:
         account.power, account.damped_power, account.rate_time = power, damped, account.time
 
     def _judge(self, power: float) -> None:
-        """Find from the power of an error of the approximated elastic forces whether to evaluate these forces in the next steps.
+        """Find from the power of an error of the approximated elastic forces whether to evaluate
+        these forces in the next steps.
 
-        The error decays by a factor in every step, and a like one is added: in a long series of steps it is the sum of a geometric series.
+        The error decays by a factor in every step, and a like one is added: in a long series of
+        steps it is the sum of a geometric series.
         """
         account, integrator = self.account, self._integrator
         steps, account.last_found = integrator.steps - account.last_found, integrator.steps
-        if self._run.damage is None or not steps or account.last_break == integrator.steps:  # the error contains forces of broken bonds
+        if (
+            self._run.damage is None or not steps or account.last_break == integrator.steps
+        ):  # the error contains forces of broken bonds
             return
         in_step = integrator.last_step * abs(power) / (1 - (1 - integrator.followed) ** steps)
         account.drift += (steps - 1) * in_step
-        if account.drift + STEPS_PER_ROW * in_step > MOST_DRIFT * (account.initial_energy + account.work) + self._rounding:
+        if (
+            account.drift + STEPS_PER_ROW * in_step
+            > MOST_DRIFT * (account.initial_energy + account.work) + self._rounding
+        ):
             account.last_drift = integrator.steps
 
     def _elastic_reactions(self, held: Reactions, evaluated: bool, of_planes: bool) -> Reactions:
         """Return the reactions of the supports to the elastic forces alone.
 
-        They are exact if the elastic forces were just `evaluated`, else approximated from `held`, the reactions to all forces,
-        viscous ones included.
+        They are exact if the elastic forces were just `evaluated`, else approximated from `held`,
+        the reactions to all forces, viscous ones included.
         """
-        account, loading, on_points = self.account, self._run.loading, self._integrator.elastic_with_loads()
+        account, loading, on_points = (
+            self.account,
+            self._run.loading,
+            self._integrator.elastic_with_loads(),
+        )
         if evaluated:
             found = loading.reactions(self._run.force, on_points, of_planes)
         else:
             share = self._integrator.followed
-            planes = [(account.on_planes, held.on_planes), (account.levers, held.levers)] if of_planes else []
-            followed = [None if now is None else (1 - share) * np.reshape(old, now.shape) + share * now for old, now in planes]
+            planes = (
+                [(account.on_planes, held.on_planes), (account.levers, held.levers)]
+                if of_planes
+                else []
+            )
+            followed = [
+                None if now is None else (1 - share) * np.reshape(old, now.shape) + share * now
+                for old, now in planes
+            ]
             found = loading.reactions_of(*(followed or (held.on_planes, None)), on_points)
         known = (found.on_planes, found.levers) if of_planes else (None, None)
         account.on_planes, account.levers = (None if one is None else one.tolist() for one in known)
         return found
 
     def columns(self, kinetic: float, strain: float, first: bool) -> dict[str, float]:
-        """Return the energies of a row of the history; raise Diverging if kinetic plus damped energy is too great.
+        """Return the energies of a row of the history; raise Diverging if kinetic plus damped
+        energy is too great.
 
-        The bound is about `MOST_ENERGY` times the energy supplied by the initial state, supports and loads.
+        The bound is about `MOST_ENERGY` times the energy supplied by the initial state, supports
+        and loads.
 
-        `kinetic` and `strain` are the kinetic and strain energy at the row; `first` marks the first row of the stage, at which they are the
-        initial energies.
+        `kinetic` and `strain` are the kinetic and strain energy at the row; `first` marks the first
+        row of the stage, at which they are the initial energies.
         """
         account = self.account
         account.row_time = account.time
@@ -266,19 +354,30 @@ class Bookkeeping:
             taken = f"kinetic and damped energy are {found:.3g}, but only {put_in:.3g} was put in"
             raise Diverging(f"time {account.time:.4g}: the motion is unstable: {taken}")
         if self.closes:
-            account.gap = kinetic + strain - put_in + account.damped_energy + account.released_energy
+            account.gap = (
+                kinetic + strain - put_in + account.damped_energy + account.released_energy
+            )
             account.greatest_gap = max(account.greatest_gap, account.gap, key=abs)
-        return {"work": account.work, "kinetic_energy": kinetic, "damped_energy": account.damped_energy, "strain_energy": strain}
+        return {
+            "work": account.work,
+            "kinetic_energy": kinetic,
+            "damped_energy": account.damped_energy,
+            "strain_energy": strain,
+        }
 
     def entries(self) -> dict:
         """Return the entries of the run's summary about the energy account.
 
-        They are the energy supplied, the last and the greatest gap in percent of it, and a `remark`: a warning if the gap exceeds
-        `GAP_WARNED`, a note if the force has no energy, so that no gap can be computed, else None.
+        They are the energy supplied, the last and the greatest gap in percent of it, and a
+        `remark`: a warning if the gap exceeds `GAP_WARNED`, a note if the force has no energy, so
+        that no gap can be computed, else None.
         """
         account, put_in = self.account, {"energy_put_in": float(self.account.most_put_in)}
         if not self.closes:
-            remark = f"{self._run.model.name} defines no energy, so energy conservation cannot be checked, and broken bonds release none"
+            remark = (
+                f"{self._run.model.name} defines no energy, so energy conservation cannot be"
+                " checked, and broken bonds release none"
+            )
             return put_in | {"energy_gap": None, "greatest_energy_gap": None, "remark": remark}
         scale = max(account.most_put_in, self._rounding)
         wide = abs(account.greatest_gap) > GAP_WARNED * scale
@@ -298,4 +397,7 @@ class Bookkeeping:
         put_in = max(self.account.most_put_in, self._rounding)
         amount = self._run.problem.scene.units.amount(put_in, "energy", ".3g")
         share, what = 100 * abs(gap) / put_in, "created" if gap > 0 else "lost"
-        return f"the energy balance has an error of {share:.2g} %: {amount} were put in, and {abs(gap):.3g} were {what} numerically"
+        return (
+            f"the energy balance has an error of {share:.2g} %: {amount} were put in, and"
+            f" {abs(gap):.3g} were {what} numerically"
+        )

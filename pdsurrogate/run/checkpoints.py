@@ -1,4 +1,6 @@
-"""Files that a run writes while it runs: checkpoints to resume from, and tables of results so far."""
+"""Files that a run writes while it runs: checkpoints to resume from, and tables of results so
+far.
+"""
 
 import time
 import weakref
@@ -16,23 +18,30 @@ from .run import Run
 from .state import State
 
 SECONDS_BETWEEN_CHECKPOINTS = 30.0
-"""Least time between two checkpoints in seconds, which bounds the work that is lost when a run is killed. Chosen: half a minute is little
-to repeat; shorter intervals would mostly write files."""
+"""Least time between two checkpoints in seconds, which bounds the work that is lost when a run is
+killed. Chosen: half a minute is little to repeat; shorter intervals would mostly write files.
+"""
 
 PAUSE_SHARE = 20
-"""Least pause after writing a checkpoint, or the tables, divided by the time that the writing took: a run spends at most about a twentieth
-of its time on either."""
+"""Least pause after writing a checkpoint, or the tables, divided by the time that the writing took:
+a run spends at most about a twentieth of its time on either.
+"""
 
 SECONDS_BETWEEN_TABLES = 1.0
-"""Seconds added to the pause after the tables were written; omitted when a state is recorded. A watched file thus shows increments, but
-fast runs do not write for each one."""
+"""Seconds added to the pause after the tables were written; omitted when a state is recorded. A
+watched file thus shows increments, but fast runs do not write for each one.
+"""
 
 ACCEPTED = "accepted_"
-"""Prefix of the names of arrays in a checkpoint that belong to the last equilibrium on the way to an output."""
+"""Prefix of the names of arrays in a checkpoint that belong to the last equilibrium on the way
+to an output.
+"""
 
 
 LAST_OUTPUT = "last_output"
-"""Beginning of the names of arrays in a checkpoint to which a stage in equilibrium returns if a bond would break."""
+"""Beginning of the names of arrays in a checkpoint to which a stage in equilibrium returns if a
+bond would break.
+"""
 
 
 class Checkpoints:
@@ -52,7 +61,11 @@ class Checkpoints:
 
     def __init__(self, run: Run) -> None:
         # With a circle of references the body would stay in memory until a collection of garbage.
-        self.run, self._share, self._rows = weakref.proxy(run), run.body.share, cache(partial(rows_of, run.body))
+        self.run, self._share, self._rows = (
+            weakref.proxy(run),
+            run.body.share,
+            cache(partial(rows_of, run.body)),
+        )
         self.resumable, self._due = False, time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
 
     @property
@@ -62,13 +75,17 @@ class Checkpoints:
 
     @property
     def identity(self) -> dict:
-        """Return the entries by which a checkpoint is recognized as one of this run: scene, force and sizes of the body."""
+        """Return the entries by which a checkpoint is recognized as one of this run: scene,
+        force and sizes of the body.
+        """
         run = self.run
         sizes = {"n_points": self._share.size, "n_pairs": self._share.total(run.counted_pairs())}
         return {**run.contents, **sizes}
 
     def write(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
-        """Write a checkpoint of the run, with the entries `progress` and the `arrays` of the present stage added."""
+        """Write a checkpoint of the run, with the entries `progress` and the `arrays` of the
+        present stage added.
+        """
         run = self.run
         if run.folder is None:
             return
@@ -89,12 +106,20 @@ class Checkpoints:
         if run.ranks.rank == 0:
             Checkpoint({**common, **progress}, whole).write(run.folder, identity)
         ended = time.monotonic()
-        self.resumable, self._due = True, ended + max(SECONDS_BETWEEN_CHECKPOINTS, PAUSE_SHARE * (ended - began))
+        self.resumable, self._due = (
+            True,
+            ended + max(SECONDS_BETWEEN_CHECKPOINTS, PAUSE_SHARE * (ended - began)),
+        )
 
     def restore(self) -> Checkpoint:
-        """Restore the run from its checkpoint, except for the present stage, and return the checkpoint with this rank's rows of arrays."""
+        """Restore the run from its checkpoint, except for the present stage, and return the
+        checkpoint with this rank's rows of arrays.
+        """
         run, held, identity = self.run, self._held(), self.identity
-        shapes = {key: ((self._rows_of(key).total, *array.shape[1:]), array.dtype) for key, array in held.items()}
+        shapes = {
+            key: ((self._rows_of(key).total, *array.shape[1:]), array.dtype)
+            for key, array in held.items()
+        }
         with run.ranks.together():
             whole = None if run.ranks.rank else Checkpoint.read(run.folder, identity, shapes)
         progress, keys = run.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
@@ -113,19 +138,27 @@ class Checkpoints:
         run.break_again()
         self.resumable = True
         run.force.evaluations = progress["evaluations"]
-        run.force.pairs_outside, run.force.most_outside = (0, 0) if run.ranks.rank else progress["outside"]
+        run.force.pairs_outside, run.force.most_outside = (
+            (0, 0) if run.ranks.rank else progress["outside"]
+        )
         return Checkpoint(progress, arrays)
 
     def _held(self) -> dict[str, np.ndarray]:
-        """Return the arrays, by name, that every checkpoint of the run contains: positions, state of the force, and damage."""
+        """Return the arrays, by name, that every checkpoint of the run contains: positions,
+        state of the force, and damage.
+        """
         run = self.run
-        damage = {} if run.damage is None else {"broken": run.damage.broken, "recent": run.damage.recent}
+        damage = (
+            {} if run.damage is None else {"broken": run.damage.broken, "recent": run.damage.recent}
+        )
         return {**run.arrays(), **damage}
 
     def _rows_of(self, key: str) -> Rows:
-        """Return the correspondence of local and whole-body rows for an array of a checkpoint, by its name.
+        """Return the correspondence of local and whole-body rows for an array of a checkpoint, by
+        its name.
 
-        Rows of damage are pairs, rows of a state array are of the kind that `StateArray.rows` names, other rows are points.
+        Rows of damage are pairs, rows of a state array are of the kind that `StateArray.rows`
+        names, other rows are points.
         """
         of_force = {array.name: array.rows for array in self.run.force.states}
         name = key.removeprefix(ACCEPTED).removeprefix(f"{LAST_OUTPUT}_")
@@ -145,12 +178,18 @@ class Record:
 
     def __init__(self, run: Run, summary: dict) -> None:
         # With a circle of references the body would stay in memory until a collection of garbage.
-        self._run, self._summary, self._began, self._earliest = weakref.proxy(run), summary, time.monotonic(), 0.0
+        self._run, self._summary, self._began, self._earliest = (
+            weakref.proxy(run),
+            summary,
+            time.monotonic(),
+            0.0,
+        )
 
     def keep_if_due(self, rest: float = SECONDS_BETWEEN_TABLES) -> None:
         """Write the tables if they are due.
 
-        They are due after a pause of `PAUSE_SHARE` times the time that their last writing took, and `rest` seconds more.
+        They are due after a pause of `PAUSE_SHARE` times the time that their last writing took, and
+        `rest` seconds more.
         """
         run, state, began = self._run, self._run.state, time.monotonic()
         if began < self._earliest + rest:
@@ -161,8 +200,18 @@ class Record:
             "levels": state.levels,
             "states": len(run.states),
             **({"n_steps": state.steps} if "n_steps" in self._summary else {}),
-            **(run.problem.critical_stretches.summary | {"crack": state.crack} if state.crack is not None else {}),
+            **(
+                run.problem.critical_stretches.summary | {"crack": state.crack}
+                if state.crack is not None
+                else {}
+            ),
         }
-        write_tables(run.folder, self._summary | reached, state.history, state.convergence, run.problem.scene.units)
+        write_tables(
+            run.folder,
+            self._summary | reached,
+            state.history,
+            state.convergence,
+            run.problem.scene.units,
+        )
         ended = time.monotonic()
         self._earliest = ended + PAUSE_SHARE * (ended - began)

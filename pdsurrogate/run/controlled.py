@@ -1,4 +1,6 @@
-"""Path of a stage in equilibrium along the displacement of a probe, at which the loading parameter t is found (theory, section 27)."""
+"""Path of a stage in equilibrium along the displacement of a probe, at which the loading
+parameter t is found (theory, section 27).
+"""
 
 import numpy as np
 
@@ -11,11 +13,14 @@ from ..solvers.nearest_bonds import strain_of_step
 from .run import Run
 
 METHODS = ("automatic", "newton")
-"""Methods that a scene with a controlled step may name: the solver of this step is Newton's method."""
+"""Methods that a scene with a controlled step may name: the solver of this step is Newton's
+method.
+"""
 
 
 class DisplacementPath:
-    """Values of the displacement of a probe between two outputs: increments, first guesses, and the force and the solver at each value.
+    """Values of the displacement of a probe between two outputs: increments, first guesses, and the
+    force and the solver at each value.
 
     It has the attributes and methods of `ParameterPath`; `target` is a displacement.
 
@@ -31,7 +36,9 @@ class DisplacementPath:
 
     def __init__(self, run: Run, stage: Stage) -> None:
         spec, self._control = run.problem.scene.solver, control_of(run, stage.control)
-        self.solver = DisplacementControl(self._control, run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations)
+        self.solver = DisplacementControl(
+            self._control, run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations
+        )
         self._run, self._stage, self._force = run, stage, self.solver.controlled(run.loaded)
 
     def parameter_at(self, goal: float) -> float:
@@ -47,14 +54,19 @@ class DisplacementPath:
         return f"{self._stage.control} = {value:g}"
 
     def last(self) -> str:
-        return f"{self.at(self._value(self._run.positions))} ({self._run.loading.at(self._run.state.parameter)})"
+        return (
+            f"{self.at(self._value(self._run.positions))}"
+            f" ({self._run.loading.at(self._run.state.parameter)})"
+        )
 
     def guesses(self, target: float) -> list[np.ndarray]:
         run, value = self._run, self._value(self._run.positions)
         along = self._along()
         guesses = [run.positions + (target - value) * along]
         if run.earlier is not None and (before := self._value(run.earlier[1])) != value:
-            guess = run.positions + (target - value) / (value - before) * (run.positions - run.earlier[1])
+            guess = run.positions + (target - value) / (value - before) * (
+                run.positions - run.earlier[1]
+            )
             guesses.append(guess + (target - self._value(guess)) * along)
         return guesses
 
@@ -76,7 +88,9 @@ class DisplacementPath:
         return float(np.vdot(self._control, positions - self._run.body.points))
 
     def _along(self) -> np.ndarray:
-        """Return the displacements (n, d) in which the controlled one changes by 1 from the present equilibrium, by the preconditioner."""
+        """Return the displacements (n, d) in which the controlled one changes by 1 from the
+        present equilibrium, by the preconditioner.
+        """
         run = self._run
         self._force(run.positions, np.empty_like(run.positions))
         self._force.update()
@@ -91,25 +105,40 @@ def prepare(run: Run) -> None:
     Raises
     ------
     SceneError
-        If the run cannot have double precision, or has several ranks, or if its scene names another solver.
+        If the run cannot have double precision, or has several ranks, or if its scene names another
+        solver.
     """
     key = next((stage.key for stage in run.stages if stage.control is not None), None)
     if key is None:
         return
     method = run.problem.scene.solver.method
     if run.ranks.size > 1:
-        raise SceneError(f"scene {run.problem.scene.name}: {key} is supported on one rank only; run without mpiexec")
+        raise SceneError(
+            f"scene {run.problem.scene.name}: {key} is supported on one rank only; run without"
+            " mpiexec"
+        )
     if method not in METHODS:
-        raise SceneError(f"scene {run.problem.scene.name}: {key} needs solver.method={' or '.join(METHODS)}, not {method}")
+        raise SceneError(
+            f"scene {run.problem.scene.name}: {key} needs solver.method={' or '.join(METHODS)}, not"
+            f" {method}"
+        )
     if run.takes_double():
         run.take_double()
     if run.force.precision != "float64":
-        why = f"{run.model.name} has none" if run.problem.settings.precision is None else "the scene sets precision=float32"
-        raise SceneError(f"scene {run.problem.scene.name}: {key} needs forces in double precision, but {why}")
+        why = (
+            f"{run.model.name} has none"
+            if run.problem.settings.precision is None
+            else "the scene sets precision=float32"
+        )
+        raise SceneError(
+            f"scene {run.problem.scene.name}: {key} needs forces in double precision, but {why}"
+        )
 
 
 def control_of(run: Run, control: str) -> np.ndarray:
-    """Return the weights (n, d) of the displacements of the points in a displacement that a stage controls, by its key."""
+    """Return the weights (n, d) of the displacements of the points in a displacement that a
+    stage controls, by its key.
+    """
     name, axis = controlled_place(control)
     weights = np.zeros_like(run.body.points)
     weights[:, axis] = run.probes.weights(name)[axis].toarray()[0]

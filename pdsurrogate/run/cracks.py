@@ -15,12 +15,15 @@ from .run import Run
 logger = logging.getLogger(__name__)
 
 LEAST_RATIO = 0.1
-"""Determinant of the deformation gradient below which a point that has lost bonds counts as failed; intact rubber in a tear stays above
-0.5. Chosen lower than the bound for a single bond (`COLLAPSED`), since a point that fails loses all its bonds."""
+"""Determinant of the deformation gradient below which a point that has lost bonds counts as failed;
+intact rubber in a tear stays above 0.5. Chosen lower than the bound for a single bond
+(`COLLAPSED`), since a point that fails loses all its bonds.
+"""
 
 
 class Cracks:
-    """Breaking of bonds during a stage in dynamics, and the summary of where cracks begin and grow, for a run with damage.
+    """Breaking of bonds during a stage in dynamics, and the summary of where cracks begin and grow,
+    for a run with damage.
 
     Parameters
     ----------
@@ -31,18 +34,35 @@ class Cracks:
     """
 
     def __init__(self, run: Run, integrator: ExplicitDynamics, account: Account) -> None:
-        self._run, self._integrator, self._account, self._damage = run, integrator, account, run.damage
+        self._run, self._integrator, self._account, self._damage = (
+            run,
+            integrator,
+            account,
+            run.damage,
+        )
         # Flags of points and ghosts that have lost bonds, and the numbers of such points.
-        self._lost, self._torn = np.zeros(len(run.body.all_points), dtype=bool), np.empty(0, dtype=np.int64)
+        self._lost, self._torn = (
+            np.zeros(len(run.body.all_points), dtype=bool),
+            np.empty(0, dtype=np.int64),
+        )
         self._count_lost(np.flatnonzero(run.damage.broken))
-        # Of the present step: stored energy and forces before bonds broke, None while none has, and the energy released since.
+        # Of the present step: stored energy and forces before bonds broke, None while none has, and
+        # the energy released since.
         self._before: tuple[float, np.ndarray] | None = None
         self._released = 0.0
         if run.state.crack is None:
-            run.state.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
+            run.state.crack = {
+                "start": None,
+                "tips": [],
+                "broken_bonds": 0,
+                "failed_points": 0,
+                "through": False,
+            }
 
     def evaluate_and_break(self) -> None:
-        """Break overstretched bonds and the bonds of failed points, and evaluate the forces, until no more bonds break."""
+        """Break overstretched bonds and the bonds of failed points, and evaluate the forces,
+        until no more bonds break.
+        """
         run, integrator, share = self._run, self._integrator, self._run.body.share
         self._before, self._released = None, 0.0
         run.force.place(run.positions)
@@ -67,11 +87,13 @@ class Cracks:
                 return
 
     def _bonds_of_failed_points(self) -> np.ndarray:
-        """Return the numbers of the intact pairs of points that have lost bonds and whose deformation gradient has collapsed.
+        """Return the numbers of the intact pairs of points that have lost bonds and whose
+        deformation gradient has collapsed.
 
-        At a crack front or on a fragment a point may have so few bonds left that their deformation gradient is meaningless. If it turns
-        the point inside out, or compresses it to a tenth of its area or volume (`LEAST_RATIO`), all bonds of the point break. For a point
-        with all its bonds det F <= 0 is an error.
+        At a crack front or on a fragment a point may have so few bonds left that their deformation
+        gradient is meaningless. If it turns the point inside out, or compresses it to a tenth of
+        its area or volume (`LEAST_RATIO`), all bonds of the point break. For a point with all its
+        bonds det F <= 0 is an error.
         """
         run = self._run
         bonds, n, share = run.body.bonds, len(run.body), run.body.share
@@ -86,35 +108,52 @@ class Cracks:
         run.body.ghosts.fill(failed)
         failing = failed[bonds.first] | failed[bonds.second]
         if share.any(len(crushed)):
-            # A bond whose own gradient has collapsed is broken if one of its ends has lost other bonds.
+            # A bond whose own gradient has collapsed is broken if one of its ends has lost other
+            # bonds.
             run.body.ghosts.fill(lost)
             failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True
         pairs = np.flatnonzero(failing & ~self._damage.broken)
         if share.any(len(pairs)):
-            run.state.crack["failed_points"] += share.total(int(np.count_nonzero(failed[:n] & share.own)))
+            run.state.crack["failed_points"] += share.total(
+                int(np.count_nonzero(failed[:n] & share.own))
+            )
         return pairs
 
     def _count_lost(self, pairs: np.ndarray) -> None:
-        """Count the ends of broken pairs, given by number, among the points that have lost bonds."""
+        """Count the ends of broken pairs, given by number, among the points that have lost
+        bonds.
+        """
         bonds = self._run.body.bonds
         self._lost[bonds.first[pairs]] = self._lost[bonds.second[pairs]] = True
         self._torn = np.flatnonzero(self._lost[: len(self._run.body)])
 
     def _break(self, pairs: np.ndarray) -> None:
-        """Break pairs, given by number, in one event: update damage, force, energy account and the summary about cracks.
+        """Break pairs, given by number, in one event: update damage, force, energy account and the
+        summary about cracks.
 
-        The force must be placed at the present positions. `_count_release` counts what the body loses.
+        The force must be placed at the present positions. `_count_release` counts what the body
+        loses.
         """
         run, crack, share = self._run, self._run.state.crack, self._run.body.share
-        crack["broken_bonds"] += share.total(int(np.count_nonzero(share.own[run.body.bonds.first[pairs]])))
+        crack["broken_bonds"] += share.total(
+            int(np.count_nonzero(share.own[run.body.bonds.first[pairs]]))
+        )
         self._damage.break_bonds(pairs)
         self._count_lost(pairs)
         if crack["start"] is None:
             places = starts_of_cracks(*self._damage.in_order(pairs), run.body.horizon)
             row = run.state.history[-1]
             stress = {"nominal_stress": row["nominal_stress"]} if "nominal_stress" in row else {}
-            crack["start"] = {"event": "first bond broken", **self._now(), **stress, "x": places[0], "tips": places}
-            logger.info("%s: the first bond broken is at %s", run.loading.at(run.state.parameter), places)
+            crack["start"] = {
+                "event": "first bond broken",
+                **self._now(),
+                **stress,
+                "x": places[0],
+                "tips": places,
+            }
+            logger.info(
+                "%s: the first bond broken is at %s", run.loading.at(run.state.parameter), places
+            )
         if run.force.has_energy and self._before is None:
             self._before = self._stored()
         run.force.break_bonds(pairs)
@@ -123,11 +162,17 @@ class Cracks:
         self._account.last_break = self._integrator.steps
 
     def _count_release(self) -> None:
-        """Count the energy that the body has lost in all events of this step, and add the impulse of these bonds to the velocities.
+        """Count the energy that the body has lost in all events of this step, and add the impulse
+        of these bonds to the velocities.
 
-        An event may leave a state without energy, of points that fail next. The sum over all events of a step then has one nevertheless.
+        An event may leave a state without energy, of points that fail next. The sum over all events
+        of a step then has one nevertheless.
         """
-        (energy, forces), (left, leaving), share = self._before, self._stored(), self._run.body.share
+        (energy, forces), (left, leaving), share = (
+            self._before,
+            self._stored(),
+            self._run.body.share,
+        )
         released, lost = energy - left, forces - leaving
         if share.any(not (np.isfinite(released) and np.isfinite(lost).all())):
             released, lost = 0.0, np.zeros_like(lost)
@@ -137,7 +182,9 @@ class Cracks:
         self._integrator.kick(lost)
 
     def _stored(self) -> tuple[float, np.ndarray]:
-        """Return stored energy, NaN where it is undefined, and internal forces of the body at the positions last set."""
+        """Return stored energy, NaN where it is undefined, and internal forces of the body at
+        the positions last set.
+        """
         forces = np.zeros_like(self._run.positions)
         self._run.force.pass_bonds(forces)
         return self._run.force.energy(), forces
@@ -145,17 +192,27 @@ class Cracks:
     def _now(self) -> dict[str, float]:
         """Return the present time and loading parameter, by name, for the summary about cracks."""
         run = self._run
-        return {"time": run.state.elapsed + self._account.time, run.loading.parameter: run.state.parameter}
+        return {
+            "time": run.state.elapsed + self._account.time,
+            run.loading.parameter: run.state.parameter,
+        }
 
     def separated(self) -> bool:
-        """Return whether the body has separated between its supports: no chain of bonds leads from one to another."""
+        """Return whether the body has separated between its supports: no chain of bonds leads
+        from one to another.
+        """
         run = self._run
         _, piece = run.loading.pieces(~self._damage.broken)
-        pieces = [np.unique(np.concatenate(run.body.share.everywhere(np.unique(piece[points])))) for points in run.loading.ends()]
+        pieces = [
+            np.unique(np.concatenate(run.body.share.everywhere(np.unique(piece[points]))))
+            for points in run.loading.ends()
+        ]
         return not all(np.isin(pieces[0], others).any() for others in pieces[1:])
 
     def output(self) -> bool:
-        """Record the places of the crack tips at an output; return whether the body has separated between its supports."""
+        """Record the places of the crack tips at an output; return whether the body has
+        separated between its supports.
+        """
         run, crack = self._run, self._run.state.crack
         crack["through"] = self.separated()
         entry = {**self._now(), "broken_bonds": crack["broken_bonds"]}
@@ -173,8 +230,8 @@ class Cracks:
 def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
     """Return the places of the crack tips, that of the largest crack first.
 
-    A crack is a group of broken pairs linked by distances of up to a horizon; its tip is the mean place of the tenth of its pairs that
-    broke last.
+    A crack is a group of broken pairs linked by distances of up to a horizon; its tip is the mean
+    place of the tenth of its pairs that broke last.
 
     Parameters
     ----------
@@ -182,16 +239,23 @@ def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
         Middles of the pairs, in the order in which they broke.
     horizon : float
     """
-    return [places[members[-max(1, len(members) // 10) :]].mean(axis=0).tolist() for members in _groups(places, horizon)]
+    return [
+        places[members[-max(1, len(members) // 10) :]].mean(axis=0).tolist()
+        for members in _groups(places, horizon)
+    ]
 
 
 def crack_path(outputs: list[dict]) -> dict[str, float] | None:
-    """Return the direction of the largest crack in the plane of x1 and x2, and how far it strays from a straight line.
+    """Return the direction of the largest crack in the plane of x1 and x2, and how far it strays
+    from a straight line.
 
-    The line is that of least squared distances through the places of the tip at the outputs; ``direction`` is its angle with the x1 axis
-    in degrees, from -90 to 90, and ``stray`` the greatest distance of a tip from it. None if the tip was at fewer than three places.
+    The line is that of least squared distances through the places of the tip at the outputs;
+    ``direction`` is its angle with the x1 axis in degrees, from -90 to 90, and ``stray`` the
+    greatest distance of a tip from it. None if the tip was at fewer than three places.
     """
-    tips = np.array(list(dict.fromkeys(tuple(output["tip"]) for output in outputs if output["tip"])))
+    tips = np.array(
+        list(dict.fromkeys(tuple(output["tip"]) for output in outputs if output["tip"]))
+    )
     if len(tips) < 3:
         return None
     off = tips - tips.mean(axis=0)
@@ -202,7 +266,8 @@ def crack_path(outputs: list[dict]) -> dict[str, float] | None:
 
 
 def starts_of_cracks(places: np.ndarray, events: np.ndarray, horizon: float) -> list[list[float]]:
-    """Return the places where cracks began: one for each group of broken pairs linked by distances of up to a horizon.
+    """Return the places where cracks began: one for each group of broken pairs linked by distances
+    of up to a horizon.
 
     Parameters
     ----------
@@ -215,19 +280,24 @@ def starts_of_cracks(places: np.ndarray, events: np.ndarray, horizon: float) -> 
     Returns
     -------
     list of list of float
-        Middle of one pair for each group: among the pairs that broke first, the one nearest to their mean. Groups are in the order in
-        which they began; of those that began together the largest is first.
+        Middle of one pair for each group: among the pairs that broke first, the one nearest to
+        their mean. Groups are in the order in which they began; of those that began together the
+        largest is first.
     """
     found = []
     for members in _groups(places, horizon):
         first = members[events[members] == events[members].min()]
         off = places[first] - places[first].mean(axis=0)
-        found.append((events[first[0]], places[first[np.einsum("kc,kc->k", off, off).argmin()]].tolist()))
+        found.append(
+            (events[first[0]], places[first[np.einsum("kc,kc->k", off, off).argmin()]].tolist())
+        )
     return [place for _, place in sorted(found, key=lambda start: start[0])]
 
 
 def _groups(places: np.ndarray, horizon: float) -> list[np.ndarray]:
-    """Return groups of places (k, d), linked by chains of distances of up to a horizon: the numbers of each, the largest group first."""
+    """Return groups of places (k, d), linked by chains of distances of up to a horizon: the
+    numbers of each, the largest group first.
+    """
     if not len(places):
         return []
     near = scipy.spatial.cKDTree(places).query_pairs(horizon, output_type="ndarray")

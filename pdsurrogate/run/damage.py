@@ -21,24 +21,29 @@ class Damage:
     ----------
     body : Body
     critical_stretch : float or ndarray, shape (n_pairs,)
-        Greatest ratio of deformed to undeformed length that a bond bears, greater than 1, of all pairs or of each: a bond with a greater
-        one breaks.
+        Greatest ratio of deformed to undeformed length that a bond bears, greater than 1, of all
+        pairs or of each: a bond with a greater one breaks.
 
     Attributes
     ----------
     broken : ndarray of bool, shape (n_pairs,)
         True for pairs (undirected bonds) that have broken.
     recent : ndarray of int, shape (n_pairs,)
-        For pairs that broke since the last output, the number of the event (call of `break_bonds`) in which they broke, rising with time;
-        0 for other pairs.
+        For pairs that broke since the last output, the number of the event (call of `break_bonds`)
+        in which they broke, rising with time; 0 for other pairs.
     """
 
     def __init__(self, body: Body, critical_stretch: float | np.ndarray) -> None:
         if not (np.isfinite(critical_stretch) & (np.asarray(critical_stretch) > 1)).all():
-            raise ValueError(f"the critical stretch must be finite and greater than 1, not {critical_stretch}")
+            raise ValueError(
+                f"the critical stretch must be finite and greater than 1, not {critical_stretch}"
+            )
         self.body = body
         bonds = body.bonds
-        self.broken, self.recent = np.zeros(len(bonds.first), dtype=bool), np.zeros(len(bonds.first), dtype=np.int32)
+        self.broken, self.recent = (
+            np.zeros(len(bonds.first), dtype=bool),
+            np.zeros(len(bonds.first), dtype=np.int32),
+        )
         self._events = 0
         first, second = bonds.ends_in_blocks(BLOCK)
         length = _lengths(body, bonds.first, bonds.second)
@@ -49,7 +54,15 @@ class Damage:
         chunks = chunks_of(len(bonds.first))
         self._counts = np.zeros(chunks.number, dtype=np.int64)
         scratch = np.zeros((chunks.threads, body.dimension, BLOCK))
-        arrays = body.all_points, first, second, self._limits.reshape(-1, BLOCK), scratch, self._found, self._counts
+        arrays = (
+            body.all_points,
+            first,
+            second,
+            self._limits.reshape(-1, BLOCK),
+            scratch,
+            self._found,
+            self._counts,
+        )
         self._find = find_overstretched[body.dimension].bind(*arrays, chunks=chunks)
         self._search = Chain(self._find)
         one, other = body.bonds.cut.T
@@ -57,7 +70,8 @@ class Damage:
         self._whole += _by_points(body, one, other, body.weigh(_lengths(body, one, other)))
 
     def overstretched(self, positions: np.ndarray) -> np.ndarray:
-        """Return the numbers of the intact pairs whose stretch exceeds the critical one, in ascending order.
+        """Return the numbers of the intact pairs whose stretch exceeds the critical one, in
+        ascending order.
 
         Parameters
         ----------
@@ -69,7 +83,12 @@ class Damage:
             return self._found[:0]
         chunks, blocks = len(self._counts), len(self._limits) // BLOCK
         starts = [chunk * blocks // chunks * BLOCK for chunk in range(chunks)]
-        return np.concatenate([self._found[start : start + count] for start, count in zip(starts, self._counts, strict=True)])
+        return np.concatenate(
+            [
+                self._found[start : start + count]
+                for start, count in zip(starts, self._counts, strict=True)
+            ]
+        )
 
     def break_bonds(self, pairs: np.ndarray) -> None:
         """Mark pairs, given by number, as broken in one event."""
@@ -78,7 +97,9 @@ class Damage:
         self._limits[pairs] = np.inf
 
     def restore(self) -> None:
-        """Update the search for overstretched bonds and the number of events after `broken` and `recent` were read from a checkpoint."""
+        """Update the search for overstretched bonds and the number of events after `broken` and
+        `recent` were read from a checkpoint.
+        """
         self._limits[: len(self.broken)][self.broken] = np.inf
         self._events = int(self.body.share.greatest(float(self.recent.max(initial=0))))
 
@@ -88,7 +109,8 @@ class Damage:
         return rows_of(self.body, "pairs")
 
     def take_recent(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the middles (k, d) of all pairs that broke since the last call, and the numbers (k,) of their events, and clear `recent`.
+        """Return the middles (k, d) of all pairs that broke since the last call, and the numbers
+        (k,) of their events, and clear `recent`.
 
         Both arrays are in the order in which the pairs broke.
         """
@@ -97,46 +119,65 @@ class Damage:
         return found
 
     def in_order(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the middles (k, d) of the given pairs of all ranks in the order in which they broke, and the numbers (k,) of their events.
+        """Return the middles (k, d) of the given pairs of all ranks in the order in which they
+        broke, and the numbers (k,) of their events.
 
-        `pairs` are numbers of pairs of this rank that are in `recent`. Within an event the order is that of the pairs in the whole body,
-        the same on any number of ranks.
+        `pairs` are numbers of pairs of this rank that are in `recent`. Within an event the order is
+        that of the pairs in the whole body, the same on any number of ranks.
         """
         body, share = self.body, self.body.share
         pairs = pairs[self._rows.own[pairs]]
         numbers = self._rows.numbers[pairs]
         points, events = body.all_points, self.recent[pairs]
         places = (points[body.bonds.first[pairs]] + points[body.bonds.second[pairs]]) / 2
-        places, events, numbers = (np.concatenate(share.everywhere(rows)) for rows in (places, events, numbers))
+        places, events, numbers = (
+            np.concatenate(share.everywhere(rows)) for rows in (places, events, numbers)
+        )
         order = np.lexsort((numbers, events))
         return places[order], events[order]
 
     def at_points(self) -> np.ndarray:
-        """Return the damage of every point, shape (n,): the fraction of its bonds that are cut or broken (paper, Eq. (31)).
+        """Return the damage of every point, shape (n,): the fraction of its bonds that are cut or
+        broken (paper, Eq. (31)).
 
         A bond counts in proportion to its weight function times the volume of its other end.
         """
-        return 1 - _by_points(self.body, self.body.bonds.first, self.body.bonds.second, self._weights * ~self.broken) / self._whole
+        return (
+            1
+            - _by_points(
+                self.body,
+                self.body.bonds.first,
+                self.body.bonds.second,
+                self._weights * ~self.broken,
+            )
+            / self._whole
+        )
 
 
 def _lengths(body: Body, first, second) -> np.ndarray:
     return lengths_of(body.all_points[second] - body.all_points[first])
 
 
-def _by_points(body: Body, first: np.ndarray, second: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return for every point, shape (n,), the sum over its bonds of weight times volume of the other end.
+def _by_points(
+    body: Body, first: np.ndarray, second: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Return for every point, shape (n,), the sum over its bonds of weight times volume of the
+    other end.
 
     The bonds are given by their ends `first` and `second` and their weights, shape (k,) each.
     """
     n, volumes, within = len(body), body.all_volumes, second < len(body)
-    return np.bincount(first, weights * volumes[second], n) + np.bincount(second[within], (weights * volumes[first])[within], n)
+    return np.bincount(first, weights * volumes[second], n) + np.bincount(
+        second[within], (weights * volumes[first])[within], n
+    )
 
 
 def greatest_bond_stretch(body: Body, positions: np.ndarray) -> float:
     """Return the greatest stretch of the bonds between points of a body.
 
-    For the equilibrium of a precut body at the loading at which its crack starts in experiment, this is the critical stretch with which
-    the simulated crack starts there: the paper's calibration from a loading curve.
+    For the equilibrium of a precut body at the loading at which its crack starts in experiment,
+    this is the critical stretch with which the simulated crack starts there: the paper's
+    calibration from a loading curve.
 
     Parameters
     ----------
@@ -166,5 +207,8 @@ def greatest_bond_stretch(body: Body, positions: np.ndarray) -> float:
     """
     positions = np.asarray(positions, dtype=float)
     if positions.shape != body.points.shape:
-        raise ValueError(f"positions must be those of the body's points, of shape {body.points.shape}, not {positions.shape}")
+        raise ValueError(
+            f"positions must be those of the body's points, of shape {body.points.shape}, not"
+            f" {positions.shape}"
+        )
     return float(bond_stretches(body, positions).max())

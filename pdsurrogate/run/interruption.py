@@ -1,4 +1,6 @@
-"""Interruption of a run by Ctrl-C or its time limit: the run ends soon, at its next consistent state."""
+"""Interruption of a run by Ctrl-C or its time limit: the run ends soon, at its next consistent
+state.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +12,10 @@ import time
 from collections.abc import Callable
 
 SECONDS_TO_HEAR = 1.0
-"""Seconds after Ctrl-C within which a run should stop by itself; otherwise it is ended, with the results saved so far. Chosen: most force
-evaluations take less, and the process still ends within the two seconds that the guide promises."""
+"""Seconds after Ctrl-C within which a run should stop by itself; otherwise it is ended, with the
+results saved so far. Chosen: most force evaluations take less, and the process still ends within
+the two seconds that the guide promises.
+"""
 
 
 class Interrupted(RuntimeError):
@@ -19,22 +23,30 @@ class Interrupted(RuntimeError):
 
 
 class Interruption:
-    """Context in which Ctrl-C requests the end of a run, and enforces it if the run does not react; a second Ctrl-C ends it at once.
+    """Context in which Ctrl-C requests the end of a run, and enforces it if the run does not react;
+    a second Ctrl-C ends it at once.
 
-    Outside the main thread, and where another handler of the signal is installed, the context leaves Ctrl-C as it is.
+    Outside the main thread, and where another handler of the signal is installed, the context
+    leaves Ctrl-C as it is.
 
     Parameters
     ----------
     until : float
         Time by `time.perf_counter` at which the run should end.
     insists : bool
-        Whether to end a run that does not react within `SECONDS_TO_HEAR`, since setting up a preconditioner, or compilation, may last
-        minutes. False with several ranks, since the others would wait for the one that ended.
+        Whether to end a run that does not react within `SECONDS_TO_HEAR`, since setting up a
+        preconditioner, or compilation, may last minutes. False with several ranks, since the others
+        would wait for the one that ended.
     elsewhere : callable, optional
         Returns whether another process has received the request; by default none.
     """
 
-    def __init__(self, until: float = math.inf, insists: bool = True, elsewhere: Callable[[], bool] = lambda: False) -> None:
+    def __init__(
+        self,
+        until: float = math.inf,
+        insists: bool = True,
+        elsewhere: Callable[[], bool] = lambda: False,
+    ) -> None:
         self.told, self._until, self._insists, self._elsewhere = False, until, insists, elsewhere
         self._before, self._timer = None, None
 
@@ -45,14 +57,19 @@ class Interruption:
 
     @property
     def asked(self) -> bool:
-        """Return whether the run should stop; to be read only at a consistent state, since reading it acknowledges the signal."""
+        """Return whether the run should stop; to be read only at a consistent state, since
+        reading it acknowledges the signal.
+        """
         self.told = self.told or self._elsewhere()
         if self.told:
             self._hear()
         return self.told or self.out_of_time
 
     def __enter__(self) -> Interruption:
-        if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        if (
+            threading.current_thread() is threading.main_thread()
+            and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        ):
             self._before = signal.signal(signal.SIGINT, self._ask)
         return self
 
@@ -77,7 +94,9 @@ class Interruption:
 
 
 def _insist() -> None:
-    """Send the signal of Ctrl-C to the main thread, to end it even while it waits; on Windows only after a waiting call has returned."""
+    """Send the signal of Ctrl-C to the main thread, to end it even while it waits; on Windows
+    only after a waiting call has returned.
+    """
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
     else:

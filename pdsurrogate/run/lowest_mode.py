@@ -1,4 +1,6 @@
-"""Lowest mode of an equilibrium, theory (83a): the displacement that the body resists least, and whether it is stable."""
+"""Lowest mode of an equilibrium, theory (83a): the displacement that the body resists least, and
+whether it is stable.
+"""
 
 from collections.abc import Sequence
 
@@ -15,24 +17,38 @@ from ..solvers.stability import lowest_mode
 from .reopened import check_intact, number_of_output, place, run_in_double
 
 
-def lowest_mode_of(scene: Scene, models: Sequence[ForceModel], result: Result, level: int) -> LowestMode:
-    """Return the lowest mode of a result in equilibrium, see `Result.lowest_mode`; `models` are those of its run."""
+def lowest_mode_of(
+    scene: Scene, models: Sequence[ForceModel], result: Result, level: int
+) -> LowestMode:
+    """Return the lowest mode of a result in equilibrium, see `Result.lowest_mode`; `models` are
+    those of its run.
+    """
     loading = "stretch" if scene.stretched else "t"
     number = number_of_output(scene, models, result, level, "lowest_mode", "modes")
     with thread_count(None), threadpool_limits(1, user_api="blas"):
         run = run_in_double(scene, models)
         if not run.force.has_energy:
-            raise ValueError(f"lowest_mode: {models[0].name} is a bond force without energy: use a force with one, such as bond-energy")
+            raise ValueError(
+                f"lowest_mode: {models[0].name} is a bond force without energy: use a force with"
+                " one, such as bond-energy"
+            )
         if not run.loaded.has_energy:
-            raise ValueError(f"lowest_mode: the loads have no energy: {run.loaded.no_energy_because}")
+            raise ValueError(
+                f"lowest_mode: the loads have no energy: {run.loaded.no_energy_because}"
+            )
         if run.loading.supports or run.loaded.rigid:
-            raise ValueError("lowest_mode: the scene has rigid regions or supports between points, with which modes are not computed")
+            raise ValueError(
+                "lowest_mode: the scene has rigid regions or supports between points, with which"
+                " modes are not computed"
+            )
         check_intact(run, result, number, "modes")
         at = run.state.parameter = result.levels[number][loading]
         place(run, run.body.points + result.displacement(number))
         preconditioner = preconditioner_of(run.loaded, run.loading.free, bending=True)
         try:
-            eigenvalue, error, mode = lowest_mode(run.loaded, run.positions, run.loading.free, preconditioner)
+            eigenvalue, error, mode = lowest_mode(
+                run.loaded, run.positions, run.loading.free, preconditioner
+            )
         except NotConverged as problem:
             raise ValueError(f"lowest_mode at {loading} {at:g}: {problem}") from None
     return LowestMode(eigenvalue, error, mode)

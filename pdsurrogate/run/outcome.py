@@ -20,15 +20,22 @@ from .standard_errors import standard_errors
 
 
 def _peak(history: list[dict]) -> dict | None:
-    """Return the history's greatest nominal stress, which a cracked body bears at most, with its time and stretch; None without history."""
+    """Return the history's greatest nominal stress, which a cracked body bears at most, with its
+    time and stretch; None without history.
+    """
     highest = max(history, key=lambda row: row["nominal_stress"], default=None)
-    return highest and {key: highest[key] for key in ("time", "stretch", "nominal_stress") if key in highest}
+    return highest and {
+        key: highest[key] for key in ("time", "stretch", "nominal_stress") if key in highest
+    }
 
 
-def result_of(run: Run, seconds_compile: float, began: float, failure: str | None, status: str) -> Result:
+def result_of(
+    run: Run, seconds_compile: float, began: float, failure: str | None, status: str
+) -> Result:
     """Return the result of a run, complete or as far as it was reached, with its summary.
 
-    `began` is the start of the run by `time.perf_counter`, `failure` the message of the error that ended the run, or None.
+    `began` is the start of the run by `time.perf_counter`, `failure` the message of the error that
+    ended the run, or None.
     """
     force, state = run.force, run.state
     residuals = [level["residual"] for level in state.levels if "residual" in level]
@@ -73,19 +80,38 @@ def result_of(run: Run, seconds_compile: float, began: float, failure: str | Non
     }
     if any(stage.inertia is not None for stage in run.stages):
         if stress is not None:
-            stresses = [row["nominal_stress"] for row in [*state.levels, *state.history] if "nominal_stress" in row]
+            stresses = [
+                row["nominal_stress"]
+                for row in [*state.levels, *state.history]
+                if "nominal_stress" in row
+            ]
             summary["peak_nominal_stress"] = max(stresses, default=None)
         summary["n_steps"] = state.steps
         summary["dynamics"] = state.dynamics
     if state.crack is not None:
-        summary |= {} if run.problem.critical_stretches is None else run.problem.critical_stretches.summary
-        summary["crack"] = state.crack | {"path": crack_path(state.crack["tips"]), "peak": None if stress is None else _peak(state.history)}
+        summary |= (
+            {} if run.problem.critical_stretches is None else run.problem.critical_stretches.summary
+        )
+        summary["crack"] = state.crack | {
+            "path": crack_path(state.crack["tips"]),
+            "peak": None if stress is None else _peak(state.history),
+        }
     scene, body = run.problem.scene, run.body if run.whole is None else run.whole
-    return Result(scene, body, summary, state.history, run.states, state.convergence, **methods_of(scene, run.problem.models))
+    return Result(
+        scene,
+        body,
+        summary,
+        state.history,
+        run.states,
+        state.convergence,
+        **methods_of(scene, run.problem.models),
+    )
 
 
 def methods_of(scene: Scene, models: Sequence[ForceModel]) -> dict[str, partial]:
-    """Return the functions behind methods of `Result`, such as `Result.sensitivity`, with the scene and the force models of the run."""
+    """Return the functions behind methods of `Result`, such as `Result.sensitivity`, with the
+    scene and the force models of the run.
+    """
     return {
         "differentiated": partial(differentiate, scene, models),
         "uncertain": partial(standard_errors, scene, models),

@@ -1,4 +1,6 @@
-"""Names of sensitivities: numbers of a scene, its laws and learned models that can be parameters, and measurements of an output."""
+"""Names of sensitivities: numbers of a scene, its laws and learned models that can be
+parameters, and measurements of an output.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -16,67 +18,114 @@ from ..scenes.problems import suggestion
 from ..scenes.reading import apply_change, leaves
 
 PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
-"""Keys of a scene below which numbers can be parameters of sensitivities: they change neither the points nor which of them are held."""
+"""Keys of a scene below which numbers can be parameters of sensitivities: they change neither
+the points nor which of them are held.
+"""
 
 MODULI = ("shear_modulus", "bulk_modulus")
 """Numbers of a law that are no part of its `Law.shape`."""
 
 
 def laws_of(scene: Scene) -> dict[str, Law]:
-    """Return the laws of a scene by key: ``"material"``, and ``"materials.0.material"`` and so on for regions that are not rigid."""
-    parts = {f"materials.{number}.material": part.material for number, part in enumerate(scene.materials)}
-    return {"material": scene.law()} | {key: material.build() for key, material in parts.items() if not material.rigid}
+    """Return the laws of a scene by key: ``"material"``, and ``"materials.0.material"`` and so
+    on for regions that are not rigid.
+    """
+    parts = {
+        f"materials.{number}.material": part.material for number, part in enumerate(scene.materials)
+    }
+    return {"material": scene.law()} | {
+        key: material.build() for key, material in parts.items() if not material.rigid
+    }
 
 
 def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
-    """Return, by dotted key, the numbers that can be parameters: of a scene, of its laws and of the arrays of its learned models.
+    """Return, by dotted key, the numbers that can be parameters: of a scene, of its laws and of the
+    arrays of its learned models.
 
-    Numbers of a law are parameters whether they are stated or have their default, except coefficients of terms that the law does not have.
-    A learned model holds for one `Law.shape`: with it, the moduli alone are parameters.
+    Numbers of a law are parameters whether they are stated or have their default, except
+    coefficients of terms that the law does not have. A learned model holds for one `Law.shape`:
+    with it, the moduli alone are parameters.
     """
     laws, by_law, found = laws_of(scene), by_key(models, "material"), {}
     for key, value in leaves(scene.model_dump(mode="json")):
-        if key.split(".")[0] in PLACES and ".region." not in key and not any(key.startswith(f"{law}.") for law in laws):
+        if (
+            key.split(".")[0] in PLACES
+            and ".region." not in key
+            and not any(key.startswith(f"{law}.") for law in laws)
+        ):
             found[key] = value
     for key, law in laws.items():
         for name, value in numbers_of(law).items():
             fixed = isinstance(by_law.get(key), Learned) and name not in MODULI
             missing = False
-            if "." in name and not value:  # a coefficient: with any other value a missing term would add parameters to the law
-                missing = len(with_numbers_of(law, {name: law.shear_modulus}).parameters) > len(law.parameters)
+            if (
+                "." in name and not value
+            ):  # a coefficient: with any other value a missing term would add parameters to the law
+                missing = len(with_numbers_of(law, {name: law.shear_modulus}).parameters) > len(
+                    law.parameters
+                )
             if not (fixed or missing):
                 found[f"{key}.{name}"] = value
     for key, model in _learned(models).items():
-        arrays = {name: values.tolist() for name, values in model.payload().items() if isinstance(values, np.ndarray)}
+        arrays = {
+            name: values.tolist()
+            for name, values in model.payload().items()
+            if isinstance(values, np.ndarray)
+        }
         found |= dict(leaves(arrays, key=key))
-    return {key: float(value) for key, value in found.items() if isinstance(value, float | int) and not isinstance(value, bool)}
+    return {
+        key: float(value)
+        for key, value in found.items()
+        if isinstance(value, float | int) and not isinstance(value, bool)
+    }
 
 
 def _learned(models: Sequence[ForceModel]) -> dict[str, Learned]:
-    """Return the learned models by the key of the scene that names them; a model that regions share has the key of the first."""
+    """Return the learned models by the key of the scene that names them; a model that regions
+    share has the key of the first.
+    """
     keys = {id(model): key for key, model in reversed(by_key(models, "force").items())}
     return {keys[id(model)]: model for model in models if isinstance(model, Learned)}
 
 
 def by_key(models: Sequence[ForceModel], last: str) -> dict[str, ForceModel]:
-    """Return force models by the keys of a scene that name them, or those of their laws; `last` is ``"force"`` or ``"material"``."""
-    return {last if not number else f"materials.{number - 1}.{last}": model for number, model in enumerate(models)}
+    """Return force models by the keys of a scene that name them, or those of their laws; `last`
+    is ``"force"`` or ``"material"``.
+    """
+    return {
+        last if not number else f"materials.{number - 1}.{last}": model
+        for number, model in enumerate(models)
+    }
 
 
 def array_of(name: str, models: Sequence[ForceModel]) -> np.ndarray | None:
-    """Return the array of a learned model in which a parameter is a number; None for a number of the scene."""
+    """Return the array of a learned model in which a parameter is a number; None for a number of
+    the scene.
+    """
     for key, model in _learned(models).items():
         if name.startswith(f"{key}."):
             return model.payload()[name.removeprefix(f"{key}.").split(".")[0]]
     return None
 
 
-def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str, float]) -> tuple[Scene, list[ForceModel]]:
-    """Return a scene and its force models with other values of the numbers that `numbers_in` names."""
-    data, changed, learned = scene.model_dump(mode="json"), by_key(models, "force"), _learned(models)
+def with_numbers(
+    scene: Scene, models: Sequence[ForceModel], values: Mapping[str, float]
+) -> tuple[Scene, list[ForceModel]]:
+    """Return a scene and its force models with other values of the numbers that `numbers_in`
+    names.
+    """
+    data, changed, learned = (
+        scene.model_dump(mode="json"),
+        by_key(models, "force"),
+        _learned(models),
+    )
     others = dict(values)
     for key, law in laws_of(scene).items():
-        own = {name.removeprefix(f"{key}."): others.pop(name) for name in values if name.startswith(f"{key}.")}
+        own = {
+            name.removeprefix(f"{key}."): others.pop(name)
+            for name in values
+            if name.startswith(f"{key}.")
+        }
         if own:
             apply_change(data, key, with_numbers_of(law, own).describe())
     for name, value in others.items():
@@ -89,7 +138,9 @@ def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str
         payload = before.payload()
         payload[array] = payload[array].copy()
         payload[array][tuple(map(int, place))] = value
-        new = type(before).from_payload(before.name, payload, before.domain, before.law, before.shape)
+        new = type(before).from_payload(
+            before.name, payload, before.domain, before.law, before.shape
+        )
         new = replace(new, stated=before.stated, members=before.members)
         changed = {key: new if model is before else model for key, model in changed.items()}
     if any(name in dict(leaves(data)) for name in values):
@@ -102,7 +153,8 @@ def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str
 
 
 def names_below(outputs: Sequence[str], measured: dict[str, float]) -> list[str]:
-    """Return the names of all measurements that `outputs` names, each with all below it; raise ValueError for a name without any.
+    """Return the names of all measurements that `outputs` names, each with all below it; raise
+    ValueError for a name without any.
 
     ``"probes.tip.u2"`` names the same measurement as ``"probes.tip.displacement.1"``.
     """
@@ -112,6 +164,8 @@ def names_below(outputs: Sequence[str], measured: dict[str, float]) -> list[str]
         key = f"{component[1]}.displacement.{int(component[2]) - 1}" if component else output
         below = [name for name in measured if name == key or name.startswith(f"{key}.")]
         if not below:
-            raise ValueError(f"outputs: the result has no {output!r}; {suggestion(output, measured)}")
+            raise ValueError(
+                f"outputs: the result has no {output!r}; {suggestion(output, measured)}"
+            )
         found += below
     return found

@@ -1,4 +1,6 @@
-"""Path of a stage in equilibrium along the loading parameter, which its increments change from one output to the next."""
+"""Path of a stage in equilibrium along the loading parameter, which its increments change from
+one output to the next.
+"""
 
 import numpy as np
 
@@ -11,7 +13,8 @@ from .run import Run
 
 
 class ParameterPath:
-    """Values of the loading parameter between two outputs: increments, first guesses, and the force and the solver at each value.
+    """Values of the loading parameter between two outputs: increments, first guesses, and the force
+    and the solver at each value.
 
     Parameters
     ----------
@@ -28,13 +31,21 @@ class ParameterPath:
         self._run, self._stage, self._course = run, stage, run.loading.course
 
     def parameter_at(self, goal: float) -> float:
-        """Return the loading parameter of the output at the end `goal` of a path, as far as it is known before the equilibrium is found."""
+        """Return the loading parameter of the output at the end `goal` of a path, as far as it
+        is known before the equilibrium is found.
+        """
         return goal
 
     def increments_to(self, goal: float) -> Increments:
         """Return the increments from the present equilibrium to the next output."""
         run, begin = self._run, self._run.state.parameter
-        return Increments(begin, goal, self._course.largest_increment(run.positions, begin, goal, self._stage.largest_increment))
+        return Increments(
+            begin,
+            goal,
+            self._course.largest_increment(
+                run.positions, begin, goal, self._stage.largest_increment
+            ),
+        )
 
     def at(self, value: float) -> str:
         """Return a value of what the increments change, with its name, as text for messages."""
@@ -46,22 +57,36 @@ class ParameterPath:
 
     def guesses(self, target: float) -> list[np.ndarray]:
         """Return first guesses (n, d) of the equilibrium at the end `target` of an increment."""
-        return self._course.guesses(self._run.positions, self._run.state.parameter, target, self._run.earlier)
+        return self._course.guesses(
+            self._run.positions, self._run.state.parameter, target, self._run.earlier
+        )
 
     def force_at(self, target: float, positions: np.ndarray) -> LoadedForce:
-        """Return the force at the end of an increment, with the held parts in their places, also those in `positions` (n, d)."""
+        """Return the force at the end of an increment, with the held parts in their places, also
+        those in `positions` (n, d).
+        """
         self._run.loading.apply(target, self._run.loaded, positions)
         return self._run.loaded
 
     def reached(self, target: float) -> float:
-        """Return the loading parameter of the equilibrium that was just found at the end of an increment."""
+        """Return the loading parameter of the equilibrium that was just found at the end of an
+        increment.
+        """
         return target
 
     def check_branch(self, reached: float, guess: np.ndarray) -> None:
-        """Raise an error if the equilibrium at the parameter `reached` is unstable, or does not continue the last one."""
+        """Raise an error if the equilibrium at the parameter `reached` is unstable, or does not
+        continue the last one.
+        """
         run = self._run
-        check_branch(run.loading, run.loaded, self.solver, run.state.parameter, reached, guess, run.positions)
+        check_branch(
+            run.loading, run.loaded, self.solver, run.state.parameter, reached, guess, run.positions
+        )
 
     def least_drive(self, target: float) -> float:
-        """Return the least driving force for the criterion of convergence, see `EquilibriumSolver.solve`."""
-        return self._run.state.greatest_drive or np.inf if self._run.loading.at_rest(target) else 0.0
+        """Return the least driving force for the criterion of convergence, see
+        `EquilibriumSolver.solve`.
+        """
+        return (
+            self._run.state.greatest_drive or np.inf if self._run.loading.at_rest(target) else 0.0
+        )

@@ -1,4 +1,6 @@
-"""Picture of a scene before it is run: the body, with regions, prescribed motions, loads, cuts and probes."""
+"""Picture of a scene before it is run: the body, with regions, prescribed motions, loads, cuts
+and probes.
+"""
 
 from contextlib import suppress
 from typing import NamedTuple
@@ -29,26 +31,34 @@ OBSTACLE = "#8b8f98"
 """Color of obstacles."""
 
 PLAIN, MOST_CELLS_WITH_EDGES = "#d9dde3", 4000
-"""Color of cells in no region, and the number of cells up to which their edges are drawn: with more cells the edges would cover the
-picture."""
+"""Color of cells in no region, and the number of cells up to which their edges are drawn: with more
+cells the edges would cover the picture.
+"""
 
 FEW = 8
-"""Greatest number of points of a region that are marked by dots as well, since so few cells are hardly seen."""
+"""Greatest number of points of a region that are marked by dots as well, since so few cells are
+hardly seen.
+"""
 
 SIGHT, WITHIN = 0.75, 0.6
-"""Distances in cells that decide whether a body hides a place from the eye: from the place to the start of the line of sight, and from
-this line to a point that blocks it.
+"""Distances in cells that decide whether a body hides a place from the eye: from the place to the
+start of the line of sight, and from this line to a point that blocks it.
 
-Over a side that faces the eye, the line of sight begins 0.77 cells or more from the nearest point, which is half a cell below that side;
-the second distance is less than that, and more than the half cell at which a line passes between two rows."""
+Over a side that faces the eye, the line of sight begins 0.77 cells or more from the nearest point,
+which is half a cell below that side; the second distance is less than that, and more than the half
+cell at which a line passes between two rows.
+"""
 
 ARROW = 0.12
-"""Length of an arrow divided by the extent of the body. Chosen: long enough to show its direction, short enough that arrows of neighboring
-regions stay apart."""
+"""Length of an arrow divided by the extent of the body. Chosen: long enough to show its direction,
+short enough that arrows of neighboring regions stay apart.
+"""
 
 
 class _Mark(NamedTuple):
-    """Labeled part of the body in a picture: label, points, color, place of an arrow, and its direction, or None without an arrow."""
+    """Labeled part of the body in a picture: label, points, color, place of an arrow, and its
+    direction, or None without an arrow.
+    """
 
     text: str
     points: np.ndarray
@@ -58,7 +68,8 @@ class _Mark(NamedTuple):
 
 
 def preview(scene: Scene) -> Figure:
-    """Draw the undeformed body of a scene, its regions colored and named, with arrows for displacements and loads.
+    """Draw the undeformed body of a scene, its regions colored and named, with arrows for
+    displacements and loads.
 
     A body in three dimensions is shown from outside, and its obstacles are only named.
 
@@ -73,7 +84,8 @@ def preview(scene: Scene) -> Figure:
     Raises
     ------
     SceneError
-        If the body cannot be built, a region is empty, or the supports and loads of the body are invalid for a run.
+        If the body cannot be built, a region is empty, or the supports and loads of the body are
+        invalid for a run.
 
     See Also
     --------
@@ -97,33 +109,76 @@ def preview(scene: Scene) -> Figure:
     with matplotlib.rc_context(figures.STYLE):
         draw = _in_space if scene.dimension == 3 else _in_the_plane
         figure, axes = draw(problem, marks, colors)
-        axes.set_title(f"{scene.name}: {len(problem.body):,} points, spacing {scene.units.amount(problem.body.spacing, 'length', '.4g')}")
+        axes.set_title(
+            f"{scene.name}: {len(problem.body):,} points, spacing"
+            f" {scene.units.amount(problem.body.spacing, 'length', '.4g')}"
+        )
         handles: list[Artist] = [Patch(color=mark.color, label=mark.text) for mark in marks]
         handles += [Line2D([], [], color="black", lw=2, label="cut")] if scene.precuts else []
-        handles += [Line2D([], [], color="black", marker="x", ls="", label="probe")] if scene.probes else []
-        handles += [Patch(color=OBSTACLE, label=f"{one.name}: obstacle") for one in problem.loading.loads.obstacles]
+        handles += (
+            [Line2D([], [], color="black", marker="x", ls="", label="probe")]
+            if scene.probes
+            else []
+        )
+        handles += [
+            Patch(color=OBSTACLE, label=f"{one.name}: obstacle")
+            for one in problem.loading.loads.obstacles
+        ]
         if handles:
             figure.legend(handles=handles, loc="outside right upper", frameon=False)
     return figure
 
 
 def _marks(problem: Problem) -> list[_Mark]:
-    """Return the labeled parts of the body in the order of drawing: materials, regions, prescribed motions and loads."""
+    """Return the labeled parts of the body in the order of drawing: materials, regions,
+    prescribed motions and loads.
+    """
     scene, regions = problem.scene, problem.regions
     found: list[tuple[str, np.ndarray, np.ndarray | None]] = []
     for number, part in enumerate(scene.materials):
         key = f"materials.{number}"
-        found.append((f"{label_of_region(part.region, key)}: {part.material.law}", regions.points(part.region, f"{key}.region"), None))
-    entries: tuple[Part | Prescribed | Load, ...] = (*scene.materials, *scene.prescribed, *scene.loads)
+        found.append(
+            (
+                f"{label_of_region(part.region, key)}: {part.material.law}",
+                regions.points(part.region, f"{key}.region"),
+                None,
+            )
+        )
+    entries: tuple[Part | Prescribed | Load, ...] = (
+        *scene.materials,
+        *scene.prescribed,
+        *scene.loads,
+    )
     used = {entry.region for entry in entries if isinstance(entry.region, str)}
     found += [(name, regions.points(name), None) for name in scene.regions if name not in used]
     for one in problem.prescriptions:
-        found.append((f"{one.holder or one.key}: {one.words}", regions.points(one.region, one.key), one.displacement))
+        found.append(
+            (
+                f"{one.holder or one.key}: {one.words}",
+                regions.points(one.region, one.key),
+                one.displacement,
+            )
+        )
     for number, load in enumerate(scene.loads):
-        value, label = np.array(getattr(load, load.kind)), load.name or label_of_region(load.region, f"loads.{number}")
-        size = f"({', '.join(f'{component:g}' for component in value)})" if value.ndim else f"{value:g}"
-        points = regions.points(load.region) if load.kind != "body_force" else np.zeros(0, dtype=int)
-        found.append((f"{label}: {load.kind.replace('_', ' ')} {size}", points, value if value.ndim else None))
+        value, label = (
+            np.array(getattr(load, load.kind)),
+            load.name or label_of_region(load.region, f"loads.{number}"),
+        )
+        size = (
+            f"({', '.join(f'{component:g}' for component in value)})"
+            if value.ndim
+            else f"{value:g}"
+        )
+        points = (
+            regions.points(load.region) if load.kind != "body_force" else np.zeros(0, dtype=int)
+        )
+        found.append(
+            (
+                f"{label}: {load.kind.replace('_', ' ')} {size}",
+                points,
+                value if value.ndim else None,
+            )
+        )
     palette, middle, marks = matplotlib.colormaps["tab10"], (regions.lower + regions.upper) / 2, []
     for number, (text, points, vector) in enumerate(found):
         place = problem.body.points[points].mean(axis=0) if len(points) else middle
@@ -133,14 +188,19 @@ def _marks(problem: Problem) -> list[_Mark]:
 
 
 def _in_the_plane(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple[Figure, Axes]:
-    """Draw the picture of a sheet: its cells in given colors, with arrows of the labeled parts, cuts and probes."""
+    """Draw the picture of a sheet: its cells in given colors, with arrows of the labeled parts,
+    cuts and probes.
+    """
     scene, body = problem.scene, problem.body
     polygons = figures.polygons_of(body.cells, np.zeros_like(body.cells.nodes))
     low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
     extent = (high - low).max()
     size = (high - low) / extent * 5.0
     beside = 1.2 + 0.075 * max((len(mark.text) for mark in marks), default=0)  # for the legend
-    figure = Figure(figsize=(size[0] + beside, max(size[1] + 0.8, 1.6)), layout=ConstrainedLayoutEngine(w_pad=0.15))
+    figure = Figure(
+        figsize=(size[0] + beside, max(size[1] + 0.8, 1.6)),
+        layout=ConstrainedLayoutEngine(w_pad=0.15),
+    )
     axes = figure.subplots()
     color, width = ("white", 0.3) if len(body) <= MOST_CELLS_WITH_EDGES else ("face", 0.2)
     # The stub of PolyCollection leaves out that it takes one array of polygons.
@@ -148,7 +208,9 @@ def _in_the_plane(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> t
     axes.add_collection(cells)
     with suppress(ValueError):  # of a body whose boundary only a load would need, and that has none
         surface = problem.regions.surface()
-        axes.add_collection(LineCollection(surface.nodes[surface.facets], colors="#555555", linewidths=0.8))
+        axes.add_collection(
+            LineCollection(surface.nodes[surface.facets], colors="#555555", linewidths=0.8)
+        )
     for cut in (cut for cut in scene.precuts if isinstance(cut, Precut)):
         axes.plot(*zip(cut.start, cut.end, strict=True), color="black", lw=2)
     for mark in marks:
@@ -156,23 +218,39 @@ def _in_the_plane(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> t
             axes.plot(*body.points[mark.points].T, "o", color=mark.color, ms=5)
         if mark.arrow is not None:
             arrow = {"arrowstyle": "-|>", "color": mark.color, "lw": 1.5, "ec": "black"}
-            axes.annotate("", mark.place + ARROW * extent * mark.arrow, tuple(mark.place), arrowprops=arrow)
+            axes.annotate(
+                "", mark.place + ARROW * extent * mark.arrow, tuple(mark.place), arrowprops=arrow
+            )
     for obstacle in scene.obstacles:
         if (flat := obstacle.half_plane) is not None:
-            axes.axline(flat.point, (flat.point[0] - flat.normal[1], flat.point[1] + flat.normal[0]), color=OBSTACLE, lw=3)
+            axes.axline(
+                flat.point,
+                (flat.point[0] - flat.normal[1], flat.point[1] + flat.normal[0]),
+                color=OBSTACLE,
+                lw=3,
+            )
         elif obstacle.disc is not None:
             axes.add_patch(Circle(obstacle.disc.center, obstacle.disc.radius, color=OBSTACLE))
     for probe in scene.probes:
         axes.plot(*probe.at, "x", color="black", ms=6)
-        axes.annotate(probe.name, (probe.at[0], probe.at[1]), xytext=(4, 4), textcoords="offset points")
+        axes.annotate(
+            probe.name, (probe.at[0], probe.at[1]), xytext=(4, 4), textcoords="offset points"
+        )
     room = 1.25 * ARROW * extent if any(mark.arrow is not None for mark in marks) else 0.03 * extent
-    axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
-    axes.set(xlabel=scene.units.label(figures.PLACES[0], "length"), ylabel=scene.units.label(figures.PLACES[1], "length"))
+    axes.set(
+        xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal"
+    )
+    axes.set(
+        xlabel=scene.units.label(figures.PLACES[0], "length"),
+        ylabel=scene.units.label(figures.PLACES[1], "length"),
+    )
     return figure, axes
 
 
 def _in_space(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple[Figure, Axes]:
-    """Draw the picture of a solid from outside: its cells in given colors, with arrows of the labeled parts, cuts and probes."""
+    """Draw the picture of a solid from outside: its cells in given colors, with arrows of the
+    labeled parts, cuts and probes.
+    """
     scene, body, nodes = problem.scene, problem.body, problem.body.cells.nodes
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
@@ -180,24 +258,55 @@ def _in_space(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple
     figures.draw_outside(axes, body.cells, nodes, colors, np.array([low, high]), filled=0.9)
     for mark in marks:
         if mark.arrow is not None:
-            axes.quiver(*mark.place, *(2 * ARROW * (high - low).max() * mark.arrow), color=mark.color, lw=2, zorder=5)
+            axes.quiver(
+                *mark.place,
+                *(2 * ARROW * (high - low).max() * mark.arrow),
+                color=mark.color,
+                lw=2,
+                zorder=5,
+            )
     for cut in (cut for cut in scene.precuts if not isinstance(cut, Precut)):
-        axes.add_collection3d(Poly3DCollection([_rim(cut)], facecolors=(0, 0, 0, 0.25), edgecolors="black", zorder=6))
+        axes.add_collection3d(
+            Poly3DCollection([_rim(cut)], facecolors=(0, 0, 0, 0.25), edgecolors="black", zorder=6)
+        )
     tree, reach = cKDTree(body.points), float(np.linalg.norm(high - low))
     for probe in scene.probes:
         hidden = _hidden(np.array(probe.at), tree, np.asarray(body.cell).min(), reach)
-        axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7, alpha=0.35 if hidden else 1)
-        axes.text(*probe.at, f" {probe.name}{' (hidden)' if hidden else ''}", zorder=8, alpha=0.6 if hidden else 1)
-    sides = (f"{place}: {one:.3g} to {other:.3g}" for place, one, other in zip(figures.PLACES, low, high, strict=True))
-    axes.text2D(0.5, -0.04, scene.units.amount(", ".join(sides), "length"), transform=axes.transAxes, ha="center")
+        axes.plot(
+            *([value] for value in probe.at),
+            "x",
+            color="black",
+            ms=6,
+            zorder=7,
+            alpha=0.35 if hidden else 1,
+        )
+        axes.text(
+            *probe.at,
+            f" {probe.name}{' (hidden)' if hidden else ''}",
+            zorder=8,
+            alpha=0.6 if hidden else 1,
+        )
+    sides = (
+        f"{place}: {one:.3g} to {other:.3g}"
+        for place, one, other in zip(figures.PLACES, low, high, strict=True)
+    )
+    axes.text2D(
+        0.5,
+        -0.04,
+        scene.units.amount(", ".join(sides), "length"),
+        transform=axes.transAxes,
+        ha="center",
+    )
     return figure, axes
 
 
 def _hidden(place: np.ndarray, points: cKDTree, cell: float, reach: float) -> bool:
-    """Return whether the body hides a place from the eye: whether points lie near the line of sight.
+    """Return whether the body hides a place from the eye: whether points lie near the line of
+    sight.
 
-    The line of sight goes from the place toward the eye and is searched up to the distance `reach`. `cell` is the side of a cell, in
-    which `SIGHT`, the distance of the line's start from the place, and `WITHIN`, the greatest distance of points from it, are measured.
+    The line of sight goes from the place toward the eye and is searched up to the distance `reach`.
+    `cell` is the side of a cell, in which `SIGHT`, the distance of the line's start from the place,
+    and `WITHIN`, the greatest distance of points from it, are measured.
     """
     way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * figures.EYE
     return bool((points.query(place + way)[0] < WITHIN * cell).any())
@@ -210,4 +319,9 @@ def _rim(cut: ParallelogramCut | DiscCut) -> np.ndarray:
         return np.array(cut.corner) + np.array([0 * one, one, one + other, other])
     _, normal, _ = cut.plane()
     angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)
-    return np.array(cut.center) + cut.radius * np.column_stack([np.cos(angles), np.sin(angles)]) @ null_space(np.array([normal])).T
+    return (
+        np.array(cut.center)
+        + cut.radius
+        * np.column_stack([np.cos(angles), np.sin(angles)])
+        @ null_space(np.array([normal])).T
+    )

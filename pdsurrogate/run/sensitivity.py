@@ -1,4 +1,6 @@
-"""Sensitivities of an equilibrium (theory, section 23): derivatives of its measurements by parameters of the scene."""
+"""Sensitivities of an equilibrium (theory, section 23): derivatives of its measurements by
+parameters of the scene.
+"""
 
 import copy
 import re
@@ -27,59 +29,83 @@ from .rows import output_row
 from .run import Run
 
 STEP, STEP_OF_LAWS = 1e-6, 1e-4
-"""Changes of parameters in central differences, relative to the value or to the greatest number of a list or an array; the second one of
-numbers of laws. Chosen: where a support moves by the first part of its displacement, while the points beside it stay, and where a number of
-a network far below the greatest one changes, curvature leaves relative errors below 1e-6, elsewhere below 1e-9. In numbers of laws, forces
-are linear or weakly curved: the second step leaves 2e-8 for an exponent of 5, and 1e-6 at nine tenths of the limit of a Gent law. Rounding
-leaves errors of 1e-12 times the forces over those that the number causes: K/mu for a bulk modulus, 1e4 for a term with 1e-4 of the
-stress."""
+"""Changes of parameters in central differences, relative to the value or to the greatest number of
+a list or an array; the second one of numbers of laws. Chosen: where a support moves by the first
+part of its displacement, while the points beside it stay, and where a number of a network far below
+the greatest one changes, curvature leaves relative errors below 1e-6, elsewhere below 1e-9. In
+numbers of laws, forces are linear or weakly curved: the second step leaves 2e-8 for an exponent of
+5, and 1e-6 at nine tenths of the limit of a Gent law. Rounding leaves errors of 1e-12 times the
+forces over those that the number causes: K/mu for a bulk modulus, 1e4 for a term with 1e-4 of the
+stress.
+"""
 
 LEAST_STEP = 1e-8
-"""Least change of the coefficient of a term, relative to the greatest one: rounding and curvature leave relative errors of this size."""
+"""Least change of the coefficient of a term, relative to the greatest one: rounding and
+curvature leave relative errors of this size.
+"""
 
 QUICK = re.compile(r"(forces|places)\..*|nominal_stress|energy|probes\..+\.displacement\.\d")
-"""Names of measurements that `output_row` takes without the costly ones, and of those that need displacements alone."""
+"""Names of measurements that `output_row` takes without the costly ones, and of those that need
+displacements alone.
+"""
 
 BALANCED = 1e-10
-"""Residual, in units of shear modulus / spacing, of the equilibrium whose derivatives are computed."""
+"""Residual, in units of shear modulus / spacing, of the equilibrium whose derivatives are
+computed.
+"""
 
 ROUNDED_STRAIN = 4.0
-"""Least residual of this equilibrium, divided by K/mu times the strain of a bond by rounding of the positions. Chosen: residuals at which
-Newton's method ends for K/mu of 1e5 and 1e6, where they exceed `BALANCED`, are 0.8 and 0.5 of these."""
+"""Least residual of this equilibrium, divided by K/mu times the strain of a bond by rounding of the
+positions. Chosen: residuals at which Newton's method ends for K/mu of 1e5 and 1e6, where they
+exceed `BALANCED`, are 0.8 and 0.5 of these.
+"""
 
 ROUGH = 1e-4
-"""Relative residual of each solution of the linear equations. Differences of forces along the displacements found give the residual anew;
-its solution is the next correction."""
+"""Relative residual of each solution of the linear equations. Differences of forces along the
+displacements found give the residual anew; its solution is the next correction.
+"""
 
 EXACT, LEAST_EXACT = 3e-7, 1e-6
-"""Estimated error of derivatives, divided by the greatest derivative by the same parameter, at which corrections end, and greatest such
-error without a warning."""
+"""Estimated error of derivatives, divided by the greatest derivative by the same parameter, at
+which corrections end, and greatest such error without a warning.
+"""
 
 MOST_ROUNDS, IDLE = 8, 0.5
-"""Greatest number of corrections, of which two are usual, and four where K = 10,000 mu; and ratio of the estimated errors after and before
-a correction above which the correction counts as idle: rounding limits the derivatives."""
+"""Greatest number of corrections, of which two are usual, and four where K = 10,000 mu; and ratio
+of the estimated errors after and before a correction above which the correction counts as idle:
+rounding limits the derivatives.
+"""
 
 SINGULAR = 1e-2
-"""Estimated error of the derivatives of the displacements, relative to the greatest one, beyond which the tangent counts as singular."""
+"""Estimated error of the derivatives of the displacements, relative to the greatest one, beyond
+which the tangent counts as singular.
+"""
 
 TINY = 1e-9
-"""Estimated error of the derivatives of the displacements, relative to the greatest one, below which errors of measurements are due to
-rounding."""
+"""Estimated error of the derivatives of the displacements, relative to the greatest one, below
+which errors of measurements are due to rounding.
+"""
 
 RESTING = 1e-2
-"""Greatest displacement by a parameter as a whole, divided by the greatest displacement of the body, that errors of derivatives of
-displacements at a controlled displacement are compared with: by the moduli together or by the load the body does not move at all."""
+"""Greatest displacement by a parameter as a whole, divided by the greatest displacement of the
+body, that errors of derivatives of displacements at a controlled displacement are compared with: by
+the moduli together or by the load the body does not move at all.
+"""
 
 STIFF = 300.0
-"""K/mu of nearly incompressible bodies beyond which differences are of fourth order, over wider steps. At this K/mu, differences of second
-order have errors of 3e-8."""
+"""K/mu of nearly incompressible bodies beyond which differences are of fourth order, over wider
+steps. At this K/mu, differences of second order have errors of 3e-8.
+"""
 
 MOST_CONTRAST = 2e4
-"""Greatest K/mu with adjoint equations. Their estimated errors leave out rounding, whose errors stay below 1e-6 up to this K/mu. Forward
-solutions show the errors by rounding in the corrections."""
+"""Greatest K/mu with adjoint equations. Their estimated errors leave out rounding, whose errors
+stay below 1e-6 up to this K/mu. Forward solutions show the errors by rounding in the corrections.
+"""
 
 CAREFUL = 1e-4
-"""Greatest displacement of a point, in spacings, in differences of fourth order with obstacles: wider steps would change contacts."""
+"""Greatest displacement of a point, in spacings, in differences of fourth order with obstacles:
+wider steps would change contacts.
+"""
 
 WIDER = 10.0
 """Steps of parameters in differences of fourth order, divided by those of central ones."""
@@ -95,13 +121,15 @@ class Jacobian:
     Attributes
     ----------
     names : tuple of str
-        Names of the measurements: dotted keys of an output, then ``"places.0.0"`` and so on for place and component.
+        Names of the measurements: dotted keys of an output, then ``"places.0.0"`` and so on for
+        place and component.
     values : ndarray, shape (measurements,)
     derivatives : ndarray, shape (measurements, parameters)
     displacements : ndarray, shape (n, d)
         Displacements of the points in equilibrium.
     moved : ndarray, shape (parameters, n, d), or None
-        Derivatives of the displacements; None if there are fewer measurements than parameters, where adjoint equations are solved.
+        Derivatives of the displacements; None if there are fewer measurements than parameters,
+        where adjoint equations are solved.
     errors : ndarray, shape (measurements, parameters)
         Estimated errors of the derivatives.
     """
@@ -116,7 +144,8 @@ class Jacobian:
 
 @dataclass(frozen=True)
 class _Change:
-    """Rates at which a parameter changes an equilibrium while the free components do not move, or move at given rates.
+    """Rates at which a parameter changes an equilibrium while the free components do not move, or
+    move at given rates.
 
     Attributes
     ----------
@@ -140,7 +169,8 @@ class _Change:
 
 
 class Differentiated:
-    """Scene on a body that is built once, whose equilibria are solved and differentiated by parameters, in double precision on one rank.
+    """Scene on a body that is built once, whose equilibria are solved and differentiated by
+    parameters, in double precision on one rank.
 
     Parameters
     ----------
@@ -153,38 +183,54 @@ class Differentiated:
     Attributes
     ----------
     numbers : dict of float
-        Values of the possible parameters by name: numbers of the scene below `PLACES`, and numbers of the arrays of learned models, such as
-        ``"force.output_weights.3"`` or, for the model of a region, ``"materials.0.force.coefficients.0.2.1"``.
+        Values of the possible parameters by name: numbers of the scene below `PLACES`, and numbers
+        of the arrays of learned models, such as ``"force.output_weights.3"`` or, for the model of a
+        region, ``"materials.0.force.coefficients.0.2.1"``.
     run : Run
         Run of the scene in the present state.
     at_places : tuple of sparse array, shape (k, n)
         For each axis, the weights of the points' displacements in those at `places`.
     control : str or None
-        Key of the displacement that the step of the equilibrium controls, so that the loading parameter t is an unknown.
+        Key of the displacement that the step of the equilibrium controls, so that the loading
+        parameter t is an unknown.
     """
 
     control: str | None = None
 
-    def __init__(self, scene: Scene, models: Sequence[ForceModel], places: np.ndarray | None = None) -> None:
+    def __init__(
+        self, scene: Scene, models: Sequence[ForceModel], places: np.ndarray | None = None
+    ) -> None:
         with thread_count(None):
             self.run = run = run_in_double(scene, models)
-        self.at_places = () if places is None else fields_at(run.body, places, run.force.portion_of)[0]
+        self.at_places = (
+            () if places is None else fields_at(run.body, places, run.force.portion_of)[0]
+        )
         self.numbers = numbers_in(scene, models)
 
     def changed(self, values: Mapping[str, float]) -> "Differentiated":
         """Return the scene with other values of parameters, by name, on the same body."""
         scene, models = with_numbers(self.run.problem.scene, self.run.problem.models, values)
         other = Differentiated.__new__(Differentiated)
-        other.run, other.at_places = self.run.beside(scene, models, self.run.state.parameter), self.at_places
+        other.run, other.at_places = (
+            self.run.beside(scene, models, self.run.state.parameter),
+            self.at_places,
+        )
         other.numbers = self.numbers | values
         return other
 
     def jacobian(
-        self, at: float, displacements: np.ndarray, outputs: Sequence[str], parameters: Sequence[str], control: str | None = None
+        self,
+        at: float,
+        displacements: np.ndarray,
+        outputs: Sequence[str],
+        parameters: Sequence[str],
+        control: str | None = None,
     ) -> Jacobian:
-        """Return measurements of the equilibrium at a value of the loading parameter, with their derivatives.
+        """Return measurements of the equilibrium at a value of the loading parameter, with their
+        derivatives.
 
-        With `control`, the key of a displacement, the derivatives are those at the value of this displacement, and t follows.
+        With `control`, the key of a displacement, the derivatives are those at the value of this
+        displacement, and t follows.
 
         Parameters
         ----------
@@ -193,9 +239,11 @@ class Differentiated:
         displacements : ndarray, shape (n, d)
             Displacements near the equilibrium.
         outputs : sequence of str
-            Dotted keys of an output; a key that is continued in several entries stands for all of them.
+            Dotted keys of an output; a key that is continued in several entries stands for all of
+            them.
         parameters : sequence of str
-            Names in `numbers`, or the loading parameter; with `control` that key instead of the loading parameter.
+            Names in `numbers`, or the loading parameter; with `control` that key instead of the
+            loading parameter.
         control : str, optional
 
         Raises
@@ -209,13 +257,18 @@ class Differentiated:
             run, loading = self.run, self.run.loading
             run.state.parameter = at
             place(run, run.body.points + displacements)
-            tolerance = max(BALANCED, ROUNDED_STRAIN * self.contrast * strain_rounding(run.body, run.positions))
+            tolerance = max(
+                BALANCED, ROUNDED_STRAIN * self.contrast * strain_rounding(run.body, run.positions)
+            )
             if control is not None:
                 return self._controlled(control, tolerance, outputs, parameters)
             solver = Newton(loading.free, run.body.volumes, tolerance)
             solver.solve(run.loaded, run.positions)
             measured = self.measured(run.positions)
-            names = [*names_below(outputs, measured), *(name for name in measured if name.startswith("places."))]
+            names = [
+                *names_below(outputs, measured),
+                *(name for name in measured if name.startswith("places.")),
+            ]
             few = 0 < len(names) < len(parameters) and self.contrast <= MOST_CONTRAST
             gradients = self._gradients(names) if few else None
             moved = None if gradients else np.empty((len(parameters), *run.positions.shape))
@@ -229,43 +282,80 @@ class Differentiated:
                     found = self._forward(equations, self._change(name), names)
                     derivatives[:, number], moved[number], errors[:, number] = found
         values = np.array([measured[name] for name in names])
-        return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved, errors)
+        return Jacobian(
+            tuple(names), values, derivatives, run.positions - run.body.points, moved, errors
+        )
 
-    def _controlled(self, control: str, tolerance: float, outputs: Sequence[str], parameters: Sequence[str]) -> Jacobian:
-        """Return the measurements and derivatives of `jacobian` at a controlled displacement, of a run near the equilibrium.
+    def _controlled(
+        self, control: str, tolerance: float, outputs: Sequence[str], parameters: Sequence[str]
+    ) -> Jacobian:
+        """Return the measurements and derivatives of `jacobian` at a controlled displacement, of a
+        run near the equilibrium.
 
-        The force has the factor of the loads at which the weighted forces vanish, also beside the equilibrium, and no direction of the
-        equations changes the controlled displacement: they are the bordered system of theory (73c), regular at a limit load.
+        The force has the factor of the loads at which the weighted forces vanish, also beside the
+        equilibrium, and no direction of the equations changes the controlled displacement: they are
+        the bordered system of theory (73c), regular at a limit load.
         """
         body, run = copy.copy(self), copy.copy(self.run)
-        solver = DisplacementControl(control_of(run, control), run.loading.free, run.body.volumes, tolerance)
+        solver = DisplacementControl(
+            control_of(run, control), run.loading.free, run.body.volumes, tolerance
+        )
         solver.solve(run.loaded, run.positions)
         body.control, body.run, run.loaded = control, run, solver.controlled(run.loaded)
         measured = body.measured(run.positions)
         body.numbers = self.numbers | {control: measured[control]}
-        return body.jacobian_at_control(control, measured, names_below(outputs, measured), parameters)
+        return body.jacobian_at_control(
+            control, measured, names_below(outputs, measured), parameters
+        )
 
-    def jacobian_at_control(self, control: str, measured: dict[str, float], names: list[str], parameters: Sequence[str]) -> Jacobian:
-        """Return measurements and derivatives, where the force of the run has the factor of the loads as an unknown."""
+    def jacobian_at_control(
+        self, control: str, measured: dict[str, float], names: list[str], parameters: Sequence[str]
+    ) -> Jacobian:
+        """Return measurements and derivatives, where the force of the run has the factor of the
+        loads as an unknown.
+        """
         run = self.run
         equations, along = run.loaded.equations(run.positions), run.loaded.along()
-        moved, (derivatives, errors) = np.empty((len(parameters), *along.shape)), np.empty((2, len(names), len(parameters)))
+        moved, (derivatives, errors) = (
+            np.empty((len(parameters), *along.shape)),
+            np.empty((2, len(names), len(parameters))),
+        )
         for number, name in enumerate(parameters):
             change = self._change(name, (), along if name == control else None)
-            derivatives[:, number], moved[number], errors[:, number] = self._forward(equations, change, names)
+            derivatives[:, number], moved[number], errors[:, number] = self._forward(
+                equations, change, names
+            )
         values = np.array([measured[name] for name in names])
-        return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved, errors)
+        return Jacobian(
+            tuple(names), values, derivatives, run.positions - run.body.points, moved, errors
+        )
 
-    def _forward(self, equations: TangentEquations, change: "_Change", names: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the derivatives of measurements by a parameter, those of the displacements (n, d), and estimated errors of the former.
+    def _forward(
+        self, equations: TangentEquations, change: "_Change", names: Sequence[str]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the derivatives of measurements by a parameter, those of the displacements (n, d),
+        and estimated errors of the former.
 
-        Differences along the displacements found so far give the measurements, and the forces that are left. The next correction, under
-        these forces, would change the measurements by about the last change times the ratio of the roots of the work of both corrections.
+        Differences along the displacements found so far give the measurements, and the forces that
+        are left. The next correction, under these forces, would change the measurements by about
+        the last change times the ratio of the roots of the work of both corrections.
         """
-        moved, left, measured, size, idle = change.moved.copy(), change.forces, np.zeros(len(names)), np.inf, 0
+        moved, left, measured, size, idle = (
+            change.moved.copy(),
+            change.forces,
+            np.zeros(len(names)),
+            np.inf,
+            0,
+        )
         least = 1e-300
-        if self.control is not None and self.numbers[change.name]:  # loads answer to a unit of stress, and the body rests
-            least = RESTING * float(np.abs(self.run.positions - self.run.body.points).max()) / abs(self.numbers[change.name])
+        if (
+            self.control is not None and self.numbers[change.name]
+        ):  # loads answer to a unit of stress, and the body rests
+            least = (
+                RESTING
+                * float(np.abs(self.run.positions - self.run.body.points).max())
+                / abs(self.numbers[change.name])
+            )
         for number in range(MOST_ROUNDS):
             moved += equations.displacements(left, ROUGH, change.rounding)
             along = self._change(change.name, names, moved)
@@ -281,16 +371,24 @@ class Differentiated:
             if (close and share <= (LEAST_EXACT if names else EXACT)) or share <= TINY or idle == 2:
                 break
         if share > SINGULAR:
-            raise NotConverged("the linear equations of the tangent are not solved: it is nearly singular")
+            raise NotConverged(
+                "the linear equations of the tangent are not solved: it is nearly singular"
+            )
         return measured, moved, errors
 
     def _adjoint(
-        self, equations: TangentEquations, gradients: Sequence[np.ndarray], names: Sequence[str], parameters: Sequence[str]
+        self,
+        equations: TangentEquations,
+        gradients: Sequence[np.ndarray],
+        names: Sequence[str],
+        parameters: Sequence[str],
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the derivatives of measurements by parameters, by one solution for each measurement, and their estimated errors.
+        """Return the derivatives of measurements by parameters, by one solution for each
+        measurement, and their estimated errors.
 
-        An error is the work of the forces that are left in a solution on the displacements under those of the change of a parameter. By
-        the inequality of Cauchy and Schwarz it is at most the product of the roots of the work of both on their own displacements.
+        An error is the work of the forces that are left in a solution on the displacements under
+        those of the change of a parameter. By the inequality of Cauchy and Schwarz it is at most
+        the product of the roots of the work of both on their own displacements.
         """
         free = self.run.loading.free
         # The reactions of all supports change together if all free points move alike.
@@ -298,8 +396,12 @@ class Differentiated:
         solutions = [equations.displacements(each, ROUGH) for each in gradients]
         changes = [self._change(name, names) for name in parameters]
         for number, change in enumerate(changes):
-            if change.moved.any():  # the forces, and with them the errors, are much smaller if the body moves with its supports
-                moved = change.moved + equations.displacements(change.forces, ROUGH, change.rounding)
+            # the forces, and with them the errors, are much smaller if the body moves with its
+            # supports
+            if change.moved.any():
+                moved = change.moved + equations.displacements(
+                    change.forces, ROUGH, change.rounding
+                )
                 changes[number] = self._change(change.name, names, moved)
         sizes = np.array([equations.estimate(change.forces)[1] for change in changes])
         found, errors = np.empty((2, len(names), len(changes)))
@@ -309,27 +411,42 @@ class Differentiated:
             for row in rows:
                 left[row] = gradients[row] - equations.forces(solutions[row], self.width)
                 work[row] = equations.estimate(left[row])[1]
-                found[row] = [change.measured[row] + np.vdot(free * solutions[row], change.forces) for change in changes]
+                found[row] = [
+                    change.measured[row] + np.vdot(free * solutions[row], change.forces)
+                    for change in changes
+                ]
                 errors[row] = work[row] * sizes
             greatest = np.abs(found).max(axis=0)
             rows = np.flatnonzero((errors > EXACT * greatest).any(axis=1) & (work < IDLE * before))
-            if not len(rows) or number == MOST_ROUNDS - 1:  # what is returned is of the solutions that the errors are of
+            if (
+                not len(rows) or number == MOST_ROUNDS - 1
+            ):  # what is returned is of the solutions that the errors are of
                 break
             for row in rows:
                 solutions[row] += equations.displacements(left[row], ROUGH)
-        for column in np.flatnonzero((errors > LEAST_EXACT * greatest).any(axis=0)):  # the bound may far exceed the error
-            found[:, column], _, errors[:, column] = self._forward(equations, self._change(parameters[column]), names)
+        for column in np.flatnonzero(
+            (errors > LEAST_EXACT * greatest).any(axis=0)
+        ):  # the bound may far exceed the error
+            found[:, column], _, errors[:, column] = self._forward(
+                equations, self._change(parameters[column]), names
+            )
         return found, errors
 
     @property
     def contrast(self) -> float:
         """Greatest K/mu of the materials of a nearly incompressible body, else 1."""
         force = self.run.force
-        return max(law.bulk_modulus / law.shear_modulus for law, _ in force.laws) if force.nearly_incompressible else 1.0
+        return (
+            max(law.bulk_modulus / law.shear_modulus for law, _ in force.laws)
+            if force.nearly_incompressible
+            else 1.0
+        )
 
     @property
     def width(self) -> float:
-        """Greatest displacement of a point in differences of forces, in spacings; beyond `COARSE` they are of fourth order."""
+        """Greatest displacement of a point in differences of forces, in spacings; beyond
+        `COARSE` they are of fourth order.
+        """
         if self.contrast <= STIFF:
             return COARSE
         return CAREFUL if self.run.loads.obstacles else FINE
@@ -340,7 +457,9 @@ class Differentiated:
         return self.width > COARSE
 
     def measured(self, positions: np.ndarray) -> dict[str, float]:
-        """Return the measurements at given positions (n, d), by dotted key, with the displacements at `places` as the last ones."""
+        """Return the measurements at given positions (n, d), by dotted key, with the
+        displacements at `places` as the last ones.
+        """
         return self.evaluated(positions)[0]
 
     def evaluated(self, positions: np.ndarray) -> tuple[dict[str, float], np.ndarray]:
@@ -349,29 +468,43 @@ class Differentiated:
         return self._read(), forces
 
     def _read(self, costly: bool = True) -> dict[str, float]:
-        """Return the measurements where the force was last evaluated, see `measured`; `costly` as for `output_row`."""
+        """Return the measurements where the force was last evaluated, see `measured`; `costly`
+        as for `output_row`.
+        """
         run, displacements = self.run, self.run.positions - self.run.body.points
         row = {"probes": run.probes.displacements(displacements)} | output_row(run, costly=costly)
         found = {key: value for key, value in leaves(row) if isinstance(value, float)}
         moved = [rows @ displacements[:, axis] for axis, rows in enumerate(self.at_places)]
         return found | {
-            f"places.{place}.{axis}": float(u) for place, each in enumerate(zip(*moved, strict=True)) for axis, u in enumerate(each)
+            f"places.{place}.{axis}": float(u)
+            for place, each in enumerate(zip(*moved, strict=True))
+            for axis, u in enumerate(each)
         }
 
-    def _change(self, name: str, names: Sequence[str] = (), moved: np.ndarray | None = None) -> "_Change":
-        """Return the rates at which a parameter changes the equilibrium and the measurements `names`.
+    def _change(
+        self, name: str, names: Sequence[str] = (), moved: np.ndarray | None = None
+    ) -> "_Change":
+        """Return the rates at which a parameter changes the equilibrium and the measurements
+        `names`.
 
         Free components move at the rates `moved` (n, d); with None they rest.
         """
         run, fine = self.run, self.fine or name.endswith("bulk_modulus")
         value, step = self._step(name, fine, moved is not None)
         if moved is not None:
-            step = min(step, (max(self.width, CAREFUL) if fine else COARSE) * run.body.spacing / max(np.abs(moved).max(), 1e-300))
+            step = min(
+                step,
+                (max(self.width, CAREFUL) if fine else COARSE)
+                * run.body.spacing
+                / max(np.abs(moved).max(), 1e-300),
+            )
         sizes: list[float] = []
 
         def state(way: float) -> np.ndarray:
             with self._beside(name, value + way) as side:
-                positions, forces = _forces(side.run, run.positions if moved is None else run.positions + way * moved)
+                positions, forces = _forces(
+                    side.run, run.positions if moved is None else run.positions + way * moved
+                )
                 sizes.append(float(np.linalg.norm(forces)))
                 return np.concatenate([positions.ravel(), forces.ravel(), side.values_of(names)])
 
@@ -382,18 +515,22 @@ class Differentiated:
         return _Change(name, motion, forces, measured, ROUNDED * max(sizes) / step)
 
     def values_of(self, names: Sequence[str]) -> np.ndarray:
-        """Return the named measurements where the force was last evaluated; NaN for one that does not exist."""
+        """Return the named measurements where the force was last evaluated; NaN for one that
+        does not exist.
+        """
         costly = not all(QUICK.fullmatch(name) for name in names)
         measured = self._read(costly) if names else {}
         return np.array([measured.get(name, np.nan) for name in names])
 
     def _step(self, name: str, fine: bool, whole: bool) -> tuple[float, float]:
-        """Return the middle of the values of a parameter in central differences, and the change from it.
+        """Return the middle of the values of a parameter in central differences, and the change
+        from it.
 
-        The middle is the value of the parameter, with two exceptions. Coefficients of the terms of an energy keep their sign: if half of
-        one is less than the least change, the middle lies beside it by this change. For a number of a law at the end of its range, the
-        middle lies beside it by a tenth of the change: energies are linear in all numbers with such a range, and the thickness of a sheet
-        nearly so.
+        The middle is the value of the parameter, with two exceptions. Coefficients of the terms of
+        an energy keep their sign: if half of one is less than the least change, the middle lies
+        beside it by this change. For a number of a law at the end of its range, the middle lies
+        beside it by a tenth of the change: energies are linear in all numbers with such a range,
+        and the thickness of a sheet nearly so.
         """
         run, array = self.run, array_of(name, self.run.problem.models)
         value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
@@ -402,7 +539,11 @@ class Differentiated:
         if name == self.control:
             return value, (STEP_OF_LAWS * (WIDER if fine else 1.0)) * max(scale, run.body.spacing)
         if array is None and owner.startswith("material") and last.isdigit():
-            scale = max(abs(number) for key, number in self.numbers.items() if key.rpartition(".")[0] == owner)
+            scale = max(
+                abs(number)
+                for key, number in self.numbers.items()
+                if key.rpartition(".")[0] == owner
+            )
             scale = scale or laws_of(run.problem.scene)[owner.rpartition(".")[0]].shear_modulus
             step = min(STEP_OF_LAWS * scale, max(LEAST_STEP * scale, abs(value) / 2))
             return value + (np.copysign(step, value) if step > abs(value) / 2 else 0.0), step
@@ -411,19 +552,35 @@ class Differentiated:
         if fine:
             change *= WIDER**2 if last == "bulk_modulus" else WIDER
         if not of_law:
-            return value, change * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
+            return value, change * (
+                scale
+                or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing)
+            )
         law, step = laws_of(run.problem.scene)[owner], change * (scale or 1.0)
-        for middle, width in ((value, step), (value + step / 10, step / 10), (value - step / 10, step / 10)):
+        for middle, width in (
+            (value, step),
+            (value + step / 10, step / 10),
+            (value - step / 10, step / 10),
+        ):
             with suppress(ValueError):
                 for side in (-width, width):
                     with_numbers_of(law, {last: middle + side})
                 return middle, width
-        raise ValueError(f"parameters: {law.name} permits no change of {last} = {value:g}, so that there is no derivative by it")
+        raise ValueError(
+            f"parameters: {law.name} permits no change of {last} = {value:g}, so that there is no"
+            " derivative by it"
+        )
 
     @contextmanager
     def _beside(self, name: str, value: float) -> Iterator["Differentiated"]:
-        """Provide the scene with another value of one parameter, or of the loading parameter, with the force of this one in the block."""
-        run, (scene, models), at = self.run, (self.run.problem.scene, self.run.problem.models), self.run.state.parameter
+        """Provide the scene with another value of one parameter, or of the loading parameter,
+        with the force of this one in the block.
+        """
+        run, (scene, models), at = (
+            self.run,
+            (self.run.problem.scene, self.run.problem.models),
+            self.run.state.parameter,
+        )
         if name == run.loading.parameter:
             at = value
         elif name != self.control:  # the controlled displacement changes with the positions
@@ -437,8 +594,9 @@ class Differentiated:
     def _gradients(self, names: Sequence[str]) -> list[np.ndarray] | None:
         """Return the derivatives (n, d) of measurements by the positions of free components.
 
-        They are computed for displacements at places and probes, reactions of supports, nominal stress and energy; None if another one is
-        asked for, or if the tangent is not symmetric, as that of bond forces.
+        They are computed for displacements at places and probes, reactions of supports, nominal
+        stress and energy; None if another one is asked for, or if the tangent is not symmetric, as
+        that of bond forces.
         """
         run, found = self.run, []
         if not run.loaded.has_energy or run.loading.supports or run.loaded.rigid:
@@ -459,9 +617,9 @@ class Differentiated:
                 unit = np.zeros((len(run.loading.names), run.body.dimension))
                 unit[stress.number, stress.axis] = 1.0
                 gradient = stress.of(unit) * self._stiffness(stress.number, stress.axis)
-            elif (place := re.fullmatch(r"forces\.(.+)\.(\d)", name)) and place[1] not in run.loads.by_name(
-                run.positions, run.loaded.thickness()
-            ):
+            elif (place := re.fullmatch(r"forces\.(.+)\.(\d)", name)) and place[
+                1
+            ] not in run.loads.by_name(run.positions, run.loaded.thickness()):
                 gradient = self._stiffness(run.loading.names.index(place[1]), int(place[2]))
             else:
                 return None
@@ -471,7 +629,8 @@ class Differentiated:
     def _stiffness(self, holder: int, axis: int) -> np.ndarray:
         """Return the derivative (n, d) of a component of a support's reaction by the positions.
 
-        As K is symmetric, it is minus the derivative of the forces by a displacement of the support.
+        As K is symmetric, it is minus the derivative of the forces by a displacement of the
+        support.
         """
         run, loading = self.run, self.run.loading
         holders, points, axes = loading.counted
@@ -495,7 +654,9 @@ class Differentiated:
 
 
 def _forces(run: Run, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions with the supports of a run in their places, and the forces there; the run is at these positions then."""
+    """Return positions with the supports of a run in their places, and the forces there; the run
+    is at these positions then.
+    """
     place(run, positions)
     forces = np.empty_like(positions)
     run.loaded(run.positions, forces)

@@ -1,4 +1,6 @@
-"""Simulation of a scene with a force model by `simulate`, from the checks of its arguments to the result, and the errors it raises."""
+"""Simulation of a scene with a force model by `simulate`, from the checks of its arguments to
+the result, and the errors it raises.
+"""
 
 from __future__ import annotations
 
@@ -35,12 +37,29 @@ from ..ranks import Communicator, communicator
 from ..results import Result
 from ..results.contents import contents_of
 from ..results.files import remove_leftovers
-from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, check_room, make_room, occupied
+from ..results.folder import (
+    DONE,
+    FAILED,
+    INTERRUPTED,
+    RUNNING,
+    check_names,
+    check_room,
+    make_room,
+    occupied,
+)
 from ..results.states import States
 from ..results.tables import write_tables
 from ..scenes import Scene, SceneError, load_scene
 from ..solvers.conditions import FoldedOver
-from ..solvers.equilibrium import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
+from ..solvers.equilibrium import (
+    Diverging,
+    NotConverged,
+    RanAway,
+    TooFar,
+    TooSmall,
+    Unbalanced,
+    Unstable,
+)
 from ..solvers.obstacles import Obstructed
 from .checkpoints import Record
 from .interruption import Interrupted, Interruption
@@ -88,7 +107,8 @@ class SimulationFailed(RuntimeError):
 
 
 class SimulationInterrupted(SimulationFailed):
-    """Error for a run that was stopped by Ctrl-C or at its time limit; with a folder, this contains a checkpoint of the run.
+    """Error for a run that was stopped by Ctrl-C or at its time limit; with a folder, this contains
+    a checkpoint of the run.
 
     Parameters
     ----------
@@ -116,23 +136,44 @@ UNDER_WAY = "the run is under way, or was ended from without"
 
 
 ADVICE = {
-    NotConverged: "increase solver.most_evaluations, decrease solver.largest_increment, or use another solver.method",
+    NotConverged: (
+        "increase solver.most_evaluations, decrease solver.largest_increment, or use another"
+        " solver.method"
+    ),
     Diverging: "use another solver.method",
-    TooSmall: "apply larger strains and scale the results, or describe the body nearer to the origin",
-    Unbalanced: "use a smaller solver.tolerance, or larger strains if they are below a millionth; for bond forces where two edges held by "
-    "reflection meet, use force=bond-energy, support=points or a smaller spacing",
+    TooSmall: (
+        "apply larger strains and scale the results, or describe the body nearer to the origin"
+    ),
+    Unbalanced: (
+        "use a smaller solver.tolerance, or larger strains if they are below a millionth; for bond"
+        " forces where two edges held by reflection meet, use force=bond-energy, support=points or"
+        " a smaller spacing"
+    ),
     TooFar: "use a smaller steps.largest_increment, or more outputs",
     Unstable: "compress the body less, or continue in dynamics",
-    RanAway: "the load may exceed its maximum, like the pressure in a balloon: prescribe displacements instead, or continue in dynamics",
-    FoldedOver: "contact is modeled at obstacles alone, and a smaller spacing folds earlier: add an obstacle that continues the plane (to "
-    "prescribed and steps, not to grips), compress the body less, make the free side concave, or let the body slide there (do not "
-    "prescribe the components along the plane)",
-    Obstructed: "let obstacles move less, or in smaller increments (steps.largest_increment), and not into held parts of the boundary",
-    InvalidState: "use a smaller spacing; if that does not help, the material cannot be deformed this far",
+    RanAway: (
+        "the load may exceed its maximum, like the pressure in a balloon: prescribe displacements"
+        " instead, or continue in dynamics"
+    ),
+    FoldedOver: (
+        "contact is modeled at obstacles alone, and a smaller spacing folds earlier: add an"
+        " obstacle that continues the plane (to prescribed and steps, not to grips), compress the"
+        " body less, make the free side concave, or let the body slide there (do not prescribe the"
+        " components along the plane)"
+    ),
+    Obstructed: (
+        "let obstacles move less, or in smaller increments (steps.largest_increment), and not into"
+        " held parts of the boundary"
+    ),
+    InvalidState: (
+        "use a smaller spacing; if that does not help, the material cannot be deformed this far"
+    ),
 }
 """Advice for error messages by the type of error with which a stage in equilibrium fails."""
 
-DYNAMICS_ADVICE = "use a smaller dynamics.safety, more dynamics.viscosity or damping, or a smaller spacing"
+DYNAMICS_ADVICE = (
+    "use a smaller dynamics.safety, more dynamics.viscosity or damping, or a smaller spacing"
+)
 
 SINGLE_ADVICE = "or use precision=float64, which has smaller rounding errors"
 
@@ -154,28 +195,34 @@ def simulate(
     scene : Scene, str or path
         A scene, or the name or file of one, see `pdsurrogate.load_scene`.
     force : str, path, ForceModel, fitted pipeline or object, optional
-        A force model, the name of an exact one such as "analytic", or an artifact: NAME, NAME@VERSION or a path; or a fitted
-        `pdsurrogate.surrogate_pipeline`, or a scikit-learn search (such as GridSearchCV) over one; or an object with a ``bond_force`` or
-        an ``energy`` (`pdsurrogate.forces.OwnBondForce`), which is assumed to describe the scene's material.
-        A built-in scene adopts the material of an artifact's card (stored description), see `pdsurrogate.artifacts.with_material`.
-        By default `pdsurrogate.artifacts.default_force` chooses the model for the scene.
+        A force model, the name of an exact one such as "analytic", or an artifact: NAME,
+        NAME@VERSION or a path; or a fitted `pdsurrogate.surrogate_pipeline`, or a scikit-learn
+        search (such as GridSearchCV) over one; or an object with a ``bond_force`` or an ``energy``
+        (`pdsurrogate.forces.OwnBondForce`), which is assumed to describe the scene's material. A
+        built-in scene adopts the material of an artifact's card (stored description), see
+        `pdsurrogate.artifacts.with_material`. By default `pdsurrogate.artifacts.default_force`
+        chooses the model for the scene.
     threads : int, optional
-        Number of threads of the kernels, at most the number that numba was started with; by default chosen by the size of the body.
-        The result does not depend on it.
+        Number of threads of the kernels, at most the number that numba was started with; by default
+        chosen by the size of the body. The result does not depend on it.
     folder : str or path, optional
-        Folder for states, checkpoints, tables and the summary, all written during the run; without a folder states stay in memory.
-        Results of the same run (this scene with this force) in the folder are replaced; to replace others, set `overwrite`.
+        Folder for states, checkpoints, tables and the summary, all written during the run; without
+        a folder states stay in memory. Results of the same run (this scene with this force) in the
+        folder are replaced; to replace others, set `overwrite`.
     resume : bool
         Continue from the checkpoint in `folder`; the result is that of an uninterrupted run.
     overwrite : bool
-        Remove the results of other runs in `folder`, and the checkpoint of this run if it was interrupted.
+        Remove the results of other runs in `folder`, and the checkpoint of this run if it was
+        interrupted.
     max_time : float, optional
-        Seconds after which the run ends at its next consistent state, with a checkpoint if it has a folder.
+        Seconds after which the run ends at its next consistent state, with a checkpoint if it has a
+        folder.
 
     Returns
     -------
     Result
-        On several ranks (``mpiexec -n 4 python -m mpi4py ...``) only the first rank's result has the fields and the whole body.
+        On several ranks (``mpiexec -n 4 python -m mpi4py ...``) only the first rank's result has
+        the fields and the whole body.
 
     Raises
     ------
@@ -184,19 +231,22 @@ def simulate(
     ArtifactError
         If the force cannot be found or read.
     ValueError
-        If a pipeline is not fitted, was read from a file, or is too far from the scene's law; or for a wrong value of an argument.
+        If a pipeline is not fitted, was read from a file, or is too far from the scene's law; or
+        for a wrong value of an argument.
     SceneError
         If the scene and the force model do not fit, or the body cannot be built.
     CheckpointError
         If there is nothing to resume from, or it belongs to another run.
     FolderTaken
-        If `folder` holds results of another run, a checkpoint of this run from before an interruption, or a file that no run wrote and
-        that has the name of one of a run's files; or if another run writes there.
+        If `folder` holds results of another run, a checkpoint of this run from before an
+        interruption, or a file that no run wrote and that has the name of one of a run's files; or
+        if another run writes there.
     SimulationInterrupted
-        After Ctrl-C or `max_time`, at the next consistent state; its `result` holds the outputs reached.
+        After Ctrl-C or `max_time`, at the next consistent state; its `result` holds the outputs
+        reached.
     SimulationFailed
-        If an output does not converge, or the deformation leaves the states for which the material is defined; its `result` holds the
-        outputs reached.
+        If an output does not converge, or the deformation leaves the states for which the material
+        is defined; its `result` holds the outputs reached.
 
     See Also
     --------
@@ -225,7 +275,9 @@ def simulate(
     if resume and folder is None:
         raise ValueError("resume: give the folder that contains the checkpoint (folder, or --out)")
     if resume and overwrite:
-        raise ValueError("resume and overwrite exclude each other: give one of them (--resume or --overwrite)")
+        raise ValueError(
+            "resume and overwrite exclude each other: give one of them (--resume or --overwrite)"
+        )
     ranks = communicator()
     if ranks.size > 1:
         _refuse_different(ranks, scene, model, folder, resume)
@@ -245,11 +297,22 @@ def simulate(
         return _elsewhere(ranks, scene, models)
     try:
         result = _on_these_ranks(
-            working, scene, models, began, threads=threads, folder=folder, resume=resume, overwrite=overwrite, max_time=max_time
+            working,
+            scene,
+            models,
+            began,
+            threads=threads,
+            folder=folder,
+            resume=resume,
+            overwrite=overwrite,
+            max_time=max_time,
         )
     except Exception as error:
         if ranks.rank == 0:
-            ranks.tell(range(count, ranks.size), (type(error), str(error), getattr(error, "out_of_time", None), _numbers_of(error)))
+            ranks.tell(
+                range(count, ranks.size),
+                (type(error), str(error), getattr(error, "out_of_time", None), _numbers_of(error)),
+            )
         raise
     if ranks.rank == 0:
         ranks.tell(range(count, ranks.size), (None, None, None, _numbers_of(result)))
@@ -268,15 +331,26 @@ def _on_these_ranks(
     overwrite: bool,
     max_time: float | None,
 ) -> Result:
-    """Run a scene on the ranks that work on it, and return the result; arguments as of `simulate`, and errors as from the run on."""
+    """Run a scene on the ranks that work on it, and return the result; arguments as of
+    `simulate`, and errors as from the run on.
+    """
     model, own = models[0], folder if ranks.rank == 0 else None
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(own) if own else nullcontext()
     announce = None if ranks.rank else partial(event, COMPILING, 0, 1)
-    with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(announce) as clock:
+    with (
+        held,
+        thread_count(threads) as most,
+        threadpool_limits(1, user_api="blas"),
+        compilation_clock(announce) as clock,
+    ):
         run, world = Run(scene, models, folder, threads and most, ranks), communicator()
         if ranks.rank == 0 and ranks.size < world.size:
-            warnings.warn(note_of_waiting(run.body.share.size, ranks.size, world.size), RanksWait, stacklevel=3)
+            warnings.warn(
+                note_of_waiting(run.body.share.size, ranks.size, world.size),
+                RanksWait,
+                stacklevel=3,
+            )
         until = math.inf if max_time is None else began + max_time
         run.interruption = interruption = Interruption(until, world.size == 1, world.asked)
         size = len(run.body), len(run.body.bonds.first), run.threads
@@ -310,51 +384,88 @@ def _on_these_ranks(
             message = "; ".join([f"{run.loading.at(run.target)}: {error}", *_advice(run, error)])
             logger.info("the run failed at %s", message)
             raise SimulationFailed(message, ended(message, FAILED)) from error
-        logger.info("%s ended: %d evaluations, %.3g s", scene.name, run.force.evaluations, time.perf_counter() - began)
+        logger.info(
+            "%s ended: %d evaluations, %.3g s",
+            scene.name,
+            run.force.evaluations,
+            time.perf_counter() - began,
+        )
         return ended(None, DONE)
 
 
 def _numbers_of(ended: Result | Exception) -> tuple | None:
-    """Return what ranks without work learn of a result, or of that of a run that failed; None for an error without a result."""
+    """Return what ranks without work learn of a result, or of that of a run that failed; None
+    for an error without a result.
+    """
     result = ended.result if isinstance(ended, SimulationFailed) else ended
-    return (result.summary, result.history, result.states.moments, result.convergence) if isinstance(result, Result) else None
+    return (
+        (result.summary, result.history, result.states.moments, result.convergence)
+        if isinstance(result, Result)
+        else None
+    )
 
 
 def _elsewhere(ranks: Communicator, scene: Scene, models: Sequence[ForceModel]) -> Result:
-    """Wait for a run that other ranks carry out, and return its result without fields, or raise its error, as on these ranks."""
+    """Wait for a run that other ranks carry out, and return its result without fields, or raise
+    its error, as on these ranks.
+    """
     interruption = Interruption(insists=False)
     with interruption:
         kind, message, out_of_time, numbers = ranks.hear(lambda: interruption.asked)
     if numbers is None:
         raise kind(message)
     summary, history, moments, convergence = numbers
-    result = Result(scene, compile_scene(scene, models).body, summary, history, States(moments), convergence, **methods_of(scene, models))
+    result = Result(
+        scene,
+        compile_scene(scene, models).body,
+        summary,
+        history,
+        States(moments),
+        convergence,
+        **methods_of(scene, models),
+    )
     if kind is None:
         return result
     raise kind(message, result, *([] if out_of_time is None else [out_of_time]))
 
 
 def _warn_of_domain(run: Run, share: float) -> None:
-    """Warn if a `share` of the bond evaluations was outside the surrogate's domain, with the greatest number of bonds at once."""
+    """Warn if a `share` of the bond evaluations was outside the surrogate's domain, with the
+    greatest number of bonds at once.
+    """
     most = run.body.share.total(run.force.most_outside)
     policy = run.problem.settings.outside
     if most and policy != "raise" and run.ranks.rank == 0:
         instead = "the surrogate was extrapolated"
         if policy in (None, "fallback"):
-            instead = f"the exact {'energy' if run.force.has_energy else 'bond force'} was used instead"
-        what = f"{100 * share:.2g} % of the bond evaluations were outside the surrogate's domain, where {instead}"
+            instead = (
+                f"the exact {'energy' if run.force.has_energy else 'bond force'} was used instead"
+            )
+        what = (
+            f"{100 * share:.2g} % of the bond evaluations were outside the surrogate's domain,"
+            f" where {instead}"
+        )
         warnings.warn(f"{what} (at most {most} bonds at once)", OutsideDomainWarning, stacklevel=5)
 
 
-def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:
-    """Check that all ranks were given the same input, since ranks with different input would wait for each other.
+def _refuse_different(
+    ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool
+) -> None:
+    """Check that all ranks were given the same input, since ranks with different input would wait
+    for each other.
 
     Raises
     ------
     SceneError
-        If the inputs differ; the message names the inputs that differ: scene, force, folder or resume.
+        If the inputs differ; the message names the inputs that differ: scene, force, folder or
+        resume.
     """
-    given = {"scene": scene.model_dump_json(), "force": model.name, "folder": str(folder), "resume": resume}
+    given = {
+        "scene": scene.model_dump_json(),
+        "force": model.name,
+        "folder": str(folder),
+        "resume": resume,
+    }
     others = ranks.everywhere(given)
     different = [what for what in given if any(other[what] != others[0][what] for other in others)]
     if different:
@@ -375,17 +486,27 @@ def _check_arguments(threads: Any, folder: Any, max_time: Any) -> None:
 
 
 def _advice(run: Run, error: Exception) -> list[str]:
-    """Return advice to add to the message of an error of a run; none for an error in a user's own force, which names the cause itself."""
+    """Return advice to add to the message of an error of a run; none for an error in a user's
+    own force, which names the cause itself.
+    """
     if isinstance(error, OwnForceFailed | OwnForceInvalid):
         return []
     moving = run.stages[run.state.stage].inertia is not None and run.state.steps > 0
-    advice = [DYNAMICS_ADVICE] if moving else [text for kind, text in ADVICE.items() if type(error) is kind]
-    single = isinstance(error, NotConverged | Unstable | TooSmall) and run.force.precision == "float32"
+    advice = (
+        [DYNAMICS_ADVICE]
+        if moving
+        else [text for kind, text in ADVICE.items() if type(error) is kind]
+    )
+    single = (
+        isinstance(error, NotConverged | Unstable | TooSmall) and run.force.precision == "float32"
+    )
     return [*advice, SINGLE_ADVICE] if single else advice
 
 
 def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
-    """Return the force model for the `force` argument of `simulate`, and the scene, which may adopt the material of an artifact."""
+    """Return the force model for the `force` argument of `simulate`, and the scene, which may
+    adopt the material of an artifact.
+    """
     if force is None:
         return scene, artifacts.default_force(scene)
     if isinstance(force, str | Path):
@@ -398,7 +519,10 @@ def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
     from sklearn.base import BaseEstimator
 
     if not isinstance(force, BaseEstimator):
-        raise TypeError(f"force must be a force model, its name or path, a surrogate_pipeline, or have bond_force or energy, not {force!r}")
+        raise TypeError(
+            "force must be a force model, its name or path, a surrogate_pipeline, or have"
+            f" bond_force or energy, not {force!r}"
+        )
     from ..learning.export import best_of
     from ..learning.fitting import force_model_of, stated_against
 

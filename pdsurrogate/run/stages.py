@@ -1,4 +1,6 @@
-"""Loop over the stages of a run's program, from the first stage or from a checkpoint, with a change to double precision if needed."""
+"""Loop over the stages of a run's program, from the first stage or from a checkpoint, with a
+change to double precision if needed.
+"""
 
 import warnings
 
@@ -14,7 +16,8 @@ from .transient import Transient
 
 
 class SinglePrecisionLeft(RuntimeWarning):
-    """Warning that a run continues in double precision, since single precision does not resolve its strains.
+    """Warning that a run continues in double precision, since single precision does not resolve its
+    strains.
 
     Examples
     --------
@@ -26,14 +29,18 @@ class SinglePrecisionLeft(RuntimeWarning):
 
 
 def go(run: Run, resume: bool) -> None:
-    """Run the remaining stages of the program; with `resume` begin from the checkpoint of the run."""
+    """Run the remaining stages of the program; with `resume` begin from the checkpoint of the
+    run.
+    """
     prepare(run)
     solver = solver_of(run)
     checkpoints = Checkpoints(run)
     current = _resumed(run, solver, checkpoints) if resume else None
     state = run.state
     run.keep_tables(-np.inf)
-    while state.stage < len(run.stages) and not (state.crack is not None and state.crack["through"]):
+    while state.stage < len(run.stages) and not (
+        state.crack is not None and state.crack["through"]
+    ):
         if current is None:
             current = _stage_of(run, solver, checkpoints)
             if isinstance(current, Transient):
@@ -55,20 +62,34 @@ def go(run: Run, resume: bool) -> None:
         state.begin = _begin(run)
 
 
-def _stage_of(run: Run, solver: EquilibriumSolver, checkpoints: Checkpoints) -> Equilibria | Transient:
+def _stage_of(
+    run: Run, solver: EquilibriumSolver, checkpoints: Checkpoints
+) -> Equilibria | Transient:
     """Return a new object for the present stage of a run, in equilibrium or in dynamics."""
     stage = run.stages[run.state.stage]
-    return Equilibria(run, stage, solver, checkpoints) if stage.inertia is None else Transient(run, stage, checkpoints)
+    return (
+        Equilibria(run, stage, solver, checkpoints)
+        if stage.inertia is None
+        else Transient(run, stage, checkpoints)
+    )
 
 
 def _begin(run: Run) -> float:
-    """Return where the present stage begins: the loading parameter, or the displacement that the stage controls."""
+    """Return where the present stage begins: the loading parameter, or the displacement that the
+    stage controls.
+    """
     stage = run.stages[run.state.stage] if run.state.stage < len(run.stages) else None
-    return run.state.parameter if stage is None or stage.control is None else displacement_of(run, stage)
+    return (
+        run.state.parameter
+        if stage is None or stage.control is None
+        else displacement_of(run, stage)
+    )
 
 
 def _take_double(run: Run, error: TooSmall) -> None:
-    """Change a run to double precision after `error`, which says that single precision does not resolve the strains, and warn of it."""
+    """Change a run to double precision after `error`, which says that single precision does not
+    resolve the strains, and warn of it.
+    """
     reason = f"{error}: from here on, forces are evaluated in double precision"
     run.note(run.state.parameter, reason=reason)
     if run.ranks.rank == 0:
@@ -78,28 +99,41 @@ def _take_double(run: Run, error: TooSmall) -> None:
 
 
 def _dynamics_after(run: Run) -> int:
-    """Return the number of the next stage in dynamics, and warn that the run continues with it since a bond would break in equilibrium.
+    """Return the number of the next stage in dynamics, and warn that the run continues with it
+    since a bond would break in equilibrium.
 
     Raises
     ------
     Unstable
         If no stage in dynamics follows.
     """
-    following = [number for number, stage in enumerate(run.stages) if number > run.state.stage and stage.inertia is not None]
+    following = [
+        number
+        for number, stage in enumerate(run.stages)
+        if number > run.state.stage and stage.inertia is not None
+    ]
     if not following:
-        raise Unstable(f"a bond breaks after {run.loading.at(run.state.parameter)}: add a step in dynamics, which a running crack needs")
+        raise Unstable(
+            f"a bond breaks after {run.loading.at(run.state.parameter)}: add a step in dynamics,"
+            " which a running crack needs"
+        )
     if run.ranks.rank == 0:
         begin = run.loading.at(run.state.parameter)
         warnings.warn(
-            f"a bond would break in equilibrium between {begin} and {run.loading.at(run.target)}: the dynamics start at {begin}, the last "
-            "output; add outputs before the break to start closer to it",
+            f"a bond would break in equilibrium between {begin} and {run.loading.at(run.target)}:"
+            f" the dynamics start at {begin}, the last output; add outputs before the break to"
+            " start closer to it",
             stacklevel=5,
         )
     return following[0]
 
 
-def _resumed(run: Run, solver: EquilibriumSolver, checkpoints: Checkpoints) -> Equilibria | Transient | None:
-    """Restore a run and its present stage from its checkpoint, and return the stage; raise CheckpointError for a damaged checkpoint."""
+def _resumed(
+    run: Run, solver: EquilibriumSolver, checkpoints: Checkpoints
+) -> Equilibria | Transient | None:
+    """Restore a run and its present stage from its checkpoint, and return the stage; raise
+    CheckpointError for a damaged checkpoint.
+    """
     try:
         checkpoint = checkpoints.restore()
         stage = _stage_of(run, solver, checkpoints)
@@ -108,4 +142,6 @@ def _resumed(run: Run, solver: EquilibriumSolver, checkpoints: Checkpoints) -> E
     except CheckpointError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise CheckpointError(f"the checkpoint in {run.folder} is damaged ({error}); run without --resume") from None
+        raise CheckpointError(
+            f"the checkpoint in {run.folder} is damaged ({error}); run without --resume"
+        ) from None

@@ -12,7 +12,8 @@ class State:
     parameter : float
         Loading parameter at the present positions.
     begin : float
-        Loading parameter at which the present stage began, or the displacement that the stage controls.
+        Loading parameter at which the present stage began, or the displacement that the stage
+        controls.
     stage, outputs : int
         Number of the present stage, and number of its outputs so far.
     elapsed : float
@@ -20,23 +21,26 @@ class State:
     steps : int
         Steps in dynamics.
     failed : int or None
-        Number of force evaluations of the run when an attempt at the present output had first failed; None if none has.
+        Number of force evaluations of the run when an attempt at the present output had first
+        failed; None if none has.
     begun : int
-        Number of force evaluations of the run when the search for the present output in equilibrium began.
+        Number of force evaluations of the run when the search for the present output in equilibrium
+        began.
     costs : list of int
         Force evaluations for every output in equilibrium so far.
     greatest_drive : float
-        Greatest sum of the magnitudes of loads or reactions (`Equilibrium.drive`) of the outputs so far.
+        Greatest sum of the magnitudes of loads or reactions (`Equilibrium.drive`) of the outputs so
+        far.
     crack : dict or None
         Entry of the summary about cracks; None without fracture or before dynamics.
     dynamics : list of dict
         Entries of the summary about the stages in dynamics.
     levels, history, convergence : list of dict
-        Rows of ``summary["levels"]``, the measurements at outputs; rows of the history; rows of the table of convergence, about the search
-        for equilibrium.
+        Rows of ``summary["levels"]``, the measurements at outputs; rows of the history; rows of the
+        table of convergence, about the search for equilibrium.
     beyond_data : list of dict
-        With a force learned from test data, a row for every recorded state: the fraction of bonds or points beyond these data, and their
-        greatest distance from the data.
+        With a force learned from test data, a row for every recorded state: the fraction of bonds
+        or points beyond these data, and their greatest distance from the data.
     """
 
     parameter: float

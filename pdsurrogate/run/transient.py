@@ -1,4 +1,6 @@
-"""Stages in explicit dynamics: time stepping with moving supports, rows of the history, outputs, and cracks that start and grow."""
+"""Stages in explicit dynamics: time stepping with moving supports, rows of the history, outputs,
+and cracks that start and grow.
+"""
 
 import math
 import warnings
@@ -19,15 +21,25 @@ from .account import STEPS_PER_ROW, Bookkeeping
 from .checkpoints import Checkpoints
 from .cracks import Cracks
 from .interruption import Interrupted
-from .rows import component_columns, crack_rows, forces_by_name, moments_by_name, output_row, place_columns, state_columns
+from .rows import (
+    component_columns,
+    crack_rows,
+    forces_by_name,
+    moments_by_name,
+    output_row,
+    place_columns,
+    state_columns,
+)
 from .run import Run
 
 CRACK_VISCOSITY = 0.7
-"""Default viscosity (retardation time) of scenes with fracture, in units of the spacing divided by the speed of shear waves.
+"""Default viscosity (retardation time) of scenes with fracture, in units of the spacing divided by
+the speed of shear waves.
 
-Material that unloads behind a crack moves in waves as short as a bond, and this viscosity dissipates their energy within a few steps.
-Energy accounts of strips torn with `bond-energy` close within 0.1 % with it; without it they gain half of the supplied energy
-(`docs/guide/cracks.md`)."""
+Material that unloads behind a crack moves in waves as short as a bond, and this viscosity
+dissipates their energy within a few steps. Energy accounts of strips torn with `bond-energy` close
+within 0.1 % with it; without it they gain half of the supplied energy (`docs/guide/cracks.md`).
+"""
 
 
 INTEGRATOR = ("time_step", "last_step", "steps")
@@ -46,13 +58,24 @@ class Transient:
     """
 
     def __init__(self, run: Run, stage: Stage, checkpoints: Checkpoints) -> None:
-        self.run, self.stage, self.most_outputs, self._checkpoints, spec = run, stage, stage.outputs, checkpoints, stage.inertia
+        self.run, self.stage, self.most_outputs, self._checkpoints, spec = (
+            run,
+            stage,
+            stage.outputs,
+            checkpoints,
+            stage.inertia,
+        )
         self.motion, self.viscosity = stage.motion(run.state.begin), spec.viscosity
         if self.viscosity is None:
             softest = min(law.shear_modulus for law, _ in run.force.laws)
             of_cracks = CRACK_VISCOSITY * run.body.spacing * math.sqrt(spec.density / softest)
             self.viscosity = 0.0 if run.damage is None else of_cracks
-        at_rest = run.positions, np.zeros_like(run.positions), run.loading.free, spec.density * run.body.volumes
+        at_rest = (
+            run.positions,
+            np.zeros_like(run.positions),
+            run.loading.free,
+            spec.density * run.body.volumes,
+        )
         self.integrator = ExplicitDynamics(
             run.force,
             _holding(run, self.motion),
@@ -69,26 +92,44 @@ class Transient:
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays of the dynamics that a checkpoint contains, by name."""
         integrator = self.integrator
-        held = {"velocities": integrator.velocities, "forces": integrator.forces, "mode": integrator.frequency.vector}
+        held = {
+            "velocities": integrator.velocities,
+            "forces": integrator.forces,
+            "mode": integrator.frequency.vector,
+        }
         return held if self.viscosity == 0 else held | {"elastic": integrator.elastic}
 
     def begin(self) -> None:
-        """Set the initial velocities, forces and time step of the stage, and add the first row to the history.
+        """Set the initial velocities, forces and time step of the stage, and add the first row to
+        the history.
 
-        After equilibrium the velocities are those of a body that follows its held points and planes quasi-statically, so that no shock is
-        sent; after dynamics they are the last velocities, and held points and planes that change their velocity do send a shock.
+        After equilibrium the velocities are those of a body that follows its held points and planes
+        quasi-statically, so that no shock is sent; after dynamics they are the last velocities, and
+        held points and planes that change their velocity do send a shock.
         """
         run, integrator, motion = self.run, self.integrator, self.motion
-        velocities = run.loading.course.velocities(run.positions, motion) if run.velocities is None else run.velocities
+        velocities = (
+            run.loading.course.velocities(run.positions, motion)
+            if run.velocities is None
+            else run.velocities
+        )
         integrator.velocities[:] = velocities * run.loading.free
         integrator.begin()
         self._limit_step()
         if run.velocities is None:
             integrator.center()
         if motion.duration > MOST_STEPS * integrator.time_step:
-            duration, key = run.problem.scene.units.amount(motion.duration, "time", ".3g"), self.stage.key
-            many = f"a duration of {duration} in time steps of {integrator.time_step:.3g} needs more than {MOST_STEPS:.0e} steps"
-            raise Diverging(f"{many}; check the units of {key}.density and {key}.{self.stage.inertia.pace}")
+            duration, key = (
+                run.problem.scene.units.amount(motion.duration, "time", ".3g"),
+                self.stage.key,
+            )
+            many = (
+                f"a duration of {duration} in time steps of {integrator.time_step:.3g} needs more"
+                f" than {MOST_STEPS:.0e} steps"
+            )
+            raise Diverging(
+                f"{many}; check the units of {key}.density and {key}.{self.stage.inertia.pace}"
+            )
         run.state.dynamics.append({"step": run.state.stage, "viscosity": float(self.viscosity)})
         self._row(first=True)
 
@@ -108,7 +149,8 @@ class Transient:
     def go(self) -> bool:
         """Advance to the end of the stage, or until the body has separated between its supports.
 
-        Return True, as `Equilibria.go` does at the end of its stage: no other stage has to replace this one.
+        Return True, as `Equilibria.go` does at the end of its stage: no other stage has to replace
+        this one.
         """
         run, account, integrator, through = self.run, self.account, self.integrator, False
         while account.outputs < self.most_outputs and not through:
@@ -130,10 +172,15 @@ class Transient:
             if due:
                 through = self.output()
                 self._books.check()
-            # A checkpoint includes the row and the output of its step, but not the row that an interruption adds.
-            asked, late = run.body.share.total((int(run.interruption.asked), int(self._checkpoints.late)))
+            # A checkpoint includes the row and the output of its step, but not the row that an
+            # interruption adds.
+            asked, late = run.body.share.total(
+                (int(run.interruption.asked), int(self._checkpoints.late))
+            )
             if not through and (due or asked or late):
-                kept = {key: getattr(integrator, key) for key in INTEGRATOR} | {"account": asdict(account)}
+                kept = {key: getattr(integrator, key) for key in INTEGRATOR} | {
+                    "account": asdict(account)
+                }
                 self._checkpoints.write({"transient": kept}, self.arrays())
             if not through and asked:
                 self._last_row()
@@ -143,7 +190,9 @@ class Transient:
         return True
 
     def _time_due(self, outputs: int) -> float:
-        """Return the time, since the stage began, at which an output is due after `outputs` earlier ones."""
+        """Return the time, since the stage began, at which an output is due after `outputs`
+        earlier ones.
+        """
         return self.motion.duration * ((outputs + 1) / self.most_outputs)
 
     def _due(self) -> bool:
@@ -151,18 +200,21 @@ class Transient:
         return self.account.time >= self._time_due(self.account.outputs)
 
     def _torn(self) -> bool:
-        """Return whether the body has separated, in the first row of the history without a bond that broke since the last row.
+        """Return whether the body has separated, in the first row of the history without a bond
+        that broke since the last row.
 
-        Chains of bonds are searched for there alone, since the search costs as much as some evaluations of the forces.
+        Chains of bonds are searched for there alone, since the search costs as much as some
+        evaluations of the forces.
         """
         quiet = STEPS_PER_ROW <= self.integrator.steps - self.account.last_break < 2 * STEPS_PER_ROW
         return self._cracks is not None and quiet and self._cracks.separated()
 
     def save_last_state(self) -> bool:
-        """Undo a failed time step, and record the state before the step unless it has been recorded.
+        """Undo a failed time step, and record the state before the step unless it has been
+        recorded.
 
-        Return whether the recorded state ends the run: the body has separated, and its energy account closes. What its parts do then is
-        no result of the tear.
+        Return whether the recorded state ends the run: the body has separated, and its energy
+        account closes. What its parts do then is no result of the tear.
         """
         run, integrator = self.run, self.integrator
         run.force.elapse(0.0)
@@ -181,14 +233,22 @@ class Transient:
         return False
 
     def step(self) -> None:
-        """Advance the body by one time step: move points and held parts, evaluate the forces, and break overstretched bonds."""
+        """Advance the body by one time step: move points and held parts, evaluate the forces,
+        and break overstretched bonds.
+        """
         run, account, integrator = self.run, self.account, self.integrator
         left = self._time_due(account.outputs) - account.time
         integrator.move()
-        account.time = self._time_due(account.outputs) if integrator.last_step == left else account.time + integrator.last_step
+        account.time = (
+            self._time_due(account.outputs)
+            if integrator.last_step == left
+            else account.time + integrator.last_step
+        )
         run.state.steps += 1
         ended = account.time >= self.motion.duration
-        run.state.parameter = run.target = self.motion.end if ended else self.motion.at(account.time)  # without rounding at the end
+        run.state.parameter = run.target = (
+            self.motion.end if ended else self.motion.at(account.time)
+        )  # without rounding at the end
         self._apply()
         if self._cracks is None:
             integrator.evaluate()
@@ -200,23 +260,35 @@ class Transient:
 
     def _limit_step(self) -> None:
         """Set the greatest length of the next time step, such that a step ends at every output."""
-        # The remaining time is divided equally, so that no step before an output is much shorter than the others.
+        # The remaining time is divided equally, so that no step before an output is much shorter
+        # than the others.
         left = self._time_due(self.account.outputs + self._due()) - self.account.time
-        self.integrator.longest = self.integrator.part_of(left) if left > 0 else self.integrator.last_step
+        self.integrator.longest = (
+            self.integrator.part_of(left) if left > 0 else self.integrator.last_step
+        )
 
     def _apply(self) -> None:
-        """Move all held parts of the run to their places at the present time, and set the loads to their size then."""
+        """Move all held parts of the run to their places at the present time, and set the loads
+        to their size then.
+        """
         self.run.loading.apply(self.run.state.parameter, self.run.force, self.run.positions)
 
     def _last_row(self) -> None:
-        """Add a row for the present time to the history, unless the last row is already for this time."""
+        """Add a row for the present time to the history, unless the last row is already for this
+        time.
+        """
         if self.account.time > self.account.row_time:
             self._row()
 
     def _row(self, first: bool = False) -> None:
-        """Add a row for the present time to the history, after adding work and damped energy until then to the energy account."""
+        """Add a row for the present time to the history, after adding work and damped energy
+        until then to the energy account.
+        """
         run, books, stress = self.run, self._books, self.run.problem.measures.nominal_stress
-        reactions, kinetic = run.loading.reactions(run.force, self.integrator.forces), books.kinetic_energy()
+        reactions, kinetic = (
+            run.loading.reactions(run.force, self.integrator.forces),
+            books.kinetic_energy(),
+        )
         forces = forces_by_name(run, reactions)
         books.advance(reactions, evaluate=True)
         strain, row = run.strain_energy(), place_columns(run, run.state.elapsed + self.account.time)
@@ -224,22 +296,40 @@ class Transient:
             row["nominal_stress"] = stress.of(reactions.forces)
         else:
             row |= component_columns("moment", moments_by_name(run, reactions))
-        row |= books.columns(kinetic, strain, first) | component_columns("force", forces) | state_columns(run)
+        row |= (
+            books.columns(kinetic, strain, first)
+            | component_columns("force", forces)
+            | state_columns(run)
+        )
         if books.closes:
             row["released_energy"] = self.account.released_energy
         if run.state.crack is not None:
-            row |= {"broken_bonds": run.state.crack["broken_bonds"], "free_points": run.unsupported_points()}
+            row |= {
+                "broken_bonds": run.state.crack["broken_bonds"],
+                "free_points": run.unsupported_points(),
+            }
         run.state.history.append(row)
         run.state.dynamics[-1] |= books.entries()
         energies = {"strain_energy": strain, "kinetic_energy": kinetic}
-        broken = {} if run.state.crack is None else {"broken_bonds": run.state.crack["broken_bonds"]}
+        broken = (
+            {} if run.state.crack is None else {"broken_bonds": run.state.crack["broken_bonds"]}
+        )
         share = self.account.time / self.motion.duration
-        run.report("dynamics", share, run.state.parameter, **broken, steps=self.integrator.steps, **energies)
+        run.report(
+            "dynamics",
+            share,
+            run.state.parameter,
+            **broken,
+            steps=self.integrator.steps,
+            **energies,
+        )
 
     def output(self) -> bool:
-        """Record the present state as an output, with a row of the history; return whether the body has separated between its supports.
+        """Record the present state as an output, with a row of the history; return whether the body
+        has separated between its supports.
 
-        Except for bodies between grips, whose nominal stress is in the history, the output also becomes a row of ``summary["levels"]``.
+        Except for bodies between grips, whose nominal stress is in the history, the output also
+        becomes a row of ``summary["levels"]``.
         """
         run, account = self.run, self.account
         self._last_row()
@@ -259,9 +349,11 @@ class Transient:
 
 
 def _holding(run: Run, motion: Motion) -> Callable[[np.ndarray, float], None]:
-    """Return a function that moves held points, in positions (n, d), and reflection planes to their places a given time ahead.
+    """Return a function that moves held points, in positions (n, d), and reflection planes to their
+    places a given time ahead.
 
-    A method would refer to the integrator, which refers to this function, and the circle of references would keep the body in memory.
+    A method would refer to the integrator, which refers to this function, and the circle of
+    references would keep the body in memory.
     """
 
     def hold(positions: np.ndarray, ahead: float) -> None:

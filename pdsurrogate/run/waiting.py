@@ -1,4 +1,6 @@
-"""Number of ranks (parallel processes) that work on a body: small bodies are left to fewer ranks than were started."""
+"""Number of ranks (parallel processes) that work on a body: small bodies are left to fewer ranks
+than were started.
+"""
 
 from ..discretization import estimated_points
 from ..ranks import Communicator
@@ -9,7 +11,9 @@ POINTS_PER_RANK = 25_000
 
 
 class RanksWait(UserWarning):
-    """Warning that a body is too small for all ranks that were started, so that some of them wait."""
+    """Warning that a body is too small for all ranks that were started, so that some of them
+    wait.
+    """
 
 
 def working_ranks(scene: Scene, ranks: Communicator) -> int:
@@ -26,6 +30,11 @@ def working_ranks(scene: Scene, ranks: Communicator) -> int:
 
 
 def note_of_waiting(points: int, working: int, started: int) -> str:
-    """Return the text of the warning that only some of the ranks that were started work on a body with so many points."""
+    """Return the text of the warning that only some of the ranks that were started work on a
+    body with so many points.
+    """
     what = f"{working} of {started} ranks {'work' if working > 1 else 'works'} on {points} points"
-    return f"{what}, since ranks with fewer than {POINTS_PER_RANK} points each save no time; the others wait"
+    return (
+        f"{what}, since ranks with fewer than {POINTS_PER_RANK} points each save no time; the"
+        " others wait"
+    )

@@ -10,25 +10,31 @@ from .regions import RegionReference
 from .strict_model import Finite, Positive, SpaceDirection, StrictModel, Vector, Whole
 
 CONTROLLED = r"^probes\.(.+)\.displacement\.([0-2])$"
-"""Pattern of the key of a displacement that a step can control: name of the probe, and component."""
+"""Pattern of the key of a displacement that a step can control: name of the probe, and
+component.
+"""
 
 LoadName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
 
 class Prescribed(StrictModel):
-    """Prescribed displacements of a region: for each component a value times an amplitude; components without a value are free.
+    """Prescribed displacements of a region: for each component a value times an amplitude;
+    components without a value are free.
 
-    If the region is given by ``near`` (see `pdsurrogate.Region`) and several points are equally near, their mean displacement is
-    prescribed. A rotation prescribes all components; the displacements x1, x2 and x3 are added to it.
+    If the region is given by ``near`` (see `pdsurrogate.Region`) and several points are equally
+    near, their mean displacement is prescribed. A rotation prescribes all components; the
+    displacements x1, x2 and x3 are added to it.
 
     Parameters
     ----------
     region : str or Region
         What is held or moved.
     x1, x2, x3 : float, optional
-        Displacement at amplitude 1 along this axis; 0 holds the component. Bodies in the plane have no x3. Unit: length.
+        Displacement at amplitude 1 along this axis; 0 holds the component. Bodies in the plane have
+        no x3. Unit: length.
     rotation : float, optional
-        Angle at amplitude 1 by which the region is turned, counter-clockwise seen from where the axis points to. Unit: degrees.
+        Angle at amplitude 1 by which the region is turned, counter-clockwise seen from where the
+        axis points to. Unit: degrees.
     about : point, optional
         Center of the rotation. Unit: length.
     axis : vector, optional
@@ -63,15 +69,20 @@ class Prescribed(StrictModel):
 
     def model_post_init(self, _) -> None:
         if all(value is None for value in (*self.displacement, self.rotation)):
-            raise ValueError("needs at least one of x1, x2, x3 (solids) and rotation; 0 holds a component")
+            raise ValueError(
+                "needs at least one of x1, x2, x3 (solids) and rotation; 0 holds a component"
+            )
         if (self.rotation is None) != (self.about is None):
-            raise ValueError("rotation and about (the place to rotate about) must be given together")
+            raise ValueError(
+                "rotation and about (the place to rotate about) must be given together"
+            )
         if self.axis is not None and self.rotation is None:
             raise ValueError("axis, the direction of the axis of a rotation, needs rotation")
 
     @property
     def displacement(self) -> tuple[float | None, float | None, float | None]:
-        """Prescribed displacements x1, x2 and x3 at amplitude 1; None for a component without a value.
+        """Prescribed displacements x1, x2 and x3 at amplitude 1; None for a component without a
+        value.
 
         Examples
         --------
@@ -83,7 +94,8 @@ class Prescribed(StrictModel):
 
 
 class Load(StrictModel):
-    """Load on a region, times an amplitude: exactly one of a traction, a pressure, a body force and a total force.
+    """Load on a region, times an amplitude: exactly one of a traction, a pressure, a body force and
+    a total force.
 
     Parameters
     ----------
@@ -92,14 +104,16 @@ class Load(StrictModel):
     traction : vector, optional
         Force per undeformed area of the boundary, of constant direction. Unit: stress.
     pressure : float, optional
-        Pressure on the deformed boundary, whose normal it follows; a positive value pushes into the body. Unit: stress.
+        Pressure on the deformed boundary, whose normal it follows; a positive value pushes into the
+        body. Unit: stress.
     body_force : vector, optional
         Force per undeformed volume. Unit: stress/length.
     force : vector, optional
-        Total force on the points of the region, shared equally among them; in the plane per unit thickness. Unit: force.
+        Total force on the points of the region, shared equally among them; in the plane per unit
+        thickness. Unit: force.
     thickness : {"deformed", "undeformed"}, optional
-        For a pressure under plane stress: whether it acts on the deformed thickness of the sheet (true pressure, the default), or on the
-        undeformed thickness.
+        For a pressure under plane stress: whether it acts on the deformed thickness of the sheet
+        (true pressure, the default), or on the undeformed thickness.
     amplitude : str or table
         Factor of the load, as a function of the loading parameter t. Unit: none.
     name : str, optional
@@ -152,20 +166,24 @@ class Load(StrictModel):
 
 
 class DynamicsSettings(StrictModel):
-    """Settings of explicit dynamics, common to `StepDynamics` (during a step) and `Dynamics` (after the last stretch in equilibrium).
+    """Settings of explicit dynamics, common to `StepDynamics` (during a step) and `Dynamics` (after
+    the last stretch in equilibrium).
 
     Parameters
     ----------
     density : float
-        Mass per undeformed volume; with kPa, cm and s, 1e-4 is 1000 kg/m^3. Unit: stress time^2/length^2.
+        Mass per undeformed volume; with kPa, cm and s, 1e-4 is 1000 kg/m^3. Unit: stress
+        time^2/length^2.
     damping : float
-        Rate c in the equation of motion M (a + c v) = f (masses M, accelerations a, velocities v, forces f). Unit: 1/time.
+        Rate c in the equation of motion M (a + c v) = f (masses M, accelerations a, velocities v,
+        forces f). Unit: 1/time.
     viscosity : float, optional
-        Retardation time of a Kelvin-Voigt solid. It damps waves as short as a bond, which arise where material unloads behind a crack. By
-        default 0.7 spacings divided by the speed of shear waves with fracture, else 0. Unit: time.
+        Retardation time of a Kelvin-Voigt solid. It damps waves as short as a bond, which arise
+        where material unloads behind a crack. By default 0.7 spacings divided by the speed of shear
+        waves with fracture, else 0. Unit: time.
     safety : float
-        Time step divided by the critical time step. The default stays stable if the tangent becomes twice as stiff between two estimates
-        of the highest frequency (0.7^2 = 1/2). Unit: none.
+        Time step divided by the critical time step. The default stays stable if the tangent becomes
+        twice as stiff between two estimates of the highest frequency (0.7^2 = 1/2). Unit: none.
     """
 
     density: Positive
@@ -180,15 +198,18 @@ class StepDynamics(DynamicsSettings):
     Parameters
     ----------
     density : float
-        Mass per undeformed volume; with kPa, cm and s, 1e-4 is 1000 kg/m^3. Unit: stress time^2/length^2.
+        Mass per undeformed volume; with kPa, cm and s, 1e-4 is 1000 kg/m^3. Unit: stress
+        time^2/length^2.
     damping : float
-        Rate c in the equation of motion M (a + c v) = f (masses M, accelerations a, velocities v, forces f). Unit: 1/time.
+        Rate c in the equation of motion M (a + c v) = f (masses M, accelerations a, velocities v,
+        forces f). Unit: 1/time.
     viscosity : float, optional
-        Retardation time of a Kelvin-Voigt solid. It damps waves as short as a bond, which arise where material unloads behind a crack. By
-        default 0.7 spacings divided by the speed of shear waves with fracture, else 0. Unit: time.
+        Retardation time of a Kelvin-Voigt solid. It damps waves as short as a bond, which arise
+        where material unloads behind a crack. By default 0.7 spacings divided by the speed of shear
+        waves with fracture, else 0. Unit: time.
     safety : float
-        Time step divided by the critical time step. The default stays stable if the tangent becomes twice as stiff between two estimates
-        of the highest frequency (0.7^2 = 1/2). Unit: none.
+        Time step divided by the critical time step. The default stays stable if the tangent becomes
+        twice as stiff between two estimates of the highest frequency (0.7^2 = 1/2). Unit: none.
     duration : float
         Duration of the step, in which the loading parameter changes linearly. Unit: time.
 
@@ -210,21 +231,25 @@ class StepDynamics(DynamicsSettings):
 
 
 class Step(StrictModel):
-    """Step of the loading program, which moves the loading parameter t from its present value to `to`, in equilibrium or in dynamics.
+    """Step of the loading program, which moves the loading parameter t from its present value to
+    `to`, in equilibrium or in dynamics.
 
     Parameters
     ----------
     to : float
-        Value of t at the end of the step. An unchanged value holds the body; a smaller value unloads it. Unit: none.
+        Value of t at the end of the step. An unchanged value holds the body; a smaller value
+        unloads it. Unit: none.
     outputs : int
-        Number of states that are recorded at equal intervals of t or time, the last at the end of the step.
+        Number of states that are recorded at equal intervals of t or time, the last at the end of
+        the step.
     largest_increment : float, optional
         Greatest change of t between two equilibria. Unit: none.
     dynamics : StepDynamics, optional
         Settings of explicit dynamics; without them the step is in equilibrium.
     control : str, optional
-        Component of the displacement of a probe, such as ``"probes.tip.displacement.0"`` (components count from 0), that the step changes
-        in place of t. `to` and `largest_increment` are then displacements, and t, the factor of the loads, is found: loads can be followed
+        Component of the displacement of a probe, such as ``"probes.tip.displacement.0"``
+        (components count from 0), that the step changes in place of t. `to` and `largest_increment`
+        are then displacements, and t, the factor of the loads, is found: loads can be followed
         beyond their maximum, like the pressure in a balloon.
 
     See Also
@@ -247,7 +272,11 @@ class Step(StrictModel):
     @model_validator(mode="before")
     @classmethod
     def _from_number(cls, value):
-        return {"to": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
+        return (
+            {"to": value}
+            if isinstance(value, int | float) and not isinstance(value, bool)
+            else value
+        )
 
     def model_post_init(self, _) -> None:
         if self.dynamics is not None and self.largest_increment is not None:
@@ -257,7 +286,8 @@ class Step(StrictModel):
 
     @property
     def kind(self) -> str:
-        """Return the key that tells apart the kinds of steps: ``control`` for one that controls a displacement, else ``dynamics``.
+        """Return the key that tells apart the kinds of steps: ``control`` for one that controls a
+        displacement, else ``dynamics``.
 
         Examples
         --------
@@ -275,7 +305,8 @@ def controlled_place(control: str) -> tuple[str, int]:
 
 
 class Probe(StrictModel):
-    """A place in the undeformed body whose displacement, stress and deformation gradient are reported at every output.
+    """A place in the undeformed body whose displacement, stress and deformation gradient are
+    reported at every output.
 
     Parameters
     ----------

@@ -1,11 +1,21 @@
-"""Scene: a body, its material, its supports and loads, and the reference solution with which results are compared."""
+"""Scene: a body, its material, its supports and loads, and the reference solution with which
+results are compared.
+"""
 
 import dataclasses
 import json
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from ..arguments import suggestion
 from ..html_tables import html_facts
@@ -24,33 +34,51 @@ from .strict_model import Finite, Positive, StrictModel, Vector, Whole, refused
 def _bond_force_correction(value: Any) -> Any:
     """Return a correction; raise ValueError for those that were choices for bond energies."""
     if value == "balanced":
-        raise ValueError("bond energies always have balanced gradients now, so that balanced is no choice; leave out correction")
+        raise ValueError(
+            "bond energies always have balanced gradients now, so that balanced is no choice; leave"
+            " out correction"
+        )
     if value == "quadratic":
-        raise ValueError("quadratic is gone: bond energies have balanced gradients in its place; leave out correction")
+        raise ValueError(
+            "quadratic is gone: bond energies have balanced gradients in its place; leave out"
+            " correction"
+        )
     return value
 
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
-"""Name of a scene, after which result files are named: no path, and no character with a meaning to a terminal or a shell."""
+"""Name of a scene, after which result files are named: no path, and no character with a meaning
+to a terminal or a shell.
+"""
 
 UnitName = Annotated[str, Field(pattern=r"^[\w/^*. -]{1,16}$")]
 
 Level = Annotated[Positive, Field(le=100)]
 """Stretch between grips, up to 100; rubber breaks below 10."""
 
-USUAL: dict[str, dict[int, Any]] = {"plane": {2: "stress", 3: "space"}, "horizon_ratio": {2: 3.15, 3: 1.75}}
-"""Defaults of two keys of a scene by the dimension of the body. The horizon of 3.15 spacings is the paper's, above three so that rounding
-does not decide which points lie within. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
+USUAL: dict[str, dict[int, Any]] = {
+    "plane": {2: "stress", 3: "space"},
+    "horizon_ratio": {2: 3.15, 3: 1.75},
+}
+"""Defaults of two keys of a scene by the dimension of the body. The horizon of 3.15 spacings is the
+paper's, above three so that rounding does not decide which points lie within. In three dimensions
+short horizons are more accurate and cheaper: 26 bonds.
+"""
 
 RIGID = "rigid"
-"""Text that a scene gives in the place of a material law for a region that moves as one rigid body."""
+"""Text that a scene gives in the place of a material law for a region that moves as one rigid
+body.
+"""
 
 LEAST_MODULUS, MOST_MODULUS = 1e-30, 1e30
-"""Limits of the shear and the bulk modulus: between them forces and their squares, which norms need, neither overflow nor vanish in double
-precision at any spacing that is allowed."""
+"""Limits of the shear and the bulk modulus: between them forces and their squares, which norms
+need, neither overflow nor vanish in double precision at any spacing that is allowed.
+"""
 
 LEAST_SPACING, MOST_SPACING = 1e-12, 1e12
-"""Limits of the spacing: volumes of cells, 1e-36 to 1e36, are normal numbers in single precision."""
+"""Limits of the spacing: volumes of cells, 1e-36 to 1e36, are normal numbers in single
+precision.
+"""
 
 
 class MaterialSpec(StrictModel):
@@ -78,7 +106,9 @@ class MaterialSpec(StrictModel):
     def model_post_init(self, _) -> None:
         if self.rigid:
             if self.model_extra:
-                raise ValueError(f"{RIGID} has no parameters; remove {next(iter(self.model_extra))}")
+                raise ValueError(
+                    f"{RIGID} has no parameters; remove {next(iter(self.model_extra))}"
+                )
             return
         law = self.build()
         for key in ("shear_modulus", "bulk_modulus"):
@@ -89,7 +119,9 @@ class MaterialSpec(StrictModel):
 
     @property
     def rigid(self) -> bool:
-        """Return whether the material is ``"rigid"``: it has no law, and its region moves as one rigid body."""
+        """Return whether the material is ``"rigid"``: it has no law, and its region moves as one
+        rigid body.
+        """
         return self.law == RIGID
 
     def build(self) -> Law:
@@ -107,9 +139,15 @@ class MaterialSpec(StrictModel):
         given: dict[str, Any] = {}
         for key, value in (self.model_extra or {}).items():
             if key not in known:
-                raise ValueError(f"{self.law} has no parameter {key!r}; {suggestion(key, sorted(known), 'it has')}")
+                raise ValueError(
+                    f"{self.law} has no parameter {key!r};"
+                    f" {suggestion(key, sorted(known), 'it has')}"
+                )
             listed = isinstance(value, list | tuple)
-            if any(isinstance(number, bool) or not isinstance(number, int | float) for number in (value if listed else [value])):
+            if any(
+                isinstance(number, bool) or not isinstance(number, int | float)
+                for number in (value if listed else [value])
+            ):
                 raise ValueError(f"{key} must be a number, not {value!r}")
             try:
                 given[key] = tuple(map(float, value)) if listed else float(value)
@@ -118,7 +156,10 @@ class MaterialSpec(StrictModel):
         try:
             return law(**given)
         except TypeError:
-            raise ValueError(f"{self.law}: a parameter is a list instead of a number, or a number instead of a list") from None
+            raise ValueError(
+                f"{self.law}: a parameter is a list instead of a number, or a number instead of a"
+                " list"
+            ) from None
 
 
 class Criterion(StrictModel):
@@ -129,9 +170,10 @@ class Criterion(StrictModel):
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack
-        tip, and the package rejects it if no diameter was measured for the force model, the plane, the arrangement of the points and
-        `horizon_ratio`. Unit: stress length.
+        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it
+        with the effective diameter of a crack tip, and the package rejects it if no diameter was
+        measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
+        Unit: stress length.
     """
 
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
@@ -143,21 +185,25 @@ class Criterion(StrictModel):
 
 
 class InterfaceFracture(Criterion):
-    """Fracture of the bonds that cross from one material to another, given by either `critical_stretch` or `energy`.
+    """Fracture of the bonds that cross from one material to another, given by either
+    `critical_stretch` or `energy`.
 
-    Between materials with different laws or parameters, `critical_stretch` alone: no crack tips were measured there.
+    Between materials with different laws or parameters, `critical_stretch` alone: no crack tips
+    were measured there.
 
     Parameters
     ----------
     between : pair of str
-        Names of the two materials: the name of the region of an entry of `materials`, ``"materials.N"`` (counted from 0) for a region
-        without a name, or ``"rest"`` for the material of the rest of the body.
+        Names of the two materials: the name of the region of an entry of `materials`,
+        ``"materials.N"`` (counted from 0) for a region without a name, or ``"rest"`` for the
+        material of the rest of the body.
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack
-        tip, and the package rejects it if no diameter was measured for the force model, the plane, the arrangement of the points and
-        `horizon_ratio`. Unit: stress length.
+        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it
+        with the effective diameter of a crack tip, and the package rejects it if no diameter was
+        measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
+        Unit: stress length.
     """
 
     between: tuple[str, str]
@@ -171,12 +217,14 @@ class Fracture(Criterion):
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack
-        tip, and the package rejects it if no diameter was measured for the force model, the plane, the arrangement of the points and
-        `horizon_ratio`. Unit: stress length.
+        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it
+        with the effective diameter of a crack tip, and the package rejects it if no diameter was
+        measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
+        Unit: stress length.
     interfaces : list of InterfaceFracture
-        Pairs of materials whose common interface has a fracture energy or critical stretch of its own. Bonds between other materials
-        break at the smaller of the critical stretches of the two.
+        Pairs of materials whose common interface has a fracture energy or critical stretch of its
+        own. Bonds between other materials break at the smaller of the critical stretches of the
+        two.
     """
 
     interfaces: tuple[InterfaceFracture, ...] = ()
@@ -192,10 +240,11 @@ class Part(StrictModel):
     material : MaterialSpec or str
         The material or the name of its law; ``"rigid"`` for a region that moves as one body.
     force : str, optional
-        Artifact that is the force model of this material. By default the force model of the rest of the body, or, if that model is a
-        surrogate, the surrogate of this material's law.
+        Artifact that is the force model of this material. By default the force model of the rest of
+        the body, or, if that model is a surrogate, the surrogate of this material's law.
     fracture : Criterion, optional
-        When bonds within this material break; by default as in the rest of the body. Needs `fracture` of the scene.
+        When bonds within this material break; by default as in the rest of the body. Needs
+        `fracture` of the scene.
 
     See Also
     --------
@@ -217,7 +266,9 @@ class Part(StrictModel):
     def model_post_init(self, _) -> None:
         for key in ("force", "fracture"):
             if self.material.rigid and getattr(self, key) is not None:
-                raise ValueError(f"{key} does not apply to a rigid region, which is not deformed: leave it out")
+                raise ValueError(
+                    f"{key} does not apply to a rigid region, which is not deformed: leave it out"
+                )
 
 
 class Grip(StrictModel):
@@ -228,9 +279,11 @@ class Grip(StrictModel):
     edge : {"left", "right", "bottom", "top", "back", "front"}
         Edge of the bounding box; ``"back"`` and ``"front"`` are faces of solids, normal to x3.
     holds : {"all", "normal"}
-        Components that the grip holds: ``"all"`` for a clamp, ``"normal"`` for a roller, along which the edge may slide.
+        Components that the grip holds: ``"all"`` for a clamp, ``"normal"`` for a roller, along
+        which the edge may slide.
     travel : float
-        Share of the elongation of the body by which this grip moves outward; the shares of both grips add up to 1. Unit: none.
+        Share of the elongation of the body by which this grip moves outward; the shares of both
+        grips add up to 1. Unit: none.
     """
 
     edge: Face
@@ -244,13 +297,15 @@ class Hold(StrictModel):
     Parameters
     ----------
     box : pair of points, optional
-        Two opposite corners of a box that contains the points, the first with the least coordinates. Unit: length.
+        Two opposite corners of a box that contains the points, the first with the least
+        coordinates. Unit: length.
     points : list of int, optional
         Numbers of the points, from 0.
     components : list of {"x1", "x2", "x3"}, optional
         Components of the displacement that are held; by default all.
     travel : vector, optional
-        Displacement of the points, divided by the elongation of the body; by default they stay in place. Unit: none.
+        Displacement of the points, divided by the elongation of the body; by default they stay in
+        place. Unit: none.
     """
 
     box: tuple[Vector, Vector] | None = None
@@ -269,17 +324,20 @@ class SolverSpec(StrictModel):
     Parameters
     ----------
     method : {"automatic", "minimizer", "quasi-newton", "relaxation", "explicit", "newton"}
-        Method: ``"automatic"`` chooses between the next three; ``"minimizer"`` minimizes the energy, which the force must have;
-        ``"quasi-newton"`` is L-BFGS on the residual force; ``"relaxation"`` is adaptive dynamic relaxation; ``"explicit"`` is damped
-        explicit stepping with a fixed time step, as in the paper; ``"newton"`` continues ``"automatic"`` with Newton's method to tolerances
-        down to 1e-10, and needs ``precision = "float64"``.
+        Method: ``"automatic"`` chooses between the next three; ``"minimizer"`` minimizes the
+        energy, which the force must have; ``"quasi-newton"`` is L-BFGS on the residual force;
+        ``"relaxation"`` is adaptive dynamic relaxation; ``"explicit"`` is damped explicit stepping
+        with a fixed time step, as in the paper; ``"newton"`` continues ``"automatic"`` with
+        Newton's method to tolerances down to 1e-10, and needs ``precision = "float64"``.
     tolerance : float
-        Greatest residual: the largest force per volume on a free component, times the spacing, divided by the shear modulus. Unit: none.
+        Greatest residual: the largest force per volume on a free component, times the spacing,
+        divided by the shear modulus. Unit: none.
     most_evaluations : int
         Greatest number of force evaluations in the search for one equilibrium.
     largest_increment : float
-        With grips the greatest change of the stretch between two equilibria. With steps the greatest strain of a bond in a first guess, by
-        which increments are limited; at 1 a bond would vanish. Unit: none.
+        With grips the greatest change of the stretch between two equilibria. With steps the
+        greatest strain of a bond in a first guess, by which increments are limited; at 1 a bond
+        would vanish. Unit: none.
     """
 
     # Scene files of earlier versions write "minimiser".
@@ -293,12 +351,14 @@ class SolverSpec(StrictModel):
 
 
 class Dynamics(DynamicsSettings):
-    """Explicit dynamics from the last equilibrium on, while the grips move apart at a constant rate.
+    """Explicit dynamics from the last equilibrium on, while the grips move apart at a constant
+    rate.
 
     Parameters
     ----------
     stretch : float
-        Stretch at which the run ends, unless the body separates before; greater than the last of `stretches`. Unit: none.
+        Stretch at which the run ends, unless the body separates before; greater than the last of
+        `stretches`. Unit: none.
     stretch_rate : float
         Change of the stretch per unit time. Unit: 1/time.
     outputs : int
@@ -313,25 +373,37 @@ class Dynamics(DynamicsSettings):
     outputs: Annotated[Whole, Field(ge=1, le=10_000)] = 30
 
 
-_OneOrMany = BeforeValidator(lambda value: (value,) if isinstance(value, int | float | dict) else value)
+_OneOrMany = BeforeValidator(
+    lambda value: (value,) if isinstance(value, int | float | dict) else value
+)
 """Validator that turns a single entry into a tuple with this entry."""
 
 
-_known_weight = refused(lambda name: name not in WEIGHT_FUNCTIONS, f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")
+_known_weight = refused(
+    lambda name: name not in WEIGHT_FUNCTIONS,
+    f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}",
+)
 
 
 def _dimension_of(data: Mapping[str, Any]) -> int:
-    """Return the dimension of the body in the fields of a scene that is being validated; 2 if the body was invalid."""
+    """Return the dimension of the body in the fields of a scene that is being validated; 2 if
+    the body was invalid.
+    """
     return data["body"].dimension if "body" in data else 2
 
 
 def with_unit(what: str, unit: str | None) -> str:
-    """Return the name of a quantity with its unit, if it has one, as in print: "force (kPa·cm²)" for the unit "kPa cm^2"."""
-    return f"{what} ({unit.replace(' ', '·').replace('^2', '²').replace('^3', '³')})" if unit else what
+    """Return the name of a quantity with its unit, if it has one, as in print: "force (kPa·cm²)"
+    for the unit "kPa cm^2".
+    """
+    return (
+        f"{what} ({unit.replace(' ', '·').replace('^2', '²').replace('^3', '³')})" if unit else what
+    )
 
 
 class Units(StrictModel):
-    """Names of the units of a scene. Values are not converted, and quantities without a named unit are shown without one.
+    """Names of the units of a scene. Values are not converted, and quantities without a named unit
+    are shown without one.
 
     Parameters
     ----------
@@ -348,31 +420,42 @@ class Units(StrictModel):
     time: UnitName | None = None
 
     def _times_length(self, power: int) -> str:
-        """Return the unit of length to a power, one less in the plane, after a blank; empty for the power 0."""
+        """Return the unit of length to a power, one less in the plane, after a blank; empty for
+        the power 0.
+        """
         power -= isinstance(self, _UnitsPerThickness)
         return f" {self.length}" + (f"^{power}" if power > 1 else "") if power else ""
 
     @property
     def force(self) -> str | None:
-        """Return the unit of forces, stress times length^2, in the plane stress times length; None if either unit has no name."""
+        """Return the unit of forces, stress times length^2, in the plane stress times length;
+        None if either unit has no name.
+        """
         return self.stress + self._times_length(2) if self.stress and self.length else None
 
     @property
     def area(self) -> str | None:
-        """Return the unit of areas, length^2, in the plane length; None if the unit of length has no name."""
+        """Return the unit of areas, length^2, in the plane length; None if the unit of length
+        has no name.
+        """
         return self.length and self._times_length(2).strip()
 
     @property
     def energy(self) -> str | None:
-        """Return the unit of energies and moments, stress times length^3, in the plane length^2; None if either unit has no name."""
+        """Return the unit of energies and moments, stress times length^3, in the plane length^2;
+        None if either unit has no name.
+        """
         return self.stress + self._times_length(3) if self.stress and self.length else None
 
     def label(self, what: str, kind: str) -> str:
-        """Return the name `what` of a quantity with its unit in brackets, for headers and axes; `kind` is "length" or "force", say."""
+        """Return the name `what` of a quantity with its unit in brackets, for headers and axes;
+        `kind` is "length" or "force", say.
+        """
         return with_unit(what, getattr(self, kind))
 
     def amount(self, number: float | str, kind: str, form: str = "", power: str = "") -> str:
-        """Return a number, or text such as "0 to 2", followed by the unit of its `kind` ("length", say) and a power such as "^2".
+        """Return a number, or text such as "0 to 2", followed by the unit of its `kind` ("length",
+        say) and a power such as "^2".
 
         `form` is the format specification of the number, such as ".4g".
         """
@@ -381,42 +464,49 @@ class Units(StrictModel):
 
 
 class _UnitsPerThickness(Units):
-    """Names of the units of a body in the plane, whose forces, areas and energies are those per thickness."""
+    """Names of the units of a body in the plane, whose forces, areas and energies are those per
+    thickness.
+    """
 
 
 class Scene(StrictModel):
     """Complete description of a simulation: body, material, loading, solver and output.
 
-    All values are in one consistent system of units. Places, directions and forces have as many components as the body has dimensions. A
-    scene defines its loading in one of two ways: with two `grips` and `stretches` (and `holds` and `dynamics`), or with `prescribed`
-    displacements, `loads` and `obstacles` (at least one of these) and `steps`.
+    All values are in one consistent system of units. Places, directions and forces have as many
+    components as the body has dimensions. A scene defines its loading in one of two ways: with two
+    `grips` and `stretches` (and `holds` and `dynamics`), or with `prescribed` displacements,
+    `loads` and `obstacles` (at least one of these) and `steps`.
 
     Parameters
     ----------
     name : str
-        Name of the scene and of its result files: letters, digits, spaces and ``._-``, at most 64 characters.
+        Name of the scene and of its result files: letters, digits, spaces and ``._-``, at most 64
+        characters.
     title : str
         Title of tables and figures.
     spacing : float
-        Distance between neighboring points, which is the side of their cells. If it does not divide a side of the body, the cells have the
-        nearest side that does; a spacing from which it differs by more than 10 % is an error. A mesh defines its own spacing, so that this
-        key is optional. Unit: length.
+        Distance between neighboring points, which is the side of their cells. If it does not divide
+        a side of the body, the cells have the nearest side that does; a spacing from which it
+        differs by more than 10 % is an error. A mesh defines its own spacing, so that this key is
+        optional. Unit: length.
     stretches : float or list of float
-        Stretches that the grips reach in equilibrium, in this order; a stretch is the distance of the grips divided by their undeformed
-        distance. A single number means a list with this number. Unit: none.
+        Stretches that the grips reach in equilibrium, in this order; a stretch is the distance of
+        the grips divided by their undeformed distance. A single number means a list with this
+        number. Unit: none.
     body : shape or Mesh
         Shape of the undeformed body; without the key ``shape`` it is a rectangle.
     holes : list of shapes
         Shapes that are cut out of the body.
     precuts : list of Precut, ParallelogramCut or DiscCut
-        Cuts of the undeformed body; points on different sides of a cut have no bond. An edge that is held by reflection mirrors them as it
-        mirrors the body.
+        Cuts of the undeformed body; points on different sides of a cut have no bond. An edge that
+        is held by reflection mirrors them as it mirrors the body.
     plane : {"stress", "strain", "space"}
-        Plane stress for a thin sheet, plane strain for a long body of constant cross-section, ``"space"`` for a solid. By default plane
-        stress for a body in the plane.
+        Plane stress for a thin sheet, plane strain for a long body of constant cross-section,
+        ``"space"`` for a solid. By default plane stress for a body in the plane.
     material : MaterialSpec or str, optional
-        Material of the body outside the regions of `materials`; the name of a law alone means the law with its default parameters. Optional
-        if the force model is an artifact: the run then uses the material of the artifact.
+        Material of the body outside the regions of `materials`; the name of a law alone means the
+        law with its default parameters. Optional if the force model is an artifact: the run then
+        uses the material of the artifact.
     materials : list of Part
         Regions that have another material or are rigid.
     grips : list of Grip
@@ -432,29 +522,37 @@ class Scene(StrictModel):
     obstacles : list of Obstacle
         Rigid obstacles without friction.
     steps : float, Step or list of these
-        Steps of the loading program. They move the loading parameter t, which begins at 0. A number is a step to this value in equilibrium;
-        a single step means a list with one step.
+        Steps of the loading program. They move the loading parameter t, which begins at 0. A number
+        is a step to this value in equilibrium; a single step means a list with one step.
     probes : list of Probe
         Places at which results are reported.
     support : {"reflected", "points"}
-        How an edge of the bounding box with a held normal component is held: ``"reflected"`` continues the body beyond the edge by its
-        mirror image, which holds the edge exactly; ``"points"`` holds the outermost points, half a cell inside the edge.
-        ``"reflected"`` also holds whole spheres, circular and elliptic holes and convex outlines by mirror images, if all components are
-        prescribed and the radius of curvature is at least two spacings; other boundaries are held at their points.
+        How an edge of the bounding box with a held normal component is held: ``"reflected"``
+        continues the body beyond the edge by its mirror image, which holds the edge exactly;
+        ``"points"`` holds the outermost points, half a cell inside the edge. ``"reflected"`` also
+        holds whole spheres, circular and elliptic holes and convex outlines by mirror images, if
+        all components are prescribed and the radius of curvature is at least two spacings; other
+        boundaries are held at their points.
     horizon_ratio : float
-        Horizon divided by the smaller side of a cell; by default 3.15 in the plane, as in the paper, and 1.75 for solids. Unit: none.
+        Horizon divided by the smaller side of a cell; by default 3.15 in the plane, as in the
+        paper, and 1.75 for solids. Unit: none.
     weight : str
-        Weight of a bond of length l at the horizon d: ``"inverse"`` is d/l, as in the paper; ``"constant"`` is 1; ``"linear"`` is 1 - l/d.
+        Weight of a bond of length l at the horizon d: ``"inverse"`` is d/l, as in the paper;
+        ``"constant"`` is 1; ``"linear"`` is 1 - l/d.
     correction : {"tensor", "scalar", "none"}, optional
-        Correction of incomplete horizons, near edges, in bond forces: ``"tensor"`` is theory (21), ``"scalar"`` is the paper's (24)-(25).
-        By default ``"tensor"`` if the force model supports it. Bond energies have balanced gradients there (theory, section 26).
+        Correction of incomplete horizons, near edges, in bond forces: ``"tensor"`` is theory (21),
+        ``"scalar"`` is the paper's (24)-(25). By default ``"tensor"`` if the force model supports
+        it. Bond energies have balanced gradients there (theory, section 26).
     rotation : {"polar", "convected"}, optional
-        Rotation of a horizon: that of the polar decomposition, which is the default, or the paper's (22)-(23).
+        Rotation of a horizon: that of the polar decomposition, which is the default, or the paper's
+        (22)-(23).
     precision : {"float32", "float64"}, optional
-        Precision in which forces of bonds are computed; by default the force model chooses. Positions and sums are always in float64.
+        Precision in which forces of bonds are computed; by default the force model chooses.
+        Positions and sums are always in float64.
     outside : {"fallback", "warn", "raise", "extrapolate"}, optional
-        What happens to a bond whose state is outside the domain of a surrogate: ``"fallback"``, the default, uses the exact force;
-        ``"extrapolate"`` uses the surrogate; ``"warn"`` does the same with a warning; ``"raise"`` ends the run.
+        What happens to a bond whose state is outside the domain of a surrogate: ``"fallback"``, the
+        default, uses the exact force; ``"extrapolate"`` uses the surrogate; ``"warn"`` does the
+        same with a warning; ``"raise"`` ends the run.
     solver : SolverSpec
         Settings of the solver for equilibrium.
     fracture : Fracture, optional
@@ -464,8 +562,8 @@ class Scene(StrictModel):
     units : Units
         Names of the units, for tables and figures.
     reference : {"uniaxial", "finite-elements"}, optional
-        Solution with which results are compared: exact homogeneous tension of a rectangle between rollers, or the stored finite element
-        solutions of built-in scenes.
+        Solution with which results are compared: exact homogeneous tension of a rectangle between
+        rollers, or the stored finite element solutions of built-in scenes.
 
     See Also
     --------
@@ -481,7 +579,10 @@ class Scene(StrictModel):
     ...     spacing=0.25,
     ...     body=pds.shapes.Rectangle(size=(1.0, 1.0)),
     ...     material={"law": "neo-hookean"},
-    ...     prescribed=(pds.Prescribed(region="left", x1=0.0, x2=0.0), pds.Prescribed(region="right", x1=0.2)),
+    ...     prescribed=(
+    ...         pds.Prescribed(region="left", x1=0.0, x2=0.0),
+    ...         pds.Prescribed(region="right", x1=0.2),
+    ...     ),
     ...     steps=(1.0,),
     ... )
     >>> scene
@@ -509,7 +610,10 @@ class Scene(StrictModel):
     support: Literal["reflected", "points"] = "reflected"
     horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = Field(None, validate_default=True)
     weight: Annotated[str, AfterValidator(_known_weight)] = "inverse"
-    correction: Annotated[Literal["tensor", "scalar", "none"], BeforeValidator(_bond_force_correction)] | None = None
+    correction: (
+        Annotated[Literal["tensor", "scalar", "none"], BeforeValidator(_bond_force_correction)]
+        | None
+    ) = None
     rotation: Literal["polar", "convected"] | None = None
     precision: Literal["float32", "float64"] | None = None
     outside: Literal["fallback", "warn", "raise", "extrapolate"] | None = None
@@ -522,7 +626,9 @@ class Scene(StrictModel):
     @field_validator("plane", "horizon_ratio", mode="before")
     @classmethod
     def _usual(cls, value: Any, info: ValidationInfo) -> Any:
-        """Return the value given for `plane` or `horizon_ratio`, or else its default for the dimension of the body."""
+        """Return the value given for `plane` or `horizon_ratio`, or else its default for the
+        dimension of the body.
+        """
         return USUAL[str(info.field_name)][_dimension_of(info.data)] if value is None else value
 
     @field_validator("units")
@@ -560,7 +666,8 @@ class Scene(StrictModel):
         Raises
         ------
         SceneError
-            If the scene names no material: only an artifact that brings its own material can run such a scene.
+            If the scene names no material: only an artifact that brings its own material can run
+            such a scene.
 
         Examples
         --------
@@ -569,7 +676,10 @@ class Scene(StrictModel):
         'neo-hookean'
         """
         if self.material is None:
-            raise SceneError(f"scene {self.name}: material: missing; add one, or choose an artifact as the force to use its material")
+            raise SceneError(
+                f"scene {self.name}: material: missing; add one, or choose an artifact as the force"
+                " to use its material"
+            )
         return self.material.build()
 
     @property
@@ -599,7 +709,9 @@ class Scene(StrictModel):
     @model_validator(mode="before")
     @classmethod
     def _spacing_of_a_mesh(cls, value: Any) -> Any:
-        """Return the keys of a scene before validation, with ``spacing`` None if the body is a mesh and no spacing is given."""
+        """Return the keys of a scene before validation, with ``spacing`` None if the body is a
+        mesh and no spacing is given.
+        """
         body = value.get("body") if isinstance(value, Mapping) else None
         meshed = isinstance(body, Mesh) or (isinstance(body, dict) and body.get("shape") == "mesh")
         return {"spacing": None, **value} if meshed else value
@@ -610,13 +722,26 @@ class Scene(StrictModel):
     def __repr__(self) -> str:
         program, kind = (self.stretches, "stretch") if self.stretched else (self.steps, "step")
         count, law = len(program), "no material" if self.material is None else self.material.law
-        told = f"{count} {kind}{'' if count == 1 else 'es' if kind == 'stretch' else 's'}" if count else "dynamics"
-        spacing = "" if self.spacing is None else f", spacing {self.units.amount(self.spacing, 'length', 'g')}"
+        told = (
+            f"{count} {kind}{'' if count == 1 else 'es' if kind == 'stretch' else 's'}"
+            if count
+            else "dynamics"
+        )
+        spacing = (
+            ""
+            if self.spacing is None
+            else f", spacing {self.units.amount(self.spacing, 'length', 'g')}"
+        )
         return f"<Scene {self.name}: {self.body.shape}{spacing}, {law}, {told}>"
 
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        given = self.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude_none=True)
-        facts = {key: value if isinstance(value, str | int | float) else json.dumps(value) for key, value in given.items()}
+        given = self.model_dump(
+            mode="json", by_alias=True, exclude_defaults=True, exclude_none=True
+        )
+        facts = {
+            key: value if isinstance(value, str | int | float) else json.dumps(value)
+            for key, value in given.items()
+        }
         return html_facts(f"Scene {facts.pop('name')}", facts)

@@ -27,26 +27,31 @@ class Roller(StrictModel):
 
 
 class Obstacle(StrictModel):
-    """Rigid obstacle without friction, fixed or with a prescribed displacement; it has exactly one shape, and the body lies outside it.
+    """Rigid obstacle without friction, fixed or with a prescribed displacement; it has exactly one
+    shape, and the body lies outside it.
 
     Parameters
     ----------
     half_plane : HalfPlane, optional
-        Obstacle with a straight side, for a body in the plane; `normal` points into the obstacle, away from the body.
+        Obstacle with a straight side, for a body in the plane; `normal` points into the obstacle,
+        away from the body.
     disc : Disc, optional
         Round obstacle, for a body in the plane.
     half_space : HalfSpace, optional
-        Obstacle with a flat face, for a solid; `normal` points into the obstacle, away from the body.
+        Obstacle with a flat face, for a solid; `normal` points into the obstacle, away from the
+        body.
     ball : Ball, optional
         Sphere, for a solid.
     cylinder : Roller, optional
         Cylinder of infinite length, for a solid.
     x1, x2, x3 : float, optional
-        Displacement at amplitude 1 along this axis; 0 without a value. Obstacles in the plane have no x3. Unit: length.
+        Displacement at amplitude 1 along this axis; 0 without a value. Obstacles in the plane have
+        no x3. Unit: length.
     amplitude : str or table
         Factor of the displacement, as a function of the loading parameter t. Unit: none.
     name : str, optional
-        Name under which results report force, contact area and penetration; by default ``obstacles.0`` and so on.
+        Name under which results report force, contact area and penetration; by default
+        ``obstacles.0`` and so on.
 
     See Also
     --------
@@ -56,12 +61,20 @@ class Obstacle(StrictModel):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> flange = pds.Obstacle(half_plane={"point": (0.0, 1.0), "normal": (0.0, 1.0)}, x2=-0.3, name="flange")
+    >>> flange = pds.Obstacle(
+    ...     half_plane={"point": (0.0, 1.0), "normal": (0.0, 1.0)}, x2=-0.3, name="flange"
+    ... )
     >>> flange.shape
     'half_plane'
     """
 
-    shapes: ClassVar[dict[str, int]] = {"half_plane": 2, "disc": 2, "half_space": 3, "ball": 3, "cylinder": 3}
+    shapes: ClassVar[dict[str, int]] = {
+        "half_plane": 2,
+        "disc": 2,
+        "half_space": 3,
+        "ball": 3,
+        "cylinder": 3,
+    }
     """Dimension of the bodies for which a shape is meant."""
 
     half_plane: HalfPlane | None = None

@@ -1,4 +1,6 @@
-"""Error messages for invalid scenes: `SceneError`, and the conversion of Pydantic's validation errors."""
+"""Error messages for invalid scenes: `SceneError`, and the conversion of Pydantic's validation
+errors.
+"""
 
 from typing import Any, get_args, get_origin
 
@@ -23,7 +25,9 @@ class SceneError(ValueError):
 
 PLAIN = dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "must be a table")
 PLAIN |= {"missing": "this key is missing", "tuple_type": "must be a list"}
-"""Messages by type of error in the place of Pydantic's, which uses the words of Python; a description is written in TOML."""
+"""Messages by type of error in the place of Pydantic's, which uses the words of Python; a
+description is written in TOML.
+"""
 
 
 FEW = 10
@@ -49,40 +53,74 @@ class Problems(ValueError):
 
 
 def _lines(problem: Any, problems: list, part: type[BaseModel]) -> list[tuple[str, str]]:
-    """Return pairs of dotted key and message for one of the `problems` that Pydantic lists for a `part` of a description.
+    """Return pairs of dotted key and message for one of the `problems` that Pydantic lists for a
+    `part` of a description.
 
     The list is empty if another of the problems explains the trouble better.
     """
-    loc, kind, given, context = problem["loc"], problem["type"], problem.get("input"), problem.get("ctx", {})
+    loc, kind, given, context = (
+        problem["loc"],
+        problem["type"],
+        problem.get("input"),
+        problem.get("ctx", {}),
+    )
     fields = {field.alias or name: field for name, field in part.model_fields.items()}
-    # Pydantic adds the tag of the variant that it tried, such as a shape; the author's file has no such key.
+    # Pydantic adds the tag of the variant that it tried, such as a shape; the author's file has no
+    # such key.
     named = 1 + bool(loc and loc[0] in fields and get_origin(fields[loc[0]].annotation) is dict)
-    key = ".".join(str(step) for place, step in enumerate(loc) if place < named or isinstance(step, int))
+    key = ".".join(
+        str(step) for place, step in enumerate(loc) if place < named or isinstance(step, int)
+    )
     if isinstance(context.get("error"), Problems):  # of a part of this part
-        return [(".".join(filter(None, (key, inner))), message) for inner, message in context["error"].lines]
-    if kind in ("too_short", "too_long") and any(other["loc"] != loc == other["loc"][: len(loc)] for other in problems):
+        return [
+            (".".join(filter(None, (key, inner))), message)
+            for inner, message in context["error"].lines
+        ]
+    if kind in ("too_short", "too_long") and any(
+        other["loc"] != loc == other["loc"][: len(loc)] for other in problems
+    ):
         return []  # Pydantic counts the entries that remain without the invalid ones.
     message = PLAIN.get(kind, problem["msg"].removeprefix("Value error, "))
     if kind == "missing" and isinstance(loc[-1], int):
-        if any(other["type"] == "missing" and other["loc"][:-1] == loc[:-1] and other["loc"] > loc for other in problems):
+        if any(
+            other["type"] == "missing" and other["loc"][:-1] == loc[:-1] and other["loc"] > loc
+            for other in problems
+        ):
             return []  # The last one missing shows how many there should be.
         key, count = key.rpartition(".")[0], f"needs {loc[-1] + 1} entries, not {len(given)}"
-        message = f"{count}; this shape is 3D, and 2D shapes need two components" if loc[-1] == 2 else count
+        message = (
+            f"{count}; this shape is 3D, and 2D shapes need two components"
+            if loc[-1] == 2
+            else count
+        )
     elif kind == "extra_forbidden":
         message, given = f"unknown key; {suggestion(str(loc[-1]), fields)}", None
     elif kind in ("too_short", "too_long"):
-        bound = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
-        # Pairs and triples have a fixed length; places and directions (`Vector`) have two or three components.
+        bound = (
+            f"at least {context['min_length']}"
+            if kind == "too_short"
+            else f"at most {context['max_length']}"
+        )
+        # Pairs and triples have a fixed length; places and directions (`Vector`) have two or three
+        # components.
         types = get_args(fields[loc[0]].annotation) if loc[0] in fields else ()
-        if kind == "too_long" and (context["max_length"] == 2 or types == types[:1] * context["max_length"]):
+        if kind == "too_long" and (
+            context["max_length"] == 2 or types == types[:1] * context["max_length"]
+        ):
             bound = context["max_length"]
         message = f"needs {bound} entries, not {context['actual_length']}"
-        if (context.get("max_length"), context["actual_length"]) == (2, 3) and all(isinstance(entry, int | float) for entry in given):
+        if (context.get("max_length"), context["actual_length"]) == (2, 3) and all(
+            isinstance(entry, int | float) for entry in given
+        ):
             message += "; this shape is 2D, and solids need three components"
     elif kind == "union_tag_invalid":
         shapes = context["expected_tags"].replace("'", "").split(", ")
         message = f"unknown shape {context['tag']!r}; {suggestion(context['tag'], shapes)}"
     text = repr(given)
-    if isinstance(given, str | int | float) and not message.endswith(text) and not (isinstance(given, str) and text in message):
+    if (
+        isinstance(given, str | int | float)
+        and not message.endswith(text)
+        and not (isinstance(given, str) and text in message)
+    ):
         message += f" (given {text if len(text) <= 80 else text[:77] + '...'})"
     return [(key, message)]

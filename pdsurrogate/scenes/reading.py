@@ -1,4 +1,6 @@
-"""Reading scenes: built-in scenes by name, users' scenes from TOML files, and changes to their keys."""
+"""Reading scenes: built-in scenes by name, users' scenes from TOML files, and changes to their
+keys.
+"""
 
 import copy
 import tomllib
@@ -13,7 +15,9 @@ from .model import Scene
 from .problems import SceneError
 
 MOST_BYTES = 16 * 2**20
-"""Greatest size of a scene or study file in bytes, enough for an outline of half a million corners."""
+"""Greatest size of a scene or study file in bytes, enough for an outline of half a million
+corners.
+"""
 
 
 def scene_names() -> list[str]:
@@ -34,10 +38,16 @@ def scene_names() -> list[str]:
     >>> "uniaxial" in pds.scene_names()
     True
     """
-    return sorted(path.name.removesuffix(".toml") for path in resources.files(__package__).iterdir() if path.name.endswith(".toml"))
+    return sorted(
+        path.name.removesuffix(".toml")
+        for path in resources.files(__package__).iterdir()
+        if path.name.endswith(".toml")
+    )
 
 
-def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str] = (), **parameters: Any) -> Scene:
+def load_scene(
+    reference: str | Path, changes: Mapping[str, Any] | Iterable[str] = (), **parameters: Any
+) -> Scene:
     """Load a built-in scene by name, or a scene file.
 
     Parameters
@@ -45,7 +55,8 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
     reference : str or path
         Name of a built-in scene, or path of a TOML file.
     changes : mapping or iterable of str
-        Changes by dotted key, e.g. ``{"material.shear_modulus": 2}`` or ``["material.shear_modulus=2"]``.
+        Changes by dotted key, e.g. ``{"material.shear_modulus": 2}`` or
+        ``["material.shear_modulus=2"]``.
     **parameters
         Further changes of top-level keys.
 
@@ -74,12 +85,18 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
     place, source = _place_of(reference)
     data = read_description(place, "scene")
     if isinstance(changes, str):
-        raise SceneError(f"changes must be a list of key=value, or a mapping, not the text {changes!r}")
+        raise SceneError(
+            f"changes must be a list of key=value, or a mapping, not the text {changes!r}"
+        )
     pairs = changes.items() if isinstance(changes, Mapping) else map(parse_change, changes)
     for key, value in [*pairs, *parameters.items()]:
         apply_change(data, key, value)
     body = data.get("body")
-    if isinstance(body, dict) and isinstance(body.get("file"), str) and str(reference) not in scene_names():
+    if (
+        isinstance(body, dict)
+        and isinstance(body.get("file"), str)
+        and str(reference) not in scene_names()
+    ):
         # A scene file names its mesh from where it stands itself.
         body["file"] = str(Path(reference).parent / body["file"])
     try:
@@ -89,7 +106,8 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
 
 
 def read_description(path: Path | Traversable, kind: str) -> dict[str, Any]:
-    """Return the content of a scene or study file in TOML as a dictionary; `kind` is "scene" or "study", for messages.
+    """Return the content of a scene or study file in TOML as a dictionary; `kind` is "scene" or
+    "study", for messages.
 
     Raises
     ------
@@ -100,7 +118,10 @@ def read_description(path: Path | Traversable, kind: str) -> dict[str, Any]:
         with path.open("rb") as file:
             content = file.read(MOST_BYTES + 1)
         if len(content) > MOST_BYTES:
-            raise SceneError(f"{path}: the file has more than {MOST_BYTES / 2**20:.0f} MiB, so it is not a scene or study")
+            raise SceneError(
+                f"{path}: the file has more than {MOST_BYTES / 2**20:.0f} MiB, so it is not a scene"
+                " or study"
+            )
         return tomllib.loads(content.decode("utf-8").replace("\r\n", "\n"))
     except OSError as error:
         raise SceneError(f"cannot read {kind} file {path}: {error.strerror}") from None
@@ -111,7 +132,9 @@ def read_description(path: Path | Traversable, kind: str) -> dict[str, Any]:
 
 
 def parse_change(change: str) -> tuple[str, Any]:
-    """Return the key and the value of a text ``key=value``; the value is read as TOML if possible, else as text, with commas as a list."""
+    """Return the key and the value of a text ``key=value``; the value is read as TOML if
+    possible, else as text, with commas as a list.
+    """
     key, separator, value = change.partition("=")
     key, value = key.strip(), value.strip()
     if not separator or not key or not value:
@@ -127,10 +150,14 @@ def parse_change(change: str) -> tuple[str, Any]:
     return key, [item.strip() for item in value.split(",")] if "," in value else value
 
 
-def leaves(value: Any, whole: Callable[[Any], bool] = lambda value: False, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield each value in a nested table or list, at any depth, that is neither table nor list, preceded by its dotted key.
+def leaves(
+    value: Any, whole: Callable[[Any], bool] = lambda value: False, key: str = ""
+) -> Iterator[tuple[str, Any]]:
+    """Yield each value in a nested table or list, at any depth, that is neither table nor list,
+    preceded by its dotted key.
 
-    A table or list for which the function `whole` returns True is not entered but yielded as one value. `key` is the dotted key of `value`.
+    A table or list for which the function `whole` returns True is not entered but yielded as one
+    value. `key` is the dotted key of `value`.
     """
     if whole(value) or not isinstance(value, Mapping | list | tuple):
         yield key, value
@@ -140,7 +167,8 @@ def leaves(value: Any, whole: Callable[[Any], bool] = lambda value: False, key: 
 
 
 def apply_change(data: dict, key: str, value: Any) -> None:
-    """Change a description in place: set a dotted key, with numbers for entries of lists (``loads.0.traction``), to a copy of a value.
+    """Change a description in place: set a dotted key, with numbers for entries of lists
+    (``loads.0.traction``), to a copy of a value.
 
     Raises
     ------
@@ -173,17 +201,25 @@ def _entry(place: dict | list, step: str, key: str, before: list[str]) -> str | 
     if step.isdecimal() and int(step) < len(place):
         return int(step)
     name = ".".join(before)
-    there = f"its entries are {', '.join(f'{name}.{number}' for number in range(len(place)))}" if place else "it is empty"
+    there = (
+        f"its entries are {', '.join(f'{name}.{number}' for number in range(len(place)))}"
+        if place
+        else "it is empty"
+    )
     raise SceneError(f"{key}: the list {name} has no entry {step!r}; {there}")
 
 
 def _place_of(reference: str | Path) -> tuple[Path | Traversable, str]:
-    """Return the path of a scene's file, and a name of the scene for messages; raise SceneError for an unknown name."""
+    """Return the path of a scene's file, and a name of the scene for messages; raise SceneError
+    for an unknown name.
+    """
     name = str(reference)
     if name in scene_names():
         return resources.files(__package__) / f"{name}.toml", f"scene {name}"
     path = Path(reference)
     if not name or (path.suffix != ".toml" and not path.exists()):
-        hint = suggestion(name, scene_names(), "give the path of a .toml file, or a built-in scene:")
+        hint = suggestion(
+            name, scene_names(), "give the path of a .toml file, or a built-in scene:"
+        )
         raise SceneError(f"unknown scene {name!r}; {hint}")
     return path, str(path)

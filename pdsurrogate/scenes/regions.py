@@ -1,4 +1,6 @@
-"""Regions of a body, given by a name, a shape, a list of points or a combination; conditions, loads and materials refer to regions."""
+"""Regions of a body, given by a name, a shape, a list of points or a combination; conditions,
+loads and materials refer to regions.
+"""
 
 from __future__ import annotations
 
@@ -6,32 +8,60 @@ import re
 from collections.abc import Iterator
 from typing import Annotated, Literal, get_args
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    model_validator,
+)
 
-from .strict_model import Direction, Point, Positive, SpaceDirection, SpacePoint, StrictModel, Vector, Whole, refused
+from .strict_model import (
+    Direction,
+    Point,
+    Positive,
+    SpaceDirection,
+    SpacePoint,
+    StrictModel,
+    Vector,
+    Whole,
+    refused,
+)
 
 Face = Literal["left", "right", "bottom", "top", "back", "front"]
 FACES: tuple[Face, ...] = get_args(Face)
-"""Faces of the bounding box of a body in three dimensions; the first four are the edges of a body in the plane."""
+"""Faces of the bounding box of a body in three dimensions; the first four are the edges of a
+body in the plane.
+"""
 
 
 EDGES = {name: (number // 2, 2 * (number % 2) - 1) for number, name in enumerate(FACES)}
-"""Normal axis of each edge or face of the bounding box (0 for x1), and its side: -1 at the lower end of the axis, +1 at the upper."""
+"""Normal axis of each edge or face of the bounding box (0 for x1), and its side: -1 at the lower
+end of the axis, +1 at the upper.
+"""
 
 
 def edge_names(dimension: int) -> tuple[str, ...]:
-    """Return the names of the edges of the bounding box of a sheet (dimension 2), or of the faces of the bounding box of a solid (3)."""
+    """Return the names of the edges of the bounding box of a sheet (dimension 2), or of the
+    faces of the bounding box of a solid (3).
+    """
     return FACES[: 2 * dimension]
 
 
 def reserved_names(dimension: int) -> tuple[str, ...]:
-    """Return the names of the regions that every body has: edges or faces, ``body``, ``outline`` (outer boundary) and ``holes``."""
+    """Return the names of the regions that every body has: edges or faces, ``body``, ``outline``
+    (outer boundary) and ``holes``.
+    """
     return (*edge_names(dimension), "body", "outline", "holes")
 
 
 _MISNAMED = "the name of a region begins with a letter, and goes on with letters, digits, - and _"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
-RegionName = Annotated[str, AfterValidator(refused(lambda name: not _NAME.fullmatch(name), _MISNAMED))]
+RegionName = Annotated[
+    str, AfterValidator(refused(lambda name: not _NAME.fullmatch(name), _MISNAMED))
+]
 
 
 class Disc(StrictModel):
@@ -102,7 +132,8 @@ class Region(StrictModel):
     edge : {"left", "right", "bottom", "top", "back", "front"}, optional
         Edge of the bounding box; ``"back"`` and ``"front"`` are faces of solids, normal to x3.
     box : pair of points, optional
-        Two opposite corners of a box, the first with the least coordinates; the boundary belongs to the region. Unit: length.
+        Two opposite corners of a box, the first with the least coordinates; the boundary belongs to
+        the region. Unit: length.
     disc : Disc, optional
         A disc, for a body in the plane.
     half_plane : HalfPlane, optional
@@ -114,8 +145,8 @@ class Region(StrictModel):
     points : list of int, optional
         Numbers of points of the body, from 0.
     near : point, optional
-        A place: the region is the point of the body nearest to it, or all points that are equally near, as on both sides of an axis.
-        Unit: length.
+        A place: the region is the point of the body nearest to it, or all points that are equally
+        near, as on both sides of an axis. Unit: length.
     group : str, optional
         Name of a physical group of a mesh.
     both : list of Region or str, optional
@@ -158,12 +189,18 @@ class Region(StrictModel):
         if sum(getattr(self, name) is not None for name in fields) != 1:
             names = ", ".join(field.alias or name for name, field in fields.items())
             raise ValueError(f"a region needs exactly one of {names}")
-        if self.box is not None and not all(low <= high for low, high in zip(*self.box, strict=False)):
-            raise ValueError("box must be two corners, first the one with the smallest and then the one with the greatest coordinates")
+        if self.box is not None and not all(
+            low <= high for low, high in zip(*self.box, strict=False)
+        ):
+            raise ValueError(
+                "box must be two corners, first the one with the smallest and then the one with the"
+                " greatest coordinates"
+            )
         return self
 
     def members(self) -> Iterator[tuple[str, str | Region]]:
-        """Yield the regions that this region combines, each preceded by its key: and.0, and.1, or.0, not.
+        """Yield the regions that this region combines, each preceded by its key: and.0, and.1,
+        or.0, not.
 
         Yields
         ------
@@ -195,7 +232,9 @@ Region.model_rebuild()
 
 
 def references_in(key: str, region: str | Region) -> Iterator[tuple[str, str | Region]]:
-    """Yield a region, or its name, and all regions that it combines, at any depth, each preceded by its dotted key."""
+    """Yield a region, or its name, and all regions that it combines, at any depth, each preceded
+    by its dotted key.
+    """
     yield key, region
     if isinstance(region, Region):
         for inner, member in region.members():
@@ -203,7 +242,13 @@ def references_in(key: str, region: str | Region) -> Iterator[tuple[str, str | R
 
 
 def label_of_region(reference: str | Region, otherwise: str) -> str:
-    """Return a region's label for results: its name, edge or group (other characters than A-Za-z0-9_.- become _), else `otherwise`."""
+    """Return a region's label for results: its name, edge or group (other characters than
+    A-Za-z0-9_.- become _), else `otherwise`.
+    """
     if isinstance(reference, str):
         return reference
-    return reference.edge or re.sub(r"[^A-Za-z0-9_.-]", "_", reference.group or "").lstrip("_.-")[:64] or otherwise
+    return (
+        reference.edge
+        or re.sub(r"[^A-Za-z0-9_.-]", "_", reference.group or "").lstrip("_.-")[:64]
+        or otherwise
+    )

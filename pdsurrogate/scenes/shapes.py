@@ -16,8 +16,9 @@ MOST_SEED = 2**63 - 1
 """Greatest seed: the greatest integer of TOML."""
 
 FOOT_STEPS = 12
-"""Number of steps toward the nearest point of an ellipse. Each reduces the error to a small part; twelve reach rounding at semi-axes in a
-ratio of 10 (measured)."""
+"""Number of steps toward the nearest point of an ellipse. Each reduces the error to a small part;
+twelve reach rounding at semi-axes in a ratio of 10 (measured).
+"""
 
 
 class Shape(StrictModel):
@@ -26,8 +27,8 @@ class Shape(StrictModel):
     Parameters
     ----------
     arrangement : {"lattice", "relaxed"}
-        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
-        not depend on the axes. Holes leave it out.
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows,
+        so that the direction of a crack does not depend on the axes. Holes leave it out.
     seed : int
         Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
 
@@ -87,7 +88,8 @@ class Outline(Shape):
     def boundary(self, cell: np.ndarray) -> np.ndarray:
         """Return the positions of nodes in order around the shape, shape (k, 2).
 
-        Nodes of straight sides, which include the corners, are about a cell apart; nodes of round sides are at most half a cell apart.
+        Nodes of straight sides, which include the corners, are about a cell apart; nodes of round
+        sides are at most half a cell apart.
 
         Parameters
         ----------
@@ -108,7 +110,8 @@ class Outline(Shape):
 
     @abstractmethod
     def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the points of the boundary that are nearest to places, and the curvature of the boundary there.
+        """Return the points of the boundary that are nearest to places, and the curvature of the
+        boundary there.
 
         Parameters
         ----------
@@ -136,8 +139,8 @@ class Rectangle(Outline):
     Parameters
     ----------
     arrangement : {"lattice", "relaxed"}
-        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
-        not depend on the axes. Holes leave it out.
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows,
+        so that the direction of a crack does not depend on the axes. Holes leave it out.
     seed : int
         Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"rectangle"}
@@ -168,11 +171,15 @@ class Rectangle(Outline):
 
     def boundary(self, cell: np.ndarray) -> np.ndarray:
         (left, bottom), (right, top) = self.bounds()
-        return _divided(np.array([[left, bottom], [right, bottom], [right, top], [left, top]]), cell)
+        return _divided(
+            np.array([[left, bottom], [right, bottom], [right, top], [left, top]]), cell
+        )
 
     def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         (left, bottom), (right, top) = self.bounds()
-        return _nearest_on_sides(places, np.array([[left, bottom], [right, bottom], [right, top], [left, top]]))
+        return _nearest_on_sides(
+            places, np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
+        )
 
 
 class Ellipse(Outline):
@@ -181,8 +188,8 @@ class Ellipse(Outline):
     Parameters
     ----------
     arrangement : {"lattice", "relaxed"}
-        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
-        not depend on the axes. Holes leave it out.
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows,
+        so that the direction of a crack does not depend on the axes. Holes leave it out.
     seed : int
         Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"ellipse"}
@@ -220,10 +227,14 @@ class Ellipse(Outline):
         for _ in range(FOOT_STEPS):
             evolute = (semi_axes**2 - semi_axes[::-1] ** 2) * along**3 / semi_axes
             arms, ways = semi_axes * along - evolute, offsets - evolute
-            ways *= (np.linalg.norm(arms, axis=1) / np.maximum(np.linalg.norm(ways, axis=1), 1e-300))[:, None]
+            ways *= (
+                np.linalg.norm(arms, axis=1) / np.maximum(np.linalg.norm(ways, axis=1), 1e-300)
+            )[:, None]
             along = np.clip((evolute + ways) / semi_axes, 0, 1)
             along /= np.linalg.norm(along, axis=1)[:, None]
-        curvature = semi_axes.prod() / np.linalg.norm(semi_axes[::-1] * along, axis=1, keepdims=True) ** 3
+        curvature = (
+            semi_axes.prod() / np.linalg.norm(semi_axes[::-1] * along, axis=1, keepdims=True) ** 3
+        )
         return center + np.copysign(semi_axes * along, places - center), curvature
 
 
@@ -233,8 +244,8 @@ class Circle(Outline):
     Parameters
     ----------
     arrangement : {"lattice", "relaxed"}
-        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
-        not depend on the axes. Holes leave it out.
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows,
+        so that the direction of a crack does not depend on the axes. Holes leave it out.
     seed : int
         Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"circle"}
@@ -276,8 +287,8 @@ class Polygon(Outline):
     Parameters
     ----------
     arrangement : {"lattice", "relaxed"}
-        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
-        not depend on the axes. Holes leave it out.
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows,
+        so that the direction of a crack does not depend on the axes. Holes leave it out.
     seed : int
         Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"polygon"}
@@ -300,7 +311,10 @@ class Polygon(Outline):
         area = 0.5 * abs(_cross(corners, np.roll(corners, -1, axis=0)).sum())
         extent = np.ptp(corners, axis=0).max()
         if crossing := _crossing(corners):
-            raise ValueError(f"the outline {crossing}; give the corners in order, once around, and cut-outs as holes")
+            raise ValueError(
+                f"the outline {crossing}; give the corners in order, once around, and cut-outs as"
+                " holes"
+            )
         if not area > 1e-9 * extent**2:
             raise ValueError("the polygon has no area")
 
@@ -319,8 +333,12 @@ class Polygon(Outline):
         return _nearest_on_sides(places, np.array(self.vertices))
 
 
-def nearest_on_sphere(places: np.ndarray, center: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points of a circle or sphere nearest to places, shape (k, d), and its curvatures there, shape (k, d - 1)."""
+def nearest_on_sphere(
+    places: np.ndarray, center: np.ndarray, radius: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points of a circle or sphere nearest to places, shape (k, d), and its
+    curvatures there, shape (k, d - 1).
+    """
     offsets = places - center
     distances = np.linalg.norm(offsets, axis=1, keepdims=True)
     ways = np.where(distances > 0, offsets / np.maximum(distances, 1e-300), np.eye(len(center))[0])
@@ -328,34 +346,46 @@ def nearest_on_sphere(places: np.ndarray, center: np.ndarray, radius: float) -> 
 
 
 def _nearest_on_sides(places: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points of a polygon nearest to places, shape (k, 2), and the curvature of its sides, zeros of shape (k, 1)."""
+    """Return the points of a polygon nearest to places, shape (k, 2), and the curvature of its
+    sides, zeros of shape (k, 1).
+    """
     import shapely  # here, because few bodies need it
 
     sides = shapely.linearrings(corners)
-    feet = shapely.line_interpolate_point(sides, shapely.line_locate_point(sides, shapely.points(places)))
+    feet = shapely.line_interpolate_point(
+        sides, shapely.line_locate_point(sides, shapely.points(places))
+    )
     return shapely.get_coordinates(feet), np.zeros((len(places), 1))
 
 
 def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:
-    """Return nodes around a polygon, shape (k, 2): every side is divided into equal pieces, as near as possible to the size of a cell."""
+    """Return nodes around a polygon, shape (k, 2): every side is divided into equal pieces, as
+    near as possible to the size of a cell.
+    """
     sides = np.roll(corners, -1, axis=0) - corners
     pieces = [max(1, round(float(np.hypot(*(side / cell))))) for side in sides]
     divided = zip(corners, sides, pieces, strict=True)
-    return np.concatenate([corner + np.arange(count)[:, None] / count * side for corner, side, count in divided])
+    return np.concatenate(
+        [corner + np.arange(count)[:, None] / count * side for corner, side, count in divided]
+    )
 
 
 def _crossing(corners: np.ndarray) -> str | None:
-    """Return, in words, where the outline of a polygon with given corners crosses itself or runs around twice; None if it is valid.
+    """Return, in words, where the outline of a polygon with given corners crosses itself or runs
+    around twice; None if it is valid.
 
-    Sides may touch, and may run back along each other, as the two sides do that connect an inner opening with the outer outline. The
-    outline divides the plane into faces. It is valid if it winds around every face 0 or 1 times (0 or -1 times if it is clockwise).
+    Sides may touch, and may run back along each other, as the two sides do that connect an inner
+    opening with the outer outline. The outline divides the plane into faces. It is valid if it
+    winds around every face 0 or 1 times (0 or -1 times if it is clockwise).
     """
     import shapely  # here, because few bodies need it
 
     extent = float(np.ptp(corners, axis=0).max())
     windings = {}
     for face in shapely.polygonize([shapely.node(shapely.linearrings(corners))]).geoms:
-        if face.area > 1e-9 * extent * face.length:  # not a sliver between sides that run along each other
+        if (
+            face.area > 1e-9 * extent * face.length
+        ):  # not a sliver between sides that run along each other
             around = (corners - shapely.get_coordinates(face.representative_point())) @ [1, 1j]
             windings[face] = round(np.angle(np.roll(around, -1) / around).sum() / (2 * np.pi))
     sense = max(windings.values(), key=abs, default=0)
@@ -366,7 +396,10 @@ def _crossing(corners: np.ndarray) -> str | None:
     crossings = places[scipy.spatial.cKDTree(corners).query(places)[0] > 1e-9 * extent]
     if len(crossings):
         return f"crosses itself at ({crossings[0, 0]:.4g}, {crossings[0, 1]:.4g})"
-    return f"runs around itself more than once, or crosses itself at a corner, near ({places[0, 0]:.4g}, {places[0, 1]:.4g})"
+    return (
+        "runs around itself more than once, or crosses itself at a corner, near"
+        f" ({places[0, 0]:.4g}, {places[0, 1]:.4g})"
+    )
 
 
 def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -374,28 +407,40 @@ def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _around(center: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.ndarray:
-    """Return nodes around an ellipse, shape (k, 2), symmetric about its axes; the polygon through the nodes has the area of the ellipse.
+    """Return nodes around an ellipse, shape (k, 2), symmetric about its axes; the polygon through
+    the nodes has the area of the ellipse.
 
-    With nodes on the curve the polygon's area would be too small, by a share of theta^2/6 for an angle of theta between nodes.  The work
-    of a pressure is the pressure times the change of the area: with the right area the work is exact in every affine motion.  Nodes lie
-    outside the curve by theta^2/12 of its radius, middles of facets inside it by theta^2/24, and the length is right to theta^2/24.
+    With nodes on the curve the polygon's area would be too small, by a share of theta^2/6 for an
+    angle of theta between nodes.  The work of a pressure is the pressure times the change of the
+    area: with the right area the work is exact in every affine motion.  Nodes lie outside the curve
+    by theta^2/12 of its radius, middles of facets inside it by theta^2/24, and the length is right
+    to theta^2/24.
     """
     quarter = max(3, math.ceil(math.pi * semi_axes.max() / cell.min()))
     step = math.pi / (2 * quarter)
     angles = step * np.arange(4 * quarter)
-    return center + math.sqrt(step / math.sin(step)) * semi_axes * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return center + math.sqrt(step / math.sin(step)) * semi_axes * np.stack(
+        [np.cos(angles), np.sin(angles)], axis=1
+    )
 
 
 def with_shape(value: Any) -> Any:
-    """Return the description of a shape with the key ``shape``, set to ``"rectangle"`` if it is not given."""
+    """Return the description of a shape with the key ``shape``, set to ``"rectangle"`` if it is
+    not given.
+    """
     return {"shape": "rectangle", **value} if isinstance(value, dict) else value
 
 
-AnyOutline = Annotated[Rectangle | Circle | Ellipse | Polygon, Field(discriminator="shape"), BeforeValidator(with_shape)]
+AnyOutline = Annotated[
+    Rectangle | Circle | Ellipse | Polygon,
+    Field(discriminator="shape"),
+    BeforeValidator(with_shape),
+]
 
 
 class Mesh(StrictModel):
-    """Body from a mesh file that meshio reads: every cell becomes a point at its centroid, with the volume of the cell.
+    """Body from a mesh file that meshio reads: every cell becomes a point at its centroid, with the
+    volume of the cell.
 
     The spacing of the points is the side of a square or cube as large as the mean cell.
 
@@ -421,12 +466,15 @@ class Mesh(StrictModel):
 
 
 ENDS = 1e-9
-"""Part of a cut's length beside its ends in which a segment does not cross it: one that meets an end exactly does not, whatever the unit of
-length and the rounding."""
+"""Part of a cut's length beside its ends in which a segment does not cross it: one that meets an
+end exactly does not, whatever the unit of length and the rounding.
+"""
 
 
 class Cut(StrictModel):
-    """Base of straight cuts in the plane and flat cuts of solids: the body has no bonds that cross them."""
+    """Base of straight cuts in the plane and flat cuts of solids: the body has no bonds that
+    cross them.
+    """
 
     dimension: ClassVar[int] = 3
 
@@ -446,7 +494,9 @@ class Cut(StrictModel):
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> place, normal, extent = pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 2.0)).plane()
+        >>> place, normal, extent = pds.shapes.DiscCut(
+        ...     center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 2.0)
+        ... ).plane()
         >>> normal.tolist(), extent
         ([0.0, 0.0, 1.0], 0.4)
         """
@@ -467,13 +517,16 @@ class Cut(StrictModel):
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> pds.shapes.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).moved(lambda places: places + [0.0, 0.5]).end
+        >>> pds.shapes.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).moved(
+        ...     lambda places: places + [0.0, 0.5]
+        ... ).end
         (3.0, 2.0)
         """
 
     @abstractmethod
     def covers(self, places: np.ndarray) -> np.ndarray:
-        """Return whether places on the plane of the cut belong to the cut; places on its edge do not.
+        """Return whether places on the plane of the cut belong to the cut; places on its edge do
+        not.
 
         Parameters
         ----------
@@ -486,7 +539,9 @@ class Cut(StrictModel):
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0)).covers([[0.3, 0.0, 1.0]]).tolist()
+        >>> pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0)).covers(
+        ...     [[0.3, 0.0, 1.0]]
+        ... ).tolist()
         [True]
         """
 
@@ -506,7 +561,9 @@ class Cut(StrictModel):
         --------
         >>> import numpy as np
         >>> import pdsurrogate as pds
-        >>> pds.shapes.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).distances(np.array([[1.0, 2.0], [5.0, 1.5]])).tolist()
+        >>> pds.shapes.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).distances(
+        ...     np.array([[1.0, 2.0], [5.0, 1.5]])
+        ... ).tolist()
         [0.5, 2.0]
         """
 
@@ -532,7 +589,9 @@ class Cut(StrictModel):
         >>> places, outward, _ = pds.shapes.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).edge(0.1)
         >>> places.tolist(), outward.tolist()
         ([[0.0, 1.5], [3.0, 1.5]], [[-1.0, 0.0], [1.0, 0.0]])
-        >>> places, outward, lengths = pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0)).edge(0.1)
+        >>> places, outward, lengths = pds.shapes.DiscCut(
+        ...     center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0)
+        ... ).edge(0.1)
         >>> places.shape, round(float(lengths.sum()), 3)
         ((26, 3), 2.513)
         """
@@ -540,8 +599,9 @@ class Cut(StrictModel):
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return whether segments cross the cut, its edge not included.
 
-        A point on the cut's plane, to rounding, counts as lying on the side of the normal, in two dimensions to the left: a cut through a
-        layer of points separates these points from those on the other side, and not from those on the side of the normal.
+        A point on the cut's plane, to rounding, counts as lying on the side of the normal, in two
+        dimensions to the left: a cut through a layer of points separates these points from those on
+        the other side, and not from those on the side of the normal.
 
         Parameters
         ----------
@@ -557,7 +617,9 @@ class Cut(StrictModel):
         >>> import numpy as np
         >>> import pdsurrogate as pds
         >>> cut = pds.shapes.Precut(start=(0.0, 0.5), end=(1.0, 0.5))
-        >>> cut.crosses(np.array([[0.5, 0.0], [2.0, 0.0]]), np.array([[0.5, 1.0], [2.0, 1.0]])).tolist()
+        >>> cut.crosses(
+        ...     np.array([[0.5, 0.0], [2.0, 0.0]]), np.array([[0.5, 1.0], [2.0, 1.0]])
+        ... ).tolist()
         [True, False]
         """
         crossing = np.zeros(len(starts), dtype=bool)
@@ -565,7 +627,9 @@ class Cut(StrictModel):
         crossing[apart] = self.covers(meets)
         return crossing
 
-    def met_by(self, starts: np.ndarray, ends: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray]:
+    def met_by(
+        self, starts: np.ndarray, ends: np.ndarray, rounding: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return where segments meet the plane of the cut.
 
         Parameters
@@ -573,7 +637,8 @@ class Cut(StrictModel):
         starts, ends : ndarray, shape (k, d)
             Ends of the segments.
         rounding : float
-            Distance behind the plane within which points count as lying on the side of its normal. Unit: length.
+            Distance behind the plane within which points count as lying on the side of its normal.
+            Unit: length.
 
         Returns
         -------
@@ -587,7 +652,9 @@ class Cut(StrictModel):
         >>> import numpy as np
         >>> import pdsurrogate as pds
         >>> cut = pds.shapes.Precut(start=(0.0, 0.5), end=(1.0, 0.5))
-        >>> numbers, places = cut.met_by(np.array([[0.5, 0.0], [2.0, 0.7]]), np.array([[0.5, 1.0], [2.0, 1.0]]), 1e-9)
+        >>> numbers, places = cut.met_by(
+        ...     np.array([[0.5, 0.0], [2.0, 0.7]]), np.array([[0.5, 1.0], [2.0, 1.0]]), 1e-9
+        ... )
         >>> numbers.tolist(), places.tolist()
         ([0], [[0.5, 0.5]])
         """
@@ -596,7 +663,9 @@ class Cut(StrictModel):
         sides = [height >= -rounding for height in heights]
         apart = np.flatnonzero(sides[0] != sides[1])
         first, second = heights[0][apart], heights[1][apart]
-        return apart, starts[apart] + (first / (first - second))[:, None] * (ends[apart] - starts[apart])
+        return apart, starts[apart] + (first / (first - second))[:, None] * (
+            ends[apart] - starts[apart]
+        )
 
 
 class Precut(Cut):

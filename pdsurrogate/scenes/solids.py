@@ -8,7 +8,21 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from ..kernels.polygons import distances_to_segments
-from .shapes import ENDS, AnyOutline, Circle, Cut, Ellipse, Mesh, Outline, Polygon, Precut, Rectangle, Shape, nearest_on_sphere, with_shape
+from .shapes import (
+    ENDS,
+    AnyOutline,
+    Circle,
+    Cut,
+    Ellipse,
+    Mesh,
+    Outline,
+    Polygon,
+    Precut,
+    Rectangle,
+    Shape,
+    nearest_on_sphere,
+    with_shape,
+)
 from .strict_model import Finite, Positive, SpaceDirection, SpacePoint
 
 
@@ -19,7 +33,8 @@ class Solid(Shape):
 
 
 class Straight(NamedTuple):
-    """Geometry of a prism: a plane section with holes, extended along one axis between two flat ends.
+    """Geometry of a prism: a plane section with holes, extended along one axis between two flat
+    ends.
 
     Attributes
     ----------
@@ -40,7 +55,9 @@ class Straight(NamedTuple):
 
     @property
     def across(self) -> list[int]:
-        """Return the numbers of the two axes across the prism, in the order that makes a right-handed system with `along` last."""
+        """Return the numbers of the two axes across the prism, in the order that makes a
+        right-handed system with `along` last.
+        """
         return [(self.along + 1) % 3, (self.along + 2) % 3]
 
 
@@ -65,12 +82,17 @@ class Prism(Solid):
         inside = (points[:, along] > low) & (points[:, along] < high)
         within = np.flatnonzero(inside)
         places = points[within][:, straight.across]
-        inside[within] = section.contains(places) & ~np.any([bore.contains(places) for bore in bores], axis=0)
+        inside[within] = section.contains(places) & ~np.any(
+            [bore.contains(places) for bore in bores], axis=0
+        )
         return inside
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         straight, corners = self.straight, np.empty((2, 3))
-        corners[:, straight.across], corners[:, straight.along] = straight.section.bounds(), straight.span
+        corners[:, straight.across], corners[:, straight.along] = (
+            straight.section.bounds(),
+            straight.span,
+        )
         return corners[0], corners[1]
 
 
@@ -80,8 +102,8 @@ class Box(Prism):
     Parameters
     ----------
     arrangement : {"lattice", "relaxed"}
-        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
-        not depend on the axes. Holes leave it out.
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows,
+        so that the direction of a crack does not depend on the axes. Holes leave it out.
     seed : int
         Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"box"}
@@ -126,7 +148,10 @@ class Box(Prism):
         (0.0, 2.0)
         """
         across = (axis + 1) % 3, (axis + 2) % 3
-        section = Rectangle(size=tuple(self.size[other] for other in across), lower=tuple(self.lower[other] for other in across))
+        section = Rectangle(
+            size=tuple(self.size[other] for other in across),
+            lower=tuple(self.lower[other] for other in across),
+        )
         return Straight(axis, section, (), (self.lower[axis], self.lower[axis] + self.size[axis]))
 
 
@@ -148,11 +173,15 @@ class Round(Prism):
     base: SpacePoint = (0.0, 0.0, 0.0)
 
     def _straight(self, radius: float, *bores: float) -> Straight:
-        """Return the circular section and axis of the body with an outer `radius` and concentric holes of the radii `bores`."""
+        """Return the circular section and axis of the body with an outer `radius` and concentric
+        holes of the radii `bores`.
+        """
         along = int(self.axis[1:]) - 1
         center = self.base[(along + 1) % 3], self.base[(along + 2) % 3]
         outer, *inner = (Circle(radius=each, center=center) for each in (radius, *bores))
-        return Straight(along, outer, tuple(inner), (self.base[along], self.base[along] + self.length))
+        return Straight(
+            along, outer, tuple(inner), (self.base[along], self.base[along] + self.length)
+        )
 
 
 class Cylinder(Round):
@@ -161,8 +190,8 @@ class Cylinder(Round):
     Parameters
     ----------
     arrangement : {"lattice", "relaxed"}
-        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
-        not depend on the axes. Holes leave it out.
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows,
+        so that the direction of a crack does not depend on the axes. Holes leave it out.
     seed : int
         Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     length : float
@@ -197,8 +226,8 @@ class Tube(Round):
     Parameters
     ----------
     arrangement : {"lattice", "relaxed"}
-        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
-        not depend on the axes. Holes leave it out.
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows,
+        so that the direction of a crack does not depend on the axes. Holes leave it out.
     seed : int
         Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     length : float
@@ -227,7 +256,10 @@ class Tube(Round):
 
     def model_post_init(self, _) -> None:
         if not self.inner_radius < self.outer_radius:
-            raise ValueError(f"inner_radius must be less than outer_radius, {self.outer_radius:g}, not {self.inner_radius:g}")
+            raise ValueError(
+                f"inner_radius must be less than outer_radius, {self.outer_radius:g}, not"
+                f" {self.inner_radius:g}"
+            )
 
     @property
     def straight(self) -> Straight:
@@ -240,8 +272,8 @@ class Extrusion(Prism):
     Parameters
     ----------
     arrangement : {"lattice", "relaxed"}
-        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
-        not depend on the axes. Holes leave it out.
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows,
+        so that the direction of a crack does not depend on the axes. Holes leave it out.
     seed : int
         Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"extrusion"}
@@ -276,13 +308,14 @@ class Extrusion(Prism):
 class Sphere(Solid):
     """Sphere, or a half, quarter or eighth of it.
 
-    The flat faces of a part pass through the center; held by reflection planes they are planes of symmetry of a whole sphere.
+    The flat faces of a part pass through the center; held by reflection planes they are planes of
+    symmetry of a whole sphere.
 
     Parameters
     ----------
     arrangement : {"lattice", "relaxed"}
-        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
-        not depend on the axes. Holes leave it out.
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows,
+        so that the direction of a crack does not depend on the axes. Holes leave it out.
     seed : int
         Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"sphere"}
@@ -292,7 +325,8 @@ class Sphere(Solid):
     center : point
         Center of the whole sphere. Unit: length.
     part : {"whole", "half", "quarter", "eighth"}
-        Part of the sphere: a half lies above the center along x1, a quarter along x1 and x2, an eighth along all axes.
+        Part of the sphere: a half lies above the center along x1, a quarter along x1 and x2, an
+        eighth along all axes.
 
     Examples
     --------
@@ -308,7 +342,8 @@ class Sphere(Solid):
 
     @property
     def halved(self) -> tuple[int, ...]:
-        """Return the numbers of the axes along which the body is only the upper half of the sphere; empty for a whole sphere.
+        """Return the numbers of the axes along which the body is only the upper half of the sphere;
+        empty for a whole sphere.
 
         Examples
         --------
@@ -320,10 +355,13 @@ class Sphere(Solid):
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         offsets = points - np.array(self.center)
-        return ((offsets**2).sum(axis=1) < self.radius**2) & (offsets[:, self.halved] > 0).all(axis=1)
+        return ((offsets**2).sum(axis=1) < self.radius**2) & (offsets[:, self.halved] > 0).all(
+            axis=1
+        )
 
     def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the points of the whole sphere that are nearest to places, and its principal curvatures there.
+        """Return the points of the whole sphere that are nearest to places, and its principal
+        curvatures there.
 
         Parameters
         ----------
@@ -364,7 +402,9 @@ class ParallelogramCut(Cut):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> cut = pds.shapes.ParallelogramCut(corner=(0.0, 0.0, 0.5), sides=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    >>> cut = pds.shapes.ParallelogramCut(
+    ...     corner=(0.0, 0.0, 0.5), sides=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    ... )
     >>> cut.covers([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5]]).tolist()
     [True, False]
     """
@@ -380,7 +420,11 @@ class ParallelogramCut(Cut):
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
         one, other = np.array(self.sides)
         normal = np.cross(one, other)
-        return np.array(self.corner), normal / np.linalg.norm(normal), float(max(np.linalg.norm(one), np.linalg.norm(other)))
+        return (
+            np.array(self.corner),
+            normal / np.linalg.norm(normal),
+            float(max(np.linalg.norm(one), np.linalg.norm(other))),
+        )
 
     def moved(self, way: Callable[[np.ndarray], np.ndarray]) -> Self:
         ends = way(np.add(self.corner, [(0.0, 0.0, 0.0), *self.sides]))
@@ -394,17 +438,34 @@ class ParallelogramCut(Cut):
     def distances(self, places: np.ndarray) -> np.ndarray:
         corner, (one, other) = np.array(self.corner), np.array(self.sides)
         corners = [corner, corner + one, corner + one + other, corner + other]
-        beside = np.min([distances_to_segments(places, *side) for side in zip(corners, corners[1:] + corners[:1], strict=True)], axis=0)
+        beside = np.min(
+            [
+                distances_to_segments(places, *side)
+                for side in zip(corners, corners[1:] + corners[:1], strict=True)
+            ],
+            axis=0,
+        )
         return np.where(self.covers(places), np.abs((places - corner) @ self.plane()[1]), beside)
 
     def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         found, corner, normal = [], np.array(self.corner), self.plane()[1]
         one, other = np.array(self.sides)
-        for start, side in ((corner, one), (corner + one, other), (corner + one + other, -one), (corner + other, -other)):
+        for start, side in (
+            (corner, one),
+            (corner + one, other),
+            (corner + one + other, -one),
+            (corner + other, -other),
+        ):
             length = np.linalg.norm(side)
             count = int(np.ceil(length / pitch))
             shares = (np.arange(count)[:, None] + 0.5) / count
-            found.append((start + shares * side, np.tile(np.cross(side, normal) / length, (count, 1)), np.full(count, length / count)))
+            found.append(
+                (
+                    start + shares * side,
+                    np.tile(np.cross(side, normal) / length, (count, 1)),
+                    np.full(count, length / count),
+                )
+            )
         places, outward, lengths = map(np.concatenate, zip(*found, strict=True))
         return places, outward, lengths
 
@@ -446,7 +507,12 @@ class DiscCut(Cut):
     def distances(self, places: np.ndarray) -> np.ndarray:
         center, normal, radius = self.plane()
         heights = (places - center) @ normal
-        return np.hypot(heights, np.maximum(0.0, np.linalg.norm(places - center - heights[:, None] * normal, axis=1) - radius))
+        return np.hypot(
+            heights,
+            np.maximum(
+                0.0, np.linalg.norm(places - center - heights[:, None] * normal, axis=1) - radius
+            ),
+        )
 
     def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         center, normal, radius = self.plane()
@@ -458,7 +524,9 @@ class DiscCut(Cut):
 
 
 def _cut_of(value: Any) -> str:
-    """Return the kind of a described cut by its keys: "parallelogram", "disc", or else "line", the straight cut of a sheet."""
+    """Return the kind of a described cut by its keys: "parallelogram", "disc", or else "line",
+    the straight cut of a sheet.
+    """
     given = value if isinstance(value, dict) else getattr(value, "__dict__", {})
     kinds = {"parallelogram": ParallelogramCut, "disc": DiscCut}
     return next((kind for kind, cut in kinds.items() if cut.model_fields.keys() & given), "line")
@@ -468,6 +536,8 @@ _Shape = Rectangle | Circle | Ellipse | Polygon | Box | Cylinder | Sphere | Tube
 AnyShape = Annotated[_Shape, Field(discriminator="shape"), BeforeValidator(with_shape)]
 AnyBody = Annotated[_Shape | Mesh, Field(discriminator="shape"), BeforeValidator(with_shape)]
 AnyPrecut = Annotated[
-    Annotated[Precut, Tag("line")] | Annotated[ParallelogramCut, Tag("parallelogram")] | Annotated[DiscCut, Tag("disc")],
+    Annotated[Precut, Tag("line")]
+    | Annotated[ParallelogramCut, Tag("parallelogram")]
+    | Annotated[DiscCut, Tag("disc")],
     Discriminator(_cut_of),
 ]

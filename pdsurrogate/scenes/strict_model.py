@@ -4,13 +4,23 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
 from .problems import Problems, SceneError
 
 
 def refused(wrong: Callable[[Any], bool], message: str) -> Callable[[Any], Any]:
-    """Return a validator that raises ValueError with a message for values for which the function `wrong` returns True."""
+    """Return a validator that raises ValueError with a message for values for which the function
+    `wrong` returns True.
+    """
 
     def checked(value: Any) -> Any:
         if wrong(value):
@@ -20,7 +30,9 @@ def refused(wrong: Callable[[Any], bool], message: str) -> Callable[[Any], Any]:
     return checked
 
 
-NUMBER = BeforeValidator(refused(lambda value: isinstance(value, bool | str | bytes), "Input should be a valid number"))
+NUMBER = BeforeValidator(
+    refused(lambda value: isinstance(value, bool | str | bytes), "Input should be a valid number")
+)
 """Reject values that Pydantic would convert into a number, such as true and "1"."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False), NUMBER]
@@ -39,15 +51,23 @@ SpaceDirection = Annotated[SpacePoint, AfterValidator(_not_zero)]
 
 
 BRITISH = {"centre": "center"}
-"""Keys that scene files of earlier versions spell in British English, and the keys that have replaced them."""
+"""Keys that scene files of earlier versions spell in British English, and the keys that have
+replaced them.
+"""
 
 
 class Components(tuple):
-    """Components of a place, a direction or a force: two in a scene with a body in the plane, three in a scene with a solid."""
+    """Components of a place, a direction or a force: two in a scene with a body in the plane,
+    three in a scene with a solid.
+    """
 
 
-Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3), AfterValidator(Components)]
-"""Components for parts of two- or three-dimensional bodies; `vectors_in` finds them, and `Scene` checks their number."""
+Vector = Annotated[
+    tuple[Finite, ...], Field(min_length=2, max_length=3), AfterValidator(Components)
+]
+"""Components for parts of two- or three-dimensional bodies; `vectors_in` finds them, and `Scene`
+checks their number.
+"""
 
 
 @contextmanager
@@ -66,10 +86,12 @@ class _PartType(type(BaseModel)):
 
 
 class StrictModel(BaseModel, metaclass=_PartType):
-    """Base class of all parts of a scene: unknown keys are errors, and fields of an object cannot be changed.
+    """Base class of all parts of a scene: unknown keys are errors, and fields of an object cannot
+    be changed.
 
-    Invalid parts raise SceneError with the same message, whether they are composed in Python or read from a file. Subclasses check fields
-    against each other in `model_post_init`: Pydantic reports a ValueError from there with the key of the part.
+    Invalid parts raise SceneError with the same message, whether they are composed in Python or
+    read from a file. Subclasses check fields against each other in `model_post_init`: Pydantic
+    reports a ValueError from there with the key of the part.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -104,12 +126,17 @@ class StrictModel(BaseModel, metaclass=_PartType):
 
 
 def vectors_in(value: Any, key: str = "") -> Iterator[tuple[str, Components]]:
-    """Yield all vectors (`Components`) in a part of a scene, at any depth, each preceded by its dotted key."""
+    """Yield all vectors (`Components`) in a part of a scene, at any depth, each preceded by its
+    dotted key.
+    """
     if isinstance(value, Components):
         yield key, value
         return
     if isinstance(value, StrictModel):
-        value = {field.alias or name: getattr(value, name) for name, field in type(value).model_fields.items()}
+        value = {
+            field.alias or name: getattr(value, name)
+            for name, field in type(value).model_fields.items()
+        }
     elif isinstance(value, tuple):
         value = dict(enumerate(value))
     for step, inner in value.items() if isinstance(value, Mapping) else ():

@@ -1,4 +1,6 @@
-"""Effective crack-tip diameters in horizons, by force model, plane, arrangement, ratio of horizon to spacing, and critical stretch."""
+"""Effective crack-tip diameters in horizons, by force model, plane, arrangement, ratio of
+horizon to spacing, and critical stretch.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ if TYPE_CHECKING:
     from .model import Scene
 
 TIP_DIAMETER = 1.15
-"""Effective diameter of a crack tip, in horizons, in sheets whose bonds have forces and no energy, along a row of the lattice."""
+"""Effective diameter of a crack tip, in horizons, in sheets whose bonds have forces and no
+energy, along a row of the lattice.
+"""
 
 LATTICE = "lattice"
 """Arrangement of the points of a body that does not name one."""
@@ -21,18 +25,22 @@ LATTICE = "lattice"
 
 @cache
 def measured_diameters() -> list[dict[str, Any]]:
-    """Return the table `tip_diameters.json`, which `pipelines/tip_diameters.py` writes from simulated tears.
+    """Return the table `tip_diameters.json`, which `pipelines/tip_diameters.py` writes from
+    simulated tears.
 
-    Each entry has the ``family`` of the force models, the ``plane``, the ``arrangement`` of the points, the ``horizon_ratio``, the
-    ``critical_stretch``, and the ``diameter`` in horizons: the energy release rate at the peak of the load, divided by the uniaxial energy
-    density at the critical stretch and by the horizon. ``mean`` and ``deviation`` are those over the tears, whose single diameters follow:
-    ``rows`` by points per unit of height, ``seeds`` by seed.
+    Each entry has the ``family`` of the force models, the ``plane``, the ``arrangement`` of the
+    points, the ``horizon_ratio``, the ``critical_stretch``, and the ``diameter`` in horizons: the
+    energy release rate at the peak of the load, divided by the uniaxial energy density at the
+    critical stretch and by the horizon. ``mean`` and ``deviation`` are those over the tears, whose
+    single diameters follow: ``rows`` by points per unit of height, ``seeds`` by seed.
     """
     return json.loads((resources.files(__package__) / "tip_diameters.json").read_text("utf-8"))
 
 
 class TipDiameters(NamedTuple):
-    """Diameters of a crack tip in horizons, linear between measured critical stretches and constant beyond them."""
+    """Diameters of a crack tip in horizons, linear between measured critical stretches and
+    constant beyond them.
+    """
 
     stretches: np.ndarray
     """Critical stretches of the measured tears, ascending."""
@@ -45,8 +53,11 @@ class TipDiameters(NamedTuple):
         return float(np.interp(stretch, self.stretches, self.diameters))
 
 
-def tip_diameters(plane: str, horizon_ratio: float, family: str | None = None, arrangement: str = LATTICE) -> TipDiameters:
-    """Return the diameters of a crack tip by critical stretch, between measured ratios of horizon to spacing linear in spacings.
+def tip_diameters(
+    plane: str, horizon_ratio: float, family: str | None = None, arrangement: str = LATTICE
+) -> TipDiameters:
+    """Return the diameters of a crack tip by critical stretch, between measured ratios of horizon
+    to spacing linear in spacings.
 
     Between two ratios, only the critical stretches that were measured for both count as measured.
 
@@ -57,8 +68,8 @@ def tip_diameters(plane: str, horizon_ratio: float, family: str | None = None, a
     horizon_ratio : float
         Horizon divided by the spacing of the points.
     family : str, optional
-        Family of the force model, see `pdsurrogate.forces.ForceModel`; by default the first family that was measured for the other
-        arguments.
+        Family of the force model, see `pdsurrogate.forces.ForceModel`; by default the first family
+        that was measured for the other arguments.
     arrangement : str
         Arrangement of the points.
 
@@ -70,43 +81,72 @@ def tip_diameters(plane: str, horizon_ratio: float, family: str | None = None, a
     cases: dict[tuple, dict[float, list]] = {}
     for entry in measured_diameters():
         case = cases.setdefault((entry["family"], entry["plane"], entry["arrangement"]), {})
-        case.setdefault(entry["horizon_ratio"], []).append((entry["critical_stretch"], entry["diameter"]))
+        case.setdefault(entry["horizon_ratio"], []).append(
+            (entry["critical_stretch"], entry["diameter"])
+        )
     told = []
     for (known, state, points), by_ratio in cases.items():
         ratios = sorted(by_ratio)
-        if (state, points) == (plane, arrangement) and family in (None, known) and ratios[0] - 1e-9 <= horizon_ratio <= ratios[-1] + 1e-9:
+        if (
+            (state, points) == (plane, arrangement)
+            and family in (None, known)
+            and ratios[0] - 1e-9 <= horizon_ratio <= ratios[-1] + 1e-9
+        ):
             return _between(by_ratio, horizon_ratio)
-        told.append(_told(known, state, points) + " to ".join(dict.fromkeys(f"{ratio:g}" for ratio in (ratios[0], ratios[-1]))))
+        told.append(
+            _told(known, state, points)
+            + " to ".join(dict.fromkeys(f"{ratio:g}" for ratio in (ratios[0], ratios[-1])))
+        )
     here = f"{_told(family, plane, arrangement)}{horizon_ratio:g}"
-    limited = f"for which the diameter of a crack tip was measured ({'; '.join(told)}), not for {here}"
-    raise ValueError(f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch instead")
+    limited = (
+        f"for which the diameter of a crack tip was measured ({'; '.join(told)}), not for {here}"
+    )
+    raise ValueError(
+        f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch"
+        " instead"
+    )
 
 
 def _between(by_ratio: dict[float, list], horizon_ratio: float) -> TipDiameters:
-    """Return the diameters at a horizon from those of the measured horizons on both sides; each list has stretches with their diameters.
+    """Return the diameters at a horizon from those of the measured horizons on both sides; each
+    list has stretches with their diameters.
 
-    The diameter is linear in spacings: horizons in which a point has the same neighbors have tips of the same size in spacings.
+    The diameter is linear in spacings: horizons in which a point has the same neighbors have tips
+    of the same size in spacings.
     """
     ratios = np.array(sorted(by_ratio))
     place = float(np.interp(horizon_ratio, ratios, np.arange(len(ratios))))
     sides = ratios[int(np.floor(place))], ratios[int(np.ceil(place))]
     low, high = (np.array(sorted(by_ratio[ratio])).T for ratio in sides)
     stretches = np.unique(np.concatenate([low[0], high[0]]))
-    stretches = stretches[(stretches >= max(low[0][0], high[0][0])) & (stretches <= min(low[0][-1], high[0][-1]))]
+    stretches = stretches[
+        (stretches >= max(low[0][0], high[0][0])) & (stretches <= min(low[0][-1], high[0][-1]))
+    ]
     share = place % 1
-    spacings = (1 - share) * sides[0] * np.interp(stretches, *low) + share * sides[1] * np.interp(stretches, *high)
+    spacings = (1 - share) * sides[0] * np.interp(stretches, *low) + share * sides[1] * np.interp(
+        stretches, *high
+    )
     return TipDiameters(stretches, spacings / np.clip(horizon_ratio, ratios[0], ratios[-1]))
 
 
 def tip_diameters_in(scene: Scene, family: str | None = None) -> TipDiameters:
     """Return `tip_diameters` for a scene; the points of a mesh count as those of a lattice.
 
-    Raise ValueError for a weight of bonds that was not measured: with ``"constant"`` tears needed 12 to 21 % more energy than prescribed.
+    Raise ValueError for a weight of bonds that was not measured: with ``"constant"`` tears needed
+    12 to 21 % more energy than prescribed.
     """
     if scene.weight != "inverse":
-        limited = f"for which the diameter of a crack tip was measured (weight=inverse), not for weight={scene.weight}"
-        raise ValueError(f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch instead")
-    return tip_diameters(scene.plane, scene.horizon_ratio, family, getattr(scene.body, "arrangement", LATTICE))
+        limited = (
+            "for which the diameter of a crack tip was measured (weight=inverse), not for"
+            f" weight={scene.weight}"
+        )
+        raise ValueError(
+            f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch"
+            " instead"
+        )
+    return tip_diameters(
+        scene.plane, scene.horizon_ratio, family, getattr(scene.body, "arrangement", LATTICE)
+    )
 
 
 def _told(family: str | None, plane: str, arrangement: str) -> str:

@@ -1,1 +1,3 @@
-"""Solvers for equilibrium and dynamics, which use the internal force only through the protocol `InternalForce`."""
+"""Solvers for equilibrium and dynamics, which use the internal force only through the protocol
+`InternalForce`.
+"""

@@ -1,4 +1,6 @@
-"""Equilibrium at a prescribed displacement of a place, with the factor of the loads as a further unknown (theory, section 27)."""
+"""Equilibrium at a prescribed displacement of a place, with the factor of the loads as a further
+unknown (theory, section 27).
+"""
 
 from __future__ import annotations
 
@@ -13,17 +15,21 @@ from .nearest_bonds import Preconditioner, strain_of_step
 from .tangent import TangentEquations
 
 BALANCED, MOST_SECANTS = 1e-13, 20
-"""Sum of weighted forces that is left, relative to that of the internal forces, where the factor of the loads is found; and greatest number
-of secants. Chosen: a hundred roundings; dead loads need one secant, pressures on the deformed thickness some five."""
+"""Sum of weighted forces that is left, relative to that of the internal forces, where the factor of
+the loads is found; and greatest number of secants. Chosen: a hundred roundings; dead loads need one
+secant, pressures on the deformed thickness some five.
+"""
 
 LARGEST_STRAIN = 0.25
 """Greatest change of a bond's stretch in one step, as in the quasi-Newton method."""
 
 
 class ControlledForce(LoadedForce):
-    """Force of a body whose loads have the factor t at which a weighted sum of the forces on free components vanishes, theory (82).
+    """Force of a body whose loads have the factor t at which a weighted sum of the forces on free
+    components vanishes, theory (82).
 
-    The loads must be proportional to t, and nothing else may depend on t. In its tangent, too, the factor of the loads changes.
+    The loads must be proportional to t, and nothing else may depend on t. In its tangent, too, the
+    factor of the loads changes.
 
     Parameters
     ----------
@@ -42,20 +48,36 @@ class ControlledForce(LoadedForce):
     """
 
     def __init__(
-        self, loaded: LoadedForce, free: np.ndarray, control: np.ndarray, inner: Preconditioner, weights: np.ndarray | None = None
+        self,
+        loaded: LoadedForce,
+        free: np.ndarray,
+        control: np.ndarray,
+        inner: Preconditioner,
+        weights: np.ndarray | None = None,
     ) -> None:
         super().__init__(loaded.internal, loaded.loads, loaded.supports, loaded.rigid)
-        self.has_energy, self.no_energy_because = False, "the loads depend on the displacements in displacement control"
-        self._free, self._control, self._inner, self._dot = free, control * free, inner, loaded.body.share.dot
+        self.has_energy, self.no_energy_because = (
+            False,
+            "the loads depend on the displacements in displacement control",
+        )
+        self._free, self._control, self._inner, self._dot = (
+            free,
+            control * free,
+            inner,
+            loaded.body.share.dot,
+        )
         self._weights = weights
         self._unit, self.factor = np.zeros_like(control), 0.0
 
     def beside(self, loaded: LoadedForce) -> ControlledForce:
-        """Return another loaded force of the same body with the factor of its loads as an unknown, with the weights of this one."""
+        """Return another loaded force of the same body with the factor of its loads as an
+        unknown, with the weights of this one.
+        """
         return ControlledForce(loaded, self._free, self._control, self._inner, self._weights)
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        """Write internal force plus loads at positions (n, d) to `out` (n, d), as `LoadedForce` does, and find the factor of the loads.
+        """Write internal force plus loads at positions (n, d) to `out` (n, d), as `LoadedForce`
+        does, and find the factor of the loads.
 
         Raises
         ------
@@ -67,7 +89,8 @@ class ControlledForce(LoadedForce):
         if self._weights is None:
             self.update()
         force = self._dot(self._weights, out)
-        # Secants, since the thickness on which a pressure acts depends on the pressure a little; for other loads the first one is exact.
+        # Secants, since the thickness on which a pressure acts depends on the pressure a little;
+        # for other loads the first one is exact.
         last, self.factor, self._unit = (0.0, force), 1.0, self._loads_at(1.0)
         applied = self._unit
         for _ in range(MOST_SECANTS):
@@ -94,31 +117,43 @@ class ControlledForce(LoadedForce):
         return found
 
     def update(self) -> bool:
-        """Adapt the preconditioner and the weights to the state last evaluated, see `Preconditioner`."""
+        """Adapt the preconditioner and the weights to the state last evaluated, see
+        `Preconditioner`.
+        """
         changed = self._inner.update()
         self._weights = self._inner.solve(self._control) * self._free
         return changed
 
     def bordered(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements (n, d) under forces (n, d) and a change of t that leaves the controlled displacement as it is."""
+        """Return the displacements (n, d) under forces (n, d) and a change of t that leaves the
+        controlled displacement as it is.
+        """
         moved, along = self._inner.solve(forces) * self._free, self.along()
         return moved - self._dot(self._control, moved) * along
 
     def equations(self, positions: np.ndarray) -> TangentEquations:
-        """Return the linear equations at positions (n, d) for displacements that leave the controlled one as it is."""
-        return TangentEquations(self, positions, self._free, Preconditioner(self.bordered, self.update))
+        """Return the linear equations at positions (n, d) for displacements that leave the
+        controlled one as it is.
+        """
+        return TangentEquations(
+            self, positions, self._free, Preconditioner(self.bordered, self.update)
+        )
 
     def along(self) -> np.ndarray:
-        """Return the displacements (n, d) under a change of t at which the controlled displacement is 1, by the preconditioner."""
+        """Return the displacements (n, d) under a change of t at which the controlled
+        displacement is 1, by the preconditioner.
+        """
         moved = self._inner.solve(self._unit * self._free) * self._free
         return moved / self._dot(self._control, moved)
 
 
 class DisplacementControl(EquilibriumSolver):
-    """Solver for equilibrium at a given displacement of a place: Newton's method, whose steps do not change this displacement.
+    """Solver for equilibrium at a given displacement of a place: Newton's method, whose steps do
+    not change this displacement.
 
-    The equilibrium of loads that fall while the body deforms further, beyond a limit load, is stable under this constraint. Products of the
-    tangent are differences of forces, so the force must be in double precision, and the body on one rank.
+    The equilibrium of loads that fall while the body deforms further, beyond a limit load, is
+    stable under this constraint. Products of the tangent are differences of forces, so the force
+    must be in double precision, and the body on one rank.
 
     Parameters
     ----------
@@ -140,11 +175,12 @@ class DisplacementControl(EquilibriumSolver):
     name = "displacement-control"
     needs_tangent = True
 
-    # Permitted residual of the linear equations of an iteration, divided by the forces on free points: far from equilibrium their
-    # solution need not be better than the linearization.
+    # Permitted residual of the linear equations of an iteration, divided by the forces on free
+    # points: far from equilibrium their solution need not be better than the linearization.
     SHARE_LEFT = 1e-2
 
-    # Least fraction of a step that is tried, and greatest number of iterations: usual are the whole step, and three to six.
+    # Least fraction of a step that is tried, and greatest number of iterations: usual are the whole
+    # step, and three to six.
     LEAST_STEP, MOST, IDLE = 1 / 16, 30, 5
 
     def __init__(self, control: np.ndarray, *settings) -> None:
@@ -155,8 +191,14 @@ class DisplacementControl(EquilibriumSolver):
         """Return a loaded force with the factor of its loads as an unknown."""
         return ControlledForce(force, self.free, self._control, self.preconditioner(force))
 
-    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
-        tolerance, began, controlled = tolerance or self.tolerance, force.evaluations, self.controlled(force)
+    def solve(
+        self, force, positions, tolerance=None, report=no_report, least_drive=0.0
+    ) -> Equilibrium:
+        tolerance, began, controlled = (
+            tolerance or self.tolerance,
+            force.evaluations,
+            self.controlled(force),
+        )
         forces, trial = np.empty_like(positions), np.empty_like(positions)
         self.begin(force, least_drive)
         self.evaluate(controlled, positions, forces)
@@ -166,7 +208,11 @@ class DisplacementControl(EquilibriumSolver):
                 self.factor = controlled.factor
                 return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
             equations = controlled.equations(positions)
-            step, size, share = equations.displacements(forces, self.SHARE_LEFT), float(np.linalg.norm(forces)), 1.0
+            step, size, share = (
+                equations.displacements(forces, self.SHARE_LEFT),
+                float(np.linalg.norm(forces)),
+                1.0,
+            )
             step *= min(1.0, LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
             while True:
                 np.multiply(step, share, out=trial)
@@ -177,7 +223,9 @@ class DisplacementControl(EquilibriumSolver):
                         break
                 share /= 2
                 if share < self.LEAST_STEP:
-                    raise Diverging(f"a step of Newton's method does not reduce the residual of {residual:.2g}")
+                    raise Diverging(
+                        f"a step of Newton's method does not reduce the residual of {residual:.2g}"
+                    )
             positions[:] = trial
             residual, settled = self.judge(controlled, forces, tolerance)
             report(force.evaluations - began, residual)

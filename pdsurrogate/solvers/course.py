@@ -1,4 +1,6 @@
-"""First guesses of equilibria, initial velocities of dynamics, and the rate of work of supports, from the motions of held parts."""
+"""First guesses of equilibria, initial velocities of dynamics, and the rate of work of supports,
+from the motions of held parts.
+"""
 
 import math
 import weakref
@@ -19,47 +21,61 @@ from .preconditioner import extension_of
 from .rigid import displaced
 
 COMPRESSED = 0.05
-"""Compressive stress of a point, divided by the greatest tensile stress in the body, beyond which the body is checked for buckling. Chosen
-above the compression that points at free edges show because their horizons are incomplete."""
+"""Compressive stress of a point, divided by the greatest tensile stress in the body, beyond which
+the body is checked for buckling. Chosen above the compression that points at free edges show
+because their horizons are incomplete.
+"""
 
 NO_STRESS = {"float32": 1e-5, "float64": 1e-10}
-"""Compressive stress, divided by the shear modulus, that may be a rounding error of the forces, by precision of the forces. Chosen: a
-hundred times the rounding of single precision; in double precision there is room for a much wider margin, since rounding of a pressure is
-multiplied by K/mu."""
+"""Compressive stress, divided by the shear modulus, that may be a rounding error of the forces, by
+precision of the forces. Chosen: a hundred times the rounding of single precision; in double
+precision there is room for a much wider margin, since rounding of a pressure is multiplied by K/mu.
+"""
 
 LARGEST_TURN = 10.0
-"""Greatest rotation of held parts, in degrees, in one step of the first guess of an equilibrium; greater rotations take several steps. In a
-step points between held parts move along chords of their arcs, which shrinks the body half way between these parts by 0.4 % for 10 degrees
-and 13 % for 60. Chosen: 2, 5 and 10 degrees need equally many force evaluations (twisted boxes and cylinders)."""
+"""Greatest rotation of held parts, in degrees, in one step of the first guess of an equilibrium;
+greater rotations take several steps. In a step points between held parts move along chords of their
+arcs, which shrinks the body half way between these parts by 0.4 % for 10 degrees and 13 % for 60.
+Chosen: 2, 5 and 10 degrees need equally many force evaluations (twisted boxes and cylinders).
+"""
 
 HALVINGS = 10
-"""Greatest number of halvings in the search for a first increment; an increment a thousand times too long is a mistake in the scene."""
+"""Greatest number of halvings in the search for a first increment; an increment a thousand times
+too long is a mistake in the scene.
+"""
 
 AHEAD = 1e-6
-"""Interval of the difference quotients that give initial velocities, as a fraction of a stage of the loading. Chosen: relative to the
-velocities the truncation error is then some 1e-6, and the rounding error less."""
+"""Interval of the difference quotients that give initial velocities, as a fraction of a stage of
+the loading. Chosen: relative to the velocities the truncation error is then some 1e-6, and the
+rounding error less.
+"""
 
 
 LEAST_SPREAD = 0.5
-"""Standard deviation of held places along a direction, divided by that of the body's points, above which these places determine the
-gradient of an affine map along this direction. Chosen: places on two opposite sides spread more than the body, and places on one side only
-by the width of its layer of points, which is noise."""
+"""Standard deviation of held places along a direction, divided by that of the body's points, above
+which these places determine the gradient of an affine map along this direction. Chosen: places on
+two opposite sides spread more than the body, and places on one side only by the width of its layer
+of points, which is noise.
+"""
 
 
 class Paths:
-    """First guesses, initial velocities and power for a body whose held parts follow prescribed paths.
+    """First guesses, initial velocities and power for a body whose held parts follow prescribed
+    paths.
 
     Parameters
     ----------
     loading : Loading
     springs : float or ndarray, shape (n,)
-        Shear modulus to which the stiffness of the springs is proportional that spread held displacements into the body in a first guess.
+        Shear modulus to which the stiffness of the springs is proportional that spread held
+        displacements into the body in a first guess.
     shear_modulus : float
         Unit of the stresses that `pushes` compares.
     largest_strain : float
         Greatest strain of a bond that a first guess may make.
     pull : callable, optional
-        For a body between two grips the force with which they pull, as a function of the forces of the supports.
+        For a body between two grips the force with which they pull, as a function of the forces of
+        the supports.
     """
 
     def __init__(
@@ -71,16 +87,26 @@ class Paths:
         pull: Callable[[np.ndarray], float] | None = None,
     ) -> None:
         # With a circle of references the body would stay in memory until a collection of garbage.
-        self._loading, self.body, self._share = weakref.proxy(loading), loading.body, loading.body.share
+        self._loading, self.body, self._share = (
+            weakref.proxy(loading),
+            loading.body,
+            loading.body.share,
+        )
         # A slightly larger bound accepts increments of exactly that strain.
-        self._springs, self._shear_modulus, self._largest_strain = springs, shear_modulus, largest_strain * (1 + 1e-6)
+        self._springs, self._shear_modulus, self._largest_strain = (
+            springs,
+            shear_modulus,
+            largest_strain * (1 + 1e-6),
+        )
         self._pull, self.between_grips = pull, pull is not None
 
-    def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float:
+    def largest_increment(
+        self, positions: np.ndarray, start: float, end: float, asked: float | None
+    ) -> float:
         """Return the greatest increment to plan between two values of the loading parameter.
 
-        The increment begins as the whole difference, or `asked` if that is less, and is halved, at most `HALVINGS` times, until its first
-        guess strains no bond by more than `largest_strain`.
+        The increment begins as the whole difference, or `asked` if that is less, and is halved, at
+        most `HALVINGS` times, until its first guess strains no bond by more than `largest_strain`.
 
         Parameters
         ----------
@@ -94,16 +120,27 @@ class Paths:
         largest = min(abs(end - start), asked or math.inf) or 1.0
         for _ in range(HALVINGS):
             share = min(1.0, largest / abs(end - start)) if end != start else 1.0
-            if self._followed(positions, start, start + share * (end - start))[1] <= self._largest_strain:
+            if (
+                self._followed(positions, start, start + share * (end - start))[1]
+                <= self._largest_strain
+            ):
                 break
             largest /= 2
         return largest
 
-    def guesses(self, positions: np.ndarray, before: float, after: float, earlier: tuple[float, np.ndarray] | None) -> list[np.ndarray]:
-        """Return one or two first guesses of the equilibrium at the parameter `after`; the caller chooses the better.
+    def guesses(
+        self,
+        positions: np.ndarray,
+        before: float,
+        after: float,
+        earlier: tuple[float, np.ndarray] | None,
+    ) -> list[np.ndarray]:
+        """Return one or two first guesses of the equilibrium at the parameter `after`; the caller
+        chooses the better.
 
-        The first guess follows the held parts from the last equilibrium; the second, if an earlier equilibrium is known, extrapolates
-        linearly from both equilibria. Between two grips the first alone takes fewer evaluations.
+        The first guess follows the held parts from the last equilibrium; the second, if an earlier
+        equilibrium is known, extrapolates linearly from both equilibria. Between two grips the
+        first alone takes fewer evaluations.
 
         Parameters
         ----------
@@ -121,32 +158,50 @@ class Paths:
         """
         guess, strain = self._followed(positions, before, after)
         if strain > self._largest_strain:
-            raise TooFar(f"the first guess strains a bond by {strain:.2g}, more than solver.largest_increment = {self._largest_strain:.4g}")
+            raise TooFar(
+                f"the first guess strains a bond by {strain:.2g}, more than"
+                f" solver.largest_increment = {self._largest_strain:.4g}"
+            )
         if self.between_grips or earlier is None or earlier[0] == before or after == before:
             return [guess]
         ratio = (after - before) / (before - earlier[0])
         planes = self._loading.plane_motions(before)
         planes = planes + ratio * (planes - self._loading.plane_motions(earlier[0]))
-        return [guess, self._outside(self._extended(positions + ratio * (positions - earlier[1]), planes, after), after)]
+        return [
+            guess,
+            self._outside(
+                self._extended(positions + ratio * (positions - earlier[1]), planes, after), after
+            ),
+        ]
 
     def velocities(self, positions: np.ndarray, motion: Motion) -> np.ndarray:
-        """Return initial velocities of dynamics, shape (n, d), with which a body in equilibrium follows its held parts without a shock."""
+        """Return initial velocities of dynamics, shape (n, d), with which a body in equilibrium
+        follows its held parts without a shock.
+        """
         ahead = motion.begin + AHEAD * (motion.end - motion.begin)
         guess = self._extended(positions, self._loading.plane_motions(motion.begin), ahead)
         return (guess - positions) / (AHEAD * motion.duration)
 
     def power(self, reactions: Reactions, motion: Motion, time: float, step: float) -> float:
-        """Return the power of all supports on the body at `time`, the end of a time `step`, in two dimensions per unit thickness.
+        """Return the power of all supports on the body at `time`, the end of a time `step`, in two
+        dimensions per unit thickness.
 
-        The velocities of the supports are means over the last step, or over the next step at the start of the motion.
+        The velocities of the supports are means over the last step, or over the next step at the
+        start of the motion.
         """
-        before, after = (motion.at(time - step), motion.at(time)) if time >= step else (motion.at(time), motion.at(time + step))
+        before, after = (
+            (motion.at(time - step), motion.at(time))
+            if time >= step
+            else (motion.at(time), motion.at(time + step))
+        )
         old, new = self._loading.plane_motions(before), self._loading.plane_motions(after)
         changes = new - old
         shifts, power = changes[:, :, -1], 0.0
         if reactions.levers is not None:
             # The place X of a plane is at y = X + u(X): the change of u is a linear function of y.
-            by_place = np.linalg.solve((np.eye(self.body.dimension) + old[:, :, :-1]).mT, changes[:, :, :-1].mT).mT
+            by_place = np.linalg.solve(
+                (np.eye(self.body.dimension) + old[:, :, :-1]).mT, changes[:, :, :-1].mT
+            ).mT
             shifts = shifts - np.einsum("prc,pc->pr", by_place, old[:, :, -1])
             power = float((reactions.levers * by_place).sum()) / step
         power += float((reactions.on_planes * shifts).sum()) / step
@@ -157,24 +212,39 @@ class Paths:
         return power
 
     def pushes(self, force: InternalForce, least: float = 0.0) -> bool:
-        """Return whether grips push in the state last evaluated, with more than the force `least`, or else whether a point is compressed.
+        """Return whether grips push in the state last evaluated, with more than the force `least`,
+        or else whether a point is compressed.
 
-        The compression, by the virial stress of bonds, must exceed `COMPRESSED` times the greatest tension and `NO_STRESS` times the
-        shear modulus.
+        The compression, by the virial stress of bonds, must exceed `COMPRESSED` times the greatest
+        tension and `NO_STRESS` times the shear modulus.
         """
         if self._pull is not None:
             return self._pull(self._loading.reactions(force).forces) < -least
-        (n, d), first, second, positions = self.body.points.shape, self.body.bonds.first, self.body.bonds.second, force.positions
+        (n, d), first, second, positions = (
+            self.body.points.shape,
+            self.body.bonds.first,
+            self.body.bonds.second,
+            force.positions,
+        )
         arms, pulls = positions[second] - positions[first], force.pair_forces()
         products = (pulls[:, :, None] * arms[:, None] + arms[:, :, None] * pulls[:, None]) / 4
-        sums = sums_at_points(n, first, second, products.reshape(-1, d * d), 1) / self.body.volumes[:, None]
+        sums = (
+            sums_at_points(n, first, second, products.reshape(-1, d * d), 1)
+            / self.body.volumes[:, None]
+        )
         least, *_, greatest = np.linalg.eigvalsh(sums[self._share.own].reshape(-1, d, d)).T
         least, greatest = -self._share.greatest(-least), self._share.greatest(greatest)
-        return bool(least < -max(COMPRESSED * greatest, NO_STRESS[force.precision] * self._shear_modulus))
+        return bool(
+            least < -max(COMPRESSED * greatest, NO_STRESS[force.precision] * self._shear_modulus)
+        )
 
     def response(self, displacements: np.ndarray) -> np.ndarray:
-        """Return the displacements (n, d) of the body, modeled as a network of springs, for displacements (n, d) of held components."""
-        return self._extend(displacements, np.zeros((len(self._loading.planes), self.body.dimension)))
+        """Return the displacements (n, d) of the body, modeled as a network of springs, for
+        displacements (n, d) of held components.
+        """
+        return self._extend(
+            displacements, np.zeros((len(self._loading.planes), self.body.dimension))
+        )
 
     @cached_property
     def _extend(self) -> Callable[..., np.ndarray]:
@@ -182,23 +252,37 @@ class Paths:
 
     @cached_property
     def _contact(self) -> ContactStiffness:
-        network = (springs_of if self.body.dimension == 2 else laplacian_of)(self.body, self._springs)
-        return ContactStiffness(inverse_of(network, self._loading.free), self._loading.loads.obstacles)
+        network = (springs_of if self.body.dimension == 2 else laplacian_of)(
+            self.body, self._springs
+        )
+        return ContactStiffness(
+            inverse_of(network, self._loading.free), self._loading.loads.obstacles
+        )
 
     def _outside(self, guess: np.ndarray, t: float) -> np.ndarray:
-        """Return a first guess (n, d) at the parameter `t`, with its boundary moved out of the obstacles as they are then."""
+        """Return a first guess (n, d) at the parameter `t`, with its boundary moved out of the
+        obstacles as they are then.
+        """
         loads = self._loading.loads
         if not loads.obstacles:
             return guess
         loads.set(t)
         return self._contact.outside(guess)
 
-    def _followed(self, positions: np.ndarray, before: float, after: float) -> tuple[np.ndarray, float]:
-        """Return the first guess at parameter `after`, and the greatest strain of a bond from `positions`, the state at `before`, to it.
+    def _followed(
+        self, positions: np.ndarray, before: float, after: float
+    ) -> tuple[np.ndarray, float]:
+        """Return the first guess at parameter `after`, and the greatest strain of a bond from
+        `positions`, the state at `before`, to it.
 
-        The guess follows the held parts in steps that turn no held part by more than `LARGEST_TURN`, so that points move nearly along arcs.
+        The guess follows the held parts in steps that turn no held part by more than
+        `LARGEST_TURN`, so that points move nearly along arcs.
         """
-        turns = (abs(part.angle(after) - part.angle(before)) for part in self._loading.held if part.angle is not None)
+        turns = (
+            abs(part.angle(after) - part.angle(before))
+            for part in self._loading.held
+            if part.angle is not None
+        )
         portions, guess = max(1, math.ceil(max(turns, default=0.0) / LARGEST_TURN)), positions
         for start, end in pairwise(np.linspace(before, after, portions + 1)):
             guess = self._extended(guess, self._loading.plane_motions(start), end)
@@ -206,11 +290,13 @@ class Paths:
         return guess, self._share.greatest(greatest_bond_strain(self.body, positions, guess))
 
     def _extended(self, start: np.ndarray, planes: np.ndarray, t: float) -> np.ndarray:
-        """Return the positions (n, d) to which `start` changes when all held parts move to their places at `t`.
+        """Return the positions (n, d) to which `start` changes when all held parts move to their
+        places at `t`.
 
-        In the state `start` the reflection planes have the motions `planes`. An affine map fitted to the motion of the held parts is
-        applied first: it captures homogeneous deformations and rotations of the whole body. The remaining held displacements are then
-        interpolated as by a network of springs.
+        In the state `start` the reflection planes have the motions `planes`. An affine map fitted
+        to the motion of the held parts is applied first: it captures homogeneous deformations and
+        rotations of the whole body. The remaining held displacements are then interpolated as by a
+        network of springs.
         """
         loading, goal_planes = self._loading, self._loading.plane_motions(t)
         self._share.fill(start)
@@ -225,7 +311,10 @@ class Paths:
             along -= self._share.sum(along) / self._share.size
             return float(np.sqrt(self._share.sum(np.square(along)) / self._share.size))
 
-        everywhere = (self._share.joined(values, loading.point) for values in (places, loading.component, goals))
+        everywhere = (
+            self._share.joined(values, loading.point)
+            for values in (places, loading.component, goals)
+        )
         gradient, shift = affine_extension(*everywhere, spread)
         guess = start @ gradient.T + shift
         left = goals - (places @ gradient.T + shift)[rows]
@@ -235,36 +324,56 @@ class Paths:
             for number, component in zip(*np.nonzero(loading.plane_components), strict=True):
                 # Along its plane the affine map need not follow every place alike.
                 own = (loading.plane == number) & (loading.component == component)
-                of_planes[number, component] = self._share.joined(left[own], loading.point[own]).mean()
+                of_planes[number, component] = self._share.joined(
+                    left[own], loading.point[own]
+                ).mean()
             turns = None
             if loading.turning:
-                # If one plane turns, the map turns the others by a part of that, which the remainder of their turn cancels.
+                # If one plane turns, the map turns the others by a part of that, which the
+                # remainder of their turn cancels.
                 held = loading.plane_components.all(axis=1)
                 identity = np.eye(self.body.dimension)
-                turns = identity + goal_planes[:, :, :-1] - gradient @ (identity + planes[:, :, :-1])
+                turns = (
+                    identity + goal_planes[:, :, :-1] - gradient @ (identity + planes[:, :, :-1])
+                )
                 turns[~held] = 0.0
-                of_planes[held] = (goal_planes[:, :, -1] - planes[:, :, -1] @ gradient.T - shift)[held]
+                of_planes[held] = (goal_planes[:, :, -1] - planes[:, :, -1] @ gradient.T - shift)[
+                    held
+                ]
             guess += self._extend(moved, of_planes, turns)
         guess[loading.there] = goals[loading.at_points]
         return guess
 
-    def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the present places (k, d) of the held components in the table of `Loading`, and the coordinate (k,) of each at `t`.
+    def _samples(
+        self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the present places (k, d) of the held components in the table of `Loading`, and
+        the coordinate (k,) of each at `t`.
 
-        A held component of a plane has one row for each point with an image in the plane: the place is the projection of the point onto it,
-        but the point's own coordinate in components in which the plane is free. `planes` and `goal_planes` are the motions of the planes at
-        the positions `start` and at `t` (see `Loading.plane_motions`).
+        A held component of a plane has one row for each point with an image in the plane: the place
+        is the projection of the point onto it, but the point's own coordinate in components in
+        which the plane is free. `planes` and `goal_planes` are the motions of the planes at the
+        positions `start` and at `t` (see `Loading.plane_motions`).
         """
         loading, displacements = self._loading, start - self.body.points
         there = loading.point, loading.component
         places, goals = start[loading.point], self.body.points[there] + loading.moves(t)
         for number, part in enumerate(loading.held):
-            if part.others is not None:  # the point of a place between points goes as far as the mean of all its points does
+            if (
+                part.others is not None
+            ):  # the point of a place between points goes as far as the mean of all its points does
                 own = loading.part == number
                 mean = displacements[part.every].sum(axis=0) / part.count
-                goals[own] += displacements[loading.point[own], loading.component[own]] - mean[loading.component[own]]
+                goals[own] += (
+                    displacements[loading.point[own], loading.component[own]]
+                    - mean[loading.component[own]]
+                )
         beside = ~loading.at_points
-        number, component, at_rest = loading.plane[beside], loading.component[beside], loading.place[beside]
+        number, component, at_rest = (
+            loading.plane[beside],
+            loading.component[beside],
+            loading.place[beside],
+        )
         now, then = (displaced(motions[number], at_rest) for motions in (planes, goal_planes))
         there = np.where(loading.plane_components[number], at_rest + now, places[beside])
         rows = np.arange(len(number)), component
@@ -273,12 +382,17 @@ class Paths:
 
 
 def affine_extension(
-    places: np.ndarray, components: np.ndarray, goals: np.ndarray, spread_along: Callable[[np.ndarray], float]
+    places: np.ndarray,
+    components: np.ndarray,
+    goals: np.ndarray,
+    spread_along: Callable[[np.ndarray], float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the affine map y -> A y + b that brings given components of places nearest to their goals: the gradient A and the shift b.
+    """Return the affine map y -> A y + b that brings given components of places nearest to their
+    goals: the gradient A and the shift b.
 
-    Along directions in which the places do not determine the gradient, A is that of the identity. Where all places lie on one line, or in
-    three dimensions on one plane, as on a single clamped edge or face, A rotates the normal of that line or plane with it.
+    Along directions in which the places do not determine the gradient, A is that of the identity.
+    Where all places lie on one line, or in three dimensions on one plane, as on a single clamped
+    edge or face, A rotates the normal of that line or plane with it.
 
     Parameters
     ----------
@@ -288,8 +402,9 @@ def affine_extension(
     goals : ndarray, shape (k,)
         Value that this component must reach.
     spread_along : callable
-        Function that returns the standard deviation of the body's points along a direction (d,). Places that spread less than
-        `LEAST_SPREAD` times as much do not determine the gradient along it.
+        Function that returns the standard deviation of the body's points along a direction (d,).
+        Places that spread less than `LEAST_SPREAD` times as much do not determine the gradient
+        along it.
 
     Returns
     -------
@@ -325,5 +440,11 @@ def affine_extension(
 
 
 def _normal(directions: np.ndarray) -> np.ndarray:
-    """Return a normal (not a unit vector) to one direction in the plane, shape (1, 2), or two in three dimensions, shape (2, 3)."""
-    return np.array([-directions[0, 1], directions[0, 0]]) if directions.shape[1] == 2 else np.cross(*directions)
+    """Return a normal (not a unit vector) to one direction in the plane, shape (1, 2), or two in
+    three dimensions, shape (2, 3).
+    """
+    return (
+        np.array([-directions[0, 1], directions[0, 0]])
+        if directions.shape[1] == 2
+        else np.cross(*directions)
+    )

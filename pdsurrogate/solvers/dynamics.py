@@ -1,4 +1,6 @@
-"""Explicit dynamics: central differences with damping proportional to mass and to stiffness, and a stable time step."""
+"""Explicit dynamics: central differences with damping proportional to mass and to stiffness, and
+a stable time step.
+"""
 
 import math
 from collections.abc import Callable
@@ -13,25 +15,31 @@ from .loads import LoadedForce, Loads
 from .stability import FrequencyEstimate
 
 FREQUENCY_MARGIN = 1.03
-"""Safety factor on the highest frequency, which the power iteration underestimates by up to 2 % on sheets of up to 7,500 points."""
+"""Safety factor on the highest frequency, which the power iteration underestimates by up to 2 %
+on sheets of up to 7,500 points.
+"""
 
 
 MOST_TRAVEL = 0.5
-"""Greatest displacement of a point in one time step, in spacings. Chosen: two points that meet cannot pass each other in one step. Waves
-move points by less, but material that unloads behind the last bonds of a crack could otherwise move past the bonds that should stop it."""
+"""Greatest displacement of a point in one time step, in spacings. Chosen: two points that meet
+cannot pass each other in one step. Waves move points by less, but material that unloads behind the
+last bonds of a crack could otherwise move past the bonds that should stop it.
+"""
 
 
 class Power(NamedTuple):
-    """Power of forces at the present positions, with the velocities before, at and after the present time.
+    """Power of forces at the present positions, with the velocities before, at and after the
+    present time.
 
     Attributes
     ----------
     before, after : float
-        Power with the velocities half a step before and after the present time. Each times half a step is what these forces contribute, by
-        the trapezoidal rule, to the work in the step that ends, or begins, at the present time.
+        Power with the velocities half a step before and after the present time. Each times half a
+        step is what these forces contribute, by the trapezoidal rule, to the work in the step that
+        ends, or begins, at the present time.
     now : float
-        Power with the velocities at the present time. The velocities half a step before would overestimate it where velocities change
-        within a step, as near a crack.
+        Power with the velocities at the present time. The velocities half a step before would
+        overestimate it where velocities change within a step, as near a crack.
     """
 
     before: float = 0.0
@@ -44,21 +52,25 @@ class Power(NamedTuple):
 
 
 class ExplicitDynamics:
-    """Integrator of M (a + c v) = f(y + tau v) by central differences, with velocities at half steps.
+    """Integrator of M (a + c v) = f(y + tau v) by central differences, with velocities at half
+    steps.
 
-    M is the mass, y the position, v the velocity, a the acceleration and f the internal force; c is the damping and tau the viscosity.
-    With tau = 0 the scheme is that of the paper that `pdsurrogate.paper` reproduces.
+    M is the mass, y the position, v the velocity, a the acceleration and f the internal force; c is
+    the damping and tau the viscosity. With tau = 0 the scheme is that of the paper that
+    `pdsurrogate.paper` reproduces.
 
-    Forces at positions a retardation time tau ahead are those of a Kelvin-Voigt solid, f + tau df/dt, to first order in tau, without
-    further evaluations. They damp waves as short as the bonds, such as those of material that unloads behind a crack, on which damping
-    proportional to mass has little effect. Loads are evaluated at y with their present size; only a pressure that is multiplied by the
-    stretch of a sheet's thickness uses the stretch at y + tau v.
+    Forces at positions a retardation time tau ahead are those of a Kelvin-Voigt solid, f + tau
+    df/dt, to first order in tau, without further evaluations. They damp waves as short as the
+    bonds, such as those of material that unloads behind a crack, on which damping proportional to
+    mass has little effect. Loads are evaluated at y with their present size; only a pressure that
+    is multiplied by the stretch of a sheet's thickness uses the stretch at y + tau v.
 
     Parameters
     ----------
     force : InternalForce
     hold : callable
-        ``hold(positions, ahead)`` moves all held parts to their positions at a time `ahead` from the present.
+        ``hold(positions, ahead)`` moves all held parts to their positions at a time `ahead` from
+        the present.
     positions, velocities : ndarray, shape (n, d)
         Initial values, changed in place.
     free : ndarray, shape (n, d)
@@ -78,9 +90,10 @@ class ExplicitDynamics:
     forces : ndarray, shape (n, d)
         Forces that move the body, including loads.
     elastic : ndarray, shape (n, d)
-        Estimate f_e of the internal forces at y, without viscous part and without loads, if there is viscosity; otherwise 0. It is
-        integrated from the forces f at y + tau v by f_e + tau df_e/dt = f, which is exact for linear forces; the error of a nonlinear
-        step decays within tau, and `find_elastic` evaluates f_e exactly.
+        Estimate f_e of the internal forces at y, without viscous part and without loads, if there
+        is viscosity; otherwise 0. It is integrated from the forces f at y + tau v by f_e + tau
+        df_e/dt = f, which is exact for linear forces; the error of a nonlinear step decays within
+        tau, and `find_elastic` evaluates f_e exactly.
     time_step : float
         Stable time step, which decreases where the body stiffens and never increases.
     last_step : float
@@ -89,9 +102,11 @@ class ExplicitDynamics:
         Greatest length of the next step, set by the caller.
     """
 
-    # Without breaking bonds the tangent changes over the time in which a wave crosses many horizons.
+    # Without breaking bonds the tangent changes over the time in which a wave crosses many
+    # horizons.
     STEPS_BETWEEN_ESTIMATES = 50
-    # Beside bonds that break rubber retracts and loses neighbors: its frequency doubled within six steps; a wave crosses no bond in two.
+    # Beside bonds that break rubber retracts and loses neighbors: its frequency doubled within six
+    # steps; a wave crosses no bond in two.
     STEPS_WHILE_BONDS_BREAK = 2
 
     def __init__(
@@ -109,7 +124,13 @@ class ExplicitDynamics:
         loads: Loads | None = None,
     ) -> None:
         self.force, self._hold, self.positions, self.velocities = force, hold, positions, velocities
-        self._free, self._mass, self._damping, self._viscosity, self._safety = free, mass, damping, viscosity, safety
+        self._free, self._mass, self._damping, self._viscosity, self._safety = (
+            free,
+            mass,
+            damping,
+            viscosity,
+            safety,
+        )
         self._loaded = LoadedForce(force, loads) if loads else force
         self._loads, self._applied = loads, np.empty_like(positions) if loads else None
         self._contact = loads.greatest_frequency(mass) if loads else 0.0
@@ -135,16 +156,24 @@ class ExplicitDynamics:
         self._evaluate()
 
     def _limit(self, squared: float) -> None:
-        """Limit the time step to the stable one for the square of the body's highest frequency; contact may begin before the next call."""
+        """Limit the time step to the stable one for the square of the body's highest frequency;
+        contact may begin before the next call.
+        """
         frequency = FREQUENCY_MARGIN * np.sqrt(squared + self._contact)
         if not 0 < frequency < np.inf:
-            raise Diverging(f"there is no time step: the highest frequency of the body is {frequency:.3g}")
+            raise Diverging(
+                f"there is no time step: the highest frequency of the body is {frequency:.3g}"
+            )
         # Damping ratio of the highest mode: in an explicit scheme viscosity reduces its stability.
         ratio = 0.5 * self._viscosity * frequency
-        self.time_step = min(self.time_step, self._safety * 2 / frequency * (np.sqrt(1 + ratio * ratio) - ratio))
+        self.time_step = min(
+            self.time_step, self._safety * 2 / frequency * (np.sqrt(1 + ratio * ratio) - ratio)
+        )
 
     def _evaluate(self, follow: bool = False) -> None:
-        """Evaluate the forces; with `follow` also limit the time step, by the tangent at the same places as the forces."""
+        """Evaluate the forces; with `follow` also limit the time step, by the tangent at the
+        same places as the forces.
+        """
         places = self.positions
         if self._viscosity > 0:
             places = self._ahead
@@ -167,16 +196,21 @@ class ExplicitDynamics:
 
     @property
     def followed(self) -> float:
-        """Fraction of the difference between the forces ahead of the positions and `elastic` that is added to `elastic` in a step."""
+        """Fraction of the difference between the forces ahead of the positions and `elastic`
+        that is added to `elastic` in a step.
+        """
         return self.last_step / (self.last_step + self._viscosity)
 
     def evaluate_at_rest(self) -> None:
-        """Evaluate the forces, including loads, at the present positions without viscous part, as if the velocities were zero."""
+        """Evaluate the forces, including loads, at the present positions without viscous part,
+        as if the velocities were zero.
+        """
         self.force(self.positions, self.forces)
         self._add_loads()
 
     def find_elastic(self) -> float:
-        """Evaluate `elastic` exactly, after moving held parts to their present places; `force` is left in that state.
+        """Evaluate `elastic` exactly, after moving held parts to their present places; `force` is
+        left in that state.
 
         Return the power, with the present velocities, of the error that the estimate had.
         """
@@ -193,15 +227,21 @@ class ExplicitDynamics:
             self.forces += self._applied
 
     def center(self) -> None:
-        """Shift the velocities in time from the present positions back by half a step, as central differences need them."""
+        """Shift the velocities in time from the present positions back by half a step, as
+        central differences need them.
+        """
         self.velocities += self._half_step_of(-self.forces)
 
     def part_of(self, span: float) -> float:
-        """Return the longest stable step that divides a span of time into a whole number of steps."""
+        """Return the longest stable step that divides a span of time into a whole number of
+        steps.
+        """
         return span / max(1, math.ceil(span / self.time_step))
 
     def move(self) -> None:
-        """Advance velocities and positions by one step, in place, without evaluating the forces at the new positions."""
+        """Advance velocities and positions by one step, in place, without evaluating the forces
+        at the new positions.
+        """
         step = self.next_step()
         self._step(self.positions, self.velocities, step)
         self.last_step = step
@@ -210,22 +250,28 @@ class ExplicitDynamics:
         self._kicks = None
 
     def _step(self, positions: np.ndarray, velocities: np.ndarray, step: float) -> None:
-        """Advance arrays of velocities and positions, the body's own or copies, by one step with the present forces, in place."""
+        """Advance arrays of velocities and positions, the body's own or copies, by one step with
+        the present forces, in place.
+        """
         scheme = self.forces, self._free, self._mass, self._damping, step, self.last_step
         central_difference_step(positions, velocities, *scheme)
 
     def next_step(self) -> float:
-        """Return the length of the next time step: stable, at most `longest`, and such that no point moves farther than `MOST_TRAVEL`."""
+        """Return the length of the next time step: stable, at most `longest`, and such that no
+        point moves farther than `MOST_TRAVEL`.
+        """
         fastest = self._share.greatest(max(self.velocities.max(), -self.velocities.min()))
         step = min(self.time_step, self.longest)
         return min(step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else step
 
     def kick(self, forces: np.ndarray) -> None:
-        """Add to the velocities the impulse over half a step of `forces` (n, d) of all bonds that break at the present positions.
+        """Add to the velocities the impulse over half a step of `forces` (n, d) of all bonds that
+        break at the present positions.
 
-        Velocities are half a step behind the positions. Breaking bonds act until the present time, but the forces of the next full step
-        exclude them; without their impulse over the last half step the motion would lose less energy than the bonds have taken up.
-        A second call in a step, with the forces of further bonds as well, replaces the impulse of the first.
+        Velocities are half a step behind the positions. Breaking bonds act until the present time,
+        but the forces of the next full step exclude them; without their impulse over the last half
+        step the motion would lose less energy than the bonds have taken up. A second call in a
+        step, with the forces of further bonds as well, replaces the impulse of the first.
         """
         if self._kicks is not None:
             self.velocities -= self._kicks
@@ -236,48 +282,63 @@ class ExplicitDynamics:
         return 0.5 * self.last_step * forces / self._mass[:, None] * self._free
 
     def evaluate(self, bonds_break: bool = False) -> None:
-        """Evaluate the forces at the present positions, and the stable time step if it is due by the number of steps.
+        """Evaluate the forces at the present positions, and the stable time step if it is due by
+        the number of steps.
 
-        `bonds_break` tells whether bonds have broken in this step or in one of the steps just before.
+        `bonds_break` tells whether bonds have broken in this step or in one of the steps just
+        before.
         """
         apart = self.STEPS_WHILE_BONDS_BREAK if bonds_break else self.STEPS_BETWEEN_ESTIMATES
         self._evaluate(self.steps % apart == 0)
 
     def velocities_around(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the velocities half a step before the present time, at the present time, and half a step after, shape (n, d) each.
+        """Return the velocities half a step before the present time, at the present time, and half
+        a step after, shape (n, d) each.
 
-        The velocities before exclude the impulse of bonds that broke at the present positions. The arrays are not to be changed.
+        The velocities before exclude the impulse of bonds that broke at the present positions. The
+        arrays are not to be changed.
         """
         before = self.velocities if self._kicks is None else self.velocities - self._kicks
         now = 0.5 * (self.velocities + self._following_velocities(self.last_step))
         return before, now, self._following_velocities(self.next_step())
 
     def kept_energy(self) -> tuple[float, float]:
-        """Return two kinetic energies at the present time, from before and from after it, whose sums with the strain energy are conserved.
+        """Return two kinetic energies at the present time, from before and from after it, whose
+        sums with the strain energy are conserved.
 
-        The first is the kinetic energy half a step before, plus the work over this half step of the forces, including those of bonds that
-        break at the present time. The second is the kinetic energy half a step after, minus the work over this half step of the forces
-        without those of broken bonds. From the second energy of one step to the first of the next the kinetic energy changes by the work of
-        the forces by the trapezoidal rule: for linear forces minus the change of strain energy. Both energies equal v M v'/2, with mass M
-        and the velocities v and v' half a step before and after, except where bonds break or the step h changes: the scheme then dissipates
-        their difference. The kinetic energy from the velocity at the present time exceeds both by h^2 f M^-1 f/8 for forces f, which is
-        large where bonds have just broken.
+        The first is the kinetic energy half a step before, plus the work over this half step of the
+        forces, including those of bonds that break at the present time. The second is the kinetic
+        energy half a step after, minus the work over this half step of the forces without those of
+        broken bonds. From the second energy of one step to the first of the next the kinetic energy
+        changes by the work of the forces by the trapezoidal rule: for linear forces minus the
+        change of strain energy. Both energies equal v M v'/2, with mass M and the velocities v and
+        v' half a step before and after, except where bonds break or the step h changes: the scheme
+        then dissipates their difference. The kinetic energy from the velocity at the present time
+        exceeds both by h^2 f M^-1 f/8 for forces f, which is large where bonds have just broken.
         """
         before, now, after = self.velocities_around()
-        arriving, leaving = (self._share.dot(side, now - 0.5 * side, self._mass) for side in (before, after))
+        arriving, leaving = (
+            self._share.dot(side, now - 0.5 * side, self._mass) for side in (before, after)
+        )
         return arriving, leaving
 
     def _following_velocities(self, step: float) -> np.ndarray:
         following = self.velocities.copy()
-        self._step(self._ahead, following, step)  # the positions are not used, and the array is free between evaluations
+        self._step(
+            self._ahead, following, step
+        )  # the positions are not used, and the array is free between evaluations
         return following
 
     def elastic_with_loads(self) -> np.ndarray:
-        """Return the elastic forces plus the loads on every point at the present positions, without viscous part, shape (n, d)."""
+        """Return the elastic forces plus the loads on every point at the present positions,
+        without viscous part, shape (n, d).
+        """
         return self.elastic + self._applied if self._loads else self.elastic
 
     def damped_power(self) -> Power:
-        """Return the power that damping and viscosity dissipate now; viscous forces are `forces` minus the elastic forces and loads."""
+        """Return the power that damping and viscosity dissipate now; viscous forces are `forces`
+        minus the elastic forces and loads.
+        """
         before, now, after = self.velocities_around()
         taking = self._damping * self._mass[:, None] * now
         power = self._damping * self._share.dot(now, now, self._mass)

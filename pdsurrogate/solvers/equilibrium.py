@@ -1,4 +1,6 @@
-"""Base class of the solvers for equilibrium, the result of a solver, and the errors that solvers raise."""
+"""Base class of the solvers for equilibrium, the result of a solver, and the errors that solvers
+raise.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -11,44 +13,65 @@ from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from ..ranks import Share
 from .nearest_bonds import is_rigid, strain_rounding
-from .preconditioner import WIDEST_CHECKED, Preconditioner, has_struts, is_slender, preconditioner_of
+from .preconditioner import (
+    WIDEST_CHECKED,
+    Preconditioner,
+    has_struts,
+    is_slender,
+    preconditioner_of,
+)
 
 Report = Callable[[int, float], None]
 """Function that a solver calls with the number of force evaluations so far and the residual."""
 
 UNBALANCED = 5e-4
-"""Greatest permitted sum of the magnitudes of the residual forces on free points, divided by the greater of the sums for the loads and for
-the reactions. It also bounds the error of every balance of forces, and of moments divided by the greatest lever arm. Chosen: half of the
-error of 0.1 % at which an output counts as not converged (`run.levels.MOST_OFF`)."""
+"""Greatest permitted sum of the magnitudes of the residual forces on free points, divided by the
+greater of the sums for the loads and for the reactions. It also bounds the error of every balance
+of forces, and of moments divided by the greatest lever arm. Chosen: half of the error of 0.1 % at
+which an output counts as not converged (`run.levels.MOST_OFF`).
+"""
 
 NEARLY_BALANCED = 0.01
-"""Such a sum in intermediate states of slender bodies. Their loads are so small that the coarse tolerance of these states would let a body
-stay as it was before an increment, and a check of stability miss its buckling. Chosen: loads at which columns buckle are then known to
-about a percent."""
+"""Such a sum in intermediate states of slender bodies. Their loads are so small that the coarse
+tolerance of these states would let a body stay as it was before an increment, and a check of
+stability miss its buckling. Chosen: loads at which columns buckle are then known to about a
+percent.
+"""
 
 USUAL = 1e-6
-"""Default tolerance of solvers and scenes, in units of shear modulus / spacing; a smaller one reduces `UNBALANCED` in proportion."""
+"""Default tolerance of solvers and scenes, in units of shear modulus / spacing; a smaller one
+reduces `UNBALANCED` in proportion.
+"""
 
 SINGLE = 1e-7
-"""Least residual, in units of shear modulus / spacing, that forces in single precision can reach. In the undeformed body their
-rounding error is some 1e-8."""
+"""Least residual, in units of shear modulus / spacing, that forces in single precision can reach.
+In the undeformed body their rounding error is some 1e-8.
+"""
 
 ROUNDED = 100
-"""Greatest residual that may be due to rounding of the positions, divided by the stress that this rounding causes in a bond. Below it a
-search continues only while the residual forces fall by a third within `EquilibriumSolver.IDLE` evaluations, and then ends as converged.
-Chosen: the errors of some thirty bonds of a point add up; with a greater value this check only begins earlier."""
+"""Greatest residual that may be due to rounding of the positions, divided by the stress that this
+rounding causes in a bond. Below it a search continues only while the residual forces fall by a
+third within `EquilibriumSolver.IDLE` evaluations, and then ends as converged. Chosen: the errors of
+some thirty bonds of a point add up; with a greater value this check only begins earlier.
+"""
 
 MOST_GROWTH = 1e3
-"""Residual of a search, divided by the first one or by shear modulus / spacing if that is greater, beyond which the search diverges:
-residuals of an unstable iteration grow without bound, and waves of a stable one exceed the first value by less."""
+"""Residual of a search, divided by the first one or by shear modulus / spacing if that is greater,
+beyond which the search diverges: residuals of an unstable iteration grow without bound, and waves
+of a stable one exceed the first value by less.
+"""
 
 PERIODS, LEAST_WINDOW = 4, 200
-"""Force evaluations per spacing in the body's extent, and the least number, in which the residual of a converging search halves. Chosen:
-some two periods of the slowest mode in relaxation, which takes tens of evaluations per spacing in all."""
+"""Force evaluations per spacing in the body's extent, and the least number, in which the residual
+of a converging search halves. Chosen: some two periods of the slowest mode in relaxation, which
+takes tens of evaluations per spacing in all.
+"""
 
 
 def no_report(evaluations: int, residual: float) -> None:
-    """Do nothing: default function of type `Report`, which a solver calls to report its progress."""
+    """Do nothing: default function of type `Report`, which a solver calls to report its
+    progress.
+    """
 
 
 class NoEquilibrium(RuntimeError):
@@ -60,7 +83,9 @@ class NotConverged(NoEquilibrium):
 
 
 class OutOfPatience(NoEquilibrium):
-    """Error for a search that a run has ended, because failed increments before it took many evaluations."""
+    """Error for a search that a run has ended, because failed increments before it took many
+    evaluations.
+    """
 
 
 class Unbalanced(NotConverged):
@@ -72,7 +97,9 @@ class Diverging(NoEquilibrium):
 
 
 class TooSmall(RuntimeError):
-    """Error for strains, loads and reactions so small that rounding errors of the forces or of the positions exceed the tolerance."""
+    """Error for strains, loads and reactions so small that rounding errors of the forces or of
+    the positions exceed the tolerance.
+    """
 
 
 class Unstable(NoEquilibrium):
@@ -80,28 +107,40 @@ class Unstable(NoEquilibrium):
 
 
 class TooFar(NoEquilibrium):
-    """Error for an increment whose first guess strains the body too much for a solver to converge."""
+    """Error for an increment whose first guess strains the body too much for a solver to
+    converge.
+    """
 
 
 class RanAway(NoEquilibrium):
-    """Error for a body that its loads displace very far within one increment, as happens beyond its limit load."""
+    """Error for a body that its loads displace very far within one increment, as happens beyond
+    its limit load.
+    """
 
 
 def window_of(body: Body) -> int:
-    """Return the number of force evaluations in which the residual of a converging search halves on a body."""
+    """Return the number of force evaluations in which the residual of a converging search halves
+    on a body.
+    """
     return max(LEAST_WINDOW, int(PERIODS * body.extent / body.spacing))
 
 
 def check_growth(first: float, residual: float) -> None:
-    """Raise Diverging if the residual of a search exceeds `MOST_GROWTH` times its first value (or shear modulus / spacing)."""
+    """Raise Diverging if the residual of a search exceeds `MOST_GROWTH` times its first value
+    (or shear modulus / spacing).
+    """
     if not residual < MOST_GROWTH * max(first, 1.0):
-        raise Diverging(f"the residual grew from {first:.2g} to {residual:.2g} shear modulus / spacing")
+        raise Diverging(
+            f"the residual grew from {first:.2g} to {residual:.2g} shear modulus / spacing"
+        )
 
 
 def falls(course: list[tuple[int, float]], window: float) -> bool:
-    """Return whether a search converges: whether its least residual halves from one `window` of evaluations to the next.
+    """Return whether a search converges: whether its least residual halves from one `window` of
+    evaluations to the next.
 
-    `course` lists evaluations and residuals. A search that is shorter than a window counts as converging.
+    `course` lists evaluations and residuals. A search that is shorter than a window counts as
+    converging.
     """
     ages = [(course[-1][0] - number, residual) for number, residual in course]
     before = min((residual for age, residual in ages if window <= age < 2 * window), default=np.inf)
@@ -109,10 +148,14 @@ def falls(course: list[tuple[int, float]], window: float) -> bool:
 
 
 def note_of_modes(force: InternalForce, consequence: str) -> str:
-    """Return a note for an error message that the force has zero-energy modes, with their consequence; empty if it has none."""
+    """Return a note for an error message that the force has zero-energy modes, with their
+    consequence; empty if it has none.
+    """
     if not force.zero_energy_modes:
         return ""
-    others = "force=bond-energy" if force.body.dimension == 3 else "force=analytic or force=bond-energy"
+    others = (
+        "force=bond-energy" if force.body.dimension == 3 else "force=analytic or force=bond-energy"
+    )
     return f" (this force has zero-energy modes, {consequence}; use {others})"
 
 
@@ -129,7 +172,8 @@ class Equilibrium:
     method : str
         Name of the method that converged.
     drive : float
-        Driving force: sum of the magnitudes of the loads or of the reactions, whichever is greater; in two dimensions per unit thickness.
+        Driving force: sum of the magnitudes of the loads or of the reactions, whichever is greater;
+        in two dimensions per unit thickness.
     """
 
     residual: float
@@ -141,8 +185,9 @@ class Equilibrium:
 class EquilibriumSolver(ABC):
     """Base class of the solvers for equilibrium.
 
-    The search ends when two conditions hold: the residual is below the tolerance, and the residual forces on the free points are small
-    compared with the driving forces (the loads or reactions, see `Equilibrium.drive`), or no greater than rounding errors.
+    The search ends when two conditions hold: the residual is below the tolerance, and the residual
+    forces on the free points are small compared with the driving forces (the loads or reactions,
+    see `Equilibrium.drive`), or no greater than rounding errors.
 
     Parameters
     ----------
@@ -161,18 +206,27 @@ class EquilibriumSolver(ABC):
     needs_energy = False
     """Whether the method needs a force that has an energy."""
     needs_tangent = False
-    """Whether the method needs products of the tangent, and so a force in double precision and one rank."""
+    """Whether the method needs products of the tangent, and so a force in double precision and
+    one rank.
+    """
     steps_in_time = False
     """Whether the method is a damped motion in time steps, whose residuals oscillate."""
     IDLE = 200
-    """Number of evaluations after which a search ends if the residual forces, which may be rounding errors (see `ROUNDED`), have not fallen
-    by a third. Chosen: on nearly incompressible strips that bend, L-BFGS takes up to 75 evaluations for a third at a length of 20
-    thicknesses, and up to 150 at 40."""
+    """Number of evaluations after which a search ends if the residual forces, which may be rounding
+    errors (see `ROUNDED`), have not fallen by a third. Chosen: on nearly incompressible strips that
+    bend, L-BFGS takes up to 75 evaluations for a third at a length of 20 thicknesses, and up to 150
+    at 40.
+    """
     gave_up = False
     """Whether a faster method has failed on this body, so that it is not tried again."""
 
     def __init__(
-        self, free: np.ndarray, volumes: np.ndarray, tolerance: float = USUAL, most_evaluations: int = 50_000, share: Share | None = None
+        self,
+        free: np.ndarray,
+        volumes: np.ndarray,
+        tolerance: float = USUAL,
+        most_evaluations: int = 50_000,
+        share: Share | None = None,
     ) -> None:
         self.free, self.volumes, self.share = free, volumes, share or Share.whole(len(free))
         self.tolerance, self.most_evaluations = tolerance, most_evaluations
@@ -197,39 +251,52 @@ class EquilibriumSolver(ABC):
         ----------
         force : InternalForce
         positions : ndarray, shape (n, d)
-            Initial positions; the equilibrium on return, or the last state reached if an error is raised.
+            Initial positions; the equilibrium on return, or the last state reached if an error is
+            raised.
         tolerance : float, optional
-            Tolerance in place of the solver's own, for intermediate states. If it is greater, the sum of the residual forces is compared
-            with the driving forces in slender bodies alone, and then with `NEARLY_BALANCED` of them.
+            Tolerance in place of the solver's own, for intermediate states. If it is greater, the
+            sum of the residual forces is compared with the driving forces in slender bodies alone,
+            and then with `NEARLY_BALANCED` of them.
         report : callable
             Called every few evaluations.
         least_drive : float
-            Lower bound of the driving forces in the convergence criterion. For a body that returns to its undeformed state, where loads and
-            reactions vanish, it is the greatest driving force of earlier equilibria.
+            Lower bound of the driving forces in the convergence criterion. For a body that returns
+            to its undeformed state, where loads and reactions vanish, it is the greatest driving
+            force of earlier equilibria.
 
         Raises
         ------
         NotConverged
             If the search has not ended after `most_evaluations`.
         Diverging, InvalidState
-            If the initial state has no force, or the iteration reaches states without one even with small steps.
+            If the initial state has no force, or the iteration reaches states without one even with
+            small steps.
         """
 
     def preconditioner(self, force: InternalForce) -> Preconditioner:
-        """Return the preconditioner, an approximation of the tangent of the force, built on first use."""
+        """Return the preconditioner, an approximation of the tangent of the force, built on
+        first use.
+        """
         if self._preconditioner is None:
             self._preconditioner = preconditioner_of(force, self.free)
         return self._preconditioner
 
     def bending_preconditioner(self, force: InternalForce) -> Preconditioner:
-        """Return the preconditioner with which checks find the buckling of slender bodies, built on first use."""
+        """Return the preconditioner with which checks find the buckling of slender bodies, built
+        on first use.
+        """
         if self._bending is None:
             struts = has_struts(force.body, WIDEST_CHECKED[force.body.dimension])
-            self._bending = preconditioner_of(force, self.free, bending=True) if struts else self.preconditioner(force)
+            self._bending = (
+                preconditioner_of(force, self.free, bending=True)
+                if struts
+                else self.preconditioner(force)
+            )
         return self._bending
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
-        """Return the largest absolute value of a free component of `forces` (n, d) per volume, in units of shear modulus / spacing.
+        """Return the largest absolute value of a free component of `forces` (n, d) per volume, in
+        units of shear modulus / spacing.
 
         The shear modulus is that of each point, see `InternalForce.force_scale`.
         """
@@ -238,20 +305,27 @@ class EquilibriumSolver(ABC):
         return self.share.greatest(density) * force.body.spacing
 
     def evaluate(self, force: InternalForce, positions: np.ndarray, out: np.ndarray) -> None:
-        """Evaluate the force and write it to `out`, shape (n, d), with 0 in held components, whose forces are kept for `judge`."""
+        """Evaluate the force and write it to `out`, shape (n, d), with 0 in held components,
+        whose forces are kept for `judge`.
+        """
         force(positions, out)
         self._on_held = out[self._held]
         out[self._held] = 0.0
 
     def begin(self, force: InternalForce, least_drive: float) -> None:
         """Reset the criteria of convergence for a new search; `least_drive` as in `solve`."""
-        stiffness = force.law.bulk_modulus / force.law.shear_modulus if force.nearly_incompressible else 1.0
+        stiffness = (
+            force.law.bulk_modulus / force.law.shear_modulus if force.nearly_incompressible else 1.0
+        )
         self._least_drive, self.least_left, self._idle = least_drive, np.inf, 0
         self._slender = is_slender(force.body)
         self._rounding = ROUNDED * stiffness * strain_rounding(force.body, force.positions)
 
-    def judge(self, force: InternalForce, forces: np.ndarray, tolerance: float) -> tuple[float, bool]:
-        """Return the residual in the state last evaluated, and whether that state is an equilibrium; `forces` are as `evaluate` wrote them.
+    def judge(
+        self, force: InternalForce, forces: np.ndarray, tolerance: float
+    ) -> tuple[float, bool]:
+        """Return the residual in the state last evaluated, and whether that state is an
+        equilibrium; `forces` are as `evaluate` wrote them.
 
         Raises
         ------
@@ -279,20 +353,35 @@ class EquilibriumSolver(ABC):
         return residual, self._idle >= self.IDLE
 
     def _holding(self, force: InternalForce) -> float:
-        """Return the sum of the magnitudes of all reactions: of the forces in held components, and of bonds across reflection planes."""
+        """Return the sum of the magnitudes of all reactions: of the forces in held components,
+        and of bonds across reflection planes.
+        """
         body = force.body
         outer = np.flatnonzero(body.bonds.second >= len(body))
         crossing = outer[self.share.own[body.bonds.first[outer]]]
         across = np.abs(force.pair_forces(crossing)).sum() if len(crossing) else 0.0
         return self.share.total(float(np.abs(self._on_held).sum() + across))
 
-    def not_converged(self, force: InternalForce, residual: float, evaluations: int, tolerance: float) -> NotConverged:
-        """Return the error to raise for a residual, or a sum of residual forces, that is still too large."""
-        reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations; asked for {tolerance:.2g}"
+    def not_converged(
+        self, force: InternalForce, residual: float, evaluations: int, tolerance: float
+    ) -> NotConverged:
+        """Return the error to raise for a residual, or a sum of residual forces, that is still
+        too large.
+        """
+        reached = (
+            f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force"
+            f" evaluations; asked for {tolerance:.2g}"
+        )
         if residual <= tolerance:
-            left = f"the sum of the residual forces on free points is more than {self._share_left:.1g} of the forces that drive the body"
+            left = (
+                f"the sum of the residual forces on free points is more than {self._share_left:.1g}"
+                " of the forces that drive the body"
+            )
             reached = f"after {evaluations} force evaluations {left}"
         elif residual <= self._rounding:
             farthest = force.body.share.greatest(np.abs(force.positions))
-            reached += f", which positions as far as {farthest:.1g} from the origin do not resolve: describe the body nearer to it"
+            reached += (
+                f", which positions as far as {farthest:.1g} from the origin do not resolve:"
+                " describe the body nearer to it"
+            )
         return NotConverged(reached + note_of_modes(force, "in which points never come to rest"))

@@ -1,19 +1,25 @@
-"""Change of the loading parameter: in increments that are shortened after failures, or as a function of time in dynamics."""
+"""Change of the loading parameter: in increments that are shortened after failures, or as a
+function of time in dynamics.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 LEAST_SHARE = 1 / 64
-"""Least fraction of a planned increment to try: if even this one leads to no equilibrium, none is assumed to exist. Chosen: six halvings;
-a limit load is then known to 1/64 of an increment, and each further halving costs a failed search."""
+"""Least fraction of a planned increment to try: if even this one leads to no equilibrium, none is
+assumed to exist. Chosen: six halvings; a limit load is then known to 1/64 of an increment, and each
+further halving costs a failed search.
+"""
 
 
 class Increments:
-    """Increments in which the loading parameter goes from one value to another, halved after failures and doubled after successes.
+    """Increments in which the loading parameter goes from one value to another, halved after
+    failures and doubled after successes.
 
-    The planned increments are equal and at most of a given size. The present increment is a power of one half of the planned one, and is
-    doubled only where the number of increments done is a multiple of the doubled one, so that planned values are reached again.
+    The planned increments are equal and at most of a given size. The present increment is a power
+    of one half of the planned one, and is doubled only where the number of increments done is a
+    multiple of the doubled one, so that planned values are reached again.
 
     Parameters
     ----------
@@ -22,7 +28,8 @@ class Increments:
     largest : float
         Bound of the planned increments.
     done, share : float
-        To continue from a checkpoint: number of planned increments done, and the present increment divided by the planned one.
+        To continue from a checkpoint: number of planned increments done, and the present increment
+        divided by the planned one.
 
     Attributes
     ----------
@@ -30,7 +37,9 @@ class Increments:
         The present increment divided by the planned one.
     """
 
-    def __init__(self, start: float, end: float, largest: float, done: float = 0.0, share: float = 1.0) -> None:
+    def __init__(
+        self, start: float, end: float, largest: float, done: float = 0.0, share: float = 1.0
+    ) -> None:
         self._start, self._largest = start, largest
         self._count = max(1, int(np.ceil(abs(end - start) / largest - 1e-9)))
         self._planned = np.linspace(start, end, self._count + 1)
@@ -39,7 +48,12 @@ class Increments:
 
     def describe(self) -> dict[str, float]:
         """Return the arguments that make these increments again, except `end`, for a checkpoint."""
-        return {"start": self._start, "largest": self._largest, "done": self._done, "share": self.share}
+        return {
+            "start": self._start,
+            "largest": self._largest,
+            "done": self._done,
+            "share": self.share,
+        }
 
     @property
     def finished(self) -> bool:
@@ -69,10 +83,11 @@ class Increments:
         return float(abs(self._planned[-1] - self._planned[0]) * self.share / self._count)
 
     def accept(self) -> bool:
-        """Count the present increment as done, double the next one if possible, and return whether it was doubled.
+        """Count the present increment as done, double the next one if possible, and return whether
+        it was doubled.
 
-        The next increment is doubled if the present one was shorter than planned, and if the increments done are a whole multiple of the
-        doubled one.
+        The next increment is doubled if the present one was shorter than planned, and if the
+        increments done are a whole multiple of the doubled one.
         """
         self._done += self.share
         longer = self.share < 1 and (self._done / (2 * self.share)).is_integer()
@@ -81,7 +96,9 @@ class Increments:
         return longer
 
     def shorten(self) -> bool:
-        """Halve the present increment and return True, or return False where it would be shorter than `LEAST_SHARE`."""
+        """Halve the present increment and return True, or return False where it would be shorter
+        than `LEAST_SHARE`.
+        """
         if self.share <= LEAST_SHARE:
             return False
         self.share /= 2

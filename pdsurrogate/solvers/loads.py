@@ -1,4 +1,6 @@
-"""Loads: dead forces on the boundary, in the volume and on points, and pressures that follow the boundary (theory (42)-(46))."""
+"""Loads: dead forces on the boundary, in the volume and on points, and pressures that follow the
+boundary (theory (42)-(46)).
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,9 @@ from .obstacles import Obstacle, Obstructed
 from .rigid import RigidRegion, moment_of
 
 AT_REST = 1e-14
-"""Greatest displacement divided by the extent of the body, and greatest amplitude of a load, that count as zero: a sine has such rounding
-errors."""
+"""Greatest displacement divided by the extent of the body, and greatest amplitude of a load, that
+count as zero: a sine has such rounding errors.
+"""
 
 Amplitude = Callable[[float], float]
 
@@ -31,7 +34,8 @@ class DeadLoad:
     name : str
         Name under which results report the load.
     amplitude : callable
-        Factor on the forces as a function of the loading parameter; raises ValueError where it has no value.
+        Factor on the forces as a function of the loading parameter; raises ValueError where it has
+        no value.
     share : Share
     points : ndarray of int, shape (k,)
         Points that this rank owns.
@@ -43,30 +47,45 @@ class DeadLoad:
     factor : float
         Present value of the amplitude.
     weights : ndarray, shape (k,)
-        Weight of each point in the mean displacement of the load: the component of its force along the total force, so that the work of
-        the load is force times mean displacement.
+        Weight of each point in the mean displacement of the load: the component of its force along
+        the total force, so that the work of the load is force times mean displacement.
     name, amplitude, points, forces
     """
 
-    def __init__(self, name: str, amplitude: Amplitude, share: Share, points: np.ndarray, forces: np.ndarray) -> None:
-        self.name, self.amplitude, self.points, self.forces, self.factor = name, amplitude, points, forces, 0.0
+    def __init__(
+        self, name: str, amplitude: Amplitude, share: Share, points: np.ndarray, forces: np.ndarray
+    ) -> None:
+        self.name, self.amplitude, self.points, self.forces, self.factor = (
+            name,
+            amplitude,
+            points,
+            forces,
+            0.0,
+        )
         total = share.total(forces.sum(axis=0))
-        with np.errstate(over="ignore", invalid="ignore"):  # `Loads.set` refuses forces that are not finite
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # `Loads.set` refuses forces that are not finite
             self.weights = forces @ total / max(np.linalg.norm(total), 1e-300)
 
     def at_sites(self, vectors: np.ndarray) -> np.ndarray:
-        """Return the vectors at the k points that the load acts on, shape (k, d), from an array of all points (n, d)."""
+        """Return the vectors at the k points that the load acts on, shape (k, d), from an array
+        of all points (n, d).
+        """
         return vectors[self.points]
 
     def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
-        """Return the present force on each of the k points that the load acts on, shape (k, d); the arguments are ignored."""
+        """Return the present force on each of the k points that the load acts on, shape (k, d);
+        the arguments are ignored.
+        """
         return self.factor * self.forces
 
 
 class Pressure:
     """Pressure on facets of the boundary, which follows their deformation.
 
-    A facet may depend on points of several ranks, so that all ranks evaluate all facets together, and only the first rank counts them.
+    A facet may depend on points of several ranks, so that all ranks evaluate all facets together,
+    and only the first rank counts them.
 
     Parameters
     ----------
@@ -78,10 +97,12 @@ class Pressure:
     value : float
         Pressure where the amplitude is 1.
     deformed : bool
-        Whether the pressure acts on the edge of a sheet with its deformed thickness; otherwise with its undeformed thickness.
+        Whether the pressure acts on the edge of a sheet with its deformed thickness; otherwise with
+        its undeformed thickness.
     thickness_at_edge : callable, optional
-        ``thickness_at_edge(along, pressure)`` returns the stretch of the thickness at the facets, which have the stretches `along` (f,), if
-        nothing but the pressure acts there. Without it the thickness is continued from the points.
+        ``thickness_at_edge(along, pressure)`` returns the stretch of the thickness at the facets,
+        which have the stretches `along` (f,), if nothing but the pressure acts there. Without it
+        the thickness is continued from the points.
 
     Attributes
     ----------
@@ -105,26 +126,40 @@ class Pressure:
         deformed: bool,
         thickness_at_edge: Callable[[np.ndarray, float], np.ndarray] | None = None,
     ) -> None:
-        self.name, self.amplitude, self._share, self._value, self.deformed, self.factor = name, amplitude, share, value, deformed, 0.0
+        self.name, self.amplitude, self._share, self._value, self.deformed, self.factor = (
+            name,
+            amplitude,
+            share,
+            value,
+            deformed,
+            0.0,
+        )
         self._at_edge, self._lengths = thickness_at_edge, surface.areas()[facets]
         self.needs_thickness = deformed and thickness_at_edge is None
         self.weights, why = np.full(len(facets), float(share.leads)), None
         if deformed:
-            why = "acts on the deformed thickness; on the undeformed one (thickness=undeformed) a closed boundary would give it a potential"
+            why = (
+                "acts on the deformed thickness; on the undeformed one (thickness=undeformed) a"
+                " closed boundary would give it a potential"
+            )
         elif not _closed(surface.facets[facets]):
             why = "acts on a part of the boundary that is not closed"
         self.no_potential_because = why and f"the pressure on {name} {why}"
         corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
-        # Only points that the facets depend on are used, so that the work of an evaluation is proportional to the boundary.
+        # Only points that the facets depend on are used, so that the work of an evaluation is
+        # proportional to the boundary.
         self._points = np.unique(np.concatenate([rows.points() for rows in corners]))
         first, *others = (rows.of_points(self._points) for rows in corners)
         self._middle = Following.mean([first, *others])
         self._sides = [other - first for other in others]
         self._spread = self._middle.T
-        # Enclosed volumes are measured about a place within the body, which minimizes rounding errors.
+        # Enclosed volumes are measured about a place within the body, which minimizes rounding
+        # errors.
         self._origin = surface.nodes.mean(axis=0)
         start = surface.nodes[surface.facets[facets]] - self._origin
-        self._enclosed_at_rest = _enclosed(start.mean(axis=1), [start[:, end] - start[:, 0] for end in range(1, start.shape[1])])
+        self._enclosed_at_rest = _enclosed(
+            start.mean(axis=1), [start[:, end] - start[:, 0] for end in range(1, start.shape[1])]
+        )
 
     def _on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
         """Return the force on every facet, shape (f, d) (theory (44), (45)).
@@ -144,7 +179,10 @@ class Pressure:
             else:
                 there = self._at_edge(np.linalg.norm(sides[0], axis=1) / self._lengths, pressure)
             if not (there > 0).all():
-                raise InvalidState("the thickness of the sheet that a pressure acts on is not positive at the boundary")
+                raise InvalidState(
+                    "the thickness of the sheet that a pressure acts on is not positive at the"
+                    " boundary"
+                )
             forces *= there[:, None]
         if not np.isfinite(forces).all():
             raise InvalidState("the force of a pressure on the boundary is not finite")
@@ -155,7 +193,9 @@ class Pressure:
         out[self._points] += self._spread @ self._on_facets(positions, thickness)
 
     def at_sites(self, vectors: np.ndarray) -> np.ndarray:
-        """Return vectors at the middles of the facets, shape (f, d), interpolated from positions or velocities of all points (n, d)."""
+        """Return vectors at the middles of the facets, shape (f, d), interpolated from positions
+        or velocities of all points (n, d).
+        """
         return self._share.total(self._middle @ vectors.take(self._points, axis=0))
 
     def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
@@ -163,23 +203,33 @@ class Pressure:
         return self._on_facets(positions, thickness) * self._share.leads
 
     def _sides_at(self, positions: np.ndarray) -> list[np.ndarray]:
-        """Return the vectors from the first node of each facet to its other nodes, an array (f, d) for each of these."""
+        """Return the vectors from the first node of each facet to its other nodes, an array (f,
+        d) for each of these.
+        """
         places = positions.take(self._points, axis=0)
         return [self._share.total(rows @ places) for rows in self._sides]
 
     def potential(self, positions: np.ndarray) -> float:
-        """Return the potential (theory (46)): the pressure times the growth of the area or volume of the body within the facets.
+        """Return the potential (theory (46)): the pressure times the growth of the area or volume
+        of the body within the facets.
 
         On ranks other than the first the value is 0.
         """
         enclosed = _enclosed(self.at_sites(positions) - self._origin, self._sides_at(positions))
-        return self._value * self.factor * float((enclosed - self._enclosed_at_rest).sum()) * self._share.leads
+        return (
+            self._value
+            * self.factor
+            * float((enclosed - self._enclosed_at_rest).sum())
+            * self._share.leads
+        )
 
 
 def _normals(sides: list[np.ndarray]) -> np.ndarray:
-    """Return the normals of facets, shape (f, d), with the length of an edge or the area of a triangle as magnitude.
+    """Return the normals of facets, shape (f, d), with the length of an edge or the area of a
+    triangle as magnitude.
 
-    `sides` are the vectors from the first node of each facet to its other nodes, an array (f, d) for each of these.
+    `sides` are the vectors from the first node of each facet to its other nodes, an array (f, d)
+    for each of these.
     """
     if len(sides) == 1:
         return np.stack([sides[0][:, 1], -sides[0][:, 0]], axis=1)
@@ -187,7 +237,8 @@ def _normals(sides: list[np.ndarray]) -> np.ndarray:
 
 
 def _enclosed(middles: np.ndarray, sides: list[np.ndarray]) -> np.ndarray:
-    """Return the signed area or volume between each facet and the origin, shape (f,), from its middle and `sides` as in `_normals`.
+    """Return the signed area or volume between each facet and the origin, shape (f,), from its
+    middle and `sides` as in `_normals`.
 
     The sum over the facets of a closed boundary is the area or volume that it encloses.
     """
@@ -197,7 +248,8 @@ def _enclosed(middles: np.ndarray, sides: list[np.ndarray]) -> np.ndarray:
 def _closed(facets: np.ndarray) -> bool:
     """Return whether facets, given by their nodes (f, d), form closed boundaries.
 
-    In the plane every node then ends one facet and starts another; in three dimensions two facets share every edge, in opposite directions.
+    In the plane every node then ends one facet and starts another; in three dimensions two facets
+    share every edge, in opposite directions.
     """
     if facets.shape[1] == 2:
         return np.array_equal(*np.sort(facets, axis=0).T)
@@ -209,7 +261,8 @@ def _closed(facets: np.ndarray) -> bool:
 class Loads:
     """Loads on a body, at one value of the loading parameter at a time.
 
-    Dead loads are summed once for a value of the parameter; pressures and obstacles are evaluated in every state.
+    Dead loads are summed once for a value of the parameter; pressures and obstacles are evaluated
+    in every state.
 
     Parameters
     ----------
@@ -219,8 +272,9 @@ class Loads:
     Attributes
     ----------
     needs_thickness : bool
-        Whether a pressure continues the thickness from the points.  Methods with a `thickness` argument then need the stretch of the
-        thickness at the points, J3 / det F, shape (n,): the volume ratio J3 divided by the area ratio det F in the plane.
+        Whether a pressure continues the thickness from the points.  Methods with a `thickness`
+        argument then need the stretch of the thickness at the points, J3 / det F, shape (n,): the
+        volume ratio J3 divided by the area ratio det F in the plane.
     no_potential_because : str or None
         Why the loads are not minus the derivative of a potential; None if they are.
     obstacles : list of Obstacle
@@ -229,11 +283,15 @@ class Loads:
     def __init__(self, body: Body, loads: Sequence[DeadLoad | Pressure | Obstacle]) -> None:
         self.body, self._loads = body, loads
         self._dead = [load for load in loads if isinstance(load, DeadLoad)]
-        self._following: list[Pressure | Obstacle] = [load for load in loads if not isinstance(load, DeadLoad)]
+        self._following: list[Pressure | Obstacle] = [
+            load for load in loads if not isinstance(load, DeadLoad)
+        ]
         self.obstacles = [load for load in loads if isinstance(load, Obstacle)]
         self._present = np.zeros_like(body.points) if self._dead else None
         self.needs_thickness = any(load.needs_thickness for load in self._following)
-        self.no_potential_because = next(filter(None, (load.no_potential_because for load in self._following)), None)
+        self.no_potential_because = next(
+            filter(None, (load.no_potential_because for load in self._following)), None
+        )
         self.set(0.0)
 
     def __len__(self) -> int:
@@ -261,22 +319,34 @@ class Loads:
                 raise InvalidState(f"loads: a force is not finite at t = {t:g}")
 
     def vanish(self, t: float) -> bool:
-        """Return True if all loads are zero, and no obstacle touches the undeformed body, at a value of the loading parameter."""
+        """Return True if all loads are zero, and no obstacle touches the undeformed body, at a
+        value of the loading parameter.
+        """
         loads = (load for load in self._loads if load not in self.obstacles)
-        return all(abs(load.amplitude(t)) <= AT_REST for load in loads) and not any(one.enters(t) for one in self.obstacles)
+        return all(abs(load.amplitude(t)) <= AT_REST for load in loads) and not any(
+            one.enters(t) for one in self.obstacles
+        )
 
     def check_path(self, before: float, after: float, start: np.ndarray, end: np.ndarray) -> None:
-        """Raise Obstructed if an obstacle passes through the body between two equilibria, see `Obstacle.passes`."""
+        """Raise Obstructed if an obstacle passes through the body between two equilibria, see
+        `Obstacle.passes`.
+        """
         for obstacle in self.obstacles:
             if obstacle.passes(before, after, start, end):
-                raise Obstructed(f"the obstacle {obstacle.name} passes through the body between t = {before:.4g} and {after:.4g}")
+                raise Obstructed(
+                    f"the obstacle {obstacle.name} passes through the body between t = {before:.4g}"
+                    f" and {after:.4g}"
+                )
 
     def greatest_frequency(self, mass: np.ndarray) -> float:
-        """Return an upper bound of the squared frequencies of points with masses (n,) in contact with the obstacles; 0 without any."""
+        """Return an upper bound of the squared frequencies of points with masses (n,) in contact
+        with the obstacles; 0 without any.
+        """
         return sum(one.surface.greatest_frequency(one.stiffness, mass) for one in self.obstacles)
 
     def forces(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
-        """Add the forces of the loads on the points, in two dimensions per unit undeformed thickness, to `out` (n, d).
+        """Add the forces of the loads on the points, in two dimensions per unit undeformed
+        thickness, to `out` (n, d).
 
         Parameters
         ----------
@@ -288,7 +358,8 @@ class Loads:
         Raises
         ------
         InvalidState
-            If the force of a pressure is not finite, or the thickness on which the pressure acts is not positive.
+            If the force of a pressure is not finite, or the thickness on which the pressure acts is
+            not positive.
         """
         if self._present is not None:
             out += self._present
@@ -296,7 +367,8 @@ class Loads:
             load.add(positions, thickness, out)
 
     def potential(self, positions: np.ndarray) -> float:
-        """Return the potential energy of the loads at their present size, 0 in the undeformed body (theory (46)).
+        """Return the potential energy of the loads at their present size, 0 in the undeformed body
+        (theory (46)).
 
         It is valid only if `no_potential_because` is None.
         """
@@ -305,39 +377,69 @@ class Loads:
             potential -= float(np.einsum("nc,nc->", self._present, positions - self.body.points))
         return potential
 
-    def power(self, positions: np.ndarray, velocities: np.ndarray, thickness: np.ndarray | None = None) -> float:
-        """Return the power of the loads in a state in which the points have the given velocities (n, d)."""
-        return float(sum((load.on_sites(positions, thickness) * load.at_sites(velocities)).sum() for load in self._loads))
+    def power(
+        self, positions: np.ndarray, velocities: np.ndarray, thickness: np.ndarray | None = None
+    ) -> float:
+        """Return the power of the loads in a state in which the points have the given velocities
+        (n, d).
+        """
+        return float(
+            sum(
+                (load.on_sites(positions, thickness) * load.at_sites(velocities)).sum()
+                for load in self._loads
+            )
+        )
 
-    def by_name(self, positions: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        """Return the total force of the loads at given positions, shape (d,), by name; loads that share a name are summed."""
+    def by_name(
+        self, positions: np.ndarray, thickness: np.ndarray | None = None
+    ) -> dict[str, np.ndarray]:
+        """Return the total force of the loads at given positions, shape (d,), by name; loads
+        that share a name are summed.
+        """
         return self._summed(lambda load: load.on_sites(positions, thickness))
 
     def displacements(self, positions: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the mean displacement of the points or facets that loads act on, shape (d,), by name; a name shared counts as one load.
+        """Return the mean displacement of the points or facets that loads act on, shape (d,), by
+        name; a name shared counts as one load.
 
-        Points have the weights `DeadLoad.weights`, so that the work of a load is force times mean displacement. For a pressure the mean is
-        over the middles of its facets. For an obstacle it is the displacement of the obstacle.
+        Points have the weights `DeadLoad.weights`, so that the work of a load is force times mean
+        displacement. For a pressure the mean is over the middles of its facets. For an obstacle it
+        is the displacement of the obstacle.
         """
         displacement = positions - self.body.points
         loads = [load for load in self._loads if load not in self.obstacles]
-        totals = self._summed(lambda load: load.weights[:, None] * load.at_sites(displacement), loads)
+        totals = self._summed(
+            lambda load: load.weights[:, None] * load.at_sites(displacement), loads
+        )
         weights = self._summed(lambda load: load.weights, loads)
         found = {name: total / (weights[name] or 1.0) for name, total in totals.items()}
         return found | {one.name: one.factor * one.travel for one in self.obstacles}
 
-    def moments(self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        """Return the moment of the loads at given positions about a place (d,), by name; loads that share a name are summed.
+    def moments(
+        self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None
+    ) -> dict[str, np.ndarray]:
+        """Return the moment of the loads at given positions about a place (d,), by name; loads that
+        share a name are summed.
 
-        The moment is a counter-clockwise number in the plane and a vector of shape (3,) in three dimensions.
+        The moment is a counter-clockwise number in the plane and a vector of shape (3,) in three
+        dimensions.
         """
-        levers = self._summed(lambda load: load.on_sites(positions, thickness)[:, :, None] * (load.at_sites(positions) - about)[:, None])
+        levers = self._summed(
+            lambda load: (
+                load.on_sites(positions, thickness)[:, :, None]
+                * (load.at_sites(positions) - about)[:, None]
+            )
+        )
         return {name: moment_of(lever) for name, lever in levers.items()}
 
-    def _summed(self, of: Callable[..., np.ndarray], loads: Sequence | None = None) -> dict[str, np.ndarray]:
-        """Return, by load name, sums of `of(load)`, an array with a row for each point, facet or node that the load acts on.
+    def _summed(
+        self, of: Callable[..., np.ndarray], loads: Sequence | None = None
+    ) -> dict[str, np.ndarray]:
+        """Return, by load name, sums of `of(load)`, an array with a row for each point, facet or
+        node that the load acts on.
 
-        A sum is taken over all rows, all `loads` of that name (by default of all loads) and all ranks.
+        A sum is taken over all rows, all `loads` of that name (by default of all loads) and all
+        ranks.
         """
         loads = self._loads if loads is None else loads
         totals = dict.fromkeys((load.name for load in loads), 0.0)
@@ -347,11 +449,13 @@ class Loads:
 
 
 class LoadedForce:
-    """Internal force plus loads, supports at places between points, and rigid regions, used by solvers for a body that has any of these.
+    """Internal force plus loads, supports at places between points, and rigid regions, used by
+    solvers for a body that has any of these.
 
-    A call moves the positions, in place, to the nearest positions in which regions
-    are rigid. Forces on the points of a region are replaced by forces of equal resultant whose accelerations, force divided by volume, are
-    those of a rigid body: steps of explicit solvers, and of those that apply `inverse_with_regions`, then are rigid motions of the region.
+    A call moves the positions, in place, to the nearest positions in which regions are rigid.
+    Forces on the points of a region are replaced by forces of equal resultant whose accelerations,
+    force divided by volume, are those of a rigid body: steps of explicit solvers, and of those that
+    apply `inverse_with_regions`, then are rigid motions of the region.
 
     Parameters
     ----------
@@ -372,27 +476,55 @@ class LoadedForce:
     """
 
     # What solvers ask about the internal force alone, it answers itself.
-    body, plane, precision = (property(attrgetter(f"internal.{name}")) for name in ("body", "plane", "precision"))
+    body, plane, precision = (
+        property(attrgetter(f"internal.{name}")) for name in ("body", "plane", "precision")
+    )
     law, laws = property(attrgetter("internal.law")), property(attrgetter("internal.laws"))
-    stiffness_moduli, force_scale = (property(attrgetter(f"internal.{name}")) for name in ("stiffness_moduli", "force_scale"))
+    stiffness_moduli, force_scale = (
+        property(attrgetter(f"internal.{name}")) for name in ("stiffness_moduli", "force_scale")
+    )
     nearly_incompressible = property(attrgetter("internal.nearly_incompressible"))
     zero_energy_modes = property(attrgetter("internal.zero_energy_modes"))
-    positions, supported = property(attrgetter("internal.positions")), property(attrgetter("internal.supported"))
-    evaluations, state_arrays = property(attrgetter("internal.evaluations")), property(attrgetter("internal.state_arrays"))
-    place, move_plane = property(attrgetter("internal.place")), property(attrgetter("internal.move_plane"))
-    pair_forces, levers_on_planes = (property(attrgetter(f"internal.{name}")) for name in ("pair_forces", "levers_on_planes"))
+    positions, supported = (
+        property(attrgetter("internal.positions")),
+        property(attrgetter("internal.supported")),
+    )
+    evaluations, state_arrays = (
+        property(attrgetter("internal.evaluations")),
+        property(attrgetter("internal.state_arrays")),
+    )
+    place, move_plane = (
+        property(attrgetter("internal.place")),
+        property(attrgetter("internal.move_plane")),
+    )
+    pair_forces, levers_on_planes = (
+        property(attrgetter(f"internal.{name}")) for name in ("pair_forces", "levers_on_planes")
+    )
     forces_beside_pairs = property(attrgetter("internal.forces_beside_pairs"))
     deformation_gradients = property(attrgetter("internal.deformation_gradients"))
     linearized_dilatation = property(attrgetter("internal.linearized_dilatation"))
     tangent = tangent_of
 
-    def __init__(self, internal: InternalForce, loads: Loads, supports: Sequence[Support] = (), rigid: Sequence[RigidRegion] = ()) -> None:
-        self.internal, self.loads, self.obstacles, self.supports, self.rigid = internal, loads, loads.obstacles, supports, rigid
+    def __init__(
+        self,
+        internal: InternalForce,
+        loads: Loads,
+        supports: Sequence[Support] = (),
+        rigid: Sequence[RigidRegion] = (),
+    ) -> None:
+        self.internal, self.loads, self.obstacles, self.supports, self.rigid = (
+            internal,
+            loads,
+            loads.obstacles,
+            supports,
+            rigid,
+        )
         self.no_energy_because = loads.no_potential_because
         self.has_energy = internal.has_energy and self.no_energy_because is None
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        """Write internal force plus loads on every point at positions (n, d), in two dimensions per unit thickness, to `out` (n, d).
+        """Write internal force plus loads on every point at positions (n, d), in two dimensions per
+        unit thickness, to `out` (n, d).
 
         Raises
         ------
@@ -413,13 +545,16 @@ class LoadedForce:
             region.carry(positions, out)
 
     def applied(self) -> np.ndarray:
-        """Return the forces of the loads on the points in the state last evaluated, shape (n, d)."""
+        """Return the forces of the loads on the points in the state last evaluated, shape (n,
+        d).
+        """
         found = np.zeros_like(self.body.points)
         self.loads.forces(self.positions[: len(self.body)], self.thickness(), found)
         return found
 
     def thickness(self) -> np.ndarray | None:
-        """Return the stretch of the thickness at the points in the state last evaluated, shape (n,); None if no load needs it.
+        """Return the stretch of the thickness at the points in the state last evaluated, shape
+        (n,); None if no load needs it.
 
         Raises
         ------
@@ -432,5 +567,9 @@ class LoadedForce:
         return self.internal.volume_ratios() / (F[:, 0, 0] * F[:, 1, 1] - F[:, 0, 1] * F[:, 1, 0])
 
     def energy(self) -> float:
-        """Return stored energy plus potential of the loads in the state last evaluated, in two dimensions per unit thickness."""
-        return self.internal.energy() + self.loads.potential(self.internal.positions[: len(self.body)])
+        """Return stored energy plus potential of the loads in the state last evaluated, in two
+        dimensions per unit thickness.
+        """
+        return self.internal.energy() + self.loads.potential(
+            self.internal.positions[: len(self.body)]
+        )

@@ -1,6 +1,8 @@
-"""Methods for equilibrium: quasi-Newton on the residual or on the energy, dynamic relaxation, damped explicit stepping, Newton's.
+"""Methods for equilibrium: quasi-Newton on the residual or on the energy, dynamic relaxation,
+damped explicit stepping, Newton's.
 
-`Automatic` chooses among the first three. The explicit stepping is the method of the paper that `pdsurrogate.paper` reproduces.
+`Automatic` chooses among the first three. The explicit stepping is the method of the paper that
+`pdsurrogate.paper` reproduces.
 """
 
 import math
@@ -15,7 +17,17 @@ import numpy as np
 
 from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
-from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooSmall, check_growth, falls, no_report, window_of
+from .equilibrium import (
+    Diverging,
+    Equilibrium,
+    EquilibriumSolver,
+    NotConverged,
+    TooSmall,
+    check_growth,
+    falls,
+    no_report,
+    window_of,
+)
 from .nearest_bonds import strain_of_step
 from .preconditioner import SHORT, with_short_displacements
 from .stability import FrequencyEstimate
@@ -23,11 +35,14 @@ from .tangent import TangentEquations
 
 
 class QuasiNewton(EquilibriumSolver):
-    """Quasi-Newton method for equilibrium: preconditioned L-BFGS on the residual force, which needs no energy.
+    """Quasi-Newton method for equilibrium: preconditioned L-BFGS on the residual force, which needs
+    no energy.
 
-    The force map is not the gradient of an energy, so that no line search on an energy is possible: steps are bounded by the stretch that
-    they cause and shortened if the residual grows. If the tangent is far from symmetric, or has zero-energy modes that the preconditioner,
-    a network of springs, resists (`NOSBForce`), the method fails with an error within a bounded number of evaluations.
+    The force map is not the gradient of an energy, so that no line search on an energy is possible:
+    steps are bounded by the stretch that they cause and shortened if the residual grows. If the
+    tangent is far from symmetric, or has zero-energy modes that the preconditioner, a network of
+    springs, resists (`NOSBForce`), the method fails with an error within a bounded number of
+    evaluations.
 
     References
     ----------
@@ -37,25 +52,33 @@ class QuasiNewton(EquilibriumSolver):
     name = "quasi-newton"
     NO_STEP = "no step along the quasi-Newton direction brings the residual down"
 
-    # Pairs of steps and changes that L-BFGS keeps; 3 to 20 are usual. Chosen: slender bodies that bend take a tenth to a third more
-    # evaluations with 6, and the work on 12 pairs is below a hundredth of that of an evaluation in space.
+    # Pairs of steps and changes that L-BFGS keeps; 3 to 20 are usual. Chosen: slender bodies that
+    # bend take a tenth to a third more evaluations with 6, and the work on 12 pairs is below a
+    # hundredth of that of an evaluation in space.
     MEMORY = 12
-    # Fraction of a step below which the kept pairs are dropped if no longer step is accepted. Chosen: bent sheets (4 to 8 points across)
-    # take 44 to 79 evaluations with 0.2, 44 to 90 without dropping, and 53 to 121 with 0.3; with 0.6 some do not converge.
+    # Fraction of a step below which the kept pairs are dropped if no longer step is accepted.
+    # Chosen: bent sheets (4 to 8 points across) take 44 to 79 evaluations with 0.2, 44 to 90
+    # without dropping, and 53 to 121 with 0.3; with 0.6 some do not converge.
     MISJUDGED = 0.2
-    # Greatest change of a bond's stretch in one step: beyond it the tangent differs too much from the next one. A quarter is chosen so that
-    # no bond, even one pressed to half its length, turns inside out.
+    # Greatest change of a bond's stretch in one step: beyond it the tangent differs too much from
+    # the next one. A quarter is chosen so that no bond, even one pressed to half its length, turns
+    # inside out.
     LARGEST_STRAIN = 0.25
-    # Accepted growth of the residual's norm: from a rough start it need not fall in every step. A greater one accepts steps that diverge.
+    # Accepted growth of the residual's norm: from a rough start it need not fall in every step. A
+    # greater one accepts steps that diverge.
     MOST_GROWTH = 2.0
-    # Least fraction of a step that is tried, after some thirteen halvings: a suitable direction does not need a shorter one.
+    # Least fraction of a step that is tried, after some thirteen halvings: a suitable direction
+    # does not need a shorter one.
     LEAST_STEP = 1e-4
-    # Evaluations after which a suitable method has converged, as it does in 20 to 60, or still gains, as on slender bodies that bend: the
-    # least residual of the last `WINDOW` steps is then below a tenth of that of the `WINDOW` steps before.
+    # Evaluations after which a suitable method has converged, as it does in 20 to 60, or still
+    # gains, as on slender bodies that bend: the least residual of the last `WINDOW` steps is then
+    # below a tenth of that of the `WINDOW` steps before.
     PATIENCE, WINDOW = 250, 100
     IDLE = WINDOW
 
-    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
+    def solve(
+        self, force, positions, tolerance=None, report=no_report, least_drive=0.0
+    ) -> Equilibrium:
         tolerance, began = tolerance or self.tolerance, force.evaluations
         preconditioner = self.preconditioner(force)
         forces, trial = np.empty_like(positions), np.empty_like(positions)
@@ -81,10 +104,13 @@ class QuasiNewton(EquilibriumSolver):
             change = forces - following
             curvature = self.share.dot(step, change)
             if share < self.MISJUDGED and history:
-                # The tangent has changed, and the pairs mislead: they would propose one step after another that is much too long.
+                # The tangent has changed, and the pairs mislead: they would propose one step after
+                # another that is much too long.
                 history.clear()
             # Below it rounding decides the sign.
-            elif curvature > 1e-10 * np.sqrt(self.share.dot(step, step) * self.share.dot(change, change)):
+            elif curvature > 1e-10 * np.sqrt(
+                self.share.dot(step, step) * self.share.dot(change, change)
+            ):
                 history.append((step, change, 1 / curvature))
             forces = following
             report(evaluations, residual)
@@ -97,11 +123,14 @@ class QuasiNewton(EquilibriumSolver):
         return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
 
     def _bound(self, force, step) -> None:
-        """Scale a step (n, d), in place, so that it strains no bond by more than `LARGEST_STRAIN`."""
+        """Scale a step (n, d), in place, so that it strains no bond by more than
+        `LARGEST_STRAIN`.
+        """
         step *= min(1.0, self.LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
 
     def _advance(self, force, positions, step, forces, trial):
-        """Move `positions` by the longest accepted fraction of a step, scale `step` by it in place, and return the new forces and it.
+        """Move `positions` by the longest accepted fraction of a step, scale `step` by it in place,
+        and return the new forces and it.
 
         `forces` (n, d) are those before the step, and `trial` (n, d) is overwritten.
         """
@@ -123,16 +152,22 @@ class QuasiNewton(EquilibriumSolver):
         raise Diverging(self.NO_STEP)
 
     def _criterion(self, force, step, forces) -> Callable[[np.ndarray, float], tuple[bool, float]]:
-        """Return a function ``accepts(following, share)`` that decides whether to accept the fraction `share` of a step.
+        """Return a function ``accepts(following, share)`` that decides whether to accept the
+        fraction `share` of a step.
 
-        `forces` (n, d) are those before the step and `following` those after this fraction. The function returns whether to accept it, and
-        the factor by which to shorten it otherwise. Here it accepts if the norm of the forces grows at most `MOST_GROWTH` times.
+        `forces` (n, d) are those before the step and `following` those after this fraction. The
+        function returns whether to accept it, and the factor by which to shorten it otherwise. Here
+        it accepts if the norm of the forces grows at most `MOST_GROWTH` times.
         """
         square = self.share.dot(forces, forces)
-        return lambda following, share: (self.share.dot(following, following) <= self.MOST_GROWTH**2 * square, 0.5)
+        return lambda following, share: (
+            self.share.dot(following, following) <= self.MOST_GROWTH**2 * square,
+            0.5,
+        )
 
     def _direction(self, preconditioner, forces, history):
-        """Return the next step (n, d) by the two-loop recursion of L-BFGS, with the preconditioner between the loops.
+        """Return the next step (n, d) by the two-loop recursion of L-BFGS, with the preconditioner
+        between the loops.
 
         `history` holds tuples (step, change of the forces, 1 divided by the inner product of both).
         """
@@ -149,41 +184,56 @@ class QuasiNewton(EquilibriumSolver):
 
 
 class EnergyMinimizer(QuasiNewton):
-    """Minimization of the energy for equilibrium: preconditioned L-BFGS, with steps that lower the energy.
+    """Minimization of the energy for equilibrium: preconditioned L-BFGS, with steps that lower the
+    energy.
 
-    A step is accepted if the energy falls enough or, if its change is lost in rounding, by a condition on the slope along the step.
+    A step is accepted if the energy falls enough or, if its change is lost in rounding, by a
+    condition on the slope along the step.
 
     References
     ----------
-    Nocedal, Math. Comput. 35 (1980) 773-782; Hager and Zhang, SIAM J. Optim. 16 (2005) 170-192 (the second condition).
+    Nocedal, Math. Comput. 35 (1980) 773-782; Hager and Zhang, SIAM J. Optim. 16 (2005) 170-192 (the
+    second condition).
     """
 
     name = "minimizer"
     NO_STEP = "no step along the direction of descent brings the energy down"
     needs_energy = True
 
-    # Each step lowers the energy, so the method need not give up before a run gives up an increment.
+    # Each step lowers the energy, so the method need not give up before a run gives up an
+    # increment.
     PATIENCE, IDLE = 2_000, EquilibriumSolver.IDLE
-    # Fraction of the decrease of the energy by the slope that a step must reach (Armijo): the usual value, which refuses few steps.
+    # Fraction of the decrease of the energy by the slope that a step must reach (Armijo): the usual
+    # value, which refuses few steps.
     SUFFICIENT = 1e-4
-    # Rounding of the energy by precision of the pass, in units of shear modulus times volume: a hundred times that of a single number.
+    # Rounding of the energy by precision of the pass, in units of shear modulus times volume: a
+    # hundred times that of a single number.
     ROUNDING: ClassVar = {"float32": 1e-5, "float64": 1e-14}
 
     def _criterion(self, force, step, forces):
         slope, before = -self.share.dot(forces, step), self._energy(force)
         if slope >= 0:
-            # Rounding has spoiled the curvature that was gathered: the preconditioned force itself is downhill.
+            # Rounding has spoiled the curvature that was gathered: the preconditioned force itself
+            # is downhill.
             step[:] = self.preconditioner(force).solve(forces) * self.free
             self._bound(force, step)
             slope = -self.share.dot(forces, step)
-        noise = self.ROUNDING[force.precision] * force.law.shear_modulus * self.share.sum(self.volumes)
+        noise = (
+            self.ROUNDING[force.precision] * force.law.shear_modulus * self.share.sum(self.volumes)
+        )
 
         def accepts(following: np.ndarray, share: float) -> tuple[bool, float]:
             change, slope_there = self._energy(force) - before, -self.share.dot(following, step)
             falls = change <= self.SUFFICIENT * share * slope and -share * slope > noise
-            accepted = falls or (change <= noise and slope_there <= (2 * self.SUFFICIENT - 1) * slope)
+            accepted = falls or (
+                change <= noise and slope_there <= (2 * self.SUFFICIENT - 1) * slope
+            )
             # The slope vanishes at this share of the step if it changes evenly.
-            return accepted, float(np.clip(slope / (slope - slope_there), 0.1, 0.5)) if slope_there > slope else 0.5
+            return accepted, (
+                float(np.clip(slope / (slope - slope_there), 0.1, 0.5))
+                if slope_there > slope
+                else 0.5
+            )
 
         return accepts
 
@@ -192,37 +242,50 @@ class EnergyMinimizer(QuasiNewton):
 
 
 class SteppingSolver(EquilibriumSolver):
-    """Base class of solvers for equilibrium by damped motion in time steps, with one force evaluation per step."""
+    """Base class of solvers for equilibrium by damped motion in time steps, with one force
+    evaluation per step.
+    """
 
     steps_in_time = True
-    # Searches with fictitious mass that doubles each time: the last allows for a tangent that becomes 32 times as stiff.
+    # Searches with fictitious mass that doubles each time: the last allows for a tangent that
+    # becomes 32 times as stiff.
     MOST_RESTARTS = 6
-    # In single precision a residual that has not fallen by a tenth for so many evaluations has reached its rounding error.
-    # While it falls, the residual oscillates with the slowest mode, whose period is some hundreds of evaluations.
+    # In single precision a residual that has not fallen by a tenth for so many evaluations has
+    # reached its rounding error. While it falls, the residual oscillates with the slowest mode,
+    # whose period is some hundreds of evaluations.
     PATIENCE = 3_000
     # Evaluations in which the residual must halve (see `falls`).
     window = np.inf
 
-    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
+    def solve(
+        self, force, positions, tolerance=None, report=no_report, least_drive=0.0
+    ) -> Equilibrium:
         start, began = positions.copy(), force.evaluations
         # The state is new in every call, so that a resumed run repeats an uninterrupted one.
         self.frequency = FrequencyEstimate(self.volumes, self.free, self.share)
         search = force, positions, tolerance or self.tolerance, began, report, least_drive
         for restart in range(self.MOST_RESTARTS - 1):
-            # The tangent may stiffen beyond the stability limit of the step: restart with a larger fictitious mass.
+            # The tangent may stiffen beyond the stability limit of the step: restart with a larger
+            # fictitious mass.
             with suppress(InvalidState, Diverging):
                 return self._iterate(*search, caution=2.0**restart)
             positions[:] = start
         return self._iterate(*search, caution=2.0 ** (self.MOST_RESTARTS - 1))
 
     @abstractmethod
-    def prepare(self, force: InternalForce, positions: np.ndarray, caution: float) -> Callable[[np.ndarray], None]:
-        """Prepare a search, and return a function ``step(forces)`` that moves `positions`, in place, by one time step.
+    def prepare(
+        self, force: InternalForce, positions: np.ndarray, caution: float
+    ) -> Callable[[np.ndarray], None]:
+        """Prepare a search, and return a function ``step(forces)`` that moves `positions`, in
+        place, by one time step.
 
-        `caution`, at least 1, is a safety factor: the step must be stable even if the squared highest frequency is so many times greater.
+        `caution`, at least 1, is a safety factor: the step must be stable even if the squared
+        highest frequency is so many times greater.
         """
 
-    def _iterate(self, force, positions, tolerance, began, report, least_drive, caution) -> Equilibrium:
+    def _iterate(
+        self, force, positions, tolerance, began, report, least_drive, caution
+    ) -> Equilibrium:
         step, forces = self.prepare(force, positions, caution), np.empty_like(positions)
         first, least, found, course = None, np.inf, 0, []
         self.begin(force, least_drive)
@@ -239,7 +302,9 @@ class SteppingSolver(EquilibriumSolver):
                 return Equilibrium(residual, evaluations, self.name, self._drive)
             if force.precision == "float32" and evaluations - found >= self.PATIENCE:
                 if residual <= tolerance:
-                    raise TooSmall("the forces that drive the body are too small for single precision")
+                    raise TooSmall(
+                        "the forces that drive the body are too small for single precision"
+                    )
                 raise self.not_converged(force, least, evaluations, tolerance)
             if evaluations % 10 == 0:
                 course.append((evaluations, residual))
@@ -249,19 +314,22 @@ class SteppingSolver(EquilibriumSolver):
 
 
 class DynamicRelaxation(SteppingSolver):
-    """Solver for equilibrium by adaptive dynamic relaxation: fictitious masses for a unit time step, and critical damping.
+    """Solver for equilibrium by adaptive dynamic relaxation: fictitious masses for a unit time
+    step, and critical damping.
 
-    The mode that is damped critically is the dominant one, with the Rayleigh quotient of the velocity as squared frequency.
+    The mode that is damped critically is the dominant one, with the Rayleigh quotient of the
+    velocity as squared frequency.
 
     References
     ----------
-    Underwood, "Dynamic relaxation", in Computational Methods for Transient Analysis (1983) 245-265; Kilic and Madenci, Theor. Appl. Fract.
-    Mech. 53 (2010) 194-204.
+    Underwood, "Dynamic relaxation", in Computational Methods for Transient Analysis (1983) 245-265;
+    Kilic and Madenci, Theor. Appl. Fract. Mech. 53 (2010) 194-204.
     """
 
     name = "relaxation"
 
-    # Ratio of the fictitious mass to the least stable one, with a margin for a tangent that stiffens on the way.
+    # Ratio of the fictitious mass to the least stable one, with a margin for a tangent that
+    # stiffens on the way.
     MARGIN = 2.0
 
     def prepare(self, force, positions, caution):
@@ -273,26 +341,33 @@ class DynamicRelaxation(SteppingSolver):
         def step(forces):
             stiffness, inertia = self.share.total(quotient(velocities, forces, last_forces, mass))
             # Beyond 2 the step would be unstable for the fastest mode.
-            damping = min(2 * math.sqrt(stiffness / inertia), 1.9) if stiffness > 0 and inertia > 0 else 0.0
+            damping = (
+                min(2 * math.sqrt(stiffness / inertia), 1.9)
+                if stiffness > 0 and inertia > 0
+                else 0.0
+            )
             take(positions, velocities, forces, last_forces, self.free, mass, damping)
 
         return step
 
 
 class DampedExplicit(SteppingSolver):
-    """Solver for equilibrium by damped explicit stepping with a fixed time step and damping rate, the method of the reproduced paper.
+    """Solver for equilibrium by damped explicit stepping with a fixed time step and damping rate,
+    the method of the reproduced paper.
 
     Time is in units in which the density is one, which does not affect the equilibrium.
     """
 
     name = "explicit"
 
-    # Squared time step relative to the critical one at the start, where the tangent may be half as stiff as later.
+    # Squared time step relative to the critical one at the start, where the tangent may be half as
+    # stiff as later.
     SAFETY = 0.4
 
     def prepare(self, force, positions, caution):
         step_length = 2 * np.sqrt(self.SAFETY / caution / self.frequency(force, positions))
-        # Critical for the slowest longitudinal mode of a bar of the body's extent, held at both ends, with E = 3 mu.
+        # Critical for the slowest longitudinal mode of a bar of the body's extent, held at both
+        # ends, with E = 3 mu.
         extent = force.body.extent
         damping = 2 * np.pi / extent * np.sqrt(3 * force.law.shear_modulus)
         velocities, take = np.zeros_like(positions), central_difference_step
@@ -301,20 +376,25 @@ class DampedExplicit(SteppingSolver):
 
 
 class Automatic(EquilibriumSolver):
-    """Solver that chooses energy minimization for nearly incompressible bodies, else quasi-Newton, and dynamic relaxation if that fails.
+    """Solver that chooses energy minimization for nearly incompressible bodies, else quasi-Newton,
+    and dynamic relaxation if that fails.
 
-    In nearly incompressible bodies a little shear corrects a change of volume. Steps of the quasi-Newton method, whose preconditioner then
-    contains the bulk modulus, are long compared with it, and the energy, if the force has one, limits them. Bodies whose factorization
-    would exceed memory are relaxed from the outset. A faster method that has failed on a body is not tried there again (see `gave_up`).
+    In nearly incompressible bodies a little shear corrects a change of volume. Steps of the
+    quasi-Newton method, whose preconditioner then contains the bulk modulus, are long compared with
+    it, and the energy, if the force has one, limits them. Bodies whose factorization would exceed
+    memory are relaxed from the outset. A faster method that has failed on a body is not tried there
+    again (see `gave_up`).
     """
 
     name = "automatic"
 
-    # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor needs some 3 kB per point. A little less is allowed.
+    # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor needs some 3 kB per
+    # point. A little less is allowed.
     MOST_POINTS = 1_000_000
 
-    # Bound of the evaluations of relaxation: a number for each spacing in the body's extent, and the least bound.  Relaxation takes some
-    # tens for each spacing where the body is as thick as it is long, more where it is slender.
+    # Bound of the evaluations of relaxation: a number for each spacing in the body's extent, and
+    # the least bound.  Relaxation takes some tens for each spacing where the body is as thick as it
+    # is long, more where it is slender.
     RELAXED, LEAST_RELAXED = 100, 2_000
 
     _quick: EquilibriumSolver | None = None
@@ -331,13 +411,22 @@ class Automatic(EquilibriumSolver):
         return self._method(force).preconditioner(force)
 
     def _method(self, force) -> EquilibriumSolver:
-        """Return the solver to try first on a force: the energy minimizer or the quasi-Newton method, made on first use."""
+        """Return the solver to try first on a force: the energy minimizer or the quasi-Newton
+        method, made on first use.
+        """
         if self._quick is None:
-            self._quick = (EnergyMinimizer if force.nearly_incompressible and force.has_energy else QuasiNewton)(*self._settings)
-            self.gave_up |= not force.nearly_incompressible and self.share.total(len(self.volumes)) > self.MOST_POINTS
+            self._quick = (
+                EnergyMinimizer if force.nearly_incompressible and force.has_energy else QuasiNewton
+            )(*self._settings)
+            self.gave_up |= (
+                not force.nearly_incompressible
+                and self.share.total(len(self.volumes)) > self.MOST_POINTS
+            )
         return self._quick
 
-    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
+    def solve(
+        self, force, positions, tolerance=None, report=no_report, least_drive=0.0
+    ) -> Equilibrium:
         quick = self._method(force)
         start, began = positions.copy(), force.evaluations
         if not self.gave_up:
@@ -351,28 +440,36 @@ class Automatic(EquilibriumSolver):
         most = max(self.LEAST_RELAXED, int(self.RELAXED * force.body.extent / force.body.spacing))
         self._sure.most_evaluations = min(self.most_evaluations, most)
         # Pressure waves, which limit the step, are so many times faster than shear waves.
-        slow = np.sqrt(force.law.bulk_modulus / force.law.shear_modulus) if force.nearly_incompressible else 1.0
+        slow = (
+            np.sqrt(force.law.bulk_modulus / force.law.shear_modulus)
+            if force.nearly_incompressible
+            else 1.0
+        )
         self._sure.window = slow * window_of(force.body)
         found = self._sure.solve(force, positions, tolerance, report, least_drive)
         return replace(found, evaluations=force.evaluations - began)
 
 
 class Newton(EquilibriumSolver):
-    """Newton's method for equilibrium, after the automatic method has reduced the residual to `START`.
+    """Newton's method for equilibrium, after the automatic method has reduced the residual to
+    `START`.
 
-    Products of the tangent are differences of forces, so the force must be in double precision, and the body on one rank. Each iteration
-    squares the error, so that residuals of 1e-10 are reached, which other methods need many evaluations for.
+    Products of the tangent are differences of forces, so the force must be in double precision, and
+    the body on one rank. Each iteration squares the error, so that residuals of 1e-10 are reached,
+    which other methods need many evaluations for.
     """
 
     name = "newton"
     needs_tangent = True
 
-    # Residual, in units of shear modulus / spacing, at which the automatic method ends, and permitted residual of the linear equations of
-    # an iteration, divided by the forces on free points. Chosen: an iteration then gains what the curvature of the forces permits, with
-    # some 15 products of the tangent.
+    # Residual, in units of shear modulus / spacing, at which the automatic method ends, and
+    # permitted residual of the linear equations of an iteration, divided by the forces on free
+    # points. Chosen: an iteration then gains what the curvature of the forces permits, with some 15
+    # products of the tangent.
     START, SHARE_LEFT = 1e-3, 1e-4
 
-    # Greatest number of iterations, each of which gains far more than a third: a search that needs more than the usual two to five fails.
+    # Greatest number of iterations, each of which gains far more than a third: a search that needs
+    # more than the usual two to five fails.
     MOST, IDLE = 20, 5
 
     def __init__(self, *settings) -> None:
@@ -384,16 +481,25 @@ class Newton(EquilibriumSolver):
         return self._first.preconditioner(force)
 
     def equations(self, force: InternalForce, positions: np.ndarray) -> TangentEquations:
-        """Return the equations of the tangent at the equilibrium found, with the directions of the last iteration."""
+        """Return the equations of the tangent at the equilibrium found, with the directions of
+        the last iteration.
+        """
         if self._equations is None:
             return self._equations_at(force, positions)
         self._equations.move(positions)
         return self._equations
 
     def _equations_at(self, force: InternalForce, positions: np.ndarray) -> TangentEquations:
-        return TangentEquations(force, positions, self.free, with_short_displacements(self.preconditioner(force), force, SHORT * self.free))
+        return TangentEquations(
+            force,
+            positions,
+            self.free,
+            with_short_displacements(self.preconditioner(force), force, SHORT * self.free),
+        )
 
-    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
+    def solve(
+        self, force, positions, tolerance=None, report=no_report, least_drive=0.0
+    ) -> Equilibrium:
         self._equations = None
         tolerance, began = tolerance or self.tolerance, force.evaluations
         found = self._first.solve(force, positions, max(tolerance, self.START), report, least_drive)
@@ -416,9 +522,21 @@ class Newton(EquilibriumSolver):
             residual, settled = self.judge(force, forces, tolerance)
             report(force.evaluations - began, residual)
             if not settled and not residual < before:
-                raise Diverging(f"a step of Newton's method does not reduce the residual of {before:.2g}")
+                raise Diverging(
+                    f"a step of Newton's method does not reduce the residual of {before:.2g}"
+                )
         raise self.not_converged(force, residual, force.evaluations - began, tolerance)
 
 
-SOLVERS = {solver.name: solver for solver in (Automatic, EnergyMinimizer, QuasiNewton, DynamicRelaxation, DampedExplicit, Newton)}
+SOLVERS = {
+    solver.name: solver
+    for solver in (
+        Automatic,
+        EnergyMinimizer,
+        QuasiNewton,
+        DynamicRelaxation,
+        DampedExplicit,
+        Newton,
+    )
+}
 """Classes of the solvers for equilibrium, by the names that a scene gives them."""

@@ -1,4 +1,6 @@
-"""Solvers of linear systems: a multigrid cycle for Laplacians of scattered points, and conjugate gradients for operators."""
+"""Solvers of linear systems: a multigrid cycle for Laplacians of scattered points, and conjugate
+gradients for operators.
+"""
 
 from __future__ import annotations
 
@@ -17,40 +19,56 @@ Operator = Callable[[np.ndarray], np.ndarray]
 InnerProduct = Callable[[np.ndarray, np.ndarray], float]
 
 COARSENING = 3
-"""Mean distance of points on a multigrid level, divided by that on the next finer level, along each axis. Three is usual for smoothed
-aggregation (Vanek, Mandel, Brezina 1996): smoothed boxes then overlap their neighbors only, and the matrices of all levels together have
-few more entries than the first."""
+"""Mean distance of points on a multigrid level, divided by that on the next finer level, along each
+axis. Three is usual for smoothed aggregation (Vanek, Mandel, Brezina 1996): smoothed boxes then
+overlap their neighbors only, and the matrices of all levels together have few more entries than the
+first.
+"""
 
 FEW = 1_500
-"""Greatest number of unknowns of a multigrid level that is factorized instead of coarsened further. Chosen: such a factor takes
-18 MB at most, even if it fills in completely."""
+"""Greatest number of unknowns of a multigrid level that is factorized instead of coarsened further.
+Chosen: such a factor takes 18 MB at most, even if it fills in completely.
+"""
 
 JACOBI = 4 / 3
-"""Factor of the two relaxation steps on a multigrid level, in units of the greatest eigenvalue of D^-1 A: a positive definite cycle, since
-the steps reduce every error. Chosen by the number of force evaluations: a twisted cube (24 points a side) needs a fifth more with the two
-factors of Chebyshev's method, although the cycle is then nearer to the inverse."""
+"""Factor of the two relaxation steps on a multigrid level, in units of the greatest eigenvalue of
+D^-1 A: a positive definite cycle, since the steps reduce every error. Chosen by the number of force
+evaluations: a twisted cube (24 points a side) needs a fifth more with the two factors of
+Chebyshev's method, although the cycle is then nearer to the inverse.
+"""
 
 
 def factor_of(matrix: scipy.sparse.sparray):
-    """Return the sparse factorization, without pivoting, of a symmetric positive definite matrix: an object with a method `solve`."""
-    return scipy.sparse.linalg.splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    """Return the sparse factorization, without pivoting, of a symmetric positive definite
+    matrix: an object with a method `solve`.
+    """
+    return scipy.sparse.linalg.splu(
+        matrix.tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )
 
 
 class Multigrid:
-    """Multigrid preconditioner for a Laplacian of points: smoothed aggregation over boxes of points, with a W cycle.
+    """Multigrid preconditioner for a Laplacian of points: smoothed aggregation over boxes of
+    points, with a W cycle.
 
-    One cycle is a fixed, symmetric positive definite operator near the inverse of the matrix, as a preconditioner must be. It uses single
-    precision. All boxes have equal sizes: a last layer of boxes only one point thick would leave errors there that are small in energy
-    but large in strain.
+    One cycle is a fixed, symmetric positive definite operator near the inverse of the matrix, as a
+    preconditioner must be. It uses single precision. All boxes have equal sizes: a last layer of
+    boxes only one point thick would leave errors there that are small in energy but large in
+    strain.
 
-    In a body that is divided among ranks each rank smooths the errors of its own points, and the ranks exchange the halo after every step.
-    The next coarser level has a 27th of the points in three dimensions and a ninth in the plane, so that every rank solves on it, and on
-    all coarser ones, for itself: the same operator as in one process but for rounding.
+    In a body that is divided among ranks each rank smooths the errors of its own points, and the
+    ranks exchange the halo after every step. The next coarser level has a 27th of the points in
+    three dimensions and a ninth in the plane, so that every rank solves on it, and on all coarser
+    ones, for itself: the same operator as in one process but for rounding.
 
     Parameters
     ----------
     matrix : sparse.csr_array, shape (n, n)
-        Symmetric and positive definite; only bonds to images may have positive off-diagonal entries. Rows of the halo are not used.
+        Symmetric and positive definite; only bonds to images may have positive off-diagonal
+        entries. Rows of the halo are not used.
     points : ndarray, shape (n, d)
     spacing : float
         Mean distance of neighboring points.
@@ -77,36 +95,58 @@ class Multigrid:
     ) -> None:
         self._share = share = share or Share.whole(len(points))
         diagonal = matrix.diagonal()
-        # Powers of two scale the values into the range of single precision, in any units, without rounding.
+        # Powers of two scale the values into the range of single precision, in any units, without
+        # rounding.
         self._width, self._unit = width, power_of_two(share.sum(diagonal) / share.size)
         matrix, diagonal = matrix / self._unit, diagonal / self._unit
         rows, self._factor = np.flatnonzero(free), None
-        lower, upper = points[rows].min(axis=0, initial=np.inf), points[rows].max(axis=0, initial=-np.inf)
-        box = boxes_of(points[rows], spacing, np.min(share.everywhere(lower), axis=0), np.max(share.everywhere(upper), axis=0))
+        lower, upper = (
+            points[rows].min(axis=0, initial=np.inf),
+            points[rows].max(axis=0, initial=-np.inf),
+        )
+        box = boxes_of(
+            points[rows],
+            spacing,
+            np.min(share.everywhere(lower), axis=0),
+            np.max(share.everywhere(upper), axis=0),
+        )
         kept = np.unique(np.concatenate(share.everywhere(np.unique(box))))
         if share.size <= FEW or 2 * len(kept) > share.total(int(np.count_nonzero(share.own[rows]))):
             self._factor = factor_of(matrix)
             return
         # Gershgorin's bound of the spectrum of D^-1 A.
-        relaxation = JACOBI / share.greatest((abs(matrix).sum(axis=1) / diagonal)[share.own]) / diagonal
+        relaxation = (
+            JACOBI / share.greatest((abs(matrix).sum(axis=1) / diagonal)[share.own]) / diagonal
+        )
         box = np.searchsorted(kept, box)
-        constant = scipy.sparse.csr_array((np.ones(len(rows)), (rows, box)), shape=(len(points), len(kept)))
-        prolongation = share.fill_sparse((constant - scipy.sparse.diags_array(relaxation) @ (matrix @ constant)).tocsr())
+        constant = scipy.sparse.csr_array(
+            (np.ones(len(rows)), (rows, box)), shape=(len(points), len(kept))
+        )
+        prolongation = share.fill_sparse(
+            (constant - scipy.sparse.diags_array(relaxation) @ (matrix @ constant)).tocsr()
+        )
         restriction = (prolongation.T @ scipy.sparse.diags_array(share.own.astype(float))).tocsr()
         coarse = sum(share.everywhere((restriction @ (matrix @ prolongation)).tocsr())).tocsr()
         owned = share.own[rows]
         counts = share.total(np.bincount(box[owned], minlength=len(kept)).astype(float))
-        sums = (share.total(np.bincount(box[owned], column[owned], len(kept))) for column in points[rows].T)
+        sums = (
+            share.total(np.bincount(box[owned], column[owned], len(kept)))
+            for column in points[rows].T
+        )
         centers = np.stack([total / counts for total in sums], axis=1)
-        self._coarse = Multigrid(coarse, centers, spacing * COARSENING, np.ones(len(kept), dtype=bool), width)
+        self._coarse = Multigrid(
+            coarse, centers, spacing * COARSENING, np.ones(len(kept), dtype=bool), width
+        )
         self._coarse_matrix = None if self._coarse._factor is not None else coarse
         self._bind(matrix, relaxation, prolongation, restriction)
 
     def _bind(self, matrix, relaxation, prolongation, restriction) -> None:
-        """Bind the passes of this level to its arrays, in single precision; rows of three right-hand sides are read as four.
+        """Bind the passes of this level to its arrays, in single precision; rows of three
+        right-hand sides are read as four.
 
-        There are two steps with the factors `relaxation` (n,) on the residual before the coarser level, and two after it. The matrix
-        `prolongation` maps a solution of the coarser level to this one.
+        There are two steps with the factors `relaxation` (n,) on the residual before the coarser
+        level, and two after it. The matrix `prolongation` maps a solution of the coarser level to
+        this one.
         """
         (count, few), held = prolongation.shape, {3: 4}.get(self._width, self._width)
         self._right, self._found, self._rest = np.zeros((3, count, held), dtype=np.float32)
@@ -118,15 +158,21 @@ class Multigrid:
         self._relax = Chain(passes.relax.bind(*rows, factors, right, rest, found, chunks=chunks))
         self._restrict = Chain(
             passes.residual.bind(*rows, right, found, rest, chunks=chunks),
-            passes.add_product.bind(*rows_of_matrix(restriction), rest, 0.0, working, self._coarse_right, chunks=chunks),
+            passes.add_product.bind(
+                *rows_of_matrix(restriction), rest, 0.0, working, self._coarse_right, chunks=chunks
+            ),
         )
         self._prolong = Chain(
-            passes.add_product.bind(*rows_of_matrix(prolongation), self._coarse_found, 1.0, rest, found, chunks=chunks),
+            passes.add_product.bind(
+                *rows_of_matrix(prolongation), self._coarse_found, 1.0, rest, found, chunks=chunks
+            ),
             passes.relax.bind(*rows, factors, right, found, rest, chunks=chunks),
         )
 
     def cycle(self, right: np.ndarray) -> np.ndarray:
-        """Return the approximate solution on own points by one W cycle, for a right-hand side (n,), or several in columns (n, width)."""
+        """Return the approximate solution on own points by one W cycle, for a right-hand side
+        (n,), or several in columns (n, width).
+        """
         if self._factor is not None:
             return self._factor.solve(right) / self._unit
         share, width = self._share, self._width
@@ -149,10 +195,14 @@ class Multigrid:
         return self._found[:, :width].reshape(right.shape) * (unit / self._unit)
 
 
-def boxes_of(points: np.ndarray, spacing: float, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Return the number of the box in which each point lies, shape (n,); boxes are equal, and about `COARSENING` spacings wide.
+def boxes_of(
+    points: np.ndarray, spacing: float, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray:
+    """Return the number of the box in which each point lies, shape (n,); boxes are equal, and about
+    `COARSENING` spacings wide.
 
-    `lower` and `upper` (d,) are the least and greatest coordinates of all points of the body, those of other ranks included.
+    `lower` and `upper` (d,) are the least and greatest coordinates of all points of the body, those
+    of other ranks included.
     """
     least = lower - spacing / 2
     extent = upper + spacing / 2 - least
@@ -163,16 +213,29 @@ def boxes_of(points: np.ndarray, spacing: float, lower: np.ndarray, upper: np.nd
 
 
 def rows_of_matrix(matrix: scipy.sparse.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return row pointers, column numbers and values of a sparse matrix, converted to the types that the compiled passes take."""
-    return matrix.indptr.astype(np.uint64), matrix.indices.astype(np.uint32), matrix.data.astype(np.float32)
+    """Return row pointers, column numbers and values of a sparse matrix, converted to the types
+    that the compiled passes take.
+    """
+    return (
+        matrix.indptr.astype(np.uint64),
+        matrix.indices.astype(np.uint32),
+        matrix.data.astype(np.float32),
+    )
 
 
 def conjugate_gradient_steps(
-    left: np.ndarray, precondition: Operator, image_of: Operator, dot: InnerProduct, share_left: float, most: int
+    left: np.ndarray,
+    precondition: Operator,
+    image_of: Operator,
+    dot: InnerProduct,
+    share_left: float,
+    most: int,
 ) -> Iterator[tuple[float, np.ndarray, float]]:
-    """Yield, for every step of conjugate gradients, its length, its direction, and the squared norm of the residual before it.
+    """Yield, for every step of conjugate gradients, its length, its direction, and the squared norm
+    of the residual before it.
 
-    The solution is the sum of the lengths times the directions. The steps end when the residual is small enough, or after `most`.
+    The solution is the sum of the lengths times the directions. The steps end when the residual is
+    small enough, or after `most`.
 
     Parameters
     ----------
@@ -185,7 +248,8 @@ def conjugate_gradient_steps(
     dot : callable
         Inner product.
     share_left : float
-        Norm of the residual at the end divided by that of the right-hand side, both in the norm of `precondition`.
+        Norm of the residual at the end divided by that of the right-hand side, both in the norm of
+        `precondition`.
     most : int
         Greatest number of steps.
     """
@@ -205,7 +269,9 @@ def conjugate_gradient_steps(
 
 
 def conjugate_gradients(left: np.ndarray, *settings) -> np.ndarray:
-    """Return the solution of a linear system by conjugate gradients; the arguments are those of `conjugate_gradient_steps`."""
+    """Return the solution of a linear system by conjugate gradients; the arguments are those of
+    `conjugate_gradient_steps`.
+    """
     found = np.zeros_like(left)
     for length, direction, _ in conjugate_gradient_steps(left, *settings):
         found += length * direction

@@ -1,6 +1,8 @@
-"""Springs along the nearest bonds of a body, for preconditioners and first guesses: their stiffness matrix and its inverse.
+"""Springs along the nearest bonds of a body, for preconditioners and first guesses: their stiffness
+matrix and its inverse.
 
-For a body divided among ranks the inverse is approximate: it combines overlapping parts of the body and affine motions of each part.
+For a body divided among ranks the inverse is approximate: it combines overlapping parts of the body
+and affine motions of each part.
 """
 
 from __future__ import annotations
@@ -19,85 +21,113 @@ from ..ranks import Share
 from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
 
 REACH = 1.3
-"""Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a plane grid, and about as many off a grid.
+"""Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a
+plane grid, and about as many off a grid.
 
-Longer bonds belong to it if no two shorter ones span them (`add_unspanned`), as between the layers of cells that are longer than wide.
-With the diagonal bonds too, a factorization has four times the entries and costs four times as much, for a tenth fewer steps.
+Longer bonds belong to it if no two shorter ones span them (`add_unspanned`), as between the layers
+of cells that are longer than wide. With the diagonal bonds too, a factorization has four times the
+entries and costs four times as much, for a tenth fewer steps.
 """
 
 WIDE_REACH, MOST_WIDE = 1.8, 200_000
-"""Greatest length, in spacings, of the bonds in the stiffness matrix of a relaxed sheet, and the greatest number of points of such a sheet.
+"""Greatest length, in spacings, of the bonds in the stiffness matrix of a relaxed sheet, and the
+greatest number of points of such a sheet.
 
-Within `REACH` a point of a cloud has three to six bonds, and few bonds on one side make the network softer there than the sheet. Chosen:
-with 1.8 sheets in uniaxial tension, in pure shear and with a hole need a fifth to a third fewer force evaluations, with 2.0 a little fewer
-still; the factor has 1.7 and 2.5 times the entries. Solids need no fewer, and use `REACH`, as do sheets of more points, whose factor has to
-fit into memory.
+Within `REACH` a point of a cloud has three to six bonds, and few bonds on one side make the network
+softer there than the sheet. Chosen: with 1.8 sheets in uniaxial tension, in pure shear and with a
+hole need a fifth to a third fewer force evaluations, with 2.0 a little fewer still; the factor has
+1.7 and 2.5 times the entries. Solids need no fewer, and use `REACH`, as do sheets of more points,
+whose factor has to fit into memory.
 """
 
 TOUCHING = 1e-6
-"""Deviation from a right angle that may be rounding: on a grid, two sides of a cell span its diagonal at exactly 90 degrees."""
+"""Deviation from a right angle that may be rounding: on a grid, two sides of a cell span its
+diagonal at exactly 90 degrees.
+"""
 
 ELONGATION = 6.0
-"""Stiffness of a spring along its bond, in units of mu w V_i V_j/kappa: shear modulus mu, weight function w, volumes V_i and V_j of the
-bond's points, and kappa from the shape tensor kappa I of a full horizon. With `SHEAR_SHARE`, in the mean over all directions of bonds, the
-network has the stiffness of rubber in pure shear in the plane, and 0.9 of it in three dimensions."""
+"""Stiffness of a spring along its bond, in units of mu w V_i V_j/kappa: shear modulus mu, weight
+function w, volumes V_i and V_j of the bond's points, and kappa from the shape tensor kappa I of a
+full horizon. With `SHEAR_SHARE`, in the mean over all directions of bonds, the network has the
+stiffness of rubber in pure shear in the plane, and 0.9 of it in three dimensions.
+"""
 
 SHEAR_SHARE = 1 / 3
-"""Stiffness of a spring across its bond, divided by that along it. Chosen: without stiffness across bonds, the network of a
-square grid has no stiffness against shear; with equal ones it is a Laplacian, which does not couple the components."""
+"""Stiffness of a spring across its bond, divided by that along it. Chosen: without stiffness across
+bonds, the network of a square grid has no stiffness against shear; with equal ones it is a
+Laplacian, which does not couple the components.
+"""
 
 STRUTS = {2: 8.0, 3: 10.0}
-"""Stiffness of springs along bonds, by dimension, in the units of `ELONGATION`, if there are none across bonds. In the mean over all
-directions of bonds, the network has the stiffness of rubber in pure shear."""
+"""Stiffness of springs along bonds, by dimension, in the units of `ELONGATION`, if there are none
+across bonds. In the mean over all directions of bonds, the network has the stiffness of rubber in
+pure shear.
+"""
 
 SHIFT = 1e-6
-"""Fraction of the mean diagonal entry of a stiffness matrix that is added to its diagonal, so that the matrix can be factorized even if the
-body can drift. Chosen: ten digits above rounding; the slowest mode of a sheet a thousand points across, held all around, becomes some 20 %
-stiffer, which does not harm a preconditioner."""
+"""Fraction of the mean diagonal entry of a stiffness matrix that is added to its diagonal, so that
+the matrix can be factorized even if the body can drift. Chosen: ten digits above rounding; the
+slowest mode of a sheet a thousand points across, held all around, becomes some 20 % stiffer, which
+does not harm a preconditioner.
+"""
 
 MOST_FACTORIZED = {2: 300_000, 3: 5_000}
-"""Greatest number of points, by dimension, for which a Laplacian is factorized; multigrid replaces larger factors, which fill in. Chosen:
-entries grow as n log n in the plane, and as n^(4/3) in three dimensions."""
+"""Greatest number of points, by dimension, for which a Laplacian is factorized; multigrid replaces
+larger factors, which fill in. Chosen: entries grow as n log n in the plane, and as n^(4/3) in three
+dimensions.
+"""
 
 MOST_DENSE = 800
-"""Greatest number of rows of a stiffness matrix that is stored and inverted as a dense array. Chosen: this takes some 20 ms and 10 MB; to
-load SciPy's sparse solvers, which larger matrices need, takes 200 ms and 30 MB."""
+"""Greatest number of rows of a stiffness matrix that is stored and inverted as a dense array.
+Chosen: this takes some 20 ms and 10 MB; to load SciPy's sparse solvers, which larger matrices need,
+takes 200 ms and 30 MB.
+"""
 
 RAISED = 4 / 3
-"""Stiffness of the springs of a Laplacian that approximates the tangent of a nearly incompressible body, in the units of `ELONGATION`.
+"""Stiffness of the springs of a Laplacian that approximates the tangent of a nearly incompressible
+body, in the units of `ELONGATION`.
 
-Springs of stiffness k in a full horizon have the energy k mu/4 |grad u|^2; without the pressures undeformed rubber has mu/2 |grad u|^2,
-which is k = 2. In an earlier version k = 1.25 and 1.5 needed a fifth to a quarter fewer force evaluations than k = 1, and k = 2 no fewer
-(bonded blocks of 12 to 20 points a side, K = 100 mu and 1000 mu). Now k = 2 needs the fewest: with 1, 4/3 and 2 the
-scene `bonded-block`, 8 points a side, needs 31, 30 and 28 (K = 100 mu), and 79, 57 and 37 (K = 1000 mu).
+Springs of stiffness k in a full horizon have the energy k mu/4 |grad u|^2; without the pressures
+undeformed rubber has mu/2 |grad u|^2, which is k = 2. In an earlier version k = 1.25 and 1.5 needed
+a fifth to a quarter fewer force evaluations than k = 1, and k = 2 no fewer (bonded blocks of 12 to
+20 points a side, K = 100 mu and 1000 mu). Now k = 2 needs the fewest: with 1, 4/3 and 2 the scene
+`bonded-block`, 8 points a side, needs 31, 30 and 28 (K = 100 mu), and 79, 57 and 37 (K = 1000 mu).
 """
 
 
 ADDED = 0.6
-"""Factor on the approximate displacements of a body divided among ranks, sums of the solutions of overlapping parts and of affine motions.
+"""Factor on the approximate displacements of a body divided among ranks, sums of the solutions of
+overlapping parts and of affine motions.
 
-Without it the sums would be too large, since they contain several solutions for a point: with 1 nearly incompressible bodies need half as
-many force evaluations more on two ranks; 0.5 and 0.65 need as many as 0.6. Steps of Chebyshev's method with this operator save a fifth of
-the evaluations at most, in general none, and take twice the time."""
+Without it the sums would be too large, since they contain several solutions for a point: with 1
+nearly incompressible bodies need half as many force evaluations more on two ranks; 0.5 and 0.65
+need as many as 0.6. Steps of Chebyshev's method with this operator save a fifth of the evaluations
+at most, in general none, and take twice the time.
+"""
 
 MOST_STEPS = 200
-"""Maximum number of conjugate-gradient steps in a solution for the displacements of a network of springs; some tens are usual."""
+"""Maximum number of conjugate-gradient steps in a solution for the displacements of a network of
+springs; some tens are usual.
+"""
 
 RESOLVED = 1000
-"""Greatest bond strain, divided by the strain that rounding of positions causes, at which a body counts as undeformed: such strains have
-errors above 0.1 %."""
+"""Greatest bond strain, divided by the strain that rounding of positions causes, at which a body
+counts as undeformed: such strains have errors above 0.1 %.
+"""
 
 
 class Preconditioner:
-    """Preconditioner of a solver for equilibrium: an approximation of the tangent stiffness whose inverse is cheap to apply.
+    """Preconditioner of a solver for equilibrium: an approximation of the tangent stiffness whose
+    inverse is cheap to apply.
 
     Parameters
     ----------
     solve : callable
         Returns the displacements (n, d) under given forces (n, d).
     update : callable, optional
-        Adapts the preconditioner to the state in which the force was last evaluated, and returns whether the tangent has changed abruptly,
-        so that curvature gathered before is no longer valid; by default it does nothing.
+        Adapts the preconditioner to the state in which the force was last evaluated, and returns
+        whether the tangent has changed abruptly, so that curvature gathered before is no longer
+        valid; by default it does nothing.
     """
 
     def __init__(self, solve: Operator, update: Callable[[], bool] = lambda: False) -> None:
@@ -105,10 +135,12 @@ class Preconditioner:
 
 
 class NearestBonds:
-    """Network of springs at the nearest bonds of a body, which resist displacements along the bonds and across them.
+    """Network of springs at the nearest bonds of a body, which resist displacements along the bonds
+    and across them.
 
-    Stiffnesses are scaled so that these springs replace springs at all bonds: the scale makes the sum of stiffness times squared length
-    over the nearest bonds equal to the sum that all bonds would have.
+    Stiffnesses are scaled so that these springs replace springs at all bonds: the scale makes the
+    sum of stiffness times squared length over the nearest bonds equal to the sum that all bonds
+    would have.
 
     Parameters
     ----------
@@ -116,9 +148,11 @@ class NearestBonds:
     shear_moduli : float or ndarray, shape (n,)
         Shear modulus: one for all points, or one for each.
     along, across : float
-        Stiffness of a spring against displacements along its bond and across it, in the units stated at `ELONGATION`, before scaling.
+        Stiffness of a spring against displacements along its bond and across it, in the units
+        stated at `ELONGATION`, before scaling.
     diagonal : bool
-        Whether bonds up to `WIDE_REACH` have springs in any body, which holds a lattice together without stiffness across bonds.
+        Whether bonds up to `WIDE_REACH` have springs in any body, which holds a lattice together
+        without stiffness across bonds.
 
     Attributes
     ----------
@@ -143,27 +177,47 @@ class NearestBonds:
         volumes = body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         if isinstance(shear_moduli, np.ndarray):
             ends = np.concatenate([shear_moduli, shear_moduli[body.ghosts.source]])
-            # Two springs in series, computed with inverses, since the product of two moduli may overflow.
+            # Two springs in series, computed with inverses, since the product of two moduli may
+            # overflow.
             shear_moduli = 2 / (1 / ends[bonds.first] + 1 / ends[bonds.second])
         stiffness = shear_moduli * body.weigh(length) * volumes / body.kappa
         wide = diagonal or (body.relaxed and body.dimension == 2 and share.size <= MOST_WIDE)
         near = length <= (WIDE_REACH if wide else REACH) * body.spacing
         # The point at the second end of every bond, or the point of which that end is an image.
-        sources = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[bonds.second]
-        add_unspanned(points, bonds.pointers, bonds.neighbors, bonds.first, bonds.second, sources, TOUCHING, near)
+        sources = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[
+            bonds.second
+        ]
+        add_unspanned(
+            points,
+            bonds.pointers,
+            bonds.neighbors,
+            bonds.first,
+            bonds.second,
+            sources,
+            TOUCHING,
+            near,
+        )
         moment = stiffness * length**2
         of_all = moment * share.own[bonds.first]
         stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
-        self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
+        self._across, self._excess, self._along = (
+            across * stiffness,
+            (along - across) * stiffness,
+            vector[near] / length[near, None],
+        )
         self.coupled = along != across
-        self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
+        self.first, self.second = (
+            bonds.first[near].astype(np.int64),
+            bonds.second[near].astype(np.int64),
+        )
         self.body, self._sources = body, sources[near]
 
     def forces(self, moved: np.ndarray, of_images: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the restoring forces (n, d) of the springs on the points, minus stiffness times displacement, for displacements `moved`.
+        """Return the restoring forces (n, d) of the springs on the points, minus stiffness times
+        displacement, for displacements `moved`.
 
-        Displacements of the halo (points of other ranks) are filled in place. The displacements of images follow from those of their
-        points, plus `of_images`, shape (m, d).
+        Displacements of the halo (points of other ranks) are filled in place. The displacements of
+        images follow from those of their points, plus `of_images`, shape (m, d).
         """
         ghosts = self.body.ghosts
         self.body.share.fill(moved)
@@ -171,30 +225,42 @@ class NearestBonds:
         changes = moved[self.second] - moved[self.first]
         forces = self._across[:, None] * changes
         if self.coupled:
-            forces += (self._excess * np.einsum("bi,bi->b", self._along, changes))[:, None] * self._along
+            forces += (self._excess * np.einsum("bi,bi->b", self._along, changes))[
+                :, None
+            ] * self._along
         return sums_at_points(len(self.body), self.first, self.second, forces, -1)
 
     def matrix(self, rigid: np.ndarray | None = None) -> np.ndarray | scipy.sparse.sparray:
-        """Return the stiffness matrix of all components, held or free, shape (d n, d n), with the components of a point in sequence.
+        """Return the stiffness matrix of all components, held or free, shape (d n, d n), with the
+        components of a point in sequence.
 
-        It is a dense array for at most `MOST_DENSE` rows, and sparse for more, as are the matrices of `systems`.
-        Springs between two points that are True in `rigid`, shape (n,), are omitted.
+        It is a dense array for at most `MOST_DENSE` rows, and sparse for more, as are the matrices
+        of `systems`. Springs between two points that are True in `rigid`, shape (n,), are omitted.
         """
         d = self.body.dimension
-        blocks = np.einsum("b,bi,bj->bij", self._excess, self._along, self._along) + self._across[:, None, None] * np.eye(d)
+        blocks = np.einsum("b,bi,bj->bij", self._excess, self._along, self._along) + self._across[
+            :, None, None
+        ] * np.eye(d)
         if rigid is not None:
             blocks *= ~(rigid[self.first] & rigid[self._sources])[:, None, None]
         rows, columns, values = self._entries(blocks, self._parity()[:, None])
-        rows, columns = d * rows[:, None, None] + np.arange(d)[:, None], d * columns[:, None, None] + np.arange(d)
+        rows, columns = (
+            d * rows[:, None, None] + np.arange(d)[:, None],
+            d * columns[:, None, None] + np.arange(d),
+        )
         places = [np.broadcast_to(numbers, values.shape).ravel() for numbers in (rows, columns)]
         return _symmetric(d * len(self.body), *places, values.ravel())
 
-    def systems(self, free: np.ndarray) -> list[tuple[list[int], np.ndarray | scipy.sparse.sparray]]:
-        """Return the stiffness matrix in parts that are not coupled, as pairs of component numbers and the matrix of these components.
+    def systems(
+        self, free: np.ndarray
+    ) -> list[tuple[list[int], np.ndarray | scipy.sparse.sparray]]:
+        """Return the stiffness matrix in parts that are not coupled, as pairs of component numbers
+        and the matrix of these components.
 
-        A network with `coupled` components has one part, with all components in one `matrix`. Otherwise a part consists of the components
-        whose displacements all images repeat with the same sign, and that are held at the same points (where `free` (n, d) is 0); its
-        matrix, shape (n, n), is that of each of these components.
+        A network with `coupled` components has one part, with all components in one `matrix`.
+        Otherwise a part consists of the components whose displacements all images repeat with the
+        same sign, and that are held at the same points (where `free` (n, d) is 0); its matrix,
+        shape (n, n), is that of each of these components.
         """
         found = []
         if self.coupled:
@@ -205,49 +271,76 @@ class NearestBonds:
         return found
 
     def _alike(self, free: np.ndarray) -> list[list[int]]:
-        """Return the components in groups that images repeat and boundaries hold alike on all ranks, where `free` (n, d) is 0."""
+        """Return the components in groups that images repeat and boundaries hold alike on all
+        ranks, where `free` (n, d) is 0.
+        """
         columns, share = np.vstack([self.body.ghosts.parity, free]).T, self.body.share
         unlike = share.any((columns[:, None] != columns[None]).any(axis=2))
-        return [np.flatnonzero(~row).tolist() for number, row in enumerate(unlike) if (~row).argmax() == number]
+        return [
+            np.flatnonzero(~row).tolist()
+            for number, row in enumerate(unlike)
+            if (~row).argmax() == number
+        ]
 
     def _parity(self) -> np.ndarray:
-        """Return the signs with which the second end of each bond follows the point that it mirrors, shape (k, d); 1 if it is no image."""
-        return np.concatenate([np.ones_like(self.body.points), self.body.ghosts.parity])[self.second]
+        """Return the signs with which the second end of each bond follows the point that it
+        mirrors, shape (k, d); 1 if it is no image.
+        """
+        return np.concatenate([np.ones_like(self.body.points), self.body.ghosts.parity])[
+            self.second
+        ]
 
-    def _entries(self, values: np.ndarray, parity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rows, columns and values of the stiffness matrix of springs with stiffnesses `values` (k, ...), without rows of ghosts.
+    def _entries(
+        self, values: np.ndarray, parity: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return rows, columns and values of the stiffness matrix of springs with stiffnesses
+        `values` (k, ...), without rows of ghosts.
 
         `parity` (k, ...) are the signs from `_parity`.
         """
         within = self.second < len(self.body)
         first, second, ends = self.first, self.second[within], self.first[within]
-        rows, columns = np.concatenate([first, first, second, second]), np.concatenate([first, self._sources, second, ends])
-        return rows, columns, np.concatenate([values, -values * parity, values[within], -values[within]])
+        rows, columns = (
+            np.concatenate([first, first, second, second]),
+            np.concatenate([first, self._sources, second, ends]),
+        )
+        return (
+            rows,
+            columns,
+            np.concatenate([values, -values * parity, values[within], -values[within]]),
+        )
 
 
 def springs_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
-    """Return the network of springs of a body, along bonds and across them, that approximates its small-strain stiffness."""
+    """Return the network of springs of a body, along bonds and across them, that approximates
+    its small-strain stiffness.
+    """
     return NearestBonds(body, shear_moduli, ELONGATION, SHEAR_SHARE * ELONGATION)
 
 
 def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
-    """Return the network of springs with the same stiffness, the constant `RAISED`, along and across bonds: a Laplacian per component.
+    """Return the network of springs with the same stiffness, the constant `RAISED`, along and
+    across bonds: a Laplacian per component.
 
-    The tangent of an incompressible neo-Hookean body in any state is such a Laplacian plus a contribution of the pressures.
+    The tangent of an incompressible neo-Hookean body in any state is such a Laplacian plus a
+    contribution of the pressures.
     """
     return NearestBonds(body, shear_moduli, RAISED, RAISED)
 
 
 def struts_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
-    """Return the network of springs along bonds alone, which resists no rotation: slender bodies bend as easily as those of rubber.
+    """Return the network of springs along bonds alone, which resists no rotation: slender bodies
+    bend as easily as those of rubber.
 
-    Springs across bonds resist the rotation of the sections, so that a bar of the length L and the thickness h with them is stiffer against
-    bending by some (L/h)^2.
+    Springs across bonds resist the rotation of the sections, so that a bar of the length L and the
+    thickness h with them is stiffer against bending by some (L/h)^2.
     """
     return NearestBonds(body, shear_moduli, STRUTS[body.dimension], 0.0, diagonal=True)
 
 
-def _symmetric(size: int, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> np.ndarray | scipy.sparse.sparray:
+def _symmetric(
+    size: int, rows: np.ndarray, columns: np.ndarray, values: np.ndarray
+) -> np.ndarray | scipy.sparse.sparray:
     """Return the symmetric part of the square matrix that is the sum of the given entries."""
     if size <= MOST_DENSE:
         matrix = np.bincount(rows * size + columns, values, size * size).reshape(size, size)
@@ -259,7 +352,8 @@ def _symmetric(size: int, rows: np.ndarray, columns: np.ndarray, values: np.ndar
 def held_matrix(
     matrix: np.ndarray | scipy.sparse.sparray, free: np.ndarray, mean: float | None = None
 ) -> np.ndarray | scipy.sparse.sparray:
-    """Return a stiffness matrix with held components, where `free` is 0, decoupled, and with `SHIFT` added to the diagonal.
+    """Return a stiffness matrix with held components, where `free` is 0, decoupled, and with
+    `SHIFT` added to the diagonal.
 
     `mean` is the mean of the diagonal in the whole body, by default that of the matrix.
     """
@@ -274,19 +368,23 @@ def held_matrix(
 def by_systems(systems: list[tuple[list[int], int, Operator]], values: np.ndarray) -> np.ndarray:
     """Return the result (n, d) of applying operators to values (n, d).
 
-    `systems` are tuples of the component numbers to which an operator applies, the number of rows of its argument, and the operator.
+    `systems` are tuples of the component numbers to which an operator applies, the number of rows
+    of its argument, and the operator.
     """
     found = np.empty_like(values)
     for components, rows, operator in systems:
-        found[:, components] = operator(values[:, components].reshape(rows, -1)).reshape(len(values), -1)
+        found[:, components] = operator(values[:, components].reshape(rows, -1)).reshape(
+            len(values), -1
+        )
     return found
 
 
 def drift_remover(body: Body, free: np.ndarray) -> Operator:
-    """Return a function that subtracts from values (n, d), in place, their means along the axes in which a body is not held.
+    """Return a function that subtracts from values (n, d), in place, their means along the axes in
+    which a body is not held.
 
-    No equilibrium exists under a uniform force along such an axis; the stiffness against it is only `SHIFT`, which stands for none, so
-    that the mean is removed before the system is solved.
+    No equilibrium exists under a uniform force along such an axis; the stiffness against it is only
+    `SHIFT`, which stands for none, so that the mean is removed before the system is solved.
     """
     share = body.share
     drifting = ~share.any((body.ghosts.parity < 0).any(axis=0) | (free == 0).any(axis=0))
@@ -302,8 +400,9 @@ def drift_remover(body: Body, free: np.ndarray) -> Operator:
 def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
     """Return the inverse of the stiffness of a network in one process by factorization.
 
-    In smooth, long-wave displacements the ratio of the network's stiffness to that of the true tangent does not grow with the number of
-    points. The factorization takes seconds for 10^5 points.
+    In smooth, long-wave displacements the ratio of the network's stiffness to that of the true
+    tangent does not grow with the number of points. The factorization takes seconds for 10^5
+    points.
     """
     body, inverses = network.body, []
     balanced = drift_remover(body, free)
@@ -321,17 +420,21 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
 
 
 def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
-    """Return an approximate inverse of the stiffness of a network divided among ranks: an additive two-level Schwarz method.
+    """Return an approximate inverse of the stiffness of a network divided among ranks: an additive
+    two-level Schwarz method.
 
-    The part of a rank inverts the stiffness of its own points and of those halo points that have all their nearest bonds on this rank;
-    other points are held. The solutions of all parts are added, and with them the best combination of motions affine in every part.
+    The part of a rank inverts the stiffness of its own points and of those halo points that have
+    all their nearest bonds on this rank; other points are held. The solutions of all parts are
+    added, and with them the best combination of motions affine in every part.
 
     References
     ----------
     Toselli and Widlund, Domain Decomposition Methods (2005), ch. 3.
     """
     body, share, around = network.body, network.body.share, free.copy()
-    degrees = sums_at_points(len(body), network.first, network.second, np.ones(len(network.first)), 1)
+    degrees = sums_at_points(
+        len(body), network.first, network.second, np.ones(len(network.first)), 1
+    )
     of_owners = degrees.copy()
     share.fill(around, of_owners)
     invert = _inverse_here(network, around * (degrees == of_owners)[:, None])
@@ -352,23 +455,31 @@ def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
 
 
 def _inverse_by_multigrid(network: NearestBonds, free: np.ndarray) -> Operator:
-    """Return the approximate inverse of the stiffness of a Laplacian by a multigrid cycle, the same on any number of ranks."""
+    """Return the approximate inverse of the stiffness of a Laplacian by a multigrid cycle, the
+    same on any number of ranks.
+    """
     body, share, around, inverses = network.body, network.body.share, free.copy(), []
     share.fill(around)
     balanced = drift_remover(body, around)
     for components, matrix in network.systems(around):
         column = around[:, components[0]]
-        system = scipy.sparse.csr_array(held_matrix(matrix, column, share.sum(matrix.diagonal()) / share.size))
-        cycle = Multigrid(system, body.points, body.spacing, column > 0, len(components), share).cycle
+        system = scipy.sparse.csr_array(
+            held_matrix(matrix, column, share.sum(matrix.diagonal()) / share.size)
+        )
+        cycle = Multigrid(
+            system, body.points, body.spacing, column > 0, len(components), share
+        ).cycle
         inverses.append((components, len(body), cycle))
     return lambda forces: balanced(by_systems(inverses, balanced(forces * free))) * free
 
 
 def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the k affine motions of this rank's own points, shape (d n, k), and the coarse inverse for the affine motions of all ranks.
+    """Return the k affine motions of this rank's own points, shape (d n, k), and the coarse inverse
+    for the affine motions of all ranks.
 
-    The coarse inverse is the pseudo-inverse of the network's stiffness projected onto the k motions of every rank, k times the number of
-    ranks in all. Only free components move, where `around` (n, d), which includes the halo, is 1.
+    The coarse inverse is the pseudo-inverse of the network's stiffness projected onto the k motions
+    of every rank, k times the number of ranks in all. Only free components move, where `around` (n,
+    d), which includes the halo, is 1.
     """
     body, share, (n, d) = network.body, network.body.share, around.shape
     middle = np.stack(share.everywhere(body.points[share.own].mean(axis=0)))[share.owners]
@@ -380,7 +491,10 @@ def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarr
     motions = motions.reshape(-1, n, d)
     k, count = len(motions), share.ranks.size
     own = (motions * share.own[:, None]).reshape(k, -1).T.copy()
-    products, rows = [(part, matrix.shape[0], matrix.__matmul__) for part, matrix in network.systems(around)], np.zeros((k, k * count))
+    products, rows = (
+        [(part, matrix.shape[0], matrix.__matmul__) for part, matrix in network.systems(around)],
+        np.zeros((k, k * count)),
+    )
     for rank in np.unique(share.owners):
         theirs = (share.owners == rank)[:, None]
         for number, motion in enumerate(motions):
@@ -390,7 +504,8 @@ def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarr
 
 
 def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
-    """Return the inverse of the stiffness of a network of springs, approximate for a large Laplacian or a body divided among ranks.
+    """Return the inverse of the stiffness of a network of springs, approximate for a large
+    Laplacian or a body divided among ranks.
 
     The inverse is a linear operator on forces (n, d), symmetric and positive definite.
 
@@ -409,27 +524,37 @@ def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
 def spring_solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Operator:
     """Return a function that solves for the displacements of a network under forces (n, d).
 
-    Where `inverse_of` is approximate, conjugate gradients correct it until the norm of the residual, in the energy norm, is at most `left`
-    times that of the forces.
+    Where `inverse_of` is approximate, conjugate gradients correct it until the norm of the
+    residual, in the energy norm, is at most `left` times that of the forces.
     """
     inverse, share = inverse_of(network, free), network.body.share
     if network.coupled and not share.divided:
         return inverse
 
     def solve(forces: np.ndarray) -> np.ndarray:
-        return conjugate_gradients(forces * free, inverse, lambda moved: -network.forces(moved) * free, share.dot, left, MOST_STEPS)
+        return conjugate_gradients(
+            forces * free,
+            inverse,
+            lambda moved: -network.forces(moved) * free,
+            share.dot,
+            left,
+            MOST_STEPS,
+        )
 
     return solve
 
 
 def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
-    """Return random, normally distributed numbers in the free components, shape (n, d), which do not depend on the number of ranks."""
+    """Return random, normally distributed numbers in the free components, shape (n, d), which do
+    not depend on the number of ranks.
+    """
     whole = np.random.default_rng(0).standard_normal((share.size, free.shape[1]))
     return whole[share.numbers] * free
 
 
 def bond_stretches(body: Body, positions: np.ndarray, pairs: slice = slice(None)) -> np.ndarray:
-    """Return the stretches, deformed length divided by undeformed length, of bonds between local points at positions (n, d).
+    """Return the stretches, deformed length divided by undeformed length, of bonds between local
+    points at positions (n, d).
 
     `pairs` chooses among all pairs of the body, of which those with a ghost are omitted.
     """
@@ -438,7 +563,9 @@ def bond_stretches(body: Body, positions: np.ndarray, pairs: slice = slice(None)
 
 
 def _bond_lengths(body: Body, pairs: slice, *places: np.ndarray) -> list[np.ndarray]:
-    """Return the lengths of those of some `pairs` without a ghost, where the points are at each of `places` (n, d)."""
+    """Return the lengths of those of some `pairs` without a ghost, where the points are at each
+    of `places` (n, d).
+    """
     first, second = body.bonds.first[pairs], body.bonds.second[pairs]
     within = second < len(body)
     first, second = first[within], second[within]
@@ -446,7 +573,9 @@ def _bond_lengths(body: Body, pairs: slice, *places: np.ndarray) -> list[np.ndar
 
 
 def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
-    """Return the greatest change of length of a local bond from positions `before` to `after`, divided by its undeformed length."""
+    """Return the greatest change of length of a local bond from positions `before` to `after`,
+    divided by its undeformed length.
+    """
     greatest = []
     for part in body.bonds.slabs():
         old, new, at_rest = _bond_lengths(body, part, before, after, body.points)
@@ -455,24 +584,35 @@ def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> f
 
 
 def strain_of_step(body: Body, step: np.ndarray) -> float:
-    """Return the greatest relative displacement of two bonded points, in any component, divided by the length of their undeformed bond.
+    """Return the greatest relative displacement of two bonded points, in any component, divided by
+    the length of their undeformed bond.
 
     The halo (points of other ranks) of the displacements `step` (n, d) is filled in place.
     """
     body.share.fill(step)
-    return body.share.greatest(greatest_strain(step, body.points, body.bonds.first, body.bonds.second))
+    return body.share.greatest(
+        greatest_strain(step, body.points, body.bonds.first, body.bonds.second)
+    )
 
 
 def strain_rounding(body: Body, positions: np.ndarray) -> float:
-    """Return the strain that rounding of `positions` (n, d) in double precision causes in a bond as long as the spacing."""
+    """Return the strain that rounding of `positions` (n, d) in double precision causes in a bond
+    as long as the spacing.
+    """
     return float(np.finfo(float).eps) * body.share.greatest(np.abs(positions)) / body.spacing
 
 
 def is_rigid(force: InternalForce) -> bool:
-    """Return whether the body has moved without deformation, up to rounding, in the state last evaluated."""
+    """Return whether the body has moved without deformation, up to rounding, in the state last
+    evaluated.
+    """
     return strain_of(force) <= RESOLVED * strain_rounding(force.body, force.positions)
 
 
 def strain_of(force: InternalForce) -> float:
-    """Return the greatest strain of a bond in the state last evaluated: absolute change of length divided by undeformed length."""
-    return force.body.share.greatest(greatest_bond_strain(force.body, force.body.points, force.positions))
+    """Return the greatest strain of a bond in the state last evaluated: absolute change of
+    length divided by undeformed length.
+    """
+    return force.body.share.greatest(
+        greatest_bond_strain(force.body, force.body.points, force.positions)
+    )

@@ -1,4 +1,6 @@
-"""Rigid obstacles without friction: energy, force and area of their contact with a body, and its stiffness (theory (69)-(71))."""
+"""Rigid obstacles without friction: energy, force and area of their contact with a body, and its
+stiffness (theory (69)-(71)).
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -11,37 +13,52 @@ from ..ranks import Share
 from .multigrid import Operator
 
 SAME_NORMAL = 0.99
-"""Cosine of the angle between the normal of an obstacle at a node and an earlier one, below which the response to a push there is computed
-anew. Chosen: a normal 8 degrees off changes the stiffness along itself by 2 %."""
+"""Cosine of the angle between the normal of an obstacle at a node and an earlier one, below which
+the response to a push there is computed anew. Chosen: a normal 8 degrees off changes the stiffness
+along itself by 2 %.
+"""
 
 MOST_ROUNDS = 20
-"""Maximum number of rounds in which nodes in contact are added and removed for a first guess; some five are usual."""
+"""Maximum number of rounds in which nodes in contact are added and removed for a first guess;
+some five are usual.
+"""
 
 TOUCHING = 0.01
-"""Gap in spacings below which the boundary counts as touching in the contact area. Within a contact the gap at single nodes varies by half
-of that, since the fit of their motion smooths it; beyond the edge of a contact the gap soon exceeds it."""
+"""Gap in spacings below which the boundary counts as touching in the contact area. Within a contact
+the gap at single nodes varies by half of that, since the fit of their motion smooths it; beyond the
+edge of a contact the gap soon exceeds it.
+"""
 
 CLOSE = 1e-5
-"""Gap in spacings below which a place counts as in contact in a preconditioner. With 0 a place at the edge of a contact that touches and
-leaves in turn kept the residual of a round seal at 1.2e-6 for 2400 evaluations, where 60 now suffice."""
+"""Gap in spacings below which a place counts as in contact in a preconditioner. With 0 a place at
+the edge of a contact that touches and leaves in turn kept the residual of a round seal at 1.2e-6
+for 2400 evaluations, where 60 now suffice.
+"""
 
 SAMPLES = 64
-"""Intervals in which the length of an obstacle's path between two equilibria is measured; its amplitude may go to and fro."""
+"""Intervals in which the length of an obstacle's path between two equilibria is measured; its
+amplitude may go to and fro.
+"""
 
 PASSED = 0.5
-"""Depth of a point in an obstacle, in spacings, beyond which the obstacle has passed the boundary. Chosen: the outermost points lie half a
-spacing inside the boundary, which enters an obstacle by a small part of a spacing only."""
+"""Depth of a point in an obstacle, in spacings, beyond which the obstacle has passed the boundary.
+Chosen: the outermost points lie half a spacing inside the boundary, which enters an obstacle by a
+small part of a spacing only.
+"""
 
 
 class Obstructed(InvalidState):
-    """Error for an obstacle that has passed the boundary of the body, or lies inside a part of it whose motion is prescribed."""
+    """Error for an obstacle that has passed the boundary of the body, or lies inside a part of
+    it whose motion is prescribed.
+    """
 
 
 class ContactNodes:
-    """Places of a body at which obstacles push, on every rank all of them, and the map from the motion of the points to theirs.
+    """Places of a body at which obstacles push, on every rank all of them, and the map from the
+    motion of the points to theirs.
 
-    Values at the points are gathered from all ranks and multiplied by the map of the whole body, so that the sums have the same bits on any
-    number of ranks.
+    Values at the points are gathered from all ranks and multiplied by the map of the whole body, so
+    that the sums have the same bits on any number of ranks.
 
     Parameters
     ----------
@@ -51,13 +68,15 @@ class ContactNodes:
     nodes : ndarray, shape (k, d)
         Reference positions of the places: first the nodes of the boundary.
     areas : ndarray, shape (k,)
-        Area that a place stands for, in the plane its length; 0 where obstacles do not push, as at bonded nodes.
+        Area that a place stands for, in the plane its length; 0 where obstacles do not push, as at
+        bonded nodes.
     facets : ndarray of int, shape (f, d)
         Nodes of the facets that obstacles can touch.
     bonded : ndarray of bool, shape (nodes,)
         Nodes of the boundary in bonded planes.
     stops : ndarray of int, shape (f,)
-        Place of the point beside a bonded corner that is nearest to each facet; -1 for facets elsewhere.
+        Place of the point beside a bonded corner that is nearest to each facet; -1 for facets
+        elsewhere.
     spacing : float
     """
 
@@ -72,7 +91,14 @@ class ContactNodes:
         stops: np.ndarray,
         spacing: float,
     ) -> None:
-        self.share, self.nodes, self.areas, self.facets, self.bonded, self.spacing = share, nodes, areas, facets, bonded, spacing
+        self.share, self.nodes, self.areas, self.facets, self.bonded, self.spacing = (
+            share,
+            nodes,
+            areas,
+            facets,
+            bonded,
+            spacing,
+        )
         self.stops = stops
         self._points = interpolation.points()
         numbers = share.everywhere(share.numbers[self._points])
@@ -80,19 +106,27 @@ class ContactNodes:
         start = sum(map(len, numbers[: share.ranks.rank]))
         self._here = np.argsort(self._order)[start : start + len(self._points)]
         parts = (share.everywhere(rows[:, self._points]) for rows in interpolation.rows)
-        self._map = Following(tuple(scipy.sparse.hstack(part, format="csc")[:, self._order].tocsr() for part in parts))
+        self._map = Following(
+            tuple(scipy.sparse.hstack(part, format="csc")[:, self._order].tocsr() for part in parts)
+        )
         self._spread = self._map.T
 
     def places(self, vectors: np.ndarray) -> np.ndarray:
         """Return vectors at the places (k, d) from vectors at the points of this rank (n, d)."""
-        return self._map @ np.concatenate(self.share.everywhere(vectors.take(self._points, axis=0)))[self._order]
+        return (
+            self._map
+            @ np.concatenate(self.share.everywhere(vectors.take(self._points, axis=0)))[self._order]
+        )
 
     def add(self, forces: np.ndarray, out: np.ndarray) -> None:
-        """Add the forces on the points of this rank that result from forces on the places (k, d) to `out`, shape (n, d)."""
+        """Add the forces on the points of this rank that result from forces on the places (k, d)
+        to `out`, shape (n, d).
+        """
         out[self._points] += (self._spread @ forces)[self._here]
 
     def greatest_frequency(self, stiffness: np.ndarray, mass: np.ndarray) -> float:
-        """Return an upper bound of the squared frequencies of points with masses (n,) on springs of given stiffness (k,) at the places.
+        """Return an upper bound of the squared frequencies of points with masses (n,) on springs of
+        given stiffness (k,) at the places.
 
         The bound is the greatest sum of a row of absolute values.
         """
@@ -102,14 +136,16 @@ class ContactNodes:
 
 
 class Obstacle:
-    """Rigid obstacle: its penetration p into the body has the energy k A p^2/2, summed over places with areas A, with stiffness k.
+    """Rigid obstacle: its penetration p into the body has the energy k A p^2/2, summed over places
+    with areas A, with stiffness k.
 
     Parameters
     ----------
     name : str
         Name under which results report the obstacle.
     amplitude : callable
-        Factor of its displacement as a function of the loading parameter; raises ValueError where it has no value.
+        Factor of its displacement as a function of the loading parameter; raises ValueError where
+        it has no value.
     surface : ContactNodes
     center : ndarray, shape (d,)
         Undeformed place of the obstacle: center, a place on the axis, or a place on the flat side.
@@ -129,7 +165,8 @@ class Obstacle:
     stiffness : ndarray, shape (k,)
         Force divided by penetration at each place.
     barred : mapping of str to ndarray of int
-        Places that the obstacle must not touch, by the name of the rigid region that they belong to.
+        Places that the obstacle must not touch, by the name of the rigid region that they belong
+        to.
     name, amplitude, surface, travel
     """
 
@@ -146,12 +183,26 @@ class Obstacle:
         travel: np.ndarray,
         stiffness: float,
     ) -> None:
-        self.name, self.amplitude, self.surface, self.travel, self.factor = name, amplitude, surface, travel, 0.0
+        self.name, self.amplitude, self.surface, self.travel, self.factor = (
+            name,
+            amplitude,
+            surface,
+            travel,
+            0.0,
+        )
         self.barred: Mapping[str, np.ndarray] = {}
-        self._center, self._radius, self._direction, self.stiffness = center, radius, direction, stiffness * surface.areas
+        self._center, self._radius, self._direction, self.stiffness = (
+            center,
+            radius,
+            direction,
+            stiffness * surface.areas,
+        )
 
-    def gaps(self, places: np.ndarray, factor: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Return the distances of places (k, d) from the obstacle, negative within it, and its unit normals toward them (k, d).
+    def gaps(
+        self, places: np.ndarray, factor: float | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the distances of places (k, d) from the obstacle, negative within it, and its unit
+        normals toward them (k, d).
 
         The obstacle is displaced by `factor` times its travel, by default by its present factor.
         """
@@ -164,26 +215,45 @@ class Obstacle:
         return lengths - self._radius, arms / np.maximum(lengths, 1e-300)[:, None]
 
     def enters(self, parameter: float) -> bool:
-        """Return whether the obstacle overlaps the undeformed body at a value of the loading parameter."""
+        """Return whether the obstacle overlaps the undeformed body at a value of the loading
+        parameter.
+        """
         gaps, _ = self.gaps(self.surface.nodes, self.amplitude(parameter))
         return bool((gaps[self.stiffness > 0] < 0).any())
 
     def check_barred(self, positions: np.ndarray) -> None:
-        """Raise Obstructed if the obstacle touches a rigid region in a state, at positions (n, d) of the points."""
+        """Raise Obstructed if the obstacle touches a rigid region in a state, at positions (n,
+        d) of the points.
+        """
         for name, places in self.barred.items():
-            if self.gaps(self.at_sites(positions)[places])[0].min(initial=0.0) < -CLOSE * self.surface.spacing:
-                raise Obstructed(f"the obstacle {self.name} touches the rigid region {name}, but pushes on deformable materials alone")
+            if (
+                self.gaps(self.at_sites(positions)[places])[0].min(initial=0.0)
+                < -CLOSE * self.surface.spacing
+            ):
+                raise Obstructed(
+                    f"the obstacle {self.name} touches the rigid region {name}, but pushes on"
+                    " deformable materials alone"
+                )
 
     def passes(self, before: float, after: float, start: np.ndarray, end: np.ndarray) -> bool:
-        """Return whether the obstacle enters the body between two equilibria, at `start` and `end` (n, d), by more than `PASSED`.
+        """Return whether the obstacle enters the body between two equilibria, at `start` and `end`
+        (n, d), by more than `PASSED`.
 
-        The obstacle follows its amplitude from the parameter `before` to `after`, and points move in straight lines meanwhile.
+        The obstacle follows its amplitude from the parameter `before` to `after`, and points move
+        in straight lines meanwhile.
         """
-        surface, factors = self.surface, [self.amplitude(t) for t in np.linspace(before, after, SAMPLES + 1)]
-        way = np.linalg.norm(self.travel) * np.abs(np.diff(factors)).sum() + surface.share.greatest(np.abs(end - start))
+        surface, factors = (
+            self.surface,
+            [self.amplitude(t) for t in np.linspace(before, after, SAMPLES + 1)],
+        )
+        way = np.linalg.norm(self.travel) * np.abs(np.diff(factors)).sum() + surface.share.greatest(
+            np.abs(end - start)
+        )
         found = False
         for part in np.linspace(0, 1, int(way / (PASSED * surface.spacing)) + 2)[1:-1]:
-            gaps, _ = self.gaps(start + part * (end - start), self.amplitude(before + part * (after - before)))
+            gaps, _ = self.gaps(
+                start + part * (end - start), self.amplitude(before + part * (after - before))
+            )
             found |= bool((gaps < -PASSED * surface.spacing).any())
         return bool(surface.share.any(found))
 
@@ -206,51 +276,79 @@ class Obstacle:
     def potential(self, positions: np.ndarray) -> float:
         """Return the energy of the penetration; 0 on ranks other than the first."""
         gaps, _ = self.gaps(self.surface.places(positions))
-        return 0.5 * float((self.stiffness * np.minimum(gaps, 0.0) ** 2).sum()) * self.surface.share.leads
+        return (
+            0.5
+            * float((self.stiffness * np.minimum(gaps, 0.0) ** 2).sum())
+            * self.surface.share.leads
+        )
 
     def contact(self, positions: np.ndarray) -> dict[str, float]:
-        """Return the deformed area of the boundary in contact, in the plane its length, and the greatest penetration.
+        """Return the deformed area of the boundary in contact, in the plane its length, and the
+        greatest penetration.
 
-        The gap is linear in a facet, so that an edge of the contact may lie within it. A facet beside a bonded corner also touches, as a
-        whole, if the point at it does.
+        The gap is linear in a facet, so that an edge of the contact may lie within it. A facet
+        beside a bonded corner also touches, as a whole, if the point at it does.
         """
-        facets, places, touching = self.surface.facets, self.surface.places(positions), TOUCHING * self.surface.spacing
+        facets, places, touching = (
+            self.surface.facets,
+            self.surface.places(positions),
+            TOUCHING * self.surface.spacing,
+        )
         gaps, _ = self.gaps(places)
         whole = (self.surface.stops >= 0) & (gaps[self.surface.stops] < touching)
-        bonded, deepest = self.surface.bonded[facets], float(gaps[self.stiffness > 0].min(initial=0.0))
+        bonded, deepest = (
+            self.surface.bonded[facets],
+            float(gaps[self.stiffness > 0].min(initial=0.0)),
+        )
         at_corners = np.where(bonded, np.inf, gaps[facets])
         # A bonded corner touches if the nodes beside it do.
         at_corners = np.where(bonded, at_corners.min(axis=1, keepdims=True), at_corners)
         return {
-            "area": float(np.where(whole, 1.0, _share_below(at_corners - touching)) @ _areas(places, facets)),
+            "area": float(
+                np.where(whole, 1.0, _share_below(at_corners - touching)) @ _areas(places, facets)
+            ),
             "penetration": max(0.0, -deepest),
         }
 
 
 def _areas(places: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """Return the areas of facets (f, d) between nodes at given places (k, d), in the plane their lengths, shape (f,)."""
+    """Return the areas of facets (f, d) between nodes at given places (k, d), in the plane their
+    lengths, shape (f,).
+    """
     first, *others = places[facets].swapaxes(0, 1)
     sides = [other - first for other in others]
-    return np.linalg.norm(sides[0], axis=1) if len(sides) == 1 else np.linalg.norm(np.cross(*sides), axis=1) / 2
+    return (
+        np.linalg.norm(sides[0], axis=1)
+        if len(sides) == 1
+        else np.linalg.norm(np.cross(*sides), axis=1) / 2
+    )
 
 
 def _share_below(values: np.ndarray) -> np.ndarray:
-    """Return the share of each facet in which a linear function is negative, shape (f,), from its values at the corners (f, d)."""
+    """Return the share of each facet in which a linear function is negative, shape (f,), from
+    its values at the corners (f, d).
+    """
     below = values < 0
     count, corners = below.sum(axis=1), values.shape[1]
-    alone = np.where(count == 1, below.argmax(axis=1), below.argmin(axis=1))  # the corner with a sign of its own
+    alone = np.where(
+        count == 1, below.argmax(axis=1), below.argmin(axis=1)
+    )  # the corner with a sign of its own
     own = np.abs(np.take_along_axis(values, alone[:, None], axis=1))
     with np.errstate(invalid="ignore"):
-        part = 2 * (own / (own + np.abs(values))).prod(axis=1)  # the factor of the corner itself is 1/2
+        part = 2 * (own / (own + np.abs(values))).prod(
+            axis=1
+        )  # the factor of the corner itself is 1/2
     return np.select([count == 0, count == corners, count == 1], [0.0, 1.0, part], 1 - part)
 
 
 class ContactStiffness:
-    """Stiffness A of a body plus that of its contact with obstacles, and displacements that bring the boundary out of obstacles.
+    """Stiffness A of a body plus that of its contact with obstacles, and displacements that bring
+    the boundary out of obstacles.
 
-    With rows g of the normal displacements in contact, and their stiffnesses k, the inverse of A + g^T k g follows from that of A by
-    Woodbury's identity. The displacements of all places under a push on one of them are computed when it is first in contact. Obstacles and
-    places are numbered as pairs, those of the first obstacle first.
+    With rows g of the normal displacements in contact, and their stiffnesses k, the inverse of A +
+    g^T k g follows from that of A by Woodbury's identity. The displacements of all places under a
+    push on one of them are computed when it is first in contact. Obstacles and places are numbered
+    as pairs, those of the first obstacle first.
 
     Parameters
     ----------
@@ -263,49 +361,74 @@ class ContactStiffness:
         self._inverse, self._obstacles, self._surface = inverse, obstacles, obstacles[0].surface
         self._stiffness = np.concatenate([obstacle.stiffness for obstacle in obstacles])
         self._places = np.tile(np.arange(len(self._surface.nodes)), len(obstacles))
-        # Of the pairs whose response is known: the normals, and the displacements of all places under a unit push.
+        # Of the pairs whose response is known: the normals, and the displacements of all places
+        # under a unit push.
         self._normals, self._known = np.zeros((len(self._places), self._surface.nodes.shape[1])), {}
         self._active, self._factor = np.zeros(0, dtype=int), None
 
     def _gaps(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the gaps and normals of all pairs; the gap is infinite where obstacles do not push."""
+        """Return the gaps and normals of all pairs; the gap is infinite where obstacles do not
+        push.
+        """
         places = self._surface.places(positions)
-        gaps, normals = (np.concatenate(parts) for parts in zip(*(one.gaps(places) for one in self._obstacles), strict=True))
+        gaps, normals = (
+            np.concatenate(parts)
+            for parts in zip(*(one.gaps(places) for one in self._obstacles), strict=True)
+        )
         return np.where(self._stiffness > 0, gaps, np.inf), normals
 
-    def _moved_by(self, pairs: np.ndarray, pushes: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-        """Return the displacements of the points, with `shape` (n, d), under pushes (k,) of `pairs` along their known normals."""
+    def _moved_by(
+        self, pairs: np.ndarray, pushes: np.ndarray, shape: tuple[int, ...]
+    ) -> np.ndarray:
+        """Return the displacements of the points, with `shape` (n, d), under pushes (k,) of
+        `pairs` along their known normals.
+        """
         at_places, forces = np.zeros_like(self._surface.nodes), np.zeros(shape)
         np.add.at(at_places, self._places[pairs], pushes[:, None] * self._normals[pairs])
         self._surface.add(at_places, forces)
         return self._inverse(forces)
 
-    def _responses(self, pairs: np.ndarray, normals: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-        """Return the displacements of all pairs along `normals` under unit pushes on `pairs`, shape (all, pairs).
+    def _responses(
+        self, pairs: np.ndarray, normals: np.ndarray, shape: tuple[int, ...]
+    ) -> np.ndarray:
+        """Return the displacements of all pairs along `normals` under unit pushes on `pairs`, shape
+        (all, pairs).
 
-        Responses to pairs that are new, or whose normal has turned, are computed. The normals of `pairs` are set to the known ones.
+        Responses to pairs that are new, or whose normal has turned, are computed. The normals of
+        `pairs` are set to the known ones.
         """
         for pair in pairs.tolist():
             if pair not in self._known or self._normals[pair] @ normals[pair] < SAME_NORMAL:
                 self._normals[pair] = normals[pair]
-                self._known[pair] = self._surface.places(self._moved_by(np.array([pair]), np.ones(1), shape))
+                self._known[pair] = self._surface.places(
+                    self._moved_by(np.array([pair]), np.ones(1), shape)
+                )
         normals[pairs] = self._normals[pairs]
         found = [(self._known[pair][self._places] * normals).sum(axis=1) for pair in pairs.tolist()]
         return np.stack(found, axis=1) if found else np.zeros((len(normals), 0))
 
     def _compliance(self, pairs: np.ndarray, responses: np.ndarray) -> np.ndarray:
-        """Return the matrix from pushes on `pairs` in contact to their normal displacements, that of the contact itself included."""
+        """Return the matrix from pushes on `pairs` in contact to their normal displacements,
+        that of the contact itself included.
+        """
         own = responses[pairs]
         return (own + own.T) / 2 + np.diag(1 / self._stiffness[pairs])
 
     def adapt(self, positions: np.ndarray) -> bool:
-        """Adapt to the contact at positions (n, d); return whether other places are in contact than before."""
+        """Adapt to the contact at positions (n, d); return whether other places are in contact
+        than before.
+        """
         gaps, normals = self._gaps(positions)
         pairs = np.flatnonzero(gaps < CLOSE * self._surface.spacing)
-        same = np.array_equal(pairs, self._active) and (self._normals[pairs] * normals[pairs]).sum(axis=1).min(initial=1.0) > SAME_NORMAL
+        same = (
+            np.array_equal(pairs, self._active)
+            and (self._normals[pairs] * normals[pairs]).sum(axis=1).min(initial=1.0) > SAME_NORMAL
+        )
         if not same:
             self._active, responses = pairs, self._responses(pairs, normals, positions.shape)
-            self._factor = scipy.linalg.lu_factor(self._compliance(pairs, responses)) if len(pairs) else None
+            self._factor = (
+                scipy.linalg.lu_factor(self._compliance(pairs, responses)) if len(pairs) else None
+            )
         return not same
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
@@ -314,13 +437,19 @@ class ContactStiffness:
         if self._factor is None:
             return moved
         pairs = self._active
-        along = (self._surface.places(moved)[self._places[pairs]] * self._normals[pairs]).sum(axis=1)
-        return moved - self._moved_by(pairs, scipy.linalg.lu_solve(self._factor, along), forces.shape)
+        along = (self._surface.places(moved)[self._places[pairs]] * self._normals[pairs]).sum(
+            axis=1
+        )
+        return moved - self._moved_by(
+            pairs, scipy.linalg.lu_solve(self._factor, along), forces.shape
+        )
 
     def outside(self, positions: np.ndarray) -> np.ndarray:
-        """Return positions (n, d) moved by the least displacements, in the energy of A, that bring the boundary out of the obstacles.
+        """Return positions (n, d) moved by the least displacements, in the energy of A, that bring
+        the boundary out of the obstacles.
 
-        Places in contact are found in rounds, which add those that penetrate and remove those that are pulled.
+        Places in contact are found in rounds, which add those that penetrate and remove those that
+        are pulled.
         """
         gaps, normals = self._gaps(positions)
         pairs, pushes = np.flatnonzero(gaps < 0), np.zeros(0)
@@ -334,4 +463,6 @@ class ContactStiffness:
                 break
         else:
             pushes = np.zeros(len(pairs))
-        return positions + self._moved_by(pairs, pushes, positions.shape) if len(pairs) else positions
+        return (
+            positions + self._moved_by(pairs, pushes, positions.shape) if len(pairs) else positions
+        )

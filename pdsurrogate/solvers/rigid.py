@@ -1,4 +1,6 @@
-"""Rigid motions, and regions of a body that move as one, with three or six degrees of freedom each (theory (63))."""
+"""Rigid motions, and regions of a body that move as one, with three or six degrees of freedom
+each (theory (63)).
+"""
 
 from collections.abc import Sequence
 
@@ -11,15 +13,21 @@ from .multigrid import factor_of
 from .nearest_bonds import NearestBonds, Preconditioner, held_matrix
 
 MOST_STEPS = 30
-"""Maximum number of Newton steps to place a rigid region by its held components; from the last state two or three suffice."""
+"""Maximum number of Newton steps to place a rigid region by its held components; from the last
+state two or three suffice.
+"""
 
 HELD = 1e-6
-"""Distance between prescribed positions and a rigid placement, divided by the size of the region, above which an error is raised. Chosen:
-values that a user writes with seven digits still count as a rigid motion; Newton's method ends at 1e-14."""
+"""Distance between prescribed positions and a rigid placement, divided by the size of the region,
+above which an error is raised. Chosen: values that a user writes with seven digits still count as a
+rigid motion; Newton's method ends at 1e-14.
+"""
 
 INDEPENDENT = 1e-9
-"""Singular value of the rigid motions at held components, divided by the greatest, below which a motion of a region counts as free. Chosen
-between rounding, 1e-16, and the value of two points a thousandth of the region apart, 1e-3."""
+"""Singular value of the rigid motions at held components, divided by the greatest, below which a
+motion of a region counts as free. Chosen between rounding, 1e-16, and the value of two points a
+thousandth of the region apart, 1e-3.
+"""
 
 
 TURNS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}
@@ -27,15 +35,18 @@ TURNS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}
 
 
 def displaced(motions: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the displacements u(X) = (Q - I) X + c of places X (k, d) in a motion [Q - I, c] of rotation Q and translation c.
+    """Return the displacements u(X) = (Q - I) X + c of places X (k, d) in a motion [Q - I, c] of
+    rotation Q and translation c.
 
-    The shape of `motions` is (d, d + 1) for one motion of all places, or (k, d, d + 1) for one of each place.
+    The shape of `motions` is (d, d + 1) for one motion of all places, or (k, d, d + 1) for one of
+    each place.
     """
     return (motions[..., :-1] @ places[..., None])[..., 0] + motions[..., -1]
 
 
 def rigid_motions(arms: np.ndarray) -> np.ndarray:
-    """Return the displacements, shape (k, d, motions), in each infinitesimal rigid motion, of places at `arms` (k, d) from the center.
+    """Return the displacements, shape (k, d, motions), in each infinitesimal rigid motion, of
+    places at `arms` (k, d) from the center.
 
     The motions are d translations along the axes, and then the rotations `TURNS` by a unit angle.
     """
@@ -48,16 +59,22 @@ def rigid_motions(arms: np.ndarray) -> np.ndarray:
 
 
 def moment_of(levers: np.ndarray) -> np.ndarray:
-    """Return the moments of forces f at places y from the sums of their outer products f (x) y, shape (..., d, d).
+    """Return the moments of forces f at places y from the sums of their outer products f (x) y,
+    shape (..., d, d).
 
-    The shape is (...,) in the plane, where moments are counter-clockwise, and (..., 3) in three dimensions.
+    The shape is (...,) in the plane, where moments are counter-clockwise, and (..., 3) in three
+    dimensions.
     """
-    moments = np.stack([levers[..., b, a] - levers[..., a, b] for a, b in TURNS[levers.shape[-1]]], axis=-1)
+    moments = np.stack(
+        [levers[..., b, a] - levers[..., a, b] for a, b in TURNS[levers.shape[-1]]], axis=-1
+    )
     return moments[..., 0] if levers.shape[-1] == 2 else moments
 
 
 def turn_by(vector: np.ndarray) -> np.ndarray:
-    """Return the rotation matrix for an angle in the plane, shape (1,), or for a rotation vector in three dimensions, shape (3,)."""
+    """Return the rotation matrix for an angle in the plane, shape (1,), or for a rotation vector
+    in three dimensions, shape (3,).
+    """
     if len(vector) == 3:
         return scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
     cosine, sine = np.cos(vector[0]), np.sin(vector[0])
@@ -65,7 +82,9 @@ def turn_by(vector: np.ndarray) -> np.ndarray:
 
 
 def rotation_of(turn: np.ndarray) -> np.ndarray:
-    """Return the angle of a rotation matrix in the plane, or its rotation vector (3,) in three dimensions, in radians."""
+    """Return the angle of a rotation matrix in the plane, or its rotation vector (3,) in three
+    dimensions, in radians.
+    """
     if len(turn) == 2:
         return np.arctan2(turn[1, 0], turn[0, 0])
     return scipy.spatial.transform.Rotation.from_matrix(turn).as_rotvec()
@@ -79,12 +98,18 @@ def nearest_turn(matrix: np.ndarray) -> np.ndarray:
 
 
 def rigid_placement(
-    arms: np.ndarray, held: tuple[np.ndarray, ...], goals: np.ndarray, middle: np.ndarray, turn: np.ndarray, size: float
+    arms: np.ndarray,
+    held: tuple[np.ndarray, ...],
+    goals: np.ndarray,
+    middle: np.ndarray,
+    turn: np.ndarray,
+    size: float,
 ) -> tuple[np.ndarray, float]:
-    """Return the rigid placement in which `held` components are nearest to their `goals`, and the greatest distance left between both.
+    """Return the rigid placement in which `held` components are nearest to their `goals`, and the
+    greatest distance left between both.
 
-    The placement is that of `arms` (k, d) from a center; the search begins with the center at `middle` (d,) and the rotation `turn` (d, d).
-    `size` is the extent of the arms.
+    The placement is that of `arms` (k, d) from a center; the search begins with the center at
+    `middle` (d,) and the rotation `turn` (d, d). `size` is the extent of the arms.
     """
     for _ in range(MOST_STEPS):
         turned = arms @ turn.T
@@ -121,11 +146,14 @@ class RigidRegion:
         self._volumes = body.volumes[points]
         self._middle = self._volumes @ body.points[points] / self._volumes.sum()
         self._arms = body.points[points] - self._middle
-        self.size = float(np.sqrt(self._volumes @ (self._arms**2).sum(axis=1) / self._volumes.sum()))
+        self.size = float(
+            np.sqrt(self._volumes @ (self._arms**2).sum(axis=1) / self._volumes.sum())
+        )
         self._held = np.nonzero(free[points] == 0)
 
     def snap(self, positions: np.ndarray) -> None:
-        """Move the region's points, in `positions`, to the nearest rigid placement in which held components keep their positions.
+        """Move the region's points, in `positions`, to the nearest rigid placement in which held
+        components keep their positions.
 
         Raises
         ------
@@ -134,33 +162,50 @@ class RigidRegion:
         """
         given = positions[self.points]
         goals = given[self._held]
-        placed, left = rigid_placement(self._arms, self._held, goals, *self._placement(given), self.size)
+        placed, left = rigid_placement(
+            self._arms, self._held, goals, *self._placement(given), self.size
+        )
         if left > HELD * self.size:
-            raise InvalidState(f"{self.name} is rigid, but is prescribed to deform: its points move by {left:.3g} apart")
+            raise InvalidState(
+                f"{self.name} is rigid, but is prescribed to deform: its points move by {left:.3g}"
+                " apart"
+            )
         positions[self.points] = placed
         positions[self.points[self._held[0]], self._held[1]] = goals
 
     def motions(self, placed: np.ndarray) -> np.ndarray:
-        """Return the displacements, shape (k, d, motions), of the region's points at places (k, d) in each linear rigid motion.
+        """Return the displacements, shape (k, d, motions), of the region's points at places (k, d)
+        in each linear rigid motion.
 
-        The motions are unit translations, then rotations about the center of volume by the angle 1/`size`.
+        The motions are unit translations, then rotations about the center of volume by the angle
+        1/`size`.
         """
         return rigid_motions((placed - self._volumes @ placed / self._volumes.sum()) / self.size)
 
     def _placement(self, placed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the center of volume (d,) and the rotation (d, d) of the region, from the places (k, d) of its points."""
+        """Return the center of volume (d,) and the rotation (d, d) of the region, from the
+        places (k, d) of its points.
+        """
         middle = self._volumes @ placed / self._volumes.sum()
         return middle, nearest_turn((placed - middle).T @ (self._volumes[:, None] * self._arms))
 
     def free_motions(self, motions: np.ndarray) -> np.ndarray:
-        """Return, as columns, orthonormal vectors of amplitudes of the `motions` (k, d, motions) that do not move held components."""
+        """Return, as columns, orthonormal vectors of amplitudes of the `motions` (k, d, motions)
+        that do not move held components.
+        """
         held = motions[self._held]
-        return scipy.linalg.null_space(np.linalg.qr(held, mode="r"), rcond=INDEPENDENT) if len(held) else np.eye(motions.shape[-1])
+        return (
+            scipy.linalg.null_space(np.linalg.qr(held, mode="r"), rcond=INDEPENDENT)
+            if len(held)
+            else np.eye(motions.shape[-1])
+        )
 
     def describe(self, positions: np.ndarray, forces: np.ndarray) -> dict:
-        """Return, for results, the total force and moment about the origin of forces (n, d) on the region, and how the region has moved.
+        """Return, for results, the total force and moment about the origin of forces (n, d) on the
+        region, and how the region has moved.
 
-        The displacement is that of the center of volume; the rotation is in degrees, in three dimensions a rotation vector.
+        The displacement is that of the center of volume; the rotation is in degrees, in three
+        dimensions a rotation vector.
         """
         placed, forces = positions[self.points], forces[self.points]
         middle, turn = self._placement(placed)
@@ -172,18 +217,24 @@ class RigidRegion:
         }
 
     def resultant(self, forces: np.ndarray) -> np.ndarray:
-        """Return the resultant of forces (k, d) on the region's points: force, and moment about the center of volume divided by `size`."""
+        """Return the resultant of forces (k, d) on the region's points: force, and moment about
+        the center of volume divided by `size`.
+        """
         return np.einsum("kdm,kd->m", self._motions, forces)
 
     def expand(self, motion: np.ndarray) -> np.ndarray:
-        """Return the displacements of the region's points, shape (k, d), from the amplitudes of its rigid motions."""
+        """Return the displacements of the region's points, shape (k, d), from the amplitudes of
+        its rigid motions.
+        """
         return self._motions @ motion
 
     def carry(self, positions: np.ndarray, forces: np.ndarray) -> None:
-        """Replace the forces on the region's points, in place, by forces of equal resultant that accelerate it as a rigid body.
+        """Replace the forces on the region's points, in place, by forces of equal resultant that
+        accelerate it as a rigid body.
 
-        The part of the resultant that held components bear is put on these components, as the forces of least sum of squares with this
-        resultant. Later calls of `resultant` and `expand` use the rigid motions at these positions. Both arguments have the shape (n, d).
+        The part of the resultant that held components bear is put on these components, as the
+        forces of least sum of squares with this resultant. Later calls of `resultant` and `expand`
+        use the rigid motions at these positions. Both arguments have the shape (n, d).
         """
         self._motions = self.motions(positions[self.points])
         free = self.free_motions(self._motions)
@@ -194,12 +245,17 @@ class RigidRegion:
         carried = self._volumes[:, None] * self.expand(motion)
         if len(self._held[0]):
             left = resultant - by_volume @ motion
-            carried[self._held] += np.linalg.lstsq(self._motions[self._held].T, left, rcond=INDEPENDENT)[0]
+            carried[self._held] += np.linalg.lstsq(
+                self._motions[self._held].T, left, rcond=INDEPENDENT
+            )[0]
         forces[self.points] = carried
 
 
-def inverse_with_regions(network: NearestBonds, free: np.ndarray, regions: Sequence[RigidRegion]) -> Preconditioner:
-    """Return the preconditioner of a body with rigid regions: the inverse of a network of springs, with regions that move rigidly.
+def inverse_with_regions(
+    network: NearestBonds, free: np.ndarray, regions: Sequence[RigidRegion]
+) -> Preconditioner:
+    """Return the preconditioner of a body with rigid regions: the inverse of a network of springs,
+    with regions that move rigidly.
 
     Parameters
     ----------
@@ -218,7 +274,9 @@ def inverse_with_regions(network: NearestBonds, free: np.ndarray, regions: Seque
         motions[region.points] = own
         columns.append(scipy.sparse.csr_array(motions.reshape(d * n, -1)))
         motions_free.append(np.full(own.shape[-1], float(region.free_motions(own).any())))
-    by_motion = scipy.sparse.hstack([scipy.sparse.diags_array(np.repeat(1.0 - inside, d)), *columns], format="csr")
+    by_motion = scipy.sparse.hstack(
+        [scipy.sparse.diags_array(np.repeat(1.0 - inside, d)), *columns], format="csr"
+    )
     column = np.concatenate([kept.ravel(), *motions_free])
     matrix = by_motion.T @ scipy.sparse.csc_array(network.matrix(inside)) @ by_motion
     factor = factor_of(held_matrix(matrix.tocsc(), column))
@@ -226,7 +284,9 @@ def inverse_with_regions(network: NearestBonds, free: np.ndarray, regions: Seque
     def solve(forces: np.ndarray) -> np.ndarray:
         motions = [region.projector @ region.resultant(forces[region.points]) for region in regions]
         found = factor.solve(np.concatenate([forces.ravel(), *motions]) * column) * column
-        displacements, *of_regions = np.split(found, forces.size + np.cumsum([0, *map(len, motions)])[:-1])
+        displacements, *of_regions = np.split(
+            found, forces.size + np.cumsum([0, *map(len, motions)])[:-1]
+        )
         displacements = displacements.reshape(forces.shape)
         for region, motion in zip(regions, of_regions, strict=True):
             displacements[region.points] = region.expand(region.projector @ motion)

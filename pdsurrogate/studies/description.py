@@ -1,4 +1,6 @@
-"""Description of a study: the scene or fit to repeat, the parameters that change from run to run, and their values in each run."""
+"""Description of a study: the scene or fit to repeat, the parameters that change from run to
+run, and their values in each run.
+"""
 
 import itertools
 import math
@@ -24,11 +26,14 @@ SEED = "body.seed"
 """Parameter over whose values a study takes means unless it names others."""
 
 FORCE = "force"
-"""Name of the parameter, in a study of a scene, that selects the force model instead of changing a key of the scene."""
+"""Name of the parameter, in a study of a scene, that selects the force model instead of changing
+a key of the scene.
+"""
 
 
 class Distribution(StrictModel):
-    """Distribution from which a study draws the values of a parameter: a distribution of `scipy.stats` by name, with its parameters.
+    """Distribution from which a study draws the values of a parameter: a distribution of
+    `scipy.stats` by name, with its parameters.
 
     Parameters
     ----------
@@ -86,31 +91,50 @@ class Distribution(StrictModel):
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> float(pds.studies.Distribution(distribution="uniform", loc=0.0, scale=2.0).build().mean())
+        >>> float(
+        ...     pds.studies.Distribution(distribution="uniform", loc=0.0, scale=2.0).build().mean()
+        ... )
         1.0
         """
         from scipy import stats
 
-        known = {name: kind for name, kind in vars(stats).items() if isinstance(kind, stats.rv_continuous | stats.rv_discrete)}
+        known = {
+            name: kind
+            for name, kind in vars(stats).items()
+            if isinstance(kind, stats.rv_continuous | stats.rv_discrete)
+        }
         if self.distribution not in known:
             nearest = suggestion(self.distribution, known, "")
-            meant = nearest if nearest.endswith("?") else f"use a name from scipy.stats, such as {', '.join(USUAL)}"
+            meant = (
+                nearest
+                if nearest.endswith("?")
+                else f"use a name from scipy.stats, such as {', '.join(USUAL)}"
+            )
             raise ValueError(f"unknown distribution {self.distribution!r}; {meant}")
         kind, given = known[self.distribution], self.model_extra or {}
         shapes = kind.shapes.split(", ") if kind.shapes else []
         takes = [*shapes, "loc", *([] if self.discrete else ["scale"])]
         if unknown := [key for key in given if key not in takes]:
-            raise ValueError(f"{self.distribution} has no parameter {unknown[0]!r}; {suggestion(unknown[0], takes, 'it has')}")
+            raise ValueError(
+                f"{self.distribution} has no parameter {unknown[0]!r};"
+                f" {suggestion(unknown[0], takes, 'it has')}"
+            )
         if missing := [key for key in shapes if key not in given]:
-            raise ValueError(f"{self.distribution} needs {', '.join(missing)}; it has {', '.join(takes)}")
+            raise ValueError(
+                f"{self.distribution} needs {', '.join(missing)}; it has {', '.join(takes)}"
+            )
         frozen = kind(**given)
         if not np.isfinite(frozen.ppf([0.25, 0.5, 0.75])).all():
-            raise ValueError(f"{self.distribution} is undefined for {', '.join(f'{key}={value:g}' for key, value in given.items())}")
+            raise ValueError(
+                f"{self.distribution} is undefined for"
+                f" {', '.join(f'{key}={value:g}' for key, value in given.items())}"
+            )
         return frozen
 
 
 class Fit(StrictModel):
-    """Table ``fit`` of a study of fits: the material, and settings of `pdsurrogate.learning.settings.FitSettings` as further keys.
+    """Table ``fit`` of a study of fits: the material, and settings of
+    `pdsurrogate.learning.settings.FitSettings` as further keys.
 
     Parameters
     ----------
@@ -126,9 +150,11 @@ class Fit(StrictModel):
 
 
 def _flattened(table: Any) -> Any:
-    """Return a flat dictionary with dotted keys from the nested tables that TOML makes of unquoted dotted keys.
+    """Return a flat dictionary with dotted keys from the nested tables that TOML makes of unquoted
+    dotted keys.
 
-    The table of a distribution (with a key "distribution") stays a table; anything but a table is returned unchanged.
+    The table of a distribution (with a key "distribution") stays a table; anything but a table is
+    returned unchanged.
     """
     if not isinstance(table, Mapping):
         return table
@@ -140,7 +166,9 @@ def _is_value(entry: Any) -> bool:
 
 
 def _values(values: Any) -> Any:
-    """Return the values of a parameter as a tuple (from a list or array) or a `Distribution` (from a table); ValueError if invalid."""
+    """Return the values of a parameter as a tuple (from a list or array) or a `Distribution`
+    (from a table); ValueError if invalid.
+    """
     if isinstance(values, Distribution):
         return values
     if isinstance(values, Mapping):
@@ -149,14 +177,21 @@ def _values(values: Any) -> Any:
         values = values.tolist()
     if not isinstance(values, list | tuple | range):
         shown = f"[{values}]" if isinstance(values, int | float) else "[...]"
-        raise ValueError(f"must be a list of values, such as {shown}, or a table with a distribution, not {values!r}")
+        raise ValueError(
+            f"must be a list of values, such as {shown}, or a table with a distribution, not"
+            f" {values!r}"
+        )
     if not len(values):
         raise ValueError("must contain at least one value")
     return tuple(values)
 
 
 Values = Annotated[tuple[Any, ...] | Distribution, BeforeValidator(_values)]
-Names = Annotated[tuple[str, ...], Field(min_length=1), BeforeValidator(lambda names: (names,) if isinstance(names, str) else names)]
+Names = Annotated[
+    tuple[str, ...],
+    Field(min_length=1),
+    BeforeValidator(lambda names: (names,) if isinstance(names, str) else names),
+]
 
 
 class Study(StrictModel):
@@ -173,26 +208,31 @@ class Study(StrictModel):
     set : dict
         Changes to the scene for all runs, by dotted key.
     parameters : dict
-        Values that change from run to run, by dotted key of the scene or fit: a list, or a distribution. For a scene, ``force`` can be a
-        key, too.
+        Values that change from run to run, by dotted key of the scene or fit: a list, or a
+        distribution. For a scene, ``force`` can be a key, too.
     design : {"grid", "zip", "random", "latin-hypercube"}
-        ``"grid"`` combines every value of a parameter with every value of the others; ``"zip"`` combines the first values of all
-        parameters, then the second values and so on; ``"random"`` and ``"latin-hypercube"`` draw the values of `samples` runs, the first
-        independently, the second evenly over the distribution of each parameter. The entries of a list are equally probable.
+        ``"grid"`` combines every value of a parameter with every value of the others; ``"zip"``
+        combines the first values of all parameters, then the second values and so on; ``"random"``
+        and ``"latin-hypercube"`` draw the values of `samples` runs, the first independently, the
+        second evenly over the distribution of each parameter. The entries of a list are equally
+        probable.
     samples : int, optional
         Number of runs to draw; required for the two random designs.
     seed : int
         Seed of the draw.
     quantities : tuple of str, optional
-        Columns of the table: dotted keys of a run's ``summary.json``, or of the last entry of its ``levels``. By default the convergence,
-        stresses or forces, peak and path of a crack, probes, evaluations and seconds.
+        Columns of the table: dotted keys of a run's ``summary.json``, or of the last entry of its
+        ``levels``. By default the convergence, stresses or forces, peak and path of a crack,
+        probes, evaluations and seconds.
     derivatives : tuple of str, optional
-        Measurements whose derivatives at the last output of each run are further columns, as ``outputs`` of
-        `pdsurrogate.Result.sensitivity`: by each of the `parameters` that is a number of ``material``, ``materials``, ``loads``,
-        ``prescribed`` or ``obstacles``, or ``stretches``. They need the equilibrium once more, and a solution of linear equations each.
+        Measurements whose derivatives at the last output of each run are further columns, as
+        ``outputs`` of `pdsurrogate.Result.sensitivity`: by each of the `parameters` that is a
+        number of ``material``, ``materials``, ``loads``, ``prescribed`` or ``obstacles``, or
+        ``stretches``. They need the equilibrium once more, and a solution of linear equations each.
     mean_over : tuple of str, optional
-        Parameters whose values repeat a run, such as seeds: a second table gives mean and deviation of every quantity over these runs. By
-        default ``body.seed``, if it is one of the `parameters`.
+        Parameters whose values repeat a run, such as seeds: a second table gives mean and deviation
+        of every quantity over these runs. By default ``body.seed``, if it is one of the
+        `parameters`.
 
     See Also
     --------
@@ -237,27 +277,55 @@ class Study(StrictModel):
         to_draw = "to draw samples, use design=random or design=latin-hypercube"
         for wrong, message in (
             ((self.scene is None) == (self.fit is None), "a study needs either a scene or a [fit]"),
-            (not self.parameters, "parameters: there are none; name one and give its values, or its distribution"),
+            (
+                not self.parameters,
+                "parameters: there are none; name one and give its values, or its distribution",
+            ),
             (
                 self.fit is not None and (self.force is not None or self.set),
                 f"{key}: applies to scenes only; put settings common to all fits in [fit]",
             ),
-            (self.fit is not None and self.derivatives, "derivatives: applies to scenes only, whose equilibria have derivatives"),
-            (self.force is not None and FORCE in self.parameters, "force: is also a parameter; set it in one place only"),
-            *((key not in self.parameters, f"mean_over: {key!r} is not one of the parameters") for key in self.mean_over or ()),
-            *((key in self.parameters, f"set.{key}: is also a parameter; set it in one place only") for key in self.set),
-            (drawn and self.samples is None, f"samples: design={self.design} needs the number of samples"),
-            (not drawn and self.samples, f"samples: design={self.design} uses every value of the lists; {to_draw}"),
+            (
+                self.fit is not None and self.derivatives,
+                "derivatives: applies to scenes only, whose equilibria have derivatives",
+            ),
+            (
+                self.force is not None and FORCE in self.parameters,
+                "force: is also a parameter; set it in one place only",
+            ),
+            *(
+                (key not in self.parameters, f"mean_over: {key!r} is not one of the parameters")
+                for key in self.mean_over or ()
+            ),
+            *(
+                (
+                    key in self.parameters,
+                    f"set.{key}: is also a parameter; set it in one place only",
+                )
+                for key in self.set
+            ),
+            (
+                drawn and self.samples is None,
+                f"samples: design={self.design} needs the number of samples",
+            ),
+            (
+                not drawn and self.samples,
+                f"samples: design={self.design} uses every value of the lists; {to_draw}",
+            ),
         ):
             if wrong:
                 raise ValueError(message)
         for key, values in self.parameters.items():
             if not drawn and isinstance(values, Distribution):
-                raise ValueError(f"parameters.{key}: a distribution needs design=random or design=latin-hypercube, not {self.design}")
+                raise ValueError(
+                    f"parameters.{key}: a distribution needs design=random or"
+                    f" design=latin-hypercube, not {self.design}"
+                )
 
 
 def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, str, Path]:
-    """Return a study from a file or a mapping, the name of this source for error messages, and the folder of relative scene files.
+    """Return a study from a file or a mapping, the name of this source for error messages, and the
+    folder of relative scene files.
 
     Raise SceneError if the study cannot be read or is invalid; the message names the wrong key.
     """
@@ -277,7 +345,9 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
 
 
 def scene_of(study: Study, folder: Path) -> str:
-    """Return the argument of `load_scene` for a study's scene: the name of a built-in scene, or the path of its file in `folder`."""
+    """Return the argument of `load_scene` for a study's scene: the name of a built-in scene, or
+    the path of its file in `folder`.
+    """
     scene = study.scene or ""
     place = folder / scene
     known = scene in scene_names() or (place.suffix != ".toml" and not place.exists())
@@ -285,9 +355,11 @@ def scene_of(study: Study, folder: Path) -> str:
 
 
 def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
-    """Return the values of the parameters of each run, by dotted key; in the design "grid" the last parameter changes fastest.
+    """Return the values of the parameters of each run, by dotted key; in the design "grid" the last
+    parameter changes fastest.
 
-    Raise SceneError if the lists of the design "zip" differ in length, or if a grid has more than `MOST_RUNS` runs.
+    Raise SceneError if the lists of the design "zip" differ in length, or if a grid has more than
+    `MOST_RUNS` runs.
     """
     keys, values = list(study.parameters), list[Any](study.parameters.values())
     rows: Iterable[tuple]
@@ -295,12 +367,19 @@ def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
         number = math.prod(map(len, values))
         if number > MOST_RUNS:
             to_draw = "use design=latin-hypercube to draw a sample from it"
-            raise SceneError(f"parameters: the grid has {number} runs, more than the limit {MOST_RUNS}; {to_draw}")
+            raise SceneError(
+                f"parameters: the grid has {number} runs, more than the limit {MOST_RUNS};"
+                f" {to_draw}"
+            )
         rows = itertools.product(*values)
     elif study.design == "zip":
         if len({len(entries) for entries in values}) > 1:
-            told = ", ".join(f"{key} has {len(entries)}" for key, entries in zip(keys, values, strict=True))
-            raise SceneError(f"parameters: design=zip needs lists of equal length, but {told} values")
+            told = ", ".join(
+                f"{key} has {len(entries)}" for key, entries in zip(keys, values, strict=True)
+            )
+            raise SceneError(
+                f"parameters: design=zip needs lists of equal length, but {told} values"
+            )
         rows = zip(*values, strict=True)
     else:
         rows = zip(*map(_drawn, values, _shares(study, len(keys)).T), strict=True)
@@ -308,7 +387,9 @@ def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
 
 
 def _shares(study: Study, dimension: int) -> np.ndarray:
-    """Return the drawn probability (0 to 1) of the quantile that each run takes of each parameter, shape (samples, dimension)."""
+    """Return the drawn probability (0 to 1) of the quantile that each run takes of each
+    parameter, shape (samples, dimension).
+    """
     random, samples = np.random.default_rng(study.seed), study.samples or 0
     if study.design == "random":
         return random.random((samples, dimension))
@@ -318,7 +399,9 @@ def _shares(study: Study, dimension: int) -> np.ndarray:
 
 
 def _drawn(values: tuple | Distribution, shares: np.ndarray) -> list:
-    """Return the values of a parameter at quantiles from 0 to 1 (`shares`), of a distribution or a list with equally probable entries."""
+    """Return the values of a parameter at quantiles from 0 to 1 (`shares`), of a distribution or
+    a list with equally probable entries.
+    """
     if isinstance(values, Distribution):
         quantiles = values.build().ppf(shares)
         return [int(value) if values.discrete else float(value) for value in quantiles]

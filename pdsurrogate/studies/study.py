@@ -1,4 +1,6 @@
-"""Function `study`, which carries out the missing runs of a study and collects the results of all runs in one table."""
+"""Function `study`, which carries out the missing runs of a study and collects the results of
+all runs in one table.
+"""
 
 import logging
 import math
@@ -19,19 +21,36 @@ from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, differences_from, oc
 from ..run.interruption import heard
 from .description import Study, load_study, parameters_of_runs
 from .runs import DERIVATIVES, NOT_DONE, OUTCOME, FitTask, SceneTask, Workers, read_json, tasks_of
-from .table import FAILURE, RUN, as_csv, check_quantities, columns_of, means_of, quantities_in, study_figure
+from .table import (
+    FAILURE,
+    RUN,
+    as_csv,
+    check_quantities,
+    columns_of,
+    means_of,
+    quantities_in,
+    study_figure,
+)
 
 logger = logging.getLogger(__name__)
 
-TABLE, MEANS, FIGURE, DESCRIPTION, RUNS = "study.csv", "study-means.csv", "study.png", "study.json", "runs"
+TABLE, MEANS, FIGURE, DESCRIPTION, RUNS = (
+    "study.csv",
+    "study-means.csv",
+    "study.png",
+    "study.json",
+    "runs",
+)
 
 SECONDS_BETWEEN_TABLES = 10.0
-"""Seconds between updates of the table on disk while runs end. Chosen: the whole table is written each time, which takes longer the more
-runs there are."""
+"""Seconds between updates of the table on disk while runs end. Chosen: the whole table is written
+each time, which takes longer the more runs there are.
+"""
 
 DIGITS = 16
-"""Number of hexadecimal digits in the name of a run's folder, which are the first of the run's digest. Among `MOST_RUNS` runs, two have the
-same name with a probability of 3e-10."""
+"""Number of hexadecimal digits in the name of a run's folder, which are the first of the run's
+digest. Among `MOST_RUNS` runs, two have the same name with a probability of 3e-10.
+"""
 
 
 @dataclass(frozen=True)
@@ -43,10 +62,12 @@ class StudyResult:
     study : Study
         Description of the study.
     folder : Path
-        Folder with ``study.csv``, ``study.png``, for repeated runs ``study-means.csv``, and, in ``runs``, a folder for every run.
+        Folder with ``study.csv``, ``study.png``, for repeated runs ``study-means.csv``, and, in
+        ``runs``, a folder for every run.
     rows : list of dict
-        One row for every run, in the order of the design: ``run``, the name of its folder; parameters and quantities (columns of results)
-        by their keys; and ``failure``, None for a run that succeeded.
+        One row for every run, in the order of the design: ``run``, the name of its folder;
+        parameters and quantities (columns of results) by their keys; and ``failure``, None for a
+        run that succeeded.
 
     See Also
     --------
@@ -56,7 +77,12 @@ class StudyResult:
     --------
     >>> import pdsurrogate as pds
     >>> import tempfile
-    >>> keys = {"scene": "uniaxial", "force": "neo-hookean", "set": {"spacing": 0.25}, "parameters": {"stretches": [1.2, 1.5]}}
+    >>> keys = {
+    ...     "scene": "uniaxial",
+    ...     "force": "neo-hookean",
+    ...     "set": {"spacing": 0.25},
+    ...     "parameters": {"stretches": [1.2, 1.5]},
+    ... }
     >>> result = pds.study(keys, tempfile.mkdtemp(), jobs=1, threads=1)
     >>> [row["failure"] for row in result.rows]
     [None, None]
@@ -89,24 +115,36 @@ class StudyResult:
         return DataFrame(self.rows, columns=columns_of(self.rows))
 
     def means(self) -> list[dict[str, Any]]:
-        """Return mean and deviation of every quantity over the runs that repeat each other, such as those that differ in their seed alone.
+        """Return mean and deviation of every quantity over the runs that repeat each other, such as
+        those that differ in their seed alone.
 
         Returns
         -------
         list of dict
-            One row for every combination of the other parameters: these, the number of ``runs`` that succeeded, and for each quantity
-            that all of these have ``QUANTITY.mean`` and, from two runs on, the sample standard deviation ``QUANTITY.deviation``. Empty if
-            the study repeats no run.
+            One row for every combination of the other parameters: these, the number of ``runs``
+            that succeeded, and for each quantity that all of these have ``QUANTITY.mean`` and, from
+            two runs on, the sample standard deviation ``QUANTITY.deviation``. Empty if the study
+            repeats no run.
 
         Examples
         --------
         >>> import pdsurrogate as pds
         >>> described = pds.Study(scene="tear", parameters={"body.seed": [1, 2]})
-        >>> rows = [{"run": name, "body.seed": seed, "stress": seed, "failure": None} for name, seed in (("a", 1), ("b", 2))]
-        >>> {key: round(value, 3) for key, value in pds.studies.StudyResult(described, None, rows).means()[0].items()}
+        >>> rows = [
+        ...     {"run": name, "body.seed": seed, "stress": seed, "failure": None}
+        ...     for name, seed in (("a", 1), ("b", 2))
+        ... ]
+        >>> {
+        ...     key: round(value, 3)
+        ...     for key, value in pds.studies.StudyResult(described, None, rows).means()[0].items()
+        ... }
         {'runs': 2, 'stress.mean': 1.5, 'stress.deviation': 0.707}
         """
-        return means_of(self.rows, self.study.parameters, self.study.repeated) if self.study.repeated else []
+        return (
+            means_of(self.rows, self.study.parameters, self.study.repeated)
+            if self.study.repeated
+            else []
+        )
 
     @property
     def failures(self) -> list[dict[str, Any]]:
@@ -116,7 +154,10 @@ class StudyResult:
         --------
         >>> import pdsurrogate as pds
         >>> described = pds.Study(scene="uniaxial", parameters={"spacing": [0.25, 9.0]})
-        >>> rows = [{"run": "a", "spacing": 0.25, "failure": None}, {"run": "b", "spacing": 9.0, "failure": "too large"}]
+        >>> rows = [
+        ...     {"run": "a", "spacing": 0.25, "failure": None},
+        ...     {"run": "b", "spacing": 9.0, "failure": "too large"},
+        ... ]
         >>> [row["run"] for row in pds.studies.StudyResult(described, None, rows).failures]
         ['b']
         """
@@ -137,12 +178,19 @@ class StudyResult:
         return [row for row in self.rows if row[FAILURE] == NOT_DONE]
 
     def _summaries(self) -> dict[str, dict[str, Any]]:
-        """Return the contents of the file ``summary.json`` of each successful run, by the name of its folder."""
+        """Return the contents of the file ``summary.json`` of each successful run, by the name
+        of its folder.
+        """
         done = [row[RUN] for row in self.rows if row[FAILURE] is None]
-        return {place: summary for place in done if (summary := read_json(self.folder / RUNS / place / SUMMARY))}
+        return {
+            place: summary
+            for place in done
+            if (summary := read_json(self.folder / RUNS / place / SUMMARY))
+        }
 
     def cautions(self) -> list[str]:
-        """Return texts of warnings: of asked quantities that no successful run has, and of states outside the domain of a surrogate.
+        """Return texts of warnings: of asked quantities that no successful run has, and of states
+        outside the domain of a surrogate.
 
         Returns
         -------
@@ -158,15 +206,25 @@ class StudyResult:
         []
         """
         summaries = self._summaries()
-        missing = [name for name in self.study.quantities or () if not any(quantities_in(one, [name]) for one in summaries.values())]
+        missing = [
+            name
+            for name in self.study.quantities or ()
+            if not any(quantities_in(one, [name]) for one in summaries.values())
+        ]
         found = [f"quantities: no run has {name!r}" for name in missing if summaries]
-        outside = [place for place, summary in summaries.items() if summary.get("fraction_outside_domain")]
+        outside = [
+            place for place, summary in summaries.items() if summary.get("fraction_outside_domain")
+        ]
         if outside:
-            found.append(f"{len(outside)} runs (first {outside[0]}) left the domain of the surrogate; see fraction_outside_domain")
+            found.append(
+                f"{len(outside)} runs (first {outside[0]}) left the domain of the surrogate; see"
+                " fraction_outside_domain"
+            )
         return found
 
     def figure(self):
-        """Return a figure of every varying quantity against every varying parameter, the first six of each (`MOST_DRAWN`).
+        """Return a figure of every varying quantity against every varying parameter, the first six
+        of each (`MOST_DRAWN`).
 
         Returns
         -------
@@ -183,7 +241,9 @@ class StudyResult:
         >>> type(pds.studies.StudyResult(described, Path("out"), rows).figure()).__name__
         'Figure'
         """
-        units = next((summary["units"] for summary in self._summaries().values() if "units" in summary), {})
+        units = next(
+            (summary["units"] for summary in self._summaries().values() if "units" in summary), {}
+        )
         return study_figure(self.rows, list(self.study.parameters), units)
 
 
@@ -203,7 +263,10 @@ class StudyInterrupted(RuntimeError):
     """
 
     def __init__(self, result: StudyResult) -> None:
-        super().__init__(f"interrupted; {len(result.not_done)} of {len(result.rows)} runs are left; repeat the command to run them")
+        super().__init__(
+            f"interrupted; {len(result.not_done)} of {len(result.rows)} runs are left; repeat the"
+            " command to run them"
+        )
         self.result = result
 
 
@@ -219,8 +282,9 @@ def study(
 ) -> StudyResult:
     """Carry out the missing runs of a study and return all results in one table.
 
-    Every run has its own folder, named after a digest of its scene and force (or of its fit), so that no existing run is repeated, even if
-    runs are added to the study; an interrupted run resumes from its checkpoint. If a run fails, its row gives the reason and the other runs
+    Every run has its own folder, named after a digest of its scene and force (or of its fit), so
+    that no existing run is repeated, even if runs are added to the study; an interrupted run
+    resumes from its checkpoint. If a run fails, its row gives the reason and the other runs
     continue.
 
     Parameters
@@ -230,15 +294,19 @@ def study(
     folder : str or path
         Folder of the results.
     jobs : int, optional
-        Number of runs at the same time; by default the number of cores divided by `threads` (or by 1), but no more than there are runs.
+        Number of runs at the same time; by default the number of cores divided by `threads` (or by
+        1), but no more than there are runs.
     threads : int, optional
-        Number of threads of each run; by default the number of cores divided by `jobs`. Results do not depend on it.
+        Number of threads of each run; by default the number of cores divided by `jobs`. Results do
+        not depend on it.
     scheduler : str, optional
         Address of a Dask scheduler whose workers carry out the runs.
     overwrite : bool
-        Whether to replace the table in `folder` even if it has runs that this study does not have; the folders of those runs stay.
+        Whether to replace the table in `folder` even if it has runs that this study does not have;
+        the folders of those runs stay.
     max_time : float, optional
-        Seconds after which every run ends with a checkpoint, from which an equal call resumes the run later; only for studies of scenes.
+        Seconds after which every run ends with a checkpoint, from which an equal call resumes the
+        run later; only for studies of scenes.
 
     Returns
     -------
@@ -251,8 +319,8 @@ def study(
     ValueError
         If the function is called on several MPI ranks.
     FolderTaken
-        If `folder` holds a table that was not written by a study, or (without `overwrite`) a table with runs that this study does not have,
-        or if another study is writing there.
+        If `folder` holds a table that was not written by a study, or (without `overwrite`) a table
+        with runs that this study does not have, or if another study is writing there.
     StudyInterrupted
         After Ctrl-C; the table of the finished runs is written.
 
@@ -265,25 +333,37 @@ def study(
     --------
     >>> import pdsurrogate as pds
     >>> import tempfile
-    >>> keys = {"scene": "uniaxial", "force": "neo-hookean", "set": {"spacing": 0.25}, "parameters": {"stretches": [1.2, 1.5]}}
+    >>> keys = {
+    ...     "scene": "uniaxial",
+    ...     "force": "neo-hookean",
+    ...     "set": {"spacing": 0.25},
+    ...     "parameters": {"stretches": [1.2, 1.5]},
+    ... }
     >>> result = pds.study(keys, tempfile.mkdtemp(), jobs=1, threads=1)
     >>> len(result.rows), len(result.failures)
     (2, 0)
     """
     if communicator().size > 1:
-        raise ValueError("a study runs in parallel with jobs or a Dask scheduler, not with MPI ranks: start it without mpiexec")
+        raise ValueError(
+            "a study runs in parallel with jobs or a Dask scheduler, not with MPI ranks: start it"
+            " without mpiexec"
+        )
     described, source, home = load_study(description)
     try:
         check_quantities(described)
         runs = parameters_of_runs(described)
         # The memory of a scheduler's workers is unknown here.
-        tasks = tasks_of(described, home.resolve(), runs, memory_here() if scheduler is None else math.inf)
+        tasks = tasks_of(
+            described, home.resolve(), runs, memory_here() if scheduler is None else math.inf
+        )
     except ValueError as error:
         raise type(error)(f"{source}: {error}") from None
     if max_time is not None:
         check_seconds(max_time, "max_time")
         if described.fit is not None:
-            raise ValueError(f"{source}: max_time: a fit cannot be resumed from a checkpoint; leave max_time out")
+            raise ValueError(
+                f"{source}: max_time: a fit cannot be resumed from a checkpoint; leave max_time out"
+            )
     if not str(folder):
         raise ValueError("folder: the name is empty; give a folder for the results")
     folder = Path(folder).resolve()
@@ -297,14 +377,25 @@ def study(
         (folder / RUNS).mkdir(exist_ok=True)  # all workers must see this folder
         ended = _outcomes(folder / RUNS, by_place)
         left = {place: task for place, task in by_place.items() if place not in ended}
-        write_json(folder / DESCRIPTION, {"study": described.model_dump(mode="json"), "runs": places})
+        write_json(
+            folder / DESCRIPTION, {"study": described.model_dump(mode="json"), "runs": places}
+        )
 
         def result() -> StudyResult:
-            rows = [_row(folder / RUNS, place, run, ended, described) for place, run in zip(places, runs, strict=True)]
+            rows = [
+                _row(folder / RUNS, place, run, ended, described)
+                for place, run in zip(places, runs, strict=True)
+            ]
             return StudyResult(described, folder, rows)
 
         count, failed = len(by_place), 0
-        logger.info("%d runs, %d of them finished earlier; jobs: %d, threads: %d", count, len(ended), workers.jobs, workers.threads)
+        logger.info(
+            "%d runs, %d of them finished earlier; jobs: %d, threads: %d",
+            count,
+            len(ended),
+            workers.jobs,
+            workers.threads,
+        )
         event("runs", len(ended), count)
         written = time.monotonic()
         try:
@@ -329,21 +420,30 @@ def study(
 
 
 def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool) -> None:
-    """Raise FolderTaken if the folder holds a table not written by a study, or, without `overwrite`, one with runs that this study lacks.
+    """Raise FolderTaken if the folder holds a table not written by a study, or, without
+    `overwrite`, one with runs that this study lacks.
 
     `places` are the names of the folders of the runs of this study.
     """
     described = (folder / DESCRIPTION).exists()
     if not described and (folder / TABLE).exists():
-        raise FolderTaken(f"{folder / TABLE} was not written by a study and would be overwritten; use another folder")
+        raise FolderTaken(
+            f"{folder / TABLE} was not written by a study and would be overwritten; use another"
+            " folder"
+        )
     if overwrite or not described:
         return
-    written, differences = differences_from(folder / DESCRIPTION, "study", study.model_dump(mode="json"))
+    written, differences = differences_from(
+        folder / DESCRIPTION, "study", study.model_dump(mode="json")
+    )
     if not isinstance(runs := written.get("runs"), dict | list):
         raise FolderTaken(f"{folder / DESCRIPTION} does not name the runs of its study; {WAY_OUT}")
     if lost := set(map(str, runs)) - set(places):
         why = f": {differences}" if differences else ": its force or mesh differs"
-        raise FolderTaken(f"{folder} contains the table of a study with {len(lost)} runs that are not in this study{why}; {WAY_OUT}")
+        raise FolderTaken(
+            f"{folder} contains the table of a study with {len(lost)} runs that are not in this"
+            f" study{why}; {WAY_OUT}"
+        )
 
 
 def _write(result: StudyResult) -> None:
@@ -358,24 +458,43 @@ def _write(result: StudyResult) -> None:
         (result.folder / FIGURE).unlink(missing_ok=True)
 
 
-def _row(runs: Path, place: str, parameters: dict[str, Any], ended: Mapping[str, str | None], study: Study) -> dict[str, Any]:
+def _row(
+    runs: Path,
+    place: str,
+    parameters: dict[str, Any],
+    ended: Mapping[str, str | None],
+    study: Study,
+) -> dict[str, Any]:
     summary = read_json(runs / place / SUMMARY) if place in ended else None
     asked = {RUN: place, **parameters}
     quantities = quantities_in(summary, study.quantities) if summary else {}
-    rates = (read_json(runs / place / DERIVATIVES) if study.derivatives and summary else None) or {"values": {}, "failure": None}
+    rates = (read_json(runs / place / DERIVATIVES) if study.derivatives and summary else None) or {
+        "values": {},
+        "failure": None,
+    }
     failure = ended.get(place, NOT_DONE) or rates["failure"]
-    return {**asked, **quantities, **rates["values"], **asked, FAILURE: failure}  # if a name is both, the parameter wins
+    return {
+        **asked,
+        **quantities,
+        **rates["values"],
+        **asked,
+        FAILURE: failure,
+    }  # if a name is both, the parameter wins
 
 
 def _outcomes(runs: Path, tasks: Mapping[str, SceneTask | FitTask]) -> dict[str, str | None]:
-    """Return, by the name of its folder in `runs`, the reason of failure of each finished run, None if it succeeded.
+    """Return, by the name of its folder in `runs`, the reason of failure of each finished run, None
+    if it succeeded.
 
-    `tasks` are the runs to look for, by the same names; unfinished runs and results of other tasks are left out.
+    `tasks` are the runs to look for, by the same names; unfinished runs and results of other tasks
+    are left out.
     """
     found = {}
     for place, task in tasks.items():
         with suppress(KeyError, TypeError):
             written = read_json(runs / place / OUTCOME)
-            if written["digest"] == task.digest and not (written["failure"] is None and task.lacks_derivatives(runs / place)):
+            if written["digest"] == task.digest and not (
+                written["failure"] is None and task.lacks_derivatives(runs / place)
+            ):
                 found[place] = written["failure"]
     return found

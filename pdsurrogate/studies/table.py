@@ -21,77 +21,186 @@ _ALL = ("fraction_outside_domain", "n_force_evaluations", "seconds_total")
 _CRACK = ("crack.peak", "crack.path", "crack.broken_bonds", "crack.through")
 OF_GRIPS = ("converged", "stretch", "nominal_stress", "peak_nominal_stress", *_CRACK, *_ALL)
 OF_STEPS = ("converged", "t", "forces", "moments", "probes.*.displacement", *_CRACK, *_ALL)
-OF_FITS = ("on_surface.rms", "on_surface.max", "cross_validated_rms", "outcome.n_iter", "seconds_total")
-"""Default columns of the tables of studies of scenes with grips, of scenes with steps, and of fits; only those with a value in some run are
-shown."""
+OF_FITS = (
+    "on_surface.rms",
+    "on_surface.max",
+    "cross_validated_rms",
+    "outcome.n_iter",
+    "seconds_total",
+)
+"""Default columns of the tables of studies of scenes with grips, of scenes with steps, and of fits;
+only those with a value in some run are shown.
+"""
 
 COMPARED = ("nominal_stress", "lateral_displacement", "greatest_lateral_displacement")
-"""Keys of a level (an output in equilibrium) whose value may be compared with a reference solution, in keys ``..._reference`` and
-``..._error``."""
+"""Keys of a level (an output in equilibrium) whose value may be compared with a reference solution,
+in keys ``..._reference`` and ``..._error``.
+"""
 
 KEYS_OF_RUNS = (
-    *("scene", "force", "material", "materials", "plane", "thickness", "n_points", "n_bonds", "n_directed_bonds", "n_ghost_points"),
-    *("spacing", "cell_size", "horizon", "precision", "correction", "support", "ranks", "ranks_waiting"),
+    *(
+        "scene",
+        "force",
+        "material",
+        "materials",
+        "plane",
+        "thickness",
+        "n_points",
+        "n_bonds",
+        "n_directed_bonds",
+        "n_ghost_points",
+    ),
+    *(
+        "spacing",
+        "cell_size",
+        "horizon",
+        "precision",
+        "correction",
+        "support",
+        "ranks",
+        "ranks_waiting",
+    ),
     *("threads", "converged", "failure", "interrupted"),
-    *("residual", "n_force_evaluations", "seconds_total", "seconds_compile", "ns_per_directed_bond", "fallback_fraction"),
+    *(
+        "residual",
+        "n_force_evaluations",
+        "seconds_total",
+        "seconds_compile",
+        "ns_per_directed_bond",
+        "fallback_fraction",
+    ),
     *("status", "beyond_data", "held_at_points"),
-    *("fraction_outside_domain", "unsupported_points", "units", "grip_areas", "levels", "digests", "scene_as_run", "provenance"),
-    *("peak_nominal_stress", "n_steps", "dynamics", "critical_stretch", "fracture_remarks", "interfaces", "crack"),
+    *(
+        "fraction_outside_domain",
+        "unsupported_points",
+        "units",
+        "grip_areas",
+        "levels",
+        "digests",
+        "scene_as_run",
+        "provenance",
+    ),
+    *(
+        "peak_nominal_stress",
+        "n_steps",
+        "dynamics",
+        "critical_stretch",
+        "fracture_remarks",
+        "interfaces",
+        "crack",
+    ),
 )
 KEYS_OF_LEVELS = (
-    *("stretch", "t", "step", "time", "forces", "moments", "displacements", "energy", "kinetic_energy", "stability", "probes"),
+    *(
+        "stretch",
+        "t",
+        "step",
+        "time",
+        "forces",
+        "moments",
+        "displacements",
+        "energy",
+        "kinetic_energy",
+        "stability",
+        "probes",
+    ),
     *(f"{key}{ending}" for key in COMPARED for ending in ("", "_reference", "_error")),
-    *("nominal_stress_grip", "nominal_stress_area", "nominal_stress_work_conjugate", "roughness", "residual", "evaluations", "method"),
+    *(
+        "nominal_stress_grip",
+        "nominal_stress_area",
+        "nominal_stress_work_conjugate",
+        "roughness",
+        "residual",
+        "evaluations",
+        "method",
+    ),
     *("force_balance", "rigid", "contact", "cracks"),
 )
 KEYS_OF_CRACKS = ("start", "peak", "path", "tips", "broken_bonds", "failed_points", "through")
 KEYS_OF_FITS = (
-    *("material", "artifact", "stretch_range", "n_samples", "random_state", "on_surface", "off_surface", "by_strain", "at_rest"),
-    *("least_slope", "least_slope_exact", "least_acoustic", "least_acoustic_exact", "least_curvature", "least_curvature_exact"),
+    *(
+        "material",
+        "artifact",
+        "stretch_range",
+        "n_samples",
+        "random_state",
+        "on_surface",
+        "off_surface",
+        "by_strain",
+        "at_rest",
+    ),
+    *(
+        "least_slope",
+        "least_slope_exact",
+        "least_acoustic",
+        "least_acoustic_exact",
+        "least_curvature",
+        "least_curvature_exact",
+    ),
     *("shear_modulus", "outcome", "cross_validation", "cross_validated_rms", "seconds_total"),
 )
-"""All keys that the summary of a run, its levels (outputs) and its crack can have, and those of the summary of a fit; tests compare them
-with written files."""
+"""All keys that the summary of a run, its levels (outputs) and its crack can have, and those of the
+summary of a fit; tests compare them with written files.
+"""
 
 DERIVATIVE = re.compile(r"d (.+) / d (.+)")
 """Form of the name of a column with the derivatives of a measurement by a parameter."""
 
 RUN, FAILURE = "run", "failure"
-"""Names of the first and last column: the name of the run's folder, and the reason of its failure."""
+"""Names of the first and last column: the name of the run's folder, and the reason of its
+failure.
+"""
 
 UNITS = {
-    "length": "spacing|cell_size|horizon|(greatest_)?lateral_displacement|displacements?|(.*_)?radius|semi_axes|size|length|center|lower",
-    "stress": "(peak_)?nominal_stress(_work_conjugate)?|stress|(shear|bulk)_modulus|traction|pressure",
+    "length": (
+        "spacing|cell_size|horizon|(greatest_)?lateral_displacement|displacements?|(.*_)?radius|semi_axes|size|length|center|lower"
+    ),
+    "stress": (
+        "(peak_)?nominal_stress(_work_conjugate)?|stress|(shear|bulk)_modulus|traction|pressure"
+    ),
     "force": "forces",
     "energy": "moments|(kinetic_)?energy|energy_put_in",
 }
-"""Regular expressions for quantities of runs and parameters of scenes, by the kind of their unit; a key has the kind whose expression
-matches a whole part between its dots."""
+"""Regular expressions for quantities of runs and parameters of scenes, by the kind of their unit; a
+key has the kind whose expression matches a whole part between its dots.
+"""
 
 MOST_DRAWN = 6
-"""Greatest number of quantities, and also of parameters, in a study's figure. Chosen: 36 small diagrams fill a page."""
+"""Greatest number of quantities, and also of parameters, in a study's figure. Chosen: 36 small
+diagrams fill a page.
+"""
 
 
 def check_quantities(study: Study) -> None:
-    """Raise SceneError if a study asks for a quantity, or a derivative of one, that no run can have; the message suggests a similar key."""
+    """Raise SceneError if a study asks for a quantity, or a derivative of one, that no run can
+    have; the message suggests a similar key.
+    """
     for name in study.derivatives or ():
         if (first := name.split(".")[0]) not in KEYS_OF_LEVELS:
-            raise SceneError(f"derivatives: no output has {name!r}; {suggestion(first, KEYS_OF_LEVELS)}")
-    known = KEYS_OF_FITS if study.fit is not None else dict.fromkeys((*KEYS_OF_LEVELS, *KEYS_OF_RUNS))
+            raise SceneError(
+                f"derivatives: no output has {name!r}; {suggestion(first, KEYS_OF_LEVELS)}"
+            )
+    known = (
+        KEYS_OF_FITS if study.fit is not None else dict.fromkeys((*KEYS_OF_LEVELS, *KEYS_OF_RUNS))
+    )
     for name in study.quantities or ():
         first, *others = name.split(".")
         if first not in (*known, "*"):
             raise SceneError(f"quantities: no run has {name!r}; {suggestion(first, known)}")
         if first == "crack" and others and others[0] not in (*KEYS_OF_CRACKS, "*"):
-            raise SceneError(f"quantities: no run has {name!r}; {suggestion(others[0], KEYS_OF_CRACKS)}")
+            raise SceneError(
+                f"quantities: no run has {name!r}; {suggestion(others[0], KEYS_OF_CRACKS)}"
+            )
 
 
 def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str, Any]:
     """Return the values that the study's table shows for a run, by the names of their columns.
 
-    Each of the `names` is a dotted key of the run's `summary`, or else of the last of its ``levels`` (outputs); an asterisk stands for
-    every key of a dictionary. A value becomes one column; a dictionary or list becomes one column for each entry at any depth. By default
-    the names are `OF_GRIPS` for scenes with grips, `OF_STEPS` for scenes with steps, and `OF_FITS` for fits.
+    Each of the `names` is a dotted key of the run's `summary`, or else of the last of its
+    ``levels`` (outputs); an asterisk stands for every key of a dictionary. A value becomes one
+    column; a dictionary or list becomes one column for each entry at any depth. By default the
+    names are `OF_GRIPS` for scenes with grips, `OF_STEPS` for scenes with steps, and `OF_FITS` for
+    fits.
     """
     last = summary["levels"][-1] if summary.get("levels") else {}
     if names is None:
@@ -103,31 +212,42 @@ def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str
 
 
 def _below(table: dict, name: str) -> dict[str, Any]:
-    """Return, by dotted key, the entries of nested tables and lists whose key is `name` or continues it after a dot, except None.
+    """Return, by dotted key, the entries of nested tables and lists whose key is `name` or
+    continues it after a dot, except None.
 
     An asterisk in the name stands for any key between two dots.
     """
     first, pattern = name.split(".")[0], re.escape(name).replace(r"\*", "[^.]+") + r"(\.|$)"
     named = {key: inner for key, inner in table.items() if first in (key, "*")}
-    return {key: value for key, value in leaves(named) if value is not None and re.match(pattern, key)}
+    return {
+        key: value for key, value in leaves(named) if value is not None and re.match(pattern, key)
+    }
 
 
 def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
-    """Return the names of the columns that occur in any row of a study's table, in order of appearance, with ``failure`` as the last."""
+    """Return the names of the columns that occur in any row of a study's table, in order of
+    appearance, with ``failure`` as the last.
+    """
     return [*(column for column in tables.columns_of(rows) if column != FAILURE), FAILURE]
 
 
-def means_of(rows: Iterable[dict[str, Any]], parameters: Iterable[str], over: Iterable[str]) -> list[dict[str, Any]]:
-    """Return mean and deviation of numerical quantities over the successful runs whose parameters are equal apart from those in `over`.
+def means_of(
+    rows: Iterable[dict[str, Any]], parameters: Iterable[str], over: Iterable[str]
+) -> list[dict[str, Any]]:
+    """Return mean and deviation of numerical quantities over the successful runs whose parameters
+    are equal apart from those in `over`.
 
-    Quantities that a run of such a group lacks are left out. Each row has the other parameters, the number of ``runs``, and the ``mean``
-    and (for two runs or more) the sample standard ``deviation`` of each quantity, after its key and a dot.
+    Quantities that a run of such a group lacks are left out. Each row has the other parameters, the
+    number of ``runs``, and the ``mean`` and (for two runs or more) the sample standard
+    ``deviation`` of each quantity, after its key and a dot.
     """
     kept = [key for key in parameters if key not in over]
     groups: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
         if row[FAILURE] is None:
-            groups.setdefault(json.dumps([row.get(key) for key in kept], default=str), []).append(row)
+            groups.setdefault(json.dumps([row.get(key) for key in kept], default=str), []).append(
+                row
+            )
     found = []
     for group in groups.values():
         means: dict[str, Any] = {key: group[0].get(key) for key in kept} | {"runs": len(group)}
@@ -135,66 +255,109 @@ def means_of(rows: Iterable[dict[str, Any]], parameters: Iterable[str], over: It
             values = [row[key] for row in group if _is_number(row.get(key))]
             if len(values) == len(group) and key not in (*kept, *over):
                 means |= {f"{key}.mean": float(np.mean(values))}
-                means |= {f"{key}.deviation": float(np.std(values, ddof=1))} if len(values) > 1 else {}
+                means |= (
+                    {f"{key}.deviation": float(np.std(values, ddof=1))} if len(values) > 1 else {}
+                )
         found.append(means)
     return found
 
 
 def as_csv(rows: list[dict[str, Any]]) -> str:
-    """Return the rows of a study's table as CSV; nested tables and lists are written as JSON, missing values as empty cells."""
+    """Return the rows of a study's table as CSV; nested tables and lists are written as JSON,
+    missing values as empty cells.
+    """
     columns = columns_of(rows) if any(FAILURE in row for row in rows) else tables.columns_of(rows)
     return tables.as_csv([{column: _cell(row.get(column)) for column in columns} for row in rows])
 
 
 def _cell(value: Any) -> str:
-    return value if isinstance(value, str) else "" if value is None else json.dumps(value, default=str)
+    return (
+        value if isinstance(value, str) else "" if value is None else json.dumps(value, default=str)
+    )
 
 
 def label_of(key: str, units: Mapping[str, str]) -> str:
-    """Return the axis label of a quantity: its dotted key, followed by its unit in brackets if it has one.
+    """Return the axis label of a quantity: its dotted key, followed by its unit in brackets if it
+    has one.
 
-    `units` gives the names of the units by kind, such as "length" or "stress"; the expressions in `UNITS` give the kind of a key.
+    `units` gives the names of the units by kind, such as "length" or "stress"; the expressions in
+    `UNITS` give the kind of a key.
     """
     if derivative := DERIVATIVE.fullmatch(key):
         above, below = (_unit_of(part, units) for part in derivative.groups())
-        return with_unit(key, above if below is None else None if above == below else f"{above or 1}/{below}")
+        return with_unit(
+            key, above if below is None else None if above == below else f"{above or 1}/{below}"
+        )
     return with_unit(key, _unit_of(key, units))
 
 
 def _unit_of(key: str, units: Mapping[str, str]) -> str | None:
-    """Return the unit of a quantity or parameter, None if it has none; arguments are those of `label_of`."""
+    """Return the unit of a quantity or parameter, None if it has none; arguments are those of
+    `label_of`.
+    """
     parts = [part.removesuffix("_reference") for part in key.split(".")]
-    kind = next((kind for kind, pattern in UNITS.items() if any(re.fullmatch(pattern, part) for part in parts)), None)
+    kind = next(
+        (
+            kind
+            for kind, pattern in UNITS.items()
+            if any(re.fullmatch(pattern, part) for part in parts)
+        ),
+        None,
+    )
     return None if kind is None else units.get(kind)
 
 
-def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mapping[str, str]) -> Figure | None:
-    """Return a figure of every varying quantity against every varying parameter, up to `MOST_DRAWN` of each; None if nothing varies.
+def study_figure(
+    rows: list[dict[str, Any]], parameters: list[str], units: Mapping[str, str]
+) -> Figure | None:
+    """Return a figure of every varying quantity against every varying parameter, up to `MOST_DRAWN`
+    of each; None if nothing varies.
 
-    Runs that differ in this parameter alone are joined by a line; its color stands for the other parameters.
+    Runs that differ in this parameter alone are joined by a line; its color stands for the other
+    parameters.
 
-    `rows` are those of the study's table, and `parameters` the columns of parameters. `units` gives the names of the units of length,
-    stress, force and energy from a run's summary; it is empty for a study of fits of surrogates, which has no units.
+    `rows` are those of the study's table, and `parameters` the columns of parameters. `units` gives
+    the names of the units of length, stress, force and energy from a run's summary; it is empty for
+    a study of fits of surrogates, which has no units.
     """
-    across = [key for key in parameters if len({_cell(row.get(key)) for row in rows}) > 1][:MOST_DRAWN]
+    across = [key for key in parameters if len({_cell(row.get(key)) for row in rows}) > 1][
+        :MOST_DRAWN
+    ]
     others = [key for key in columns_of(rows) if key not in (RUN, FAILURE, *parameters)]
-    down = [key for key in others if len({row[key] for row in rows if _is_number(row.get(key))}) > 1][:MOST_DRAWN]
+    down = [
+        key for key in others if len({row[key] for row in rows if _is_number(row.get(key))}) > 1
+    ][:MOST_DRAWN]
     if not across or not down:
         return None
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(1.0 + 2.6 * len(across), 0.6 + 2.3 * len(down)), layout="constrained")
+        figure = Figure(
+            figsize=(1.0 + 2.6 * len(across), 0.6 + 2.3 * len(down)), layout="constrained"
+        )
         axes = figure.subplots(len(down), len(across), squeeze=False, sharey="row", sharex="col")
         for row_of_axes, quantity in zip(axes, down, strict=True):
             for axis, key in zip(row_of_axes, across, strict=True):
                 places, words = _places([row.get(key) for row in rows])
                 lines: dict[str, list] = {}
                 for place, row in zip(places, rows, strict=True):
-                    others = ", ".join(f"{other.split('.')[-1]} {_cell(row.get(other))}" for other in across if other != key)
+                    others = ", ".join(
+                        f"{other.split('.')[-1]} {_cell(row.get(other))}"
+                        for other in across
+                        if other != key
+                    )
                     if _is_number(row.get(quantity)):
-                        lines.setdefault(others.replace("_", " "), []).append((place, row[quantity]))
+                        lines.setdefault(others.replace("_", " "), []).append(
+                            (place, row[quantity])
+                        )
                 color = {} if len(lines) <= MOST_DRAWN else {"color": "C0"}
                 for others, drawn in lines.items():
-                    axis.plot(*zip(*sorted(drawn), strict=True), "o-", ms=3.5, lw=0.8, label=others, **color)
+                    axis.plot(
+                        *zip(*sorted(drawn), strict=True),
+                        "o-",
+                        ms=3.5,
+                        lw=0.8,
+                        label=others,
+                        **color,
+                    )
                 if 1 < len(lines) <= MOST_DRAWN and quantity == down[0]:
                     axis.legend(fontsize=7)
                 if words:
@@ -206,15 +369,20 @@ def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mappi
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+    return (
+        isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+    )
 
 
 def _places(values: list[Any]) -> tuple[list[float], list[str]]:
     """Return the positions of a parameter's values on an axis, and tick labels.
 
-    Numbers are their own positions and have no labels; if any value is not a number, different values stand at 0, 1, 2 ... with labels.
+    Numbers are their own positions and have no labels; if any value is not a number, different
+    values stand at 0, 1, 2 ... with labels.
     """
     if all(_is_number(value) for value in values):
         return values, []
     words = list(dict.fromkeys(_cell(value) for value in values))
-    return [float(words.index(_cell(value))) for value in values], [word if len(word) <= 24 else word[:21] + "..." for word in words]
+    return [float(words.index(_cell(value))) for value in values], [
+        word if len(word) <= 24 else word[:21] + "..." for word in words
+    ]

@@ -1,4 +1,6 @@
-"""Properties that force models and laws must have, and checks of models and laws of one's own against them."""
+"""Properties that force models and laws must have, and checks of models and laws of one's own
+against them.
+"""
 
 from .checks import FORCE_MODEL_PROPERTIES, check_force_model, check_law
 from .laws import LAW_PROPERTIES

@@ -1,4 +1,6 @@
-"""Checks of force models and laws of one's own against the properties that those of the package have."""
+"""Checks of force models and laws of one's own against the properties that those of the package
+have.
+"""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -16,8 +18,15 @@ from .laws import LAW_PROPERTIES
 from .properties import Finding, Property, checked
 from .subject import Subject
 
-FORCE_MODEL_PROPERTIES = tuple(found for module in (forces, runs) for found in vars(module).values() if isinstance(found, Property))
-"""All properties required of a force model, in the order in which `pdsurrogate.testing.check_force_model` measures them."""
+FORCE_MODEL_PROPERTIES = tuple(
+    found
+    for module in (forces, runs)
+    for found in vars(module).values()
+    if isinstance(found, Property)
+)
+"""All properties required of a force model, in the order in which
+`pdsurrogate.testing.check_force_model` measures them.
+"""
 
 
 def subject_of(model: Any, law: Law | None = None, plane: str = "stress") -> Subject:
@@ -33,7 +42,10 @@ def subject_of(model: Any, law: Law | None = None, plane: str = "stress") -> Sub
     elif is_own_force(model):
         model = OwnBondForce(model)
     if not isinstance(model, ForceModel):
-        raise TypeError(f"model must be a force model, its name or path, or have bond_force or energy, not {model!r}")
+        raise TypeError(
+            "model must be a force model, its name or path, or have bond_force or energy, not"
+            f" {model!r}"
+        )
     if plane not in model.honors["plane"]:
         raise ValueError(f"{model.name} does not support plane={plane}")
     law = checked_law(law or NeoHookean())
@@ -53,20 +65,24 @@ def check_force_model(
     Parameters
     ----------
     model : str, path, ForceModel or object
-        Force model, its name, an artifact (its name or path), or an object with a ``bond_force`` or an ``energy``.
+        Force model, its name, an artifact (its name or path), or an object with a ``bond_force`` or
+        an ``energy``.
     law : Law, optional
-        Material; by default the one on the card of an artifact, otherwise neo-Hookean with a bulk modulus of 100 shear moduli.
+        Material; by default the one on the card of an artifact, otherwise neo-Hookean with a bulk
+        modulus of 100 shear moduli.
     plane : {"stress", "strain", "space"}
         Sheets in plane stress or plane strain, or solids.
     properties : iterable of str, optional
         Names of the properties; by default all of `FORCE_MODEL_PROPERTIES`.
     tolerances : mapping of str to float, optional
-        Tolerances by the name of the property that replace the usual ones; ``math.inf`` for a property that the model is known to lack.
+        Tolerances by the name of the property that replace the usual ones; ``math.inf`` for a
+        property that the model is known to lack.
 
     Returns
     -------
     tuple of Finding
-        Value, tolerance and note of each property; a property that does not apply has a note that says why.
+        Value, tolerance and note of each property; a property that does not apply has a note that
+        says why.
 
     Raises
     ------
@@ -75,7 +91,8 @@ def check_force_model(
     ArtifactError
         If the model is a name or path of which no artifact can be read.
     TypeError, ValueError
-        If an argument is unsuitable, the model does not describe the law or support the plane, or a name of a property is unknown.
+        If an argument is unsuitable, the model does not describe the law or support the plane, or a
+        name of a property is unknown.
 
     See Also
     --------
@@ -84,16 +101,26 @@ def check_force_model(
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> for finding in pds.testing.check_force_model("bond-energy", properties=["single_precision", "unbreakable"]):
+    >>> for finding in pds.testing.check_force_model(
+    ...     "bond-energy", properties=["single_precision", "unbreakable"]
+    ... ):
     ...     print(finding.name, finding.holds)
     single_precision True
     unbreakable True
     """
     subject = subject_of(model, law, plane)
-    return checked(f"{subject.model.name}{WHERE[plane]}", subject, FORCE_MODEL_PROPERTIES, properties, tolerances)
+    return checked(
+        f"{subject.model.name}{WHERE[plane]}",
+        subject,
+        FORCE_MODEL_PROPERTIES,
+        properties,
+        tolerances,
+    )
 
 
-def check_law(law: Law, properties: Iterable[str] | None = None, tolerances: Mapping[str, float] | None = None) -> tuple[Finding, ...]:
+def check_law(
+    law: Law, properties: Iterable[str] | None = None, tolerances: Mapping[str, float] | None = None
+) -> tuple[Finding, ...]:
     """Measure the properties that every law must have.
 
     Parameters

@@ -61,10 +61,16 @@ def payload_in(folder):
 
 def test_round_trip(stored, fitted):
     model, samples = fitted
-    assert sorted(path.name for path in stored.iterdir()) == ["card.json", "pipeline.joblib", "surrogate.npz"]
+    assert sorted(path.name for path in stored.iterdir()) == [
+        "card.json",
+        "pipeline.joblib",
+        "surrogate.npz",
+    ]
     force = load_surrogate(stored)
     assert force.name == "rubber@1.2"
-    np.testing.assert_allclose(force.bond_force(*samples.X.T), model.predict(samples.X), rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(
+        force.bond_force(*samples.X.T), model.predict(samples.X), rtol=1e-11, atol=1e-12
+    )
     again = load_pipeline(stored, trust=True)
     np.testing.assert_array_equal(again.predict(samples.X), model.predict(samples.X))
 
@@ -89,11 +95,21 @@ def test_versions_never_change(stored, fitted):
     with pytest.raises(ArtifactError, match="already exists"):
         pds.store(model, samples, LAW, stored.parents[1], "rubber", "1.2", "again")
     assert {path.name: path.read_bytes() for path in stored.iterdir()} == before
-    assert sorted(path.name for path in stored.parent.iterdir()) == ["1.2"]  # no temporary folder is left
+    assert sorted(path.name for path in stored.parent.iterdir()) == [
+        "1.2"
+    ]  # no temporary folder is left
 
 
 @pytest.mark.parametrize(
-    ("name", "version"), [("../evil", "1"), ("Rubber", "1"), ("", "1"), ("rubber", "one"), ("rubber", "1/2"), ("rubber", "../1")]
+    ("name", "version"),
+    [
+        ("../evil", "1"),
+        ("Rubber", "1"),
+        ("", "1"),
+        ("rubber", "one"),
+        ("rubber", "1/2"),
+        ("rubber", "../1"),
+    ],
 )
 def test_names_and_versions_that_are_not_allowed(fitted, tmp_path, name, version):
     model, samples = fitted
@@ -111,7 +127,10 @@ def test_finding(stored, fitted, monkeypatch):
     assert find_artifact("rubber@1.2") == stored
     assert find_artifact(stored) == stored
     assert find_artifact(str(stored.parent)).name == "1.10"
-    assert [f"{path.parent.name}@{path.name}" for path in list_artifacts()][-2:] == ["rubber@1.2", "rubber@1.10"]
+    assert [f"{path.parent.name}@{path.name}" for path in list_artifacts()][-2:] == [
+        "rubber@1.2",
+        "rubber@1.10",
+    ]
     with pytest.raises(ArtifactError, match=r"unknown force 'robber'; did you mean rubber"):
         find_artifact("robber")
     with pytest.raises(ArtifactError, match="unknown force 'rubber@7'"):
@@ -126,7 +145,9 @@ def working_folder(tmp_path, monkeypatch):
 
 
 def test_a_folder_of_results_is_no_artifact(working_folder):
-    """``pdsurrogate run pure-shear --out neo-hookean`` twice: the second run silently took the analytic force."""
+    """``pdsurrogate run pure-shear --out neo-hookean`` twice: the second run silently took the
+    analytic force.
+    """
     (working_folder / "neo-hookean").mkdir()
     (working_folder / "neo-hookean" / "summary.json").write_text("{}")
     assert surrogate_for(LAW).name == "neo-hookean@2"
@@ -141,7 +162,9 @@ def test_a_folder_that_holds_a_card_is_a_path(working_folder, fitted):
     pds.store(model, samples, LAW, working_folder, "mine", "1", "in the working folder")
     assert load_surrogate("mine").name == "mine@1"
     shutil.copytree("mine/1", "neo-hookean")
-    with pytest.raises(ArtifactError, match=r"artifacts/neo-hookean/2.* the folder neo-hookean contains"):
+    with pytest.raises(
+        ArtifactError, match=r"artifacts/neo-hookean/2.* the folder neo-hookean contains"
+    ):
         load_surrogate("neo-hookean")
     assert load_surrogate("./neo-hookean").name == "neo-hookean (mine@1 by its card)"
     assert load_surrogate("neo-hookean@2").name == surrogate_for(LAW).name == "neo-hookean@2"
@@ -149,29 +172,42 @@ def test_a_folder_that_holds_a_card_is_a_path(working_folder, fitted):
 
 @pytest.mark.parametrize("damage", ["no card", "bad card", "no payload"])
 def test_what_cannot_be_read_is_never_another_model(working_folder, damage):
-    """A damaged ``artifacts/neo-hookean/3`` was passed over: an older version or the analytic force ran in its place."""
+    """A damaged ``artifacts/neo-hookean/3`` was passed over: an older version or the analytic
+    force ran in its place.
+    """
     folder = working_folder / "artifacts" / "neo-hookean" / "3"
     shutil.copytree(SHIPPED / "neo-hookean" / "2", folder)
     if damage == "bad card":
         (folder / "card.json").write_text("{")
     else:
         (folder / ("card.json" if damage == "no card" else "surrogate.npz")).unlink()
-    for load in (lambda: surrogate_for(LAW), lambda: load_surrogate("neo-hookean"), lambda: pds.simulate("uniaxial")):
-        with pytest.raises(ArtifactError, match=r"neo-hookean/3/card.json: cannot be read|not valid JSON|surrogate\.npz: "):
+    for load in (
+        lambda: surrogate_for(LAW),
+        lambda: load_surrogate("neo-hookean"),
+        lambda: pds.simulate("uniaxial"),
+    ):
+        with pytest.raises(
+            ArtifactError,
+            match=r"neo-hookean/3/card.json: cannot be read|not valid JSON|surrogate\.npz: ",
+        ):
             load()
     assert load_surrogate("neo-hookean@1").name == "neo-hookean@1"
 
 
 def test_a_missing_folder_of_artifacts_is_named(working_folder, monkeypatch):
     monkeypatch.setenv("PDSURROGATE_ARTIFACTS", "nowhere")
-    with pytest.raises(ArtifactError, match="PDSURROGATE_ARTIFACTS is 'nowhere', which is not a folder"):
+    with pytest.raises(
+        ArtifactError, match="PDSURROGATE_ARTIFACTS is 'nowhere', which is not a folder"
+    ):
         surrogate_for(LAW)
 
 
 def test_materials_that_an_artifact_does_not_describe_are_told_apart_in_full_digits():
     with pytest.raises(ValueError, match=r"with chain_limit = 120\.0, not 120\.00001; fit"):
         load_surrogate("gent").check_material(pds.materials.Gent(chain_limit=120.00001))
-    with pytest.raises(ValueError, match=r"ogden with parameters .*exponent_1.*modulus_3.*, not .*modulus_1.*; use"):
+    with pytest.raises(
+        ValueError, match=r"ogden with parameters .*exponent_1.*modulus_3.*, not .*modulus_1.*; use"
+    ):
         load_surrogate("ogden").check_material(pds.materials.Ogden(moduli=(1.0,), exponents=(2.0,)))
 
 
@@ -193,7 +229,9 @@ class Malice:
         return os.mkdir, (str(self.path),)
 
 
-@pytest.mark.parametrize("place", ["a pickle", "a pickled array", "an array of objects", "a record with objects"])
+@pytest.mark.parametrize(
+    "place", ["a pickle", "a pickled array", "an array of objects", "a record with objects"]
+)
 def test_malicious_payload_with_a_matching_digest_does_not_run(stored, tmp_path, place):
     trap = tmp_path / "trap"
     good, file = payload_in(stored), io.BytesIO()
@@ -204,7 +242,15 @@ def test_malicious_payload_with_a_matching_digest_does_not_run(stored, tmp_path,
     elif place == "an array of objects":
         np.savez(file, **{**good, "at_rest": np.array([Malice(trap)], dtype=object)})
     else:
-        np.savez(file, **{**good, "at_rest": np.array([(0.0, Malice(trap))], dtype=[("number", float), ("thing", object)])})
+        np.savez(
+            file,
+            **{
+                **good,
+                "at_rest": np.array(
+                    [(0.0, Malice(trap))], dtype=[("number", float), ("thing", object)]
+                ),
+            },
+        )
     rewrite(stored, file.getvalue())
     with pytest.raises(ArtifactError, match="file of plain arrays"):
         load_surrogate(stored)
@@ -228,7 +274,9 @@ def test_a_compressed_payload_is_refused(stored):
 @given(st.binary(max_size=300))
 def test_any_bytes_are_refused_or_arrays(data):
     with suppress(DamagedFile):
-        assert all(isinstance(array, np.ndarray) for array in read_arrays(io.BytesIO(data)).values())
+        assert all(
+            isinstance(array, np.ndarray) for array in read_arrays(io.BytesIO(data)).values()
+        )
 
 
 @pytest.mark.parametrize(
@@ -236,9 +284,18 @@ def test_any_bytes_are_refused_or_arrays(data):
     [
         (lambda text: "", "not valid JSON"),
         (lambda text: "[1, 2]", "not the card"),
-        (lambda text: text.replace('"schema_version": 3', '"schema_version": 99'), "upgrade pdsurrogate"),
-        (lambda text: text.replace('"schema_version": 3', '"schema_version": 0'), "older card again"),
-        (lambda text: text.replace('"least_stretch": 0.5', '"least_stretch": NaN'), "least_stretch: must be a finite number"),
+        (
+            lambda text: text.replace('"schema_version": 3', '"schema_version": 99'),
+            "upgrade pdsurrogate",
+        ),
+        (
+            lambda text: text.replace('"schema_version": 3', '"schema_version": 0'),
+            "older card again",
+        ),
+        (
+            lambda text: text.replace('"least_stretch": 0.5', '"least_stretch": NaN'),
+            "least_stretch: must be a finite number",
+        ),
         (lambda text: "[" * 100_000, "not valid JSON"),
         (lambda text: " " * (2**20 + 10), "not a card"),
     ],
@@ -273,7 +330,8 @@ law = pds.materials.NeoHookean()
 samples = pds.training_samples(law, 600, random_state=0)
 network = pds.LevenbergMarquardtRegressor((6,), "algebraic", max_iter=25, random_state=0)
 model = pds.surrogate_pipeline(network).fit(samples.X, samples.y)
-pds.store(model, samples, law, sys.argv[1], "rubber", "1", pds.CardText("reproduced", pds.cross_validate(model, samples, 2)))
+text = pds.CardText("reproduced", pds.cross_validate(model, samples, 2))
+pds.store(model, samples, law, sys.argv[1], "rubber", "1", text)
 """
     folders = [tmp_path / "a", tmp_path / "b"]
     monkeypatch.setattr(sys, "argv", ["", str(folders[0])])
@@ -281,7 +339,9 @@ pds.store(model, samples, law, sys.argv[1], "rubber", "1", pds.CardText("reprodu
     environment = {**os.environ, "PYTHONHASHSEED": "1", "OPENBLAS_NUM_THREADS": "2"}
     subprocess.run([sys.executable, "-c", code, str(folders[1])], check=True, env=environment)
     for name in ("card.json", "surrogate.npz", "pipeline.joblib"):
-        assert (folders[0] / "rubber/1" / name).read_bytes() == (folders[1] / "rubber/1" / name).read_bytes(), name
+        assert (folders[0] / "rubber/1" / name).read_bytes() == (
+            folders[1] / "rubber/1" / name
+        ).read_bytes(), name
 
 
 def test_saving_leaves_nothing_behind_when_it_fails(fitted, tmp_path, monkeypatch):
@@ -303,7 +363,9 @@ def test_what_cannot_be_read_again_is_not_kept(stored):
     for key in ("format", "schema_version", "payloads"):
         del card[key]
     force = load_surrogate(stored)
-    deep = dataclasses.replace(force, layers=(*force.layers[:-1], *[(np.eye(8), np.zeros(8))] * 3, force.layers[-1]))
+    deep = dataclasses.replace(
+        force, layers=(*force.layers[:-1], *[(np.eye(8), np.zeros(8))] * 3, force.layers[-1])
+    )
     before = sorted(stored.parents[1].rglob("*"))
     with pytest.raises(ArtifactError, match="one to 3 hidden layers"):
         save_artifact(stored.parents[1], {**card, "version": "2"}, deep)
@@ -333,20 +395,26 @@ def test_an_artifact_binds_no_law_that_has_changed_since(tmp_path):
 
     law = law_with(0.05)
     samples = pds.training_samples(law, 1000, (0.6, 2.5))
-    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
+    model = pds.surrogate_pipeline(
+        pds.learning.ChebyshevRegressor((8, 4)), features="isochoric"
+    ).fit(samples.X, samples.y)
     path = pds.store(model, samples, law, tmp_path, "expo", "1", "a user's own law")
     load_surrogate(path).check_material(law)
     with pytest.raises(ValueError, match=r"expo@1 differs .*: the law has changed since"):
         load_surrogate(path).check_material(law_with(0.5))
     unsaved = dataclasses.replace(load_surrogate(path), stated=None)
     unsaved.check_material(law)
-    with pytest.raises(ValueError, match="of the greatest force, more than 5 %: the law has changed since"):
+    with pytest.raises(
+        ValueError, match="of the greatest force, more than 5 %: the law has changed since"
+    ):
         unsaved.check_material(law_with(0.5))
     with pytest.warns(UserWarning, match=r"expo@1 deviates from expo by [1-5]"):
         unsaved.check_material(law_with(0.062))
     with pytest.warns(UserWarning, match=r"expo@3 has an RMS error of .* % relative to expo,"):
         pds.store(model, samples, law_with(0.06), tmp_path, "expo", "3", "samples of a law nearby")
-    with pytest.raises(ValueError, match=r"expo@2 has an RMS error of .* more than 10 %; it is not written: fit it"):
+    with pytest.raises(
+        ValueError, match=r"expo@2 has an RMS error of .* more than 10 %; it is not written: fit it"
+    ):
         pds.store(model, samples, law_with(0.5), tmp_path, "expo", "2", "samples of another law")
     assert not (tmp_path / "expo" / "2").exists()
 
@@ -367,7 +435,9 @@ def test_shipped_bond_forces_serve_every_bulk_modulus(bulk):
 
 def test_names_and_versions_of_artifacts_that_would_be_misread(fitted, tmp_path):
     model, samples = fitted
-    with pytest.raises(ArtifactError, match="'analytic' is not allowed: it is the name of an exact force model"):
+    with pytest.raises(
+        ArtifactError, match="'analytic' is not allowed: it is the name of an exact force model"
+    ):
         pds.store(model, samples, LAW, tmp_path, "analytic", "1", "x")
     with pytest.raises(ArtifactError, match="version 1 is not allowed: it must be text"):
         pds.store(model, samples, LAW, tmp_path, "rubber", 1, "x")

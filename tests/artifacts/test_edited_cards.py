@@ -1,4 +1,6 @@
-"""Cards that were edited by hand: refused in a line with the file, the field and what would be right, or of no matter to a run."""
+"""Cards that were edited by hand: refused in a line with the file, the field and what would be
+right, or of no matter to a run.
+"""
 
 import copy
 import json
@@ -27,16 +29,23 @@ def committee(tmp_path_factory):
     def fitted(law):
         samples = pds.training_samples(law, 800, (0.6, 2.0), random_state=0)
         return (
-            pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y),
+            pds.surrogate_pipeline(
+                pds.learning.ChebyshevRegressor((10, 5)), features="isochoric"
+            ).fit(samples.X, samples.y),
             samples,
             law,
         )
 
-    others = [pds.materials.Gent(2.0, 200.0, chain_limit=60.0), pds.materials.Gent(chain_limit=70.0)]
+    others = [
+        pds.materials.Gent(2.0, 200.0, chain_limit=60.0),
+        pds.materials.Gent(chain_limit=70.0),
+    ]
     found = {"data": "mine.csv", "law": LAW.describe()}
     place = tmp_path_factory.mktemp("edited")
     text = pds.CardText("x", identification=found)
-    return pds.store(*fitted(LAW), place, "mine", "1", text, members=[fitted(other) for other in others])
+    return pds.store(
+        *fitted(LAW), place, "mine", "1", text, members=[fitted(other) for other in others]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +64,9 @@ def card_of(folder):
 
 
 def refused(folder, text: str, references=("",)) -> list[str]:
-    """What is said of an artifact with this for a card, of each way of reading it; None where it is taken."""
+    """What is said of an artifact with this for a card, of each way of reading it; None where it
+    is taken.
+    """
     (kept := folder / "card.json.kept").exists() or shutil.copy(folder / "card.json", kept)
     try:
         (folder / "card.json").write_text(text)
@@ -86,19 +97,54 @@ def changed(card: dict, path: tuple, value) -> dict:
 
 EDITS = [
     (("format",), "another", "format: this is not the card of a pdsurrogate artifact"),
-    (("schema_version",), True, "schema_version: this pdsurrogate reads 2 to 3, not True: upgrade pdsurrogate to read a newer card"),
+    (
+        ("schema_version",),
+        True,
+        (
+            "schema_version: this pdsurrogate reads 2 to 3, not True: upgrade pdsurrogate to read a"
+            " newer card"
+        ),
+    ),
     (("name",), 3, r"name: Input should be a valid string \(given 3\)"),
     (("kind",), ..., "kind: this key is missing"),
     (("color",), "red", "color: unknown key"),
-    (("material", "shape", "chain_limit"), True, r"material.shape.chain_limit: Input should be a valid number \(given True\)"),
-    (("training", "identification"), "x", r"training.identification: must be a table \(given 'x'\)"),
-    (("domain", "least_stretch"), True, r"domain.least_stretch: Input should be a valid number \(given True\)"),
-    (("domain", "least_stretch"), -1, r"domain.least_stretch: Input should be greater than 0 \(given -1\)"),
+    (
+        ("material", "shape", "chain_limit"),
+        True,
+        r"material.shape.chain_limit: Input should be a valid number \(given True\)",
+    ),
+    (
+        ("training", "identification"),
+        "x",
+        r"training.identification: must be a table \(given 'x'\)",
+    ),
+    (
+        ("domain", "least_stretch"),
+        True,
+        r"domain.least_stretch: Input should be a valid number \(given True\)",
+    ),
+    (
+        ("domain", "least_stretch"),
+        -1,
+        r"domain.least_stretch: Input should be greater than 0 \(given -1\)",
+    ),
     (("domain", "hull"), [], "domain.hull: needs at least 3 entries, not 0"),
     (("errors",), {}, "errors.box: this key is missing"),
-    (("errors", "box", "on_surface", "rms"), -1, r"errors.box.on_surface.rms: Input should be greater than or equal to 0 \(given -1\)"),
-    (("errors", "box", "n_samples"), 2.5, r"errors.box.n_samples: Input should be a valid integer \(given 2.5\)"),
-    (("payloads", "surrogate.npz", "sha256"), "0", "payloads.surrogate.npz.sha256: String should match pattern"),
+    (
+        ("errors", "box", "on_surface", "rms"),
+        -1,
+        r"errors.box.on_surface.rms: Input should be greater than or equal to 0 \(given -1\)",
+    ),
+    (
+        ("errors", "box", "n_samples"),
+        2.5,
+        r"errors.box.n_samples: Input should be a valid integer \(given 2.5\)",
+    ),
+    (
+        ("payloads", "surrogate.npz", "sha256"),
+        "0",
+        "payloads.surrogate.npz.sha256: String should match pattern",
+    ),
     (("members",), 3, r"members: must be a list \(given 3\)"),
     (("members", 0, "material"), ..., "members.0.material: this key is missing"),
 ]
@@ -122,14 +168,22 @@ CONTRADICTIONS = [
 
 
 @pytest.mark.parametrize(
-    ("path", "value"), CONTRADICTIONS, ids=[f"{'.'.join(map(str, path))}={value}"[:60] for path, value in CONTRADICTIONS]
+    ("path", "value"),
+    CONTRADICTIONS,
+    ids=[f"{'.'.join(map(str, path))}={value}"[:60] for path, value in CONTRADICTIONS],
 )
 def test_what_a_run_depends_on_is_as_it_was_stored(committee, path, value):
     [said] = refused(committee, json.dumps(changed(card_of(committee), path, value)))
-    assert re.search(f"mine.*card.json: digest: .*{path[0]}.* have changed since .*: restore the card", said)
+    assert re.search(
+        f"mine.*card.json: digest: .*{path[0]}.* have changed since .*: restore the card", said
+    )
 
 
-@pytest.mark.parametrize(("path", "value", "message"), EDITS, ids=[f"{'.'.join(map(str, path))}={value}"[:60] for path, value, _ in EDITS])
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    EDITS,
+    ids=[f"{'.'.join(map(str, path))}={value}"[:60] for path, value, _ in EDITS],
+)
 def test_what_is_said_of_an_edit(committee, path, value, message):
     [said] = refused(committee, json.dumps(changed(card_of(committee), path, value)))
     assert said is not None
@@ -140,27 +194,60 @@ def test_what_is_said_of_an_edit(committee, path, value, message):
 
 
 def test_contradictions_with_the_weights(committee):
-    """A card with a digest of its own, of another material than its weights; members taken away or exchanged."""
+    """A card with a digest of its own, of another material than its weights; members taken away
+    or exchanged.
+    """
     card = card_of(committee)
     other = changed(card, ("material", "trained_with", "chain_limit"), 30.0)
-    other = changed(changed(other, ("material", "shape", "chain_limit"), 30.0), ("training", "identification"), ...)
+    other = changed(
+        changed(other, ("material", "shape", "chain_limit"), 30.0),
+        ("training", "identification"),
+        ...,
+    )
     [said] = refused(committee, sealed(other))
     assert re.search(
-        "card.json: material: surrogate.npz does not match the material that the card states: mine@1 differs from the forces of gent", said
+        "card.json: material: surrogate.npz does not match the material that the card states:"
+        " mine@1 differs from the forces of gent",
+        said,
     )
     first, second = card["members"]
     [said] = refused(committee, sealed({**card, "members": [first, second, second]}), ["#all"])
-    assert "mine@1#3: members.npz does not contain a bond-force-polynomial, as the card states" in said
+    assert (
+        "mine@1#3: members.npz does not contain a bond-force-polynomial, as the card states" in said
+    )
     [said] = refused(committee, sealed({**card, "members": [second, first]}), ["#all"])
-    assert "card.json: material: members.npz does not match the material that the card states: mine@1#1 differs" in said
+    assert (
+        "card.json: material: members.npz does not match the material that the card states:"
+        " mine@1#1 differs" in said
+    )
     for path, value, message in (
         (("kind",), "oracle", "kind: unknown kind 'oracle'; there are bond-force-network"),
-        (("kind",), "bond-force-network", "surrogate.npz does not contain a bond-force-network, as the card states: "),
-        (("payloads", "surrogate.npz", "bytes"), 2**40, "surrogate.npz: the card states 1099511627776 bytes, but files of more than"),
+        (
+            ("kind",),
+            "bond-force-network",
+            "surrogate.npz does not contain a bond-force-network, as the card states: ",
+        ),
+        (
+            ("payloads", "surrogate.npz", "bytes"),
+            2**40,
+            "surrogate.npz: the card states 1099511627776 bytes, but files of more than",
+        ),
         (("payloads", "surrogate.npz"), ..., "surrogate.npz: the artifact has no such file"),
-        (("payloads", "surrogate.npz", "sha256"), "0" * 64, "surrogate.npz: the file is damaged or was replaced"),
-        (("material", "trained_with", "chain_limit"), "60", "the card's material.trained_with: chain_limit must be a number"),
-        (("material", "trained_with", "color"), 1.0, "material.trained_with: gent has no parameter 'color'"),
+        (
+            ("payloads", "surrogate.npz", "sha256"),
+            "0" * 64,
+            "surrogate.npz: the file is damaged or was replaced",
+        ),
+        (
+            ("material", "trained_with", "chain_limit"),
+            "60",
+            "the card's material.trained_with: chain_limit must be a number",
+        ),
+        (
+            ("material", "trained_with", "color"),
+            1.0,
+            "material.trained_with: gent has no parameter 'color'",
+        ),
     ):
         [said] = refused(committee, sealed(changed(card, path, value)))
         assert re.search(message, said), said
@@ -174,7 +261,12 @@ def test_contradictions_with_the_weights(committee):
             "domain.least_stretch: must be a finite number, .* not inf",
         ),
         (lambda text: text[:-40], "not valid JSON"),
-        (lambda text: text.replace('"scaling": {', '"scaling": {"deep": ' + "[" * 900 + "]" * 900 + ", ", 1), None),
+        (
+            lambda text: text.replace(
+                '"scaling": {', '"scaling": {"deep": ' + "[" * 900 + "]" * 900 + ", ", 1
+            ),
+            None,
+        ),
     ],
 )
 def test_json_that_means_something_else_than_it_says(committee, edit, message):
@@ -183,7 +275,9 @@ def test_json_that_means_something_else_than_it_says(committee, edit, message):
 
 
 def everywhere(text: str) -> dict:
-    """The chain limit that it was stored with times ten, in every place, and errors that allow for it."""
+    """The chain limit that it was stored with times ten, in every place, and errors that allow
+    for it.
+    """
     card = json.loads(text.replace("60.0", "600.0"))
     for part in (card, *card["members"]):
         part["errors"]["box"]["on_surface"] = {"rms": 0.09, "max": 0.5}
@@ -205,7 +299,9 @@ def range_of_stretches(text: str) -> dict:
 
 @pytest.mark.parametrize("edit", [everywhere, moduli, range_of_stretches])
 def test_what_is_edited_in_the_same_way_everywhere_is_not_believed(committee, edit):
-    """A card that agrees with itself and with its weights to the errors that it states: all of these were taken."""
+    """A card that agrees with itself and with its weights to the errors that it states: all of
+    these were taken.
+    """
     text = json.dumps(edit((committee / "card.json").read_text()))
     for said in refused(committee, text, REFERENCES):
         assert "card.json: digest: kind, material" in said
@@ -227,15 +323,22 @@ def of_schema_2(card: dict) -> str:
 def test_a_card_without_a_digest_is_read_with_a_remark(committee):
     card = card_of(committee)
     assert card["schema_version"] == 3
-    assert "digest: this entry is missing" in refused(committee, json.dumps(changed(card, ("digest",), ...)))[0]
+    assert (
+        "digest: this entry is missing"
+        in refused(committee, json.dumps(changed(card, ("digest",), ...)))[0]
+    )
     with pytest.warns(UserWarning, match=r"mine@1.* no digest .*store it again"):
         assert refused(committee, of_schema_2(card)) == [None]
 
 
 def test_shipped_cards_are_known_without_a_digest(tmp_path):
-    """Their bytes are unchanged and say nothing of a digest; a copy is held to them wherever it lies."""
+    """Their bytes are unchanged and say nothing of a digest; a copy is held to them wherever it
+    lies.
+    """
     folders = sorted(path.parent for path in SHIPPED.glob("*/*/card.json"))
-    assert {load_card(folder).payloads["surrogate.npz"].sha256 for folder in folders} == set(SHIPPED_CARDS)
+    assert {load_card(folder).payloads["surrogate.npz"].sha256 for folder in folders} == set(
+        SHIPPED_CARDS
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for folder in folders:
@@ -250,7 +353,11 @@ def test_what_is_stored_is_identified_by_its_own_law(isochoric, tmp_path):
     samples = pds.training_samples(law, 300, (0.7, 1.8), random_state=0, target="isochoric-energy")
     text = pds.CardText("x", identification={"data": "mine.csv", "law": LAW.describe()})
     with pytest.raises(
-        ArtifactError, match=r"training.identification.law: must be the law in material.trained_with, .*neo-hookean.*, not .*gent"
+        ArtifactError,
+        match=(
+            r"training.identification.law: must be the law in material.trained_with,"
+            r" .*neo-hookean.*, not .*gent"
+        ),
     ):
         pds.store(model, samples, law, tmp_path, "iso", "1", text)
     samples.design["hull"] = [[1.0, 0.0, 0.5], [-1.0, 0.0, -0.1], [0.0, 1.0, 0.5]]
@@ -260,10 +367,13 @@ def test_what_is_stored_is_identified_by_its_own_law(isochoric, tmp_path):
 
 
 FREE = {"name", "version", "description", "weight_function", "scaling", "training", "made_with"}
-"""Parts that no run is changed by, but for the name of the artifact; the identification is digested."""
+"""Parts that no run is changed by, but for the name of the artifact; the identification is
+digested.
+"""
 
 VALUES = st.one_of(
-    st.none(), st.booleans(), st.integers(-3, 3), st.floats(allow_nan=False, allow_infinity=False), st.text(max_size=3),
+    st.none(), st.booleans(), st.integers(-3, 3), st.text(max_size=3),
+    st.floats(allow_nan=False, allow_infinity=False),
     st.just([]), st.just({}), st.just(10**400), st.just([[]]), st.just(...), st.just({"": None}),
 )  # fmt: skip
 
@@ -272,7 +382,13 @@ def places(value, path=()):
     """Every place of a card."""
     if path:
         yield path
-    for key, inner in value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ():
+    for key, inner in (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    ):
         yield from places(inner, (*path, key))
 
 
@@ -284,7 +400,10 @@ def as_run(folder, reference):
 
 
 def as_run_of(model):
-    payload = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in model.payload().items()}
+    payload = {
+        key: value.tolist() if isinstance(value, np.ndarray) else value
+        for key, value in model.payload().items()
+    }
     return type(model), payload, model.domain, model.law, dict(model.shape)
 
 

@@ -1,4 +1,5 @@
-"""Thousands of damaged and hostile files: every one a clean error or a whole object; nothing runs, nothing hangs.
+"""Thousands of damaged and hostile files: every one a clean error or a whole object; nothing runs,
+nothing hangs.
 
 The corruptions are drawn from fixed seeds.
 """
@@ -29,7 +30,10 @@ from pdsurrogate.scenes.reading import _place_of
 SLOWEST = 2.0
 """Processor seconds that any one file may take: reading a good one takes milliseconds."""
 
-GOOD = {name: {path.name: path.read_bytes() for path in sorted((SHIPPED / name / "1").iterdir())} for name in ("neo-hookean", "gent")}
+GOOD = {
+    name: {path.name: path.read_bytes() for path in sorted((SHIPPED / name / "1").iterdir())}
+    for name in ("neo-hookean", "gent")
+}
 
 STRANGE = (
     None,
@@ -69,7 +73,9 @@ class Trap:
 def with_payload(files: dict, payload: bytes) -> dict:
     """An artifact whose card was made to match a payload: what an attacker would hand out."""
     card = json.loads(files["card.json"])
-    card["payloads"]["surrogate.npz"].update(sha256=hashlib.sha256(payload).hexdigest(), bytes=len(payload))
+    card["payloads"]["surrogate.npz"].update(
+        sha256=hashlib.sha256(payload).hexdigest(), bytes=len(payload)
+    )
     return {**files, "surrogate.npz": payload, "card.json": json.dumps(card).encode()}
 
 
@@ -82,7 +88,9 @@ def flipped(data: bytes, random, count: int) -> bytes:
 
 
 def exchanged(value, random):
-    """One node of a tree of plain data exchanged for something strange, removed, or given a new name."""
+    """One node of a tree of plain data exchanged for something strange, removed, or given a new
+    name.
+    """
     if isinstance(value, dict) and value and random.random() < 0.8:
         key = list(value)[random.integers(len(value))]
         fate = random.random()
@@ -131,19 +139,29 @@ def exchanged_payload(random, trap, number):
     elif fate == 1:
         arrays[key + "x"] = arrays.pop(key)
     elif fate == 2:
-        arrays[key] = value.astype(["f4", "c16", "U8", "S3"][random.integers(4)]) if value.dtype.kind == "f" else value.astype("S")
+        arrays[key] = (
+            value.astype(["f4", "c16", "U8", "S3"][random.integers(4)])
+            if value.dtype.kind == "f"
+            else value.astype("S")
+        )
     elif fate == 3:
         arrays[key] = value.reshape(-1)[: random.integers(value.size + 1)]
     else:
         strange = STRANGE[random.integers(len(STRANGE))]
-        arrays[key] = np.array(strange) if isinstance(strange, str | float) else np.full(value.shape, np.nan)
+        arrays[key] = (
+            np.array(strange) if isinstance(strange, str | float) else np.full(value.shape, np.nan)
+        )
     return with_payload(files, archived(arrays))
 
 
 def broken_card(random, trap, number):
     files = GOOD["gent"]
     card = files["card.json"]
-    changed = card[: random.integers(len(card))] if number % 3 == 0 else flipped(card, random, 1 + number % 5)
+    changed = (
+        card[: random.integers(len(card))]
+        if number % 3 == 0
+        else flipped(card, random, 1 + number % 5)
+    )
     return {**files, "card.json": changed}
 
 
@@ -168,7 +186,15 @@ def other_schema(random, trap, number):
     return {**files, "card.json": as_plain_json(card)}
 
 
-DAMAGE = (truncated_payload, flipped_payload, exchanged_payload, broken_card, exchanged_card, swapped_card, other_schema)
+DAMAGE = (
+    truncated_payload,
+    flipped_payload,
+    exchanged_payload,
+    broken_card,
+    exchanged_card,
+    swapped_card,
+    other_schema,
+)
 
 
 def check_artifacts(folder, each: int) -> dict[str, int]:
@@ -193,7 +219,8 @@ def check_artifacts(folder, each: int) -> dict[str, int]:
                 refused[damage.__name__] += 1
             assert time.process_time() - began < SLOWEST, f"{damage.__name__} {number}"
             if model is not None:
-                # Whatever was accepted is whole: digests that match, and numbers where numbers belong.
+                # Whatever was accepted is whole: digests that match, and numbers where numbers
+                # belong.
                 data = (place / "surrogate.npz").read_bytes()
                 assert card.payloads["surrogate.npz"].sha256 == hashlib.sha256(data).hexdigest()
                 with np.errstate(all="ignore"):
@@ -206,7 +233,8 @@ def check_artifacts(folder, each: int) -> dict[str, int]:
 def assert_refused(refused: dict[str, int], each: int) -> None:
     for name in ("truncated_payload", "swapped_card", "other_schema"):
         assert refused[name] == each, name
-    # Some bits are harmless where the digest was made to match: a weight's last place, a letter of the description.
+    # Some bits are harmless where the digest was made to match: a weight's last place, a letter of
+    # the description.
     for name in ("flipped_payload", "exchanged_payload", "broken_card", "exchanged_card"):
         assert refused[name] > 0.3 * each, name
 
@@ -252,9 +280,15 @@ def rewritten(checkpoint: bytes, random) -> bytes:
         del arrays[key]
     elif fate == 1 and arrays[key].dtype == np.float64:
         arrays[key] = arrays[key].copy()
-        arrays[key].flat[random.integers(arrays[key].size)] = [np.nan, np.inf, 1e308][random.integers(3)]
+        arrays[key].flat[random.integers(arrays[key].size)] = [np.nan, np.inf, 1e308][
+            random.integers(3)
+        ]
     elif fate == 2:
-        arrays[key] = np.array([Trap("/nowhere")], dtype=object) if random.random() < 0.5 else arrays[key].astype("U4")[:3]
+        arrays[key] = (
+            np.array([Trap("/nowhere")], dtype=object)
+            if random.random() < 0.5
+            else arrays[key].astype("U4")[:3]
+        )
     elif fate == 3:
         arrays[key] = arrays[key].reshape(-1)[: random.integers(arrays[key].size)]
     else:
@@ -266,7 +300,9 @@ def rewritten(checkpoint: bytes, random) -> bytes:
 
 
 def test_300_corrupted_checkpoints(checkpointed, tmp_path):
-    """A clean error, or a run that goes on from numbers that are numbers; nothing else, and nothing of the checkpoint runs."""
+    """A clean error, or a run that goes on from numbers that are numbers; nothing else, and
+    nothing of the checkpoint runs.
+    """
     scene, good = checkpointed
     run = started(scene, "analytic", tmp_path)
     random, refused = np.random.default_rng(11), 0
@@ -290,7 +326,9 @@ def test_300_corrupted_checkpoints(checkpointed, tmp_path):
 
 
 def test_resuming_from_corrupted_checkpoints_ends_cleanly(checkpointed, tmp_path):
-    """The whole way, for those whose arrays pass: an error about the checkpoint, a failed run that says why, or a run."""
+    """The whole way, for those whose arrays pass: an error about the checkpoint, a failed run
+    that says why, or a run.
+    """
     scene, good = checkpointed
     random = np.random.default_rng(12)
     ends = set()
@@ -307,11 +345,15 @@ def test_resuming_from_corrupted_checkpoints_ends_cleanly(checkpointed, tmp_path
 
 
 def test_a_checkpoint_cannot_fill_the_memory(checkpointed, tmp_path):
-    """Thirty megabytes of nothing, squeezed into thirty kilobytes, and an array that claims to be larger than any memory."""
+    """Thirty megabytes of nothing, squeezed into thirty kilobytes, and an array that claims to
+    be larger than any memory.
+    """
     scene, good = checkpointed
     run = started(scene, "analytic", tmp_path)
     file = io.BytesIO()
-    np.savez_compressed(file, positions=np.zeros(4_000_000), description=np.zeros(3, dtype=np.uint8))
+    np.savez_compressed(
+        file, positions=np.zeros(4_000_000), description=np.zeros(3, dtype=np.uint8)
+    )
     claims = good.replace(b"'shape': (75, 2)", b"'shape': (9" + b"9" * 9 + b")")
     for data in (file.getvalue(), claims):
         (tmp_path / "checkpoint.npz").write_bytes(data)
@@ -337,14 +379,26 @@ LITERALS = (
         "'$\\\\frac'",
         '"\\u0000"',
     ),
-    *("[]", "[[]]", "[1, 'a']", "{}", "{a = {}}", "1979-05-27", "[1,2,3,4,5,6,7]", "[" * 300 + "]" * 300, "[" * 60 + "]" * 60),
+    *(
+        "[]",
+        "[[]]",
+        "[1, 'a']",
+        "{}",
+        "{a = {}}",
+        "1979-05-27",
+        "[1,2,3,4,5,6,7]",
+        "[" * 300 + "]" * 300,
+        "[" * 60 + "]" * 60,
+    ),
 )
 
 
 def damaged_scene(text: str, random) -> bytes:
     """A scene file with something wrong in it."""
     lines = text.splitlines()
-    places = [k for k, line in enumerate(lines) if "=" in line and not line.lstrip().startswith("#")]
+    places = [
+        k for k, line in enumerate(lines) if "=" in line and not line.lstrip().startswith("#")
+    ]
     kind = random.integers(9)
     data = text.encode()
     if kind == 0:
@@ -362,7 +416,9 @@ def damaged_scene(text: str, random) -> bytes:
     else:
         lines.pop(place)
     data = "\n".join(lines).encode()
-    return data + bytes(random.integers(0, 256, 4, dtype=np.uint8)) if random.random() < 0.05 else data
+    return (
+        data + bytes(random.integers(0, 256, 4, dtype=np.uint8)) if random.random() < 0.05 else data
+    )
 
 
 def check_scenes(folder, number: int) -> int:
@@ -406,11 +462,17 @@ def test_500_corrupted_scene_files(tmp_path):
         ("units.length='[/red]'", "units.length"),
     ],
 )
-def test_scenes_that_would_fill_memory_or_write_elsewhere_are_refused(change, message, tmp_path, monkeypatch):
-    """A grid of 3e18 points, all pairs of a body, a step count past memory, names that are paths or markup: status 2 at once."""
+def test_scenes_that_would_fill_memory_or_write_elsewhere_are_refused(
+    change, message, tmp_path, monkeypatch
+):
+    """A grid of 3e18 points, all pairs of a body, a step count past memory, names that are paths
+    or markup: status 2 at once.
+    """
     monkeypatch.chdir(tmp_path)
     began = time.process_time()
-    done = CliRunner().invoke(app, ["run", "uniaxial", "--set", change, "--out", str(tmp_path / "out")])
+    done = CliRunner().invoke(
+        app, ["run", "uniaxial", "--set", change, "--out", str(tmp_path / "out")]
+    )
     assert done.exit_code == 2, done.output
     assert message in done.stderr
     assert "Traceback" not in done.output

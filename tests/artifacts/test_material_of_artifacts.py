@@ -1,4 +1,6 @@
-"""An artifact brings its material into a scene that was told none, and is held against one that was."""
+"""An artifact brings its material into a scene that was told none, and is held against one that
+was.
+"""
 
 import pytest
 from typer.testing import CliRunner
@@ -18,15 +20,21 @@ def store(tmp_path_factory):
 
     def make(name, law, identification=None):
         samples = pds.training_samples(law, 400, (0.7, 2.0), random_state=0)
-        model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(5), features="isochoric").fit(samples.X, samples.y)
-        return pds.store(model, samples, law, folder, name, "1", pds.CardText("x", identification=identification))
+        model = pds.surrogate_pipeline(
+            pds.learning.ChebyshevRegressor(5), features="isochoric"
+        ).fit(samples.X, samples.y)
+        return pds.store(
+            model, samples, law, folder, name, "1", pds.CardText("x", identification=identification)
+        )
 
     return make
 
 
 def test_a_built_in_scene_takes_the_law_of_the_card(store):
     scene = pds.load_scene("pure-shear")
-    changed, model = with_material(scene, store("mine", pds.materials.Gent(chain_limit=CHAIN_LIMIT)))
+    changed, model = with_material(
+        scene, store("mine", pds.materials.Gent(chain_limit=CHAIN_LIMIT))
+    )
     law = changed.material.build()
     assert (law.name, law.chain_limit) == ("gent", CHAIN_LIMIT)
     # The default moduli of a law have no unit: the scene's own counts, with the card's K/mu.
@@ -37,23 +45,34 @@ def test_a_built_in_scene_takes_the_law_of_the_card(store):
 
 
 def test_moduli_that_were_identified_come_along(store):
-    """In the scene's unit: those of Treloar's rubber are in MPa; those of another file are what the file has."""
+    """In the scene's unit: those of Treloar's rubber are in MPa; those of another file are what
+    the file has.
+    """
     law = pds.materials.Gent(0.27, 54.0, CHAIN_LIMIT)
     scene = pds.load_scene("uniaxial")
     assert scene.units.stress == "kPa"
     for data, factor in (("treloar", 1000.0), ("mine.csv", 1.0)):
-        changed, _ = with_material(scene, store(f"of-{data}", law, {"data": data, "law": law.describe()}))
+        changed, _ = with_material(
+            scene, store(f"of-{data}", law, {"data": data, "law": law.describe()})
+        )
         found = changed.material.build()
         assert found.shear_modulus == pytest.approx(0.27 * factor, rel=1e-12)
         assert found.bulk_modulus == pytest.approx(54.0 * factor, rel=1e-12)
     terms = pds.materials.Ogden(moduli=(0.63, 0.0012, -0.01))
-    changed, model = with_material(scene, store("terms", terms, {"data": "treloar", "law": terms.describe()}))
+    changed, model = with_material(
+        scene, store("terms", terms, {"data": "treloar", "law": terms.describe()})
+    )
     assert changed.material.build().moduli == pytest.approx((630.0, 1.2, -10.0), rel=1e-12)
     model.check_material(changed.material.build())
 
 
 def test_what_the_scene_is_already_stays_as_it_is():
-    for scene, force in (("uniaxial", "neo-hookean"), ("tear", "neo-hookean"), ("gent", "gent"), ("penny", "neo-hookean-isochoric")):
+    for scene, force in (
+        ("uniaxial", "neo-hookean"),
+        ("tear", "neo-hookean"),
+        ("gent", "gent"),
+        ("penny", "neo-hookean-isochoric"),
+    ):
         loaded = pds.load_scene(scene)
         assert with_material(loaded, force)[0] is loaded
     loaded = pds.load_scene("uniaxial", material="gent")
@@ -63,27 +82,47 @@ def test_what_the_scene_is_already_stays_as_it_is():
 def test_a_scene_that_was_told_a_material_has_the_last_word(store):
     path = store("told", pds.materials.Gent(chain_limit=CHAIN_LIMIT))
     scene = pds.load_scene("uniaxial", ["material.law=gent", "material.chain_limit=62.83"])
-    with pytest.raises(SceneError, match=r"chain_limit = 62\.82566463708167, not 62\.83; .*--set 'material=") as error:
+    with pytest.raises(
+        SceneError, match=r"chain_limit = 62\.82566463708167, not 62\.83; .*--set 'material="
+    ) as error:
         with_material(scene, path)
     flag = str(error.value).split("--set '")[1].split("'")[0]
-    _, model = with_material(pds.load_scene("uniaxial", [flag]), path)  # the one flag that resolves it
+    _, model = with_material(
+        pds.load_scene("uniaxial", [flag]), path
+    )  # the one flag that resolves it
     assert model.name == "told@1"
 
 
 def test_the_command_says_which_material_it_takes(store):
     changes = ["--set", "spacing=0.2", "--set", "stretches=1.2"]
     done = CliRunner().invoke(
-        app, ["run", "uniaxial", *changes, "--force", str(store("said", pds.materials.Gent(chain_limit=CHAIN_LIMIT)))]
+        app,
+        [
+            "run",
+            "uniaxial",
+            *changes,
+            "--force",
+            str(store("said", pds.materials.Gent(chain_limit=CHAIN_LIMIT))),
+        ],
     )
     assert done.exit_code == 0, done.output
-    assert 'Material of said@1: {law="gent", shear_modulus=1.0, bulk_modulus=200.0, chain_limit=62.82566463708167}' in done.output
+    assert (
+        'Material of said@1: {law="gent", shear_modulus=1.0, bulk_modulus=200.0,'
+        " chain_limit=62.82566463708167}" in done.output
+    )
 
 
 def test_an_artifact_that_is_off_is_said_at_every_run(tmp_path):
     law = pds.materials.NeoHookean()
-    samples = pds.training_samples(pds.materials.Gent(chain_limit=40.0), 400, (0.7, 2.0), random_state=0)
-    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(5), features="isochoric").fit(samples.X, samples.y)
+    samples = pds.training_samples(
+        pds.materials.Gent(chain_limit=40.0), 400, (0.7, 2.0), random_state=0
+    )
+    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(5), features="isochoric").fit(
+        samples.X, samples.y
+    )
     with pytest.warns(UserWarning, match=r"RMS error of [\d.]+ % relative to neo-hookean"):
         path = pds.store(model, samples, law, tmp_path, "off", "1", "x")
-    with pytest.warns(UserWarning, match=r"off@1 has an RMS error of [\d.]+ % relative to neo-hookean"):
+    with pytest.warns(
+        UserWarning, match=r"off@1 has an RMS error of [\d.]+ % relative to neo-hookean"
+    ):
         with_material(pds.load_scene("uniaxial"), path)

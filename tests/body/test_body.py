@@ -17,20 +17,26 @@ def test_bonds_are_all_pairs_within_the_horizon(random):
     owners = np.repeat(np.arange(60), np.diff(bonds.pointers).astype(int))
     assert set(zip(owners.tolist(), bonds.neighbors.tolist(), strict=True)) == expected
     assert bonds.n_directed == len(expected)
-    assert set(zip(bonds.first.tolist(), bonds.second.tolist(), strict=True)) == {pair for pair in expected if pair[0] < pair[1]}
+    assert set(zip(bonds.first.tolist(), bonds.second.tolist(), strict=True)) == {
+        pair for pair in expected if pair[0] < pair[1]
+    }
     # Every entry of a list knows its pair, and every pair its two ends.
     ends = np.stack([owners, bonds.neighbors], axis=1)
     pairs = np.stack([bonds.first, bonds.second], axis=1)[bonds.pair_of]
     assert (np.sort(ends, axis=1) == np.sort(pairs, axis=1)).all()
     for i in range(60):
-        listed = bonds.incidence[int(bonds.incidence_pointers[i]) : int(bonds.incidence_pointers[i + 1])]
+        listed = bonds.incidence[
+            int(bonds.incidence_pointers[i]) : int(bonds.incidence_pointers[i + 1])
+        ]
         assert (bonds.second[listed] == i).all()
         own = slice(int(bonds.pair_pointers[i]), int(bonds.pair_pointers[i + 1]))
         assert (bonds.first[own] == i).all()
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_a_search_tree_finds_the_pairs_that_comparing_all_points_finds(random, monkeypatch, dimension):
+def test_a_search_tree_finds_the_pairs_that_comparing_all_points_finds(
+    random, monkeypatch, dimension
+):
     points = random.uniform(0, 1, (200, dimension))
     planes = (ReflectionPlane(0, 0.0, -1, (-1,) + (1,) * (dimension - 1)),)
     compared = Body(points, np.full(200, 1 / 200), 0.25, planes=planes).bonds
@@ -50,9 +56,17 @@ def test_the_papers_sheet_has_the_papers_bonds():
 
 
 def test_images_mirror_the_points_near_a_plane():
-    body = Body.rectangle(1, 1, 0.1, 0.25, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)), ReflectionPlane(0, 1.0, 1, (-1, -1))))
+    body = Body.rectangle(
+        1,
+        1,
+        0.1,
+        0.25,
+        planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)), ReflectionPlane(0, 1.0, 1, (-1, -1))),
+    )
     ghosts = body.ghosts
-    assert len(ghosts) == 2 * 3 * 10  # three columns on either side lie within the horizon of the edge
+    assert (
+        len(ghosts) == 2 * 3 * 10
+    )  # three columns on either side lie within the horizon of the edge
     mirrored = body.points[ghosts.source]
     position = np.where(ghosts.plane == 0, 0.0, 1.0)
     np.testing.assert_allclose(ghosts.points[:, 0] + mirrored[:, 0], 2 * position)
@@ -64,7 +78,9 @@ def test_images_mirror_the_points_near_a_plane():
 
 @pytest.mark.parametrize("name", sorted(WEIGHT_FUNCTIONS))
 def test_kappa_is_the_shape_tensor_of_a_full_horizon(name):
-    """Against a fine sum; the sum's error is that of the circle's edge, of order spacing/horizon."""
+    """Against a fine sum; the sum's error is that of the circle's edge, of order
+    spacing/horizon.
+    """
     points = grid((-1.1, -1.1), (1.1, 1.1), 0.01)
     body = Body(points, np.full(len(points), 1e-4), 1.0, weight=name)
     length = np.linalg.norm(points, axis=1)
@@ -76,9 +92,15 @@ def test_kappa_is_the_shape_tensor_of_a_full_horizon(name):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"points": np.eye(3), "planes": (ReflectionPlane(0, 0.0, -1, (-1, 1)),)}, r"parity.* 3 components, not \(-1, 1\)"),
+        (
+            {"points": np.eye(3), "planes": (ReflectionPlane(0, 0.0, -1, (-1, 1)),)},
+            r"parity.* 3 components, not \(-1, 1\)",
+        ),
         ({"points": np.zeros((3, 4))}, "shape"),
-        ({"points": np.array([[0.0, 0.0], [np.nan, 1.0]]), "volumes": np.ones(2)}, "point 1 has a position that is not finite"),
+        (
+            {"points": np.array([[0.0, 0.0], [np.nan, 1.0]]), "volumes": np.ones(2)},
+            "point 1 has a position that is not finite",
+        ),
         ({"volumes": np.array([1.0, -1.0, 1.0])}, "volumes must be positive"),
         ({"volumes": np.ones(2)}, "volumes must have shape"),
         ({"horizon": -1.0}, "horizon must be positive"),
@@ -87,7 +109,11 @@ def test_kappa_is_the_shape_tensor_of_a_full_horizon(name):
     ],
 )
 def test_bad_bodies_are_refused(change, message):
-    good = {"points": np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), "volumes": np.ones(3), "horizon": 1.5}
+    good = {
+        "points": np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+        "volumes": np.ones(3),
+        "horizon": 1.5,
+    }
     with pytest.raises(ValueError, match=message):
         Body(**{**good, **change})
 
@@ -95,15 +121,27 @@ def test_bad_bodies_are_refused(change, message):
 def test_points_that_coincide_or_reach_nobody_are_refused():
     with pytest.raises(ValueError, match="coincide"):
         Body(np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]]), np.ones(3), 1.5)
-    for points in (np.zeros((4, 2)), np.zeros((4, 3)), np.vstack([grid((0, 0), (1, 1), 0.25), [[0.5, 0.5]] * 4])):
+    for points in (
+        np.zeros((4, 2)),
+        np.zeros((4, 3)),
+        np.vstack([grid((0, 0), (1, 1), 0.25), [[0.5, 0.5]] * 4]),
+    ):
         with pytest.raises(ValueError, match=r"points \d+ and \d+ coincide at "):
-            Body(points, np.ones(len(points)), 1.5)  # it was built, and failed wherever its bonds were first asked for
+            Body(
+                points, np.ones(len(points)), 1.5
+            )  # it was built, and failed wherever its bonds were first asked for
     with pytest.raises(ValueError, match="contains no neighbor"):
         _ = Body(np.array([[0.0, 0.0], [3.0, 0.0]]), np.ones(2), 1.5).bonds
 
 
 @pytest.mark.parametrize(
-    ("spacing", "message"), [(5.0, "larger than the body"), (0.3, "does not divide"), (0.0, "positive"), (np.inf, "positive")]
+    ("spacing", "message"),
+    [
+        (5.0, "larger than the body"),
+        (0.3, "does not divide"),
+        (0.0, "positive"),
+        (np.inf, "positive"),
+    ],
 )
 def test_spacings_that_do_not_fit_are_refused(spacing, message):
     with pytest.raises(ValueError, match=message):

@@ -23,22 +23,35 @@ def grid_of(body):
 @pytest.mark.parametrize(
     ("name", "spacing"),
     [
-        *(("hole", 0.1), ("hole", 0.25), ("disc-torsion", 0.1), ("ring-pressure", 0.3), ("voids", 0.15), ("biaxial-hole", 0.1)),
+        *(
+            ("hole", 0.1),
+            ("hole", 0.25),
+            ("disc-torsion", 0.1),
+            ("ring-pressure", 0.3),
+            ("voids", 0.15),
+            ("biaxial-hole", 0.1),
+        ),
         *(("penny", 0.2), ("inflation", 0.125)),
     ],
 )
 def test_every_cell_has_the_volume_of_its_point(name, spacing):
-    """By the measures of VTK: cell by cell in the plane, and its integral, in which ParaView's has hexahedra of five tetrahedra."""
+    """By the measures of VTK: cell by cell in the plane, and its integral, in which ParaView's
+    has hexahedra of five tetrahedra.
+    """
     body = body_of(name, spacing)
     lattice = CellMesh.of_lattice(body.points, body.volumes, np.asarray(body.cell))
     assert np.ptp(body.volumes) > 0.3 * np.prod(body.cell)
     assert body.cells.nodes.shape == lattice.nodes.shape
-    for number in range(0, len(body), max(1, len(body) // 40)) if body.dimension == 3 else [slice(None)]:
+    for number in (
+        range(0, len(body), max(1, len(body) // 40)) if body.dimension == 3 else [slice(None)]
+    ):
         grid = grid_of(body).extract_cells(np.arange(len(body))[number])
         size = grid.integrate_data()[{2: "Area", 3: "Volume"}[body.dimension]]
         np.testing.assert_allclose(size, body.volumes[number].sum(), rtol=1e-9)
     if body.dimension == 2:
-        np.testing.assert_allclose(grid_of(body).compute_cell_sizes()["Area"], body.volumes, rtol=1e-9)
+        np.testing.assert_allclose(
+            grid_of(body).compute_cell_sizes()["Area"], body.volumes, rtol=1e-9
+        )
 
 
 def test_outer_corners_lie_on_the_outline():
@@ -52,10 +65,14 @@ def test_outer_corners_lie_on_the_outline():
     assert (np.isclose(off[:, 0], 1.5, atol=1e-12) | np.isclose(off[:, 1], 2.0, atol=1e-12)).all()
     # A square lattice within: far from the hole nothing has moved.
     far = np.linalg.norm(body.cells.nodes, axis=1) > 1.0
-    np.testing.assert_allclose(body.cells.nodes[far] % 0.1, np.round(body.cells.nodes[far] % 0.1, 1), atol=1e-9)
+    np.testing.assert_allclose(
+        body.cells.nodes[far] % 0.1, np.round(body.cells.nodes[far] % 0.1, 1), atol=1e-9
+    )
 
 
-@pytest.mark.parametrize("holes", [(), ({"shape": "rectangle", "lower": (0.5, 0.25), "size": (0.5, 0.5)},)])
+@pytest.mark.parametrize(
+    "holes", [(), ({"shape": "rectangle", "lower": (0.5, 0.25), "size": (0.5, 0.5)},)]
+)
 def test_cells_along_the_lattice_are_left_whole(holes):
     scene = pds.load_scene("uniaxial", {"spacing": 0.25, "holes": holes})
     body = discretize(scene)[0]

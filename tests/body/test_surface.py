@@ -13,7 +13,10 @@ SQUARE = {"shape": "rectangle", "size": [2.0, 2.0], "lower": [-1.0, -1.0]}
 DISC = {"shape": "circle", "radius": 1.0}
 TRIANGLE = {"shape": "polygon", "vertices": [[0, 0], [1.3, 2.2], [2.1, 0]]}  # clockwise
 LETTER = {"shape": "polygon", "vertices": [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]}
-BOW = {"shape": "polygon", "vertices": [[-1, -1], [-1 / 7, -1 / 7], [1, -1], [1, 1], [-1 / 7, -1 / 7], [-1, 0.5]]}  # two triangles
+BOW = {
+    "shape": "polygon",
+    "vertices": [[-1, -1], [-1 / 7, -1 / 7], [1, -1], [1, 1], [-1 / 7, -1 / 7], [-1, 0.5]],
+}  # two triangles
 
 
 def circle(radius, x1, x2):
@@ -21,10 +24,16 @@ def circle(radius, x1, x2):
 
 
 def box(lower, upper):
-    return {"shape": "rectangle", "size": [upper[0] - lower[0], upper[1] - lower[1]], "lower": list(lower)}
+    return {
+        "shape": "rectangle",
+        "size": [upper[0] - lower[0], upper[1] - lower[1]],
+        "lower": list(lower),
+    }
 
 
-SEGMENT = 0.25 * np.arccos(0.6) - 0.3 * 0.4  # of a disc of radius 0.5, beyond a chord 0.3 from its center
+SEGMENT = (
+    0.25 * np.arccos(0.6) - 0.3 * 0.4
+)  # of a disc of radius 0.5, beyond a chord 0.3 from its center
 
 BODIES = {
     "square": (SQUARE, [], 4.0, 1e-12),
@@ -36,17 +45,40 @@ BODIES = {
     "sides that touch": (BOW, [], 12.5 / 7, 1e-12),
     "hole across an edge": (SQUARE, [circle(0.5, 1.3, 0.0)], 4 - SEGMENT, 2e-3),
     "slot across an edge": (SQUARE, [box((0.4, -0.15), (1.2, 0.15))], 4 - 0.18, 1e-12),
-    "slot along an edge but for rounding": (SQUARE, [box((0.7, -0.15), (1.0 - 1e-10, 0.15))], 4 - 0.09, 1e-9),
-    "holes that share a side but for rounding": (SQUARE, [box((-0.5, -0.5), (-1e-10, 0.1)), box((0.0, -0.5), (0.5, 0.3))], 4 - 0.7, 1e-9),
-    "holes that share an edge on one side": (SQUARE, [box((-0.5, -0.5), (0.0, 0.5)), box((-0.5, -0.5), (0.5, 0.0))], 4 - 0.75, 1e-12),
-    "hole within a hole": (SQUARE, [circle(0.5, 0.0, 0.0), circle(0.3, 0.1, 0.0)], 4 - np.pi / 4, 1e-12),
+    "slot along an edge but for rounding": (
+        SQUARE,
+        [box((0.7, -0.15), (1.0 - 1e-10, 0.15))],
+        4 - 0.09,
+        1e-9,
+    ),
+    "holes that share a side but for rounding": (
+        SQUARE,
+        [box((-0.5, -0.5), (-1e-10, 0.1)), box((0.0, -0.5), (0.5, 0.3))],
+        4 - 0.7,
+        1e-9,
+    ),
+    "holes that share an edge on one side": (
+        SQUARE,
+        [box((-0.5, -0.5), (0.0, 0.5)), box((-0.5, -0.5), (0.5, 0.0))],
+        4 - 0.75,
+        1e-12,
+    ),
+    "hole within a hole": (
+        SQUARE,
+        [circle(0.5, 0.0, 0.0), circle(0.3, 0.1, 0.0)],
+        4 - np.pi / 4,
+        1e-12,
+    ),
     "two pieces": (SQUARE, [box((-0.15, -2.0), (0.15, 2.0))], 4 - 0.6, 1e-12),
 }
 
 
 def bodied(body, holes=(), spacing=0.1, **changes):
     """Scene of a body, the body, and its surface."""
-    scene = load_scene("uniaxial", {"body": body, "holes": list(holes), "spacing": spacing, "support": "points", **changes})
+    scene = load_scene(
+        "uniaxial",
+        {"body": body, "holes": list(holes), "spacing": spacing, "support": "points", **changes},
+    )
     discretized = discretize(scene)
     return scene, discretized, surface_of(scene, *discretized)
 
@@ -55,7 +87,9 @@ def check_closed(surface):
     """Every node is the end of as many facets as it is the start of, and the normals cancel."""
     first, second = surface.facets.T
     ends = np.arange(len(surface.nodes))
-    assert np.array_equal(np.bincount(first, minlength=len(ends)), np.bincount(second, minlength=len(ends)))
+    assert np.array_equal(
+        np.bincount(first, minlength=len(ends)), np.bincount(second, minlength=len(ends))
+    )
     assert np.bincount(first).min() >= 1
     np.testing.assert_allclose(surface.normals().sum(axis=0), 0, atol=1e-12)
     assert len(np.unique(np.sort(surface.facets, axis=1), axis=0)) == len(surface.facets)
@@ -75,10 +109,12 @@ def check_affine(surface, body):
 
 @pytest.mark.parametrize("case", BODIES)
 def test_boundaries_are_closed_and_enclose_the_body(case):
-    """Area by the divergence theorem; that of the points is found on a raster, to some 1/1000 of a cell for each cell that is cut.
+    """Area by the divergence theorem; that of the points is found on a raster, to some 1/1000 of a
+    cell for each cell that is cut.
 
-    Whole circles have their areas to rounding, and quarters of them, which begin on an axis.  An arc cut elsewhere ends within a facet,
-    which lies beyond the circle by up to theta^2/12 of the radius: (h/2)^3/(12 r) = 2e-5 of area at either end, and more at the edge.
+    Whole circles have their areas to rounding, and quarters of them, which begin on an axis.  An
+    arc cut elsewhere ends within a facet, which lies beyond the circle by up to theta^2/12 of the
+    radius: (h/2)^3/(12 r) = 2e-5 of area at either end, and more at the edge.
     """
     shape, holes, area, tolerance = BODIES[case]
     _, (body, _, _), surface = bodied(shape, holes)
@@ -114,7 +150,9 @@ def test_parts_are_named_where_they_lie():
 def smooth(places):
     """A field of second degree and more; its second derivatives are below 3."""
     x1, x2 = places.T
-    return np.stack([np.sin(1.5 * x1 + 0.4) * np.cos(x2), x1**2 - 0.7 * x1 * x2 + np.exp(0.5 * x2)], axis=1)
+    return np.stack(
+        [np.sin(1.5 * x1 + 0.4) * np.cos(x2), x1**2 - 0.7 * x1 * x2 + np.exp(0.5 * x2)], axis=1
+    )
 
 
 def smooth_gradient(places, step=1e-5):
@@ -124,15 +162,19 @@ def smooth_gradient(places, step=1e-5):
 
 @pytest.mark.parametrize("case", ["square", "ring", "letter", "hole across an edge"])
 def test_the_boundary_follows_smooth_motions_to_second_order(case):
-    """Half the spacing gives a quarter of the error, at corners too; beside curved ones, where cells are cut at random, less than 0.4.
+    """Half the spacing gives a quarter of the error, at corners too; beside curved ones, where
+    cells are cut at random, less than 0.4.
 
-    The fit at a straight edge has an error of h^2 times the second derivative across it, and a corner has that of both directions.
+    The fit at a straight edge has an error of h^2 times the second derivative across it, and a
+    corner has that of both directions.
     """
     errors = []
     for spacing in (0.1, 0.05, 0.025):
         shape, holes, *_ = BODIES[case]
         _, (body, _, _), surface = bodied(shape, holes, spacing)
-        errors.append(np.abs(surface.interpolation @ smooth(body.points) - smooth(surface.nodes)).max())
+        errors.append(
+            np.abs(surface.interpolation @ smooth(body.points) - smooth(surface.nodes)).max()
+        )
         assert errors[-1] < 6 * spacing**2
     assert errors[1] < 0.4 * errors[0]
     assert errors[2] < 0.4 * errors[1]
@@ -140,22 +182,44 @@ def test_the_boundary_follows_smooth_motions_to_second_order(case):
 
 @pytest.mark.parametrize("case", ["square", "ring", "letter"])
 def test_places_follow_quadratic_motions_exactly(case):
-    """With their gradients, inside and on the boundary; cubic ones leave third- and second-order errors."""
+    """With their gradients, inside and on the boundary; cubic ones leave third- and second-order
+    errors.
+    """
     shape, holes, *_ = BODIES[case]
     errors = []
     for spacing in (0.1, 0.05):
         _, (body, _, _), surface = bodied(shape, holes, spacing)
-        places = np.concatenate([surface.nodes, surface.midpoints(), body.points[::7] + 0.3 * spacing * np.array([1, -0.5])])
+        places = np.concatenate(
+            [
+                surface.nodes,
+                surface.midpoints(),
+                body.points[::7] + 0.3 * spacing * np.array([1, -0.5]),
+            ]
+        )
         values, gradients = interpolation(body, places)
         np.testing.assert_allclose(values @ body.points, places, rtol=0, atol=1e-12)
         deformation = np.stack([rows @ body.points for rows in gradients], axis=2)
-        np.testing.assert_allclose(deformation, np.broadcast_to(np.eye(2), deformation.shape), rtol=0, atol=1e-11)
+        np.testing.assert_allclose(
+            deformation, np.broadcast_to(np.eye(2), deformation.shape), rtol=0, atol=1e-11
+        )
         square = np.stack([places[:, 0] ** 2, places[:, 0] * places[:, 1]], axis=1)
-        at_points = np.stack([body.points[:, 0] ** 2, body.points[:, 0] * body.points[:, 1]], axis=1)
+        at_points = np.stack(
+            [body.points[:, 0] ** 2, body.points[:, 0] * body.points[:, 1]], axis=1
+        )
         np.testing.assert_allclose(values @ at_points, square, rtol=0, atol=1e-11)
-        np.testing.assert_allclose(gradients[0] @ at_points, np.stack([2 * places[:, 0], places[:, 1]], axis=1), rtol=0, atol=1e-10)
+        np.testing.assert_allclose(
+            gradients[0] @ at_points,
+            np.stack([2 * places[:, 0], places[:, 1]], axis=1),
+            rtol=0,
+            atol=1e-10,
+        )
         slopes = np.stack([rows @ smooth(body.points) for rows in gradients], axis=2)
-        errors.append([np.abs(values @ smooth(body.points) - smooth(places)).max(), np.abs(slopes - smooth_gradient(places)).max()])
+        errors.append(
+            [
+                np.abs(values @ smooth(body.points) - smooth(places)).max(),
+                np.abs(slopes - smooth_gradient(places)).max(),
+            ]
+        )
     (value, slope), (finer_value, finer_slope) = errors
     assert finer_value < value / 5
     assert finer_slope < slope / 3
@@ -168,7 +232,9 @@ def test_nothing_is_taken_across_holes_notches_and_cuts():
         _, (body, _, _), surface = bodied(SQUARE, holes, **changes)
         edge = (surface.parts == "left") & (np.abs(surface.midpoints()[:, 1]) < 0.3)
         nodes = np.unique(surface.facets[edge])
-        nodes = nodes[np.abs(surface.nodes[nodes, 1]) > 1e-9]  # the one at the mouth of a cut follows both sides
+        nodes = nodes[
+            np.abs(surface.nodes[nodes, 1]) > 1e-9
+        ]  # the one at the mouth of a cut follows both sides
         above = surface.nodes[nodes, 1] > 0
         rows = surface.interpolation.rows[0][nodes].toarray()
         assert not rows[above][:, body.points[:, 1] < 0].any()
@@ -180,7 +246,9 @@ def test_nothing_is_taken_across_holes_notches_and_cuts():
 
 
 def test_ligaments_of_one_row_tell_no_deformation():
-    """Between a slot and an edge one row of points is left, beyond which there is nothing; elsewhere all is well."""
+    """Between a slot and an edge one row of points is left, beyond which there is nothing;
+    elsewhere all is well.
+    """
     scene, (body, _, _), surface = bodied(SQUARE, [box((-1.0, 0.7), (1.0, 0.9))])
     lost = ~surface.followed()
     assert lost.any()
@@ -194,15 +262,21 @@ def test_ligaments_of_one_row_tell_no_deformation():
 
 def test_places_outside_are_refused_with_what_is_near():
     _, (body, _, _), _ = bodied(SQUARE, [circle(0.5, 0.0, 0.0)])
-    with pytest.raises(ValueError, match=r"^\(3, 0\.25\) lies outside .* \(0\.95, 0\.25\), 2\.05 away$"):
+    with pytest.raises(
+        ValueError, match=r"^\(3, 0\.25\) lies outside .* \(0\.95, 0\.25\), 2\.05 away$"
+    ):
         interpolation(body, np.array([[0.9, 0.9], [3.0, 0.25]]))
     with pytest.raises(ValueError, match=r"^\(0, 0\) lies outside the body"):
         interpolation(body, np.array([[0.0, 0.0]]))
 
 
-@pytest.mark.parametrize(("name", "version"), [("plate.inp", None), ("plate.msh", 2), ("plate.msh", 4)])
+@pytest.mark.parametrize(
+    ("name", "version"), [("plate.inp", None), ("plate.msh", 2), ("plate.msh", 4)]
+)
 def test_boundaries_of_meshes(tmp_path, name, version):
-    """Sides of one cell alone, with the mesh's own hole, which is the first one, and its groups, however the file says them."""
+    """Sides of one cell alone, with the mesh's own hole, which is the first one, and its groups,
+    however the file says them.
+    """
     path = write_plate(tmp_path / name, turned=version == 4, version=version)
     mesh = {"shape": "mesh", "file": str(path)}
     _, (body, _, _), surface = bodied(mesh)
@@ -214,19 +288,26 @@ def test_boundaries_of_meshes(tmp_path, name, version):
     assert dict(zip(*np.unique(surface.parts, return_counts=True), strict=True)) == counts
     assert set(body.groups) == {"soft", "stiff", "pull", "cavity", "seam"}
     np.testing.assert_array_equal(surface.groups["pull"], np.flatnonzero(surface.parts == "right"))
-    np.testing.assert_array_equal(surface.groups["cavity"], np.flatnonzero(surface.parts == "holes.0"))
+    np.testing.assert_array_equal(
+        surface.groups["cavity"], np.flatnonzero(surface.parts == "holes.0")
+    )
     assert len(surface.groups["seam"]) == 0
     assert (surface.midpoints()[surface.groups["soft"], 0] < 0.6).all()
     assert len(surface.groups["soft"]) + len(surface.groups["stiff"]) == len(surface.facets)
-    np.testing.assert_array_equal(np.sort(body.groups["soft"]), np.flatnonzero(body.points[:, 0] < 0.6))
-    # The cells beside a line: above and below the diagonal of a square one of two triangles has it for a side.
+    np.testing.assert_array_equal(
+        np.sort(body.groups["soft"]), np.flatnonzero(body.points[:, 0] < 0.6)
+    )
+    # The cells beside a line: above and below the diagonal of a square one of two triangles has it
+    # for a side.
     np.testing.assert_allclose(body.points[body.groups["pull"], 0], 1.2 - 0.1 / 3)
     assert len(body.groups["pull"]) == 12
     assert len(body.groups["seam"]) == 4 + 4
 
 
 def test_holes_in_meshes_leave_out_whole_cells(tmp_path):
-    """The boundary of what is left, around the points that are left; the mesh's own hole is numbered after those of the scene."""
+    """The boundary of what is left, around the points that are left; the mesh's own hole is
+    numbered after those of the scene.
+    """
     path = write_plate(tmp_path / "plate.msh")
     mesh = {"shape": "mesh", "file": str(path)}
     _, (body, _, _), surface = bodied(mesh, [box((-0.05, 0.0), (0.2, 0.2)), circle(0.11, 0.6, 1.0)])
@@ -237,7 +318,9 @@ def test_holes_in_meshes_leave_out_whole_cells(tmp_path):
     assert surface.areas()[surface.parts == "holes.2"].sum() == pytest.approx(1.6)
     for members in body.groups.values():
         assert members.max() < len(body)
-    np.testing.assert_array_equal(np.sort(body.groups["soft"]), np.flatnonzero(body.points[:, 0] < 0.6))
+    np.testing.assert_array_equal(
+        np.sort(body.groups["soft"]), np.flatnonzero(body.points[:, 0] < 0.6)
+    )
 
 
 def test_a_mesh_is_read_once_and_again_when_it_has_changed(tmp_path, monkeypatch):
@@ -259,12 +342,33 @@ def test_a_mesh_is_read_once_and_again_when_it_has_changed(tmp_path, monkeypatch
 
 
 def test_nodes_of_a_mesh_at_one_place_are_one(tmp_path):
-    """Two squares that share a side but no nodes: bonds bind them, and their common side is no boundary."""
+    """Two squares that share a side but no nodes: bonds bind them, and their common side is no
+    boundary.
+    """
     import meshio
 
-    corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1 + 1e-12, 0]]
-    meshio.write(tmp_path / "two.vtu", meshio.Mesh(np.array(corners, float), [("quad", [[0, 1, 2, 3], [4, 7, 6, 5]])]))
-    scene = load_scene("uniaxial", {"body": {"shape": "mesh", "file": str(tmp_path / "two.vtu")}, "spacing": 1.0, "support": "points"})
+    corners = [
+        [0, 0, 0],
+        [1, 0, 0],
+        [1, 1, 0],
+        [0, 1, 0],
+        [1, 0, 0],
+        [2, 0, 0],
+        [2, 1, 0],
+        [1, 1 + 1e-12, 0],
+    ]
+    meshio.write(
+        tmp_path / "two.vtu",
+        meshio.Mesh(np.array(corners, float), [("quad", [[0, 1, 2, 3], [4, 7, 6, 5]])]),
+    )
+    scene = load_scene(
+        "uniaxial",
+        {
+            "body": {"shape": "mesh", "file": str(tmp_path / "two.vtu")},
+            "spacing": 1.0,
+            "support": "points",
+        },
+    )
     surface = surface_of(scene, *discretize(scene))
     assert len(surface.facets) == 6
     check_closed(surface)

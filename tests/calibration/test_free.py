@@ -7,7 +7,8 @@ from pdsurrogate.calibration.free import grouping
 
 
 def test_smooth_residuals_tell_less_than_independent_ones(random):
-    """1,225 places, 3 steps, 2 components: the mean square of some 190 groups without common places has a scatter of 10 %.
+    """1,225 places, 3 steps, 2 components: the mean square of some 190 groups without common places
+    has a scatter of 10 %.
 
     Constant residuals give the number of residuals in a group.
     """

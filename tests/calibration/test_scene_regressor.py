@@ -1,4 +1,6 @@
-"""Laws from fields and forces: parameters come back with their standard errors, and bad tables are refused."""
+"""Laws from fields and forces: parameters come back with their standard errors, and bad tables
+are refused.
+"""
 
 import json
 import re
@@ -26,7 +28,16 @@ NOISE, FORCE_NOISE = 1e-3, 0.01
 
 
 def sheet(material, spacing=0.5, **changes):
-    return pds.load_scene("hole", {"spacing": spacing, "stretches": STRETCHES, "material": material, "reference": None, **changes})
+    return pds.load_scene(
+        "hole",
+        {
+            "spacing": spacing,
+            "stretches": STRETCHES,
+            "material": material,
+            "reference": None,
+            **changes,
+        },
+    )
 
 
 def table(places, steps):
@@ -35,7 +46,14 @@ def table(places, steps):
     return np.array([*rows, *((step, 0, 0.0, 0.0) for step in steps)])
 
 
-PLACES = np.array([(x, y) for x in np.linspace(-1.35, 1.35, 10) for y in np.linspace(-1.8, 1.8, 13) if x * x + y * y > 0.5**2])
+PLACES = np.array(
+    [
+        (x, y)
+        for x in np.linspace(-1.35, 1.35, 10)
+        for y in np.linspace(-1.8, 1.8, 13)
+        if x * x + y * y > 0.5**2
+    ]
+)
 X = table(PLACES, (1, 2, 3))
 DEVIATION = np.where(X[:, 1] > 0, NOISE, FORCE_NOISE)
 
@@ -48,7 +66,9 @@ def measured(law, scene=None, rows=X):
 
 @pytest.fixture
 def same_body():
-    """Measurements simulated at the spacing of the scene have no discretization error: its estimate from twice the spacing vanishes."""
+    """Measurements simulated at the spacing of the scene have no discretization error: its
+    estimate from twice the spacing vanishes.
+    """
     with patch("pdsurrogate.calibration.fitting.ORDER", 60.0):
         yield
 
@@ -64,8 +84,12 @@ def exact(gent):
 
 
 def test_parameters_come_back_from_exact_measurements(gent, exact):
-    """The same discrete body: what is left are the tolerances of the search and of the run that made the data, 1e-5 of the stresses."""
-    found = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, exact, standard_deviation=DEVIATION)
+    """The same discrete body: what is left are the tolerances of the search and of the run that
+    made the data, 1e-5 of the stresses.
+    """
+    found = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
+        X, exact, standard_deviation=DEVIATION
+    )
     np.testing.assert_allclose(found.parameters_, [0.8, 12.0], rtol=1e-3)
     assert found.undetermined_ == found.at_bound_ == []
     assert found.law_.bulk_modulus == pytest.approx(100 * found.parameters_[0])
@@ -73,18 +97,28 @@ def test_parameters_come_back_from_exact_measurements(gent, exact):
 
 @pytest.mark.usefixtures("same_body")
 def test_standard_errors_are_what_the_noise_of_each_measurement_moves(gent):
-    """Each of four measurements by 0.3 of its standard deviation; the stresses bend over the chain limit by less than 5 % of that."""
-    scene, deviations = sheet("neo-hookean", stretches=[1.2, 1.45]), np.array([FORCE_NOISE, FORCE_NOISE, NOISE, NOISE])
+    """Each of four measurements by 0.3 of its standard deviation; the stresses bend over the
+    chain limit by less than 5 % of that.
+    """
+    scene, deviations = (
+        sheet("neo-hookean", stretches=[1.2, 1.45]),
+        np.array([FORCE_NOISE, FORCE_NOISE, NOISE, NOISE]),
+    )
     rows = np.array([[1, 0, 0, 0], [2, 0, 0, 0], [2, 1, 1.35, 0.6], [2, 2, 0.45, 1.2]])
     y = measured(gent, scene, rows)
     model = pds.SceneRegressor(scene, "gent", refine=1).fit(rows, y, standard_deviation=deviations)
-    moved = [clone(model).fit(rows, y + step, standard_deviation=deviations).parameters_ for step in np.diag(0.3 * deviations)]
+    moved = [
+        clone(model).fit(rows, y + step, standard_deviation=deviations).parameters_
+        for step in np.diag(0.3 * deviations)
+    ]
     found = np.sqrt(((moved - model.parameters_) ** 2).sum(axis=0)) / 0.3
     np.testing.assert_allclose(model.standard_errors_, found, rtol=0.05)
 
 
 def test_the_noise_of_a_field_is_found_without_being_stated(exact, random):
-    """The median of 600 differences has a standard deviation of 4 %; what the field bends between places adds a little."""
+    """The median of 600 differences has a standard deviation of 4 %; what the field bends
+    between places adds a little.
+    """
     y = exact + 5 * DEVIATION * random.standard_normal(len(X))
     found = pds.SceneRegressor(sheet("neo-hookean")).stated_deviations(X, y, {})
     field = X[:, 1] > 0
@@ -97,7 +131,9 @@ def test_a_field_without_forces_does_not_determine_moduli(exact, random):
     """Equilibria of prescribed motions depend on ratios of moduli alone."""
     field = X[:, 1] > 0
     y = exact + DEVIATION * random.standard_normal(len(X))
-    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X[field], y[field], standard_deviation=NOISE)
+    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
+        X[field], y[field], standard_deviation=NOISE
+    )
     assert model.undetermined_ == ["shear_modulus"]
     assert (model.parameters_[0], model.standard_errors_[0]) == (1.0, np.inf)  # at its start
     assert model.standard_errors_[1] < 0.2 * 12
@@ -109,8 +145,12 @@ def test_a_field_without_forces_does_not_determine_moduli(exact, random):
 @pytest.mark.usefixtures("same_body")
 def test_fields_tell_more_than_forces(exact, random):
     y, forces = exact + DEVIATION * random.standard_normal(len(X)), X[:, 1] == 0
-    both = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, y, standard_deviation=DEVIATION)
-    alone = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X[forces], y[forces], standard_deviation=FORCE_NOISE)
+    both = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
+        X, y, standard_deviation=DEVIATION
+    )
+    alone = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
+        X[forces], y[forces], standard_deviation=FORCE_NOISE
+    )
     assert both.standard_errors_[1] < alone.standard_errors_[1]
     assert both.lack_of_fit_ == pytest.approx(1.0, abs=4 * (2 / len(X)) ** 0.5)
 
@@ -123,17 +163,35 @@ LAST_DEVIATION = DEVIATION[X[:, 0] == 3]
 
 @pytest.fixture(scope="module")
 def halved(gent):
-    """A sheet of the spacing 0.4, data of half the spacing, and the law fitted to them without a correction."""
-    scene, half = (sheet("neo-hookean", spacing, stretches=STRETCHES[-1:]) for spacing in (0.4, 0.2))
+    """A sheet of the spacing 0.4, data of half the spacing, and the law fitted to them without a
+    correction.
+    """
+    scene, half = (
+        sheet("neo-hookean", spacing, stretches=STRETCHES[-1:]) for spacing in (0.4, 0.2)
+    )
     fine = measured(gent, half, LAST)
-    with pytest.warns(UserWarning, match="refine=1: the discretization error that is not corrected is about .* standard deviations"):
-        return scene, fine, pds.SceneRegressor(scene, "gent", refine=1).fit(LAST, fine, standard_deviation=LAST_DEVIATION)
+    with pytest.warns(
+        UserWarning,
+        match=(
+            "refine=1: the discretization error that is not corrected is about .* standard"
+            " deviations"
+        ),
+    ):
+        return (
+            scene,
+            fine,
+            pds.SceneRegressor(scene, "gent", refine=1).fit(
+                LAST, fine, standard_deviation=LAST_DEVIATION
+            ),
+        )
 
 
 def test_without_a_correction_the_standard_errors_contain_the_discretization_error(halved):
-    """Data of half the spacing: the noise alone, a small part of the standard error, would state the wrong chain limit as certain.
+    """Data of half the spacing: the noise alone, a small part of the standard error, would state
+    the wrong chain limit as certain.
 
-    The error from twice the spacing is that of an order of 1.5; with the errors of this estimate, three of them contain the truth.
+    The error from twice the spacing is that of an order of 1.5; with the errors of this estimate,
+    three of them contain the truth.
     """
     _, fine, model = halved
     with patch("pdsurrogate.calibration.fitting.ORDER", 60.0):
@@ -146,16 +204,28 @@ def test_without_a_correction_the_standard_errors_contain_the_discretization_err
 
 def test_a_discretization_error_that_cannot_be_estimated_is_named():
     """At twice the spacing the place beside the hole has no points near it."""
-    scene = sheet("neo-hookean", 0.4, stretches=[1.1], body={"size": [1.2, 2.4], "lower": [-0.6, -1.2]})
+    scene = sheet(
+        "neo-hookean", 0.4, stretches=[1.1], body={"size": [1.2, 2.4], "lower": [-0.6, -1.2]}
+    )
     rows, u = np.array([[1, 1, 0.5, 0.0], [1, 0, 0, 0]]), [-0.01, 1.0]
-    with pytest.warns(UserWarning, match="refine=1: the discretization error of scene hole is unknown and no part of the standard errors"):
+    with pytest.warns(
+        UserWarning,
+        match=(
+            "refine=1: the discretization error of scene hole is unknown and no part of the"
+            " standard errors"
+        ),
+    ):
         pds.SceneRegressor(scene, refine=1).fit(rows, u, standard_deviation=[0.1, 0.1])
 
 
 def test_a_finer_simulation_corrects_the_discretization_error(halved):
-    """Data of a body with half the spacing: without the correction the modulus is off by the stiffness of a coarse sheet."""
+    """Data of a body with half the spacing: without the correction the modulus is off by the
+    stiffness of a coarse sheet.
+    """
     scene, fine, coarse = halved
-    corrected = pds.SceneRegressor(scene, "gent", refine=2).fit(LAST, fine, standard_deviation=LAST_DEVIATION)
+    corrected = pds.SceneRegressor(scene, "gent", refine=2).fit(
+        LAST, fine, standard_deviation=LAST_DEVIATION
+    )
     off = [np.abs(fit.parameters_ / [0.8, 12.0] - 1).max() for fit in (coarse, corrected)]
     assert off[1] < 0.1 * off[0]
     assert coarse.lack_of_fit_ > 10 * corrected.lack_of_fit_
@@ -175,17 +245,26 @@ def test_several_scenes_share_a_law(gent, exact):
 
 @pytest.mark.usefixtures("same_body")
 def test_stresses_have_the_errors_of_the_parameters():
-    model = pds.SceneRegressor(sheet("neo-hookean"), refine=1).fit([[1, 0, 0, 0]], [2.0], standard_deviation=0.1)
+    model = pds.SceneRegressor(sheet("neo-hookean"), refine=1).fit(
+        [[1, 0, 0, 0]], [2.0], standard_deviation=0.1
+    )
     states = np.stack([[1.5, 2.0], MODES["uniaxial"](np.array([1.5, 2.0]))], axis=1)
     stress, error = model.nominal_stress(states)
     np.testing.assert_allclose(stress, nominal_stress(model.law_, states))
-    np.testing.assert_allclose(error / stress, 0.05, rtol=1e-2)  # a modulus is known as well as the force
+    np.testing.assert_allclose(
+        error / stress, 0.05, rtol=1e-2
+    )  # a modulus is known as well as the force
 
 
 @pytest.mark.usefixtures("same_body")
 def test_the_spread_of_members_is_the_standard_error_of_stresses(exact, random):
-    """The spread of 400 members has an error of 4 %; the curvature of stresses over the chain limit adds a few percent."""
-    y, model = exact + DEVIATION * random.standard_normal(len(X)), pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1)
+    """The spread of 400 members has an error of 4 %; the curvature of stresses over the chain
+    limit adds a few percent.
+    """
+    y, model = (
+        exact + DEVIATION * random.standard_normal(len(X)),
+        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1),
+    )
     with patch("pdsurrogate.calibration.fitting.MEMBERS", 400):
         model.fit(X, y, standard_deviation=DEVIATION)
     states = np.array([[at, MODES[mode](at)] for mode in MODES for at in (1.2, 2.0)])
@@ -197,7 +276,10 @@ def test_the_spread_of_members_is_the_standard_error_of_stresses(exact, random):
 def test_members_repeat_from_their_seed():
     model = pds.SceneRegressor(sheet("neo-hookean", stretches=[1.1]), refine=1)
     first, second, other = (
-        model.set_params(random_state=seed).fit([[1, 0, 0, 0]], [0.8], standard_deviation=FORCE_NOISE).members_ for seed in (0, 0, 1)
+        model.set_params(random_state=seed)
+        .fit([[1, 0, 0, 0]], [0.8], standard_deviation=FORCE_NOISE)
+        .members_
+        for seed in (0, 0, 1)
     )
     assert first == second
     assert not set(map(str, first)) & set(map(str, other))
@@ -206,7 +288,10 @@ def test_members_repeat_from_their_seed():
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        ([4, 0, 0, 0], "step 4: the outputs of scene hole are numbered from 1, the number of its stretches"),
+        (
+            [4, 0, 0, 0],
+            "step 4: the outputs of scene hole are numbered from 1, the number of its stretches",
+        ),
         ([0, 0, 0, 0], "step 0"),
         ([1, 3, 0, 1], "quantity 3: 1 to 2 are components"),
         ([1, -1, 0, 1], "quantity -1"),
@@ -228,7 +313,18 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent):
     np.savetxt(tmp_path / "F.csv", fields, delimiter=",", header="step,x1,x2,u1,u2", comments="")
     forces = np.column_stack([[1, 2, 3], exact[X[:, 1] == 0]])
     np.savetxt(tmp_path / "G.csv", forces, delimiter=",", header="step,force", comments="")
-    options = ["--set", "spacing=0.3", "--set", f"stretches={STRETCHES}", "--refine", "1", "--law", "gent", "--out", str(tmp_path / "out")]
+    options = [
+        "--set",
+        "spacing=0.3",
+        "--set",
+        f"stretches={STRETCHES}",
+        "--refine",
+        "1",
+        "--law",
+        "gent",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     files = ["--fields", str(tmp_path / "F.csv"), "--forces", str(tmp_path / "G.csv")]
     with patch("pdsurrogate.cli.calibrate.Bar.event") as shown:
         done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", *files, *options, "--json"])
@@ -236,23 +332,44 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent):
     assert any("sum_of_squared_residuals" in call.kwargs for call in shown.call_args_list)
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert found["parameters"]["chain_limit"] == pytest.approx(12.0, rel=2e-3)
-    assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"calibration-outputs.png", "calibration-residuals.png"}
+    assert {path.name for path in (tmp_path / "out").glob("*.png")} == {
+        "calibration-outputs.png",
+        "calibration-residuals.png",
+    }
     stored = pds.load_card(tmp_path / "out" / "sheet")
     assert stored.material.trained_with == found["law"]
     assert [member.material.trained_with["law"] for member in stored.members] == 8 * ["gent"]
-    members = [pds.simulate(coarse(None, stretches=[1.4]), f"{tmp_path}/out/sheet#{n}").levels[-1]["nominal_stress"] for n in range(1, 9)]
+    members = [
+        pds.simulate(coarse(None, stretches=[1.4]), f"{tmp_path}/out/sheet#{n}").levels[-1][
+            "nominal_stress"
+        ]
+        for n in range(1, 9)
+    ]
     error = pds.simulate(coarse(found["law"], stretches=[1.4]), "analytic").standard_errors(
-        ["nominal_stress"], pds.materials.LawCovariance(coarse(found["law"]).law(), **found["covariance"])
+        ["nominal_stress"],
+        pds.materials.LawCovariance(coarse(found["law"]).law(), **found["covariance"]),
     )
-    # The spread of eight members has a standard deviation of 25 %: the bounds lie three and four of them away.
+    # The spread of eight members has a standard deviation of 25 %: the bounds lie three and four of
+    # them away.
     assert 0.25 < np.std(members) / error["nominal_stress"] < 2
     biaxial = pds.load_scene("biaxial-hole", spacing=0.1)
-    visited = [pds.simulate(one, tmp_path / "out" / "sheet").summary["beyond_data"] for one in (coarse(None, stretches=[1.2]), biaxial)]
+    visited = [
+        pds.simulate(one, tmp_path / "out" / "sheet").summary["beyond_data"]
+        for one in (coarse(None, stretches=[1.2]), biaxial)
+    ]
     # States of bonds differ a little from those of points, whose hull is the domain.
     assert visited[0][-1]["share"] < 0.01 < visited[1][-1]["share"]
-    scene, models = coarse(found["law"], stretches=[1.2]), (pds.load_surrogate(tmp_path / "out" / "sheet"), "analytic")
+    scene, models = (
+        coarse(found["law"], stretches=[1.2]),
+        (
+            pds.load_surrogate(tmp_path / "out" / "sheet"),
+            "analytic",
+        ),
+    )
     stored, of_the_law = (pds.simulate(scene, model) for model in models)
-    assert stored.levels[-1]["nominal_stress"] == pytest.approx(of_the_law.levels[-1]["nominal_stress"], rel=1e-3)
+    assert stored.levels[-1]["nominal_stress"] == pytest.approx(
+        of_the_law.levels[-1]["nominal_stress"], rel=1e-3
+    )
     covariance = found["covariance"]
     exact = pds.materials.LawCovariance(scene.law(), covariance["names"], covariance["values"])
     errors = stored.standard_errors(["nominal_stress"])
@@ -270,9 +387,29 @@ def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
     lines = ["# a comment", "step, force_bottom_2 [N], tip_displacement_1, probe_tip_u2, note"]
     lines += [f"{n + 1},{force[n]:.9f},{u[n][0] if n else '':},{u[n][1]:.9f},x" for n in range(3)]
     (tmp_path / "G.csv").write_text("\n".join(lines))
-    options = ["--set", "spacing=0.5", "--set", f"stretches={STRETCHES}", "--set", "probes=[{name='tip',at=[0.9,0.3]}]"]
-    command = ["calibrate", "hole", "tip", "--forces", str(tmp_path / "G.csv"), *options, "--refine", "1", "--law", "gent"]
-    done = CliRunner().invoke(app, [*command, "--field-noise", "0.001", "--out", str(tmp_path / "out")])
+    options = [
+        "--set",
+        "spacing=0.5",
+        "--set",
+        f"stretches={STRETCHES}",
+        "--set",
+        "probes=[{name='tip',at=[0.9,0.3]}]",
+    ]
+    command = [
+        "calibrate",
+        "hole",
+        "tip",
+        "--forces",
+        str(tmp_path / "G.csv"),
+        *options,
+        "--refine",
+        "1",
+        "--law",
+        "gent",
+    ]
+    done = CliRunner().invoke(
+        app, [*command, "--field-noise", "0.001", "--out", str(tmp_path / "out")]
+    )
     assert done.exit_code == 0, done.output
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert found["parameters"]["chain_limit"] == pytest.approx(12.0, rel=2e-3)
@@ -282,7 +419,9 @@ def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
         "probe_tip_u2": 3,
     }
     assert found["measurements"]["probe_tip_u2"]["standard_deviation"] == pytest.approx(0.001)
-    assert found["measurements"]["force_bottom_2"]["standard_deviation"] == pytest.approx(0.005 * abs(force[-1]))
+    assert found["measurements"]["force_bottom_2"]["standard_deviation"] == pytest.approx(
+        0.005 * abs(force[-1])
+    )
     assert found["outputs"]["force_bottom_2"][0]["fit"] == pytest.approx(force[0], rel=1e-3)
     assert (tmp_path / "out" / "calibration-outputs.png").exists()
 
@@ -302,8 +441,19 @@ def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
 )
 def test_tables_of_outputs_that_make_no_sense_are_refused(text, message, tmp_path):
     (tmp_path / "G.csv").write_text(text)
-    options = ["--set", "spacing=0.5", "--law", "neo-hookean", "--refine", "1", "--out", str(tmp_path / "out")]
-    done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", "--forces", str(tmp_path / "G.csv"), *options])
+    options = [
+        "--set",
+        "spacing=0.5",
+        "--law",
+        "neo-hookean",
+        "--refine",
+        "1",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    done = CliRunner().invoke(
+        app, ["calibrate", "hole", "sheet", "--forces", str(tmp_path / "G.csv"), *options]
+    )
     assert done.exit_code == 2
     assert re.search(message, " ".join(done.stderr.split()))
 
@@ -311,10 +461,21 @@ def test_tables_of_outputs_that_make_no_sense_are_refused(text, message, tmp_pat
 def test_probes_alone_do_not_determine_moduli():
     """As displacements of fields, those of probes depend on ratios of moduli alone."""
     truth = {"law": "gent", "shear_modulus": 2.0, "bulk_modulus": 50.0, "chain_limit": 60.0}
-    scene, truth = (sheet(law, probes=[{"name": "tip", "at": [0.9, 0.3]}]) for law in ("neo-hookean", truth))
-    _, second, third = (level["probes"]["tip"]["displacement"] for level in pds.simulate(truth, "bond-energy").levels)
-    model = pds.SceneRegressor(scene, "gent", outputs=["probes.tip.displacement.0", "probes.tip.displacement.1"], refine=1)
-    model.fit([[2, 0, 0, 0], [3, 0, 0, 0], [3, -1, 0, 0]], [second[0], third[0], third[1]], standard_deviation=0.01)
+    scene, truth = (
+        sheet(law, probes=[{"name": "tip", "at": [0.9, 0.3]}]) for law in ("neo-hookean", truth)
+    )
+    _, second, third = (
+        level["probes"]["tip"]["displacement"]
+        for level in pds.simulate(truth, "bond-energy").levels
+    )
+    model = pds.SceneRegressor(
+        scene, "gent", outputs=["probes.tip.displacement.0", "probes.tip.displacement.1"], refine=1
+    )
+    model.fit(
+        [[2, 0, 0, 0], [3, 0, 0, 0], [3, -1, 0, 0]],
+        [second[0], third[0], third[1]],
+        standard_deviation=0.01,
+    )
     assert "shear_modulus" in model.undetermined_
     assert model.parameters_[0] == 1.0  # at its start
 
@@ -323,16 +484,36 @@ def test_probes_alone_do_not_determine_moduli():
     ("text", "message"),
     [
         ("step,x1,x2,u1\n1,0,0,0\n", "there is no u2 among step, x1, x2, u1"),
-        ("step;x1;x2;u1;u2\n1;1;0;0;0\n", "the columns, separated by commas, must be step, x1, x2, u1, u2"),
+        (
+            "step;x1;x2;u1;u2\n1;1;0;0;0\n",
+            "the columns, separated by commas, must be step, x1, x2, u1, u2",
+        ),
         ("step,x1,x2,u1,u2,u2\n1,1,0,0,0,0\n", "there are two columns u2"),
-        ("step,x1,x2,u1,u2\n1,1,5,0,0,1,0,2\n", "line 2: more entries than the 5 columns; decimals have points, not commas"),
-        ("step,x1,x2,u1,u2\n1,1,0,0,1\n1,1.5,0,0,1\n1,1,0,0,1\n", "line 4: this row is a copy of an earlier one"),
+        (
+            "step,x1,x2,u1,u2\n1,1,5,0,0,1,0,2\n",
+            "line 2: more entries than the 5 columns; decimals have points, not commas",
+        ),
+        (
+            "step,x1,x2,u1,u2\n1,1,0,0,1\n1,1.5,0,0,1\n1,1,0,0,1\n",
+            "line 4: this row is a copy of an earlier one",
+        ),
     ],
 )
 def test_files_that_are_no_table_of_displacements_are_refused(text, message, tmp_path):
     (tmp_path / "F.csv").write_text(text)
     done = CliRunner().invoke(
-        app, ["calibrate", "hole", "sheet", "--fields", str(tmp_path / "F.csv"), "--law", "gent", "--out", str(tmp_path)]
+        app,
+        [
+            "calibrate",
+            "hole",
+            "sheet",
+            "--fields",
+            str(tmp_path / "F.csv"),
+            "--law",
+            "gent",
+            "--out",
+            str(tmp_path),
+        ],
     )
     assert done.exit_code == 2
     assert message in " ".join(done.stderr.split())
@@ -340,26 +521,56 @@ def test_files_that_are_no_table_of_displacements_are_refused(text, message, tmp
 
 def test_laws_of_the_users_own_are_fitted(tmp_path):
     """They are defined after the command was loaded."""
-    lines = "from pdsurrogate.materials import NeoHookean\n\n\nclass Own(NeoHookean):\n    name = 'own-law'\n"
+    lines = (
+        "from pdsurrogate.materials import NeoHookean\n\n\nclass Own(NeoHookean):\n    name ="
+        " 'own-law'\n"
+    )
     (tmp_path / "own_law_file.py").write_text(lines)
     (tmp_path / "G.csv").write_text("step,force\n1,0.86\n")
-    options = ["--set", "spacing=0.5", "--set", "stretches=[1.1]", "--refine", "1", "--law", "own-law", "--out", str(tmp_path / "out")]
-    command = ["calibrate", "hole", "sheet", "--import", str(tmp_path / "own_law_file.py"), "--forces", str(tmp_path / "G.csv")]
+    options = [
+        "--set",
+        "spacing=0.5",
+        "--set",
+        "stretches=[1.1]",
+        "--refine",
+        "1",
+        "--law",
+        "own-law",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    command = [
+        "calibrate",
+        "hole",
+        "sheet",
+        "--import",
+        str(tmp_path / "own_law_file.py"),
+        "--forces",
+        str(tmp_path / "G.csv"),
+    ]
     with patch.dict(pds.materials.LAWS):
         done = CliRunner().invoke(app, [*command, *options])
     assert done.exit_code == 0, done.output
-    assert json.loads((tmp_path / "out" / "calibration.json").read_text())["law"]["law"] == "own-law"
+    assert (
+        json.loads((tmp_path / "out" / "calibration.json").read_text())["law"]["law"] == "own-law"
+    )
 
 
 @pytest.mark.parametrize("law", ["gnet", "polyconvex"])
 def test_laws_that_cannot_be_fitted_are_refused(law):
-    with pytest.raises(ValueError, match=f"unknown law '{law}'; laws that can be fitted to tests are neo-hookean"):
+    with pytest.raises(
+        ValueError, match=f"unknown law '{law}'; laws that can be fitted to tests are neo-hookean"
+    ):
         pds.SceneRegressor(sheet("neo-hookean"), law, refine=1).fit([[1, 0, 0, 0]], [0.86])
 
 
 def test_a_parameter_at_zero_stays_within_its_bounds(exact):
-    """Gent's rubber has no second invariant: the share of it in Mooney's and Rivlin's law ends at zero."""
-    model = pds.SceneRegressor(sheet("neo-hookean"), "mooney-rivlin", refine=1).fit(X, exact, standard_deviation=DEVIATION)
+    """Gent's rubber has no second invariant: the share of it in Mooney's and Rivlin's law ends
+    at zero.
+    """
+    model = pds.SceneRegressor(sheet("neo-hookean"), "mooney-rivlin", refine=1).fit(
+        X, exact, standard_deviation=DEVIATION
+    )
     assert model.at_bound_ == ["second_share"]
     assert 0 <= model.law_.second_share < 1e-5
     assert len({law.shear_modulus for law in model.members_}) == 8
@@ -368,64 +579,108 @@ def test_a_parameter_at_zero_stays_within_its_bounds(exact):
 
 def test_fields_under_loads_determine_moduli(gent):
     """A scene with loads alone pulls no region whose force could be asked for."""
-    hung = {"stretches": [], "grips": [], "steps": [0.5, 1.0], "prescribed": [{"region": "bottom", "x1": 0.0, "x2": 0.0}]}
+    hung = {
+        "stretches": [],
+        "grips": [],
+        "steps": [0.5, 1.0],
+        "prescribed": [{"region": "bottom", "x1": 0.0, "x2": 0.0}],
+    }
     scene = sheet("neo-hookean", **hung, loads=[{"region": "top", "traction": [0.0, 0.3]}])
     rows = X[(X[:, 1] > 0) & (X[:, 0] < 3)]
     model = pds.SceneRegressor(scene, "neo-hookean", refine=1)
-    model.fit(rows, measured(pds.materials.NeoHookean(0.7, 70.0), scene, rows), standard_deviation=NOISE)
+    model.fit(
+        rows, measured(pds.materials.NeoHookean(0.7, 70.0), scene, rows), standard_deviation=NOISE
+    )
     assert model.parameters_ == pytest.approx([0.7], rel=1e-4)
 
 
 def test_a_field_beside_an_interface_is_that_of_its_own_material():
     """Runs and derivatives interpolate to the same places; across the interface, gradients jump."""
     other = {"law": "neo-hookean", "shear_modulus": 2.5, "bulk_modulus": 250.0}
-    scene = sheet("neo-hookean", materials=[{"region": {"box": [[-2.0, -2.0], [2.0, -0.6]]}, "material": other}])
+    scene = sheet(
+        "neo-hookean",
+        materials=[{"region": {"box": [[-2.0, -2.0], [2.0, -0.6]]}, "material": other}],
+    )
     law = pds.materials.NeoHookean(0.7, 70.0)
-    model = pds.SceneRegressor(scene, "neo-hookean", refine=1).fit(X, measured(law, scene), standard_deviation=DEVIATION)
+    model = pds.SceneRegressor(scene, "neo-hookean", refine=1).fit(
+        X, measured(law, scene), standard_deviation=DEVIATION
+    )
     assert model.parameters_ == pytest.approx([0.7], rel=1e-4)
     assert model.lack_of_fit_ < 1e-3
 
 
 def test_repeated_measurements_do_not_hide_their_noise(exact, random):
-    """A place measured twice is not its own neighbor: all rows copied, the standard errors fall by the root of two."""
+    """A place measured twice is not its own neighbor: all rows copied, the standard errors fall
+    by the root of two.
+    """
     y = exact + DEVIATION * random.standard_normal(len(exact))
     model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1)
-    once, twice = (model.stated_deviations(np.vstack([X] * n), np.concatenate([y] * n), {}) for n in (1, 2))
+    once, twice = (
+        model.stated_deviations(np.vstack([X] * n), np.concatenate([y] * n), {}) for n in (1, 2)
+    )
     np.testing.assert_array_equal(twice, np.concatenate([once, once]))
 
 
 def test_copies_of_rows_are_told():
     """Places of outputs have no meaning; a second value is a second measurement."""
     model = pds.SceneRegressor(sheet("neo-hookean", stretches=[1.1]), refine=1)
-    with pytest.warns(UserWarning, match="X: 2 rows of scene hole are copies of others, such as forces.*[01] = 0.8 in step 1; each counts"):
-        model.fit([[1, 0, 0, 0], [1, 0, 1, 1], [1, 0, 0, 0], [1, 0, 0, 0]], [0.8, 0.8, 0.8, 0.82], standard_deviation=0.1)
+    with pytest.warns(
+        UserWarning,
+        match=(
+            "X: 2 rows of scene hole are copies of others, such as forces.*[01] = 0.8 in step 1;"
+            " each counts"
+        ),
+    ):
+        model.fit(
+            [[1, 0, 0, 0], [1, 0, 1, 1], [1, 0, 0, 0], [1, 0, 0, 0]],
+            [0.8, 0.8, 0.8, 0.82],
+            standard_deviation=0.1,
+        )
 
 
 def test_a_fit_tells_its_progress(caplog):
     model = pds.SceneRegressor(sheet("neo-hookean", stretches=[1.1]), refine=2)
     with caplog.at_level("INFO", "pdsurrogate.calibration"):
         model.fit([[1, 0, 0, 0]], [0.8], standard_deviation=0.1)
-    told = [record.getMessage() for record in caplog.records if record.name.startswith("pdsurrogate.calibration")]
+    told = [
+        record.getMessage()
+        for record in caplog.records
+        if record.name.startswith("pdsurrogate.calibration")
+    ]
     assert told[-1].startswith(f"{model.n_simulations_} equilibria, sum of squared residuals ")
     assert "hole: finer simulation, spacing 0.25" in told
 
 
 def test_a_bulk_modulus_and_its_ratio_exclude_each_other():
     with pytest.raises(ValueError, match="bulk_modulus and bulk_ratio exclude each other"):
-        pds.SceneRegressor(sheet("neo-hookean"), bulk_ratio=100.0, bulk_modulus=80.0, refine=1).fit([[1, 0, 0, 0]], [0.86])
+        pds.SceneRegressor(sheet("neo-hookean"), bulk_ratio=100.0, bulk_modulus=80.0, refine=1).fit(
+            [[1, 0, 0, 0]], [0.86]
+        )
 
 
 def test_an_energy_without_a_law_gives_the_stresses_of_a_law_in_other_states(gent, exact):
-    """Stresses up to the stretches in the sheet; the terms follow the logarithm of the law there within 1 %, and the rest is a margin."""
-    model = pds.SceneRegressor(sheet("neo-hookean"), None, refine=1).fit(X, exact, standard_deviation=DEVIATION)
+    """Stresses up to the stretches in the sheet; the terms follow the logarithm of the law there
+    within 1 %, and the rest is a margin.
+    """
+    model = pds.SceneRegressor(sheet("neo-hookean"), None, refine=1).fit(
+        X, exact, standard_deviation=DEVIATION
+    )
     stretches = np.linspace(1.1, 1.5, 5)
-    states = np.vstack([np.stack([stretches, MODES[mode](stretches)], axis=1) for mode in ("uniaxial", "pure-shear")])
+    states = np.vstack(
+        [
+            np.stack([stretches, MODES[mode](stretches)], axis=1)
+            for mode in ("uniaxial", "pure-shear")
+        ]
+    )
     stress, error = model.nominal_stress(states)
     assert np.sqrt(((stress / nominal_stress(gent, states) - 1) ** 2).mean()) < 0.02
     assert (error > 0).all()
     assert (model.parameters_ > 0).all()
     assert len(model.parameters_) <= len(OF_INVARIANTS)
-    visited, log = Domain(*model.stretch_range_, 0.9, 1.1, tuple(map(tuple, model.domain_hull_))), np.log(1.3)
+    visited, log = (
+        Domain(*model.stretch_range_, 0.9, 1.1, tuple(map(tuple, model.domain_hull_))),
+        np.log(1.3),
+    )
     assert visited.beyond_data(np.exp([[log, -log / 2]])) < 0  # the sheet is in tension
     assert visited.beyond_data(np.exp([[log, log]])) > 0
 
@@ -441,11 +696,16 @@ def gent_thomas():
 def test_the_weak_form_holds_for_the_energy_in_equilibrium(gent_thomas):
     """At the displacements of a law its forces are in balance.
 
-    What is left are the smoothing of the displacements and the preconditioner, whose forces are those of another law: of the distance of
-    the law from the start a tenth at most.
+    What is left are the smoothing of the displacements and the preconditioner, whose forces are
+    those of another law: of the distance of the law from the start a tenth at most.
     """
-    test = MeasuredScene(sheet("neo-hookean"), Rows(X[:, 0].astype(int), X[:, 1].astype(int), X[:, 2:]))
-    unknown, start = EnergyUnknowns(bulk_ratio=100.0, terms=tuple(GENT_THOMAS)), np.array([4.0, 1e-3])
+    test = MeasuredScene(
+        sheet("neo-hookean"), Rows(X[:, 0].astype(int), X[:, 1].astype(int), X[:, 2:])
+    )
+    unknown, start = (
+        EnergyUnknowns(bulk_ratio=100.0, terms=tuple(GENT_THOMAS)),
+        np.array([4.0, 1e-3]),
+    )
     test.begin(unknown.law_of(start))
     jacobian, right = test.weak_form(unknown.law_of, start, gent_thomas)
     left = [np.linalg.norm((jacobian @ x - right) / DEVIATION) for x in (np.ones(2), start)]
@@ -454,14 +714,26 @@ def test_the_weak_form_holds_for_the_energy_in_equilibrium(gent_thomas):
 
 @pytest.mark.usefixtures("same_body")
 def test_the_weak_form_gives_the_start_and_chooses_among_many_terms(gent_thomas):
-    many = [*GENT_THOMAS, *(("first", k) for k in (2, 3, 4)), ("roots", 1), ("roots", 2), ("second", 1), ("second", 2), ("stretches", 3)]
-    model = pds.SceneRegressor(sheet("neo-hookean"), None, refine=1, dictionary=many).fit(X, gent_thomas, standard_deviation=DEVIATION)
+    many = [
+        *GENT_THOMAS,
+        *(("first", k) for k in (2, 3, 4)),
+        ("roots", 1),
+        ("roots", 2),
+        ("second", 1),
+        ("second", 2),
+        ("stretches", 3),
+    ]
+    model = pds.SceneRegressor(sheet("neo-hookean"), None, refine=1, dictionary=many).fit(
+        X, gent_thomas, standard_deviation=DEVIATION
+    )
     start = model.start_
     assert start["taken"] == "weak form"
     assert start["chi_squared"]["weak form"] < 0.5 * start["chi_squared"]["default"]
     assert len(start["terms"]) == MOST_TRIED < len(many)
     assert set(model.parameter_names_) <= set(start["terms"])
-    states = np.array([[at, MODES[mode](at)] for mode in ("uniaxial", "pure-shear") for at in (1.2, 1.5)])
+    states = np.array(
+        [[at, MODES[mode](at)] for mode in ("uniaxial", "pure-shear") for at in (1.2, 1.5)]
+    )
     exact = nominal_stress(law_of(GENT_THOMAS, [1.0, 1.0], 100.0), states)
     np.testing.assert_allclose(model.nominal_stress(states)[0], exact, rtol=0.02)
 
@@ -469,9 +741,20 @@ def test_the_weak_form_gives_the_start_and_chooses_among_many_terms(gent_thomas)
 def test_a_dictionary_is_checked_before_work_starts(exact):
     scene, forces = sheet("neo-hookean"), X[:, 1] == 0
     exponents = [("stretches", 1 + n / 4) for n in range(9)]
-    with pytest.raises(ValueError, match="dictionary: measured displacements choose among more than 8 terms, but here are too few"):
-        pds.SceneRegressor(scene, None, dictionary=[*exponents[:8], ("roots", 2)]).fit(X[forces], exact[forces])
-    with pytest.raises(ValueError, match=r"at most 8 terms of the kind 'stretches' and 8 of .* leave some of the 9 and 0 out"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            "dictionary: measured displacements choose among more than 8 terms, but here are"
+            " too few"
+        ),
+    ):
+        pds.SceneRegressor(scene, None, dictionary=[*exponents[:8], ("roots", 2)]).fit(
+            X[forces], exact[forces]
+        )
+    with pytest.raises(
+        ValueError,
+        match=r"at most 8 terms of the kind 'stretches' and 8 of .* leave some of the 9 and 0 out",
+    ):
         pds.SceneRegressor(scene, None, dictionary=exponents).fit(X, exact)
 
 
@@ -479,12 +762,27 @@ def test_a_dictionary_is_checked_before_work_starts(exact):
     ("parameters", "given", "error", "message"),
     [
         ({"outputs": []}, {}, ValueError, "outputs: the list is empty; give names, such as"),
-        ({"outputs": "force"}, {}, TypeError, "outputs must be a list of names, such as .*, not 'force'"),
+        (
+            {"outputs": "force"},
+            {},
+            TypeError,
+            "outputs must be a list of names, such as .*, not 'force'",
+        ),
         ({"refine": True}, {}, TypeError, "refine must be a number, not True"),
-        ({"dictionary": []}, {}, ValueError, "dictionary: the list is empty; give terms, pairs of a kind and a number, such as"),
+        (
+            {"dictionary": []},
+            {},
+            ValueError,
+            "dictionary: the list is empty; give terms, pairs of a kind and a number, such as",
+        ),
         ({}, {"X": []}, ValueError, "X: it is empty; .* the columns step, quantity, x1, x2"),
         ({}, {"X": [[1, "force", 0, 0]]}, ValueError, "X: 'force' is no number"),
-        ({}, {"y": ["much"]}, ValueError, "y: 'much' is no number; give a measured value for each row of X"),
+        (
+            {},
+            {"y": ["much"]},
+            ValueError,
+            "y: 'much' is no number; give a measured value for each row of X",
+        ),
         (
             {},
             {"standard_deviation": [[0.1, 0.0]]},
@@ -492,14 +790,26 @@ def test_a_dictionary_is_checked_before_work_starts(exact):
             r"standard_deviation: its shape is \(1, 2\); give one positive number, or one",
         ),
         ({}, {"standard_deviation": "0.1"}, ValueError, "standard_deviation: '0.1' is no number"),
-        ({}, {"standard_deviation": [0.0]}, ValueError, "standard_deviation: 0 is no standard deviation; give one positive number"),
-        ({}, {"sample_weight": ["a"]}, ValueError, "sample_weight: 'a' is no number; give a number for each row of X"),
+        (
+            {},
+            {"standard_deviation": [0.0]},
+            ValueError,
+            "standard_deviation: 0 is no standard deviation; give one positive number",
+        ),
+        (
+            {},
+            {"sample_weight": ["a"]},
+            ValueError,
+            "sample_weight: 'a' is no number; give a number for each row of X",
+        ),
     ],
 )
 def test_values_of_another_kind_are_named(parameters, given, error, message):
     arguments = {"X": [[1, 0, 0, 0]], "y": [0.8], "standard_deviation": 0.1} | given
     with pytest.raises(error, match=message):
-        pds.SceneRegressor(sheet("neo-hookean"), None if "dictionary" in parameters else "gent", **parameters).fit(**arguments)
+        pds.SceneRegressor(
+            sheet("neo-hookean"), None if "dictionary" in parameters else "gent", **parameters
+        ).fit(**arguments)
 
 
 def test_an_energy_that_the_measurements_cannot_determine_is_refused(exact):
@@ -514,7 +824,9 @@ def test_an_energy_that_the_measurements_cannot_determine_is_refused(exact):
 
 @pytest.mark.parametrize("options", [[], ["--free", "--law", "gent"]])
 def test_a_calibration_of_neither_or_both_a_law_and_an_energy_is_refused(options, tmp_path):
-    done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", "--forces", "G.csv", *options, "--out", str(tmp_path)])
+    done = CliRunner().invoke(
+        app, ["calibrate", "hole", "sheet", "--forces", "G.csv", *options, "--out", str(tmp_path)]
+    )
     assert done.exit_code == 2
     assert "choose one: --law LAW" in " ".join(done.stderr.split())
 
@@ -522,15 +834,29 @@ def test_a_calibration_of_neither_or_both_a_law_and_an_energy_is_refused(options
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--law", "gent", "--field-noise", "0"], "--field-noise 0: a standard deviation must be positive"),
-        (["--law", "polyconvex"], "--law polyconvex: this law is a sum of terms, which --free chooses and fits"),
-        (["--law", "gent"], "G.csv, line 3: step 4, but the steps are whole numbers: 1 to 3, the stretches of scene hole"),
+        (
+            ["--law", "gent", "--field-noise", "0"],
+            "--field-noise 0: a standard deviation must be positive",
+        ),
+        (
+            ["--law", "polyconvex"],
+            "--law polyconvex: this law is a sum of terms, which --free chooses and fits",
+        ),
+        (
+            ["--law", "gent"],
+            (
+                "G.csv, line 3: step 4, but the steps are whole numbers: 1 to 3, the stretches of"
+                " scene hole"
+            ),
+        ),
     ],
 )
 def test_options_and_steps_that_make_no_sense_are_refused(options, message, tmp_path):
     (tmp_path / "G.csv").write_text("step,force\n1,1.0\n4,2.0\n")
     files = ["--forces", str(tmp_path / "G.csv"), "--set", f"stretches={STRETCHES}"]
-    done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", *files, *options, "--out", str(tmp_path)])
+    done = CliRunner().invoke(
+        app, ["calibrate", "hole", "sheet", *files, *options, "--out", str(tmp_path)]
+    )
     assert done.exit_code == 2
     assert message in " ".join(done.stderr.split()).replace(str(tmp_path) + "/", "")
 
@@ -539,39 +865,65 @@ def test_displacements_in_another_unit_are_refused(exact):
     """Ten times the displacements of the scene, as in millimetres instead of centimetres."""
     field = X[:, 1] > 0
     with pytest.raises(
-        ValueError, match=r"y: the displacements of step 1 are (9\.|10)\S* times those of scene hole.*in the unit of length"
+        ValueError,
+        match=(
+            r"y: the displacements of step 1 are (9\.|10)\S* times those of scene hole.*in the unit"
+            r" of length"
+        ),
     ):
-        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, np.where(field, 10 * exact, exact), standard_deviation=DEVIATION)
+        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
+            X, np.where(field, 10 * exact, exact), standard_deviation=DEVIATION
+        )
 
 
 def test_a_single_displacement_far_from_all_others_is_named(exact):
     number = np.flatnonzero(X[:, 1] == 1)[0]
     wrong = exact + 20.0 * (np.arange(len(X)) == number)
-    with pytest.raises(ValueError, match=f"one displacement of step 1 is far from all others: along x1 at .* it is {wrong[number]:.4g}"):
-        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, wrong, standard_deviation=DEVIATION)
+    with pytest.raises(
+        ValueError,
+        match=(
+            "one displacement of step 1 is far from all others: along x1 at .* it is"
+            f" {wrong[number]:.4g}"
+        ),
+    ):
+        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
+            X, wrong, standard_deviation=DEVIATION
+        )
 
 
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        (lambda rows, y: (np.column_stack([4 - rows[:, 0], rows[:, 1:]]), y), "displacements of step 1 are .* and the steps in its order"),
+        (
+            lambda rows, y: (np.column_stack([4 - rows[:, 0], rows[:, 1:]]), y),
+            "displacements of step 1 are .* and the steps in its order",
+        ),
         (
             lambda rows, y: (np.where(np.arange(4) == 3, -rows, rows), y),
             "displacements along x2 have the opposite sign|along the axes of the scene",
         ),
-        (lambda rows, y: (rows, np.where(rows[:, 1] == 1, -y, y)), "displacements along x1 have the opposite sign of those of scene hole"),
+        (
+            lambda rows, y: (rows, np.where(rows[:, 1] == 1, -y, y)),
+            "displacements along x1 have the opposite sign of those of scene hole",
+        ),
     ],
     ids=["steps in another order", "x2 downwards", "u1 mirrored"],
 )
-def test_displacements_along_other_axes_or_of_other_steps_are_refused(changed, message, exact, random):
+def test_displacements_along_other_axes_or_of_other_steps_are_refused(
+    changed, message, exact, random
+):
     """Before a search for a law that they cannot give."""
     rows, y = changed(X, exact + DEVIATION * random.standard_normal(len(exact)))
     with pytest.raises(ValueError, match=message):
-        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(rows, y, standard_deviation=DEVIATION)
+        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
+            rows, y, standard_deviation=DEVIATION
+        )
 
 
 class AnyTable(pds.SceneRegressor):
-    """Before the rows of a scene: columns of any number and value are made into numbers of outputs, each row on its own."""
+    """Before the rows of a scene: columns of any number and value are made into numbers of
+    outputs, each row on its own.
+    """
 
     columns = None
 
@@ -582,26 +934,50 @@ class AnyTable(pds.SceneRegressor):
             return super()._tests_of(rows)
 
 
-@parametrize_with_checks([AnyTable(pds.load_scene("uniaxial", spacing=0.5, stretches=[1.1, 1.2]), outputs=["energy"], refine=1)])
+@parametrize_with_checks(
+    [
+        AnyTable(
+            pds.load_scene("uniaxial", spacing=0.5, stretches=[1.1, 1.2]),
+            outputs=["energy"],
+            refine=1,
+        )
+    ]
+)
 def test_it_keeps_scikit_learns_conventions_with_tables_of_any_columns(estimator, check):
-    """With its own table, whole numbers stand in two columns; the energy may have any sign, unlike the force of the region pulled."""
+    """With its own table, whole numbers stand in two columns; the energy may have any sign,
+    unlike the force of the region pulled.
+    """
     check(estimator)
 
 
 def test_fewer_measurements_than_parameters_are_refused():
-    """One force cannot determine two parameters: the standard errors would be those of a pseudo-inverse."""
-    with pytest.raises(ValueError, match=r"1 measurements do not determine 2 parameters \(shear_modulus, chain_limit\)"):
-        pds.SceneRegressor(pds.load_scene("hole", spacing=0.25), law="gent", refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.03)
+    """One force cannot determine two parameters: the standard errors would be those of a
+    pseudo-inverse.
+    """
+    with pytest.raises(
+        ValueError,
+        match=r"1 measurements do not determine 2 parameters \(shear_modulus, chain_limit\)",
+    ):
+        pds.SceneRegressor(pds.load_scene("hole", spacing=0.25), law="gent", refine=1).fit(
+            [[1, 0, 0, 0]], [3.0], standard_deviation=0.03
+        )
 
 
-@pytest.mark.parametrize(("force", "what"), [(-3.0, "have the opposite sign of the simulated ones"), (0.0, "are all zero")])
+@pytest.mark.parametrize(
+    ("force", "what"),
+    [(-3.0, "have the opposite sign of the simulated ones"), (0.0, "are all zero")],
+)
 def test_forces_of_the_wrong_sign_are_refused(force, what):
     with pytest.raises(ValueError, match=f"the measured forces {what}"):
-        pds.SceneRegressor(pds.load_scene("hole", spacing=0.25), refine=1).fit([[1, 0, 0, 0]], [force], standard_deviation=0.03)
+        pds.SceneRegressor(pds.load_scene("hole", spacing=0.25), refine=1).fit(
+            [[1, 0, 0, 0]], [force], standard_deviation=0.03
+        )
 
 
 def test_places_outside_the_body_are_named():
-    with pytest.raises(ValueError, match=r"a place of the displacements: \(99, 0\) lies outside the body"):
+    with pytest.raises(
+        ValueError, match=r"a place of the displacements: \(99, 0\) lies outside the body"
+    ):
         pds.SceneRegressor(pds.load_scene("hole", spacing=0.25), refine=1).fit(
             [[1, 0, 0, 0], [1, 1, 99.0, 0]], [3.0, 0.1], standard_deviation=0.03
         )
@@ -610,7 +986,9 @@ def test_places_outside_the_body_are_named():
 def test_an_outlier_is_named(gent, exact):
     y = exact.copy()
     y[7] += 0.5
-    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, y, standard_deviation=DEVIATION)
+    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
+        X, y, standard_deviation=DEVIATION
+    )
     worst = report(model, X, y, ["force"])["worst"]
     assert (worst["step"], worst["measured"]) == (1, f"u1 at ({PLACES[7][0]:g}, {PLACES[7][1]:g})")
     assert worst["standard_deviations"] == pytest.approx(0.5 / NOISE, rel=0.05)

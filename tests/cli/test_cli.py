@@ -33,7 +33,16 @@ def test_run_writes_results_and_a_table(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "force", ["analytic", "nosb", "ba-nosb", "neo-hookean", "neo-hookean@1", "neo-hookean-paper", SHIPPED / "neo-hookean" / "1"]
+    "force",
+    [
+        "analytic",
+        "nosb",
+        "ba-nosb",
+        "neo-hookean",
+        "neo-hookean@1",
+        "neo-hookean-paper",
+        SHIPPED / "neo-hookean" / "1",
+    ],
 )
 def test_forces_by_every_kind_of_reference(force):
     done = invoke("run", "uniaxial", *FAST, "--force", force)
@@ -41,10 +50,13 @@ def test_forces_by_every_kind_of_reference(force):
 
 
 def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
-    done = invoke("run", "uniaxial", "--set", "spacing=0.12", "--set", "stretches=1.2", "--force", "analytic")
+    done = invoke(
+        "run", "uniaxial", "--set", "spacing=0.12", "--set", "stretches=1.2", "--force", "analytic"
+    )
     assert done.exit_code == 0, done.output
-    assert "The cells measure 0.12 x 0.125 cm, the nearest to the spacing of 0.12 that fills the body; the horizon is 0.378 cm" in " ".join(
-        done.stdout.split()
+    assert (
+        "The cells measure 0.12 x 0.125 cm, the nearest to the spacing of 0.12 that fills the body;"
+        " the horizon is 0.378 cm" in " ".join(done.stdout.split())
     )
     assert "The cells measure" not in invoke("run", "uniaxial", *FAST, "--force", "analytic").stdout
 
@@ -53,41 +65,89 @@ def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
     ("arguments", "message"),
     [
         (["run", "uniaxal"], "unknown scene 'uniaxal'; did you mean uniaxial?"),
-        (["run", "wizardry"], "unknown scene 'wizardry'; give the path of a .toml file, or a built-in scene: biaxial-hole, "),
-        (["run", "uniaxial", "--force", "wizardry"], "unknown force 'wizardry'; there are analytic, ba-nosb, bond-energy, nosb, arruda"),
-        (["run", "uniaxial", "--force", "analitic"], "unknown force 'analitic'; did you mean analytic?"),
-        (["run", "uniaxial", "--force", "neo-hokean@1"], "unknown force 'neo-hokean@1'; did you mean neo-hookean?"),
-        (["run", "uniaxial", "--force", "neo-hookean@9"], "unknown force 'neo-hookean@9'; neo-hookean has the versions 1, 2"),
+        (
+            ["run", "wizardry"],
+            (
+                "unknown scene 'wizardry'; give the path of a .toml file, or a built-in scene:"
+                " biaxial-hole, "
+            ),
+        ),
+        (
+            ["run", "uniaxial", "--force", "wizardry"],
+            "unknown force 'wizardry'; there are analytic, ba-nosb, bond-energy, nosb, arruda",
+        ),
+        (
+            ["run", "uniaxial", "--force", "analitic"],
+            "unknown force 'analitic'; did you mean analytic?",
+        ),
+        (
+            ["run", "uniaxial", "--force", "neo-hokean@1"],
+            "unknown force 'neo-hokean@1'; did you mean neo-hookean?",
+        ),
+        (
+            ["run", "uniaxial", "--force", "neo-hookean@9"],
+            "unknown force 'neo-hookean@9'; neo-hookean has the versions 1, 2",
+        ),
         (["run", "gent", "--force", "gent@2"], "unknown force 'gent@2'; gent has the version 1"),
         (["run", "gent", "--force", "gent-isochoric"], "unknown force 'gent-isochoric'"),
         (["run", "uniaxial", "--set", "spcing=1"], "spcing: unknown key"),
         (["run", "uniaxial", "--set", "spacing=5"], "larger than the body"),
-        (["run", "uniaxial", "--set", "material.shear_modulus=inf"], "shear_modulus must be finite"),
+        (
+            ["run", "uniaxial", "--set", "material.shear_modulus=inf"],
+            "shear_modulus must be finite",
+        ),
         (["run", "uniaxial", "--threads", "0"], "threads must be between"),
         (["run", "missing.toml"], "cannot read scene file"),
         (["evaluate", "nosb"], "evaluate takes analytic, bond-energy, or an artifact"),
-        (["evaluate", "nothing"], "unknown force 'nothing'; there are analytic, bond-energy, arruda-boyce-isochoric"),
+        (
+            ["evaluate", "nothing"],
+            "unknown force 'nothing'; there are analytic, bond-energy, arruda-boyce-isochoric",
+        ),
         (["artifacts", "nothing"], "unknown artifact 'nothing'; there are arruda-boyce-isochoric"),
         (["identify", "treloar", "--law", "gen"], "unknown law 'gen'; did you mean gent?"),
-        (["identify", "trelor"], "cannot read test data trelor: No such file or directory; did you mean treloar?"),
+        (
+            ["identify", "trelor"],
+            "cannot read test data trelor: No such file or directory; did you mean treloar?",
+        ),
         (["fit", "Bad Name", "--samples", "300"], "not allowed"),
         (["fit", "x", "--law", "granite"], "unknown law 'granite'"),
         (["fit", "x", "--set", "shear_modulus=0"], "shear_modulus must be positive"),
         (["fit", "x", "--features", "all"], "unknown features 'all'"),
-        (["fit", "x", "--least", "2", "--greatest", "1"], "0 < least < 1 < greatest, finite, not 2 and 1"),
-        (["evaluate", "analytic", "--greatest", "0.9"], "0 < least < 1 < greatest, finite, not 0.5 and 0.9"),
-        (["fit", "x", "--data", "none.csv", "--units", "8,8,8,8"], "units must have one to 3 numbers"),
+        (
+            ["fit", "x", "--least", "2", "--greatest", "1"],
+            "0 < least < 1 < greatest, finite, not 2 and 1",
+        ),
+        (
+            ["evaluate", "analytic", "--greatest", "0.9"],
+            "0 < least < 1 < greatest, finite, not 0.5 and 0.9",
+        ),
+        (
+            ["fit", "x", "--data", "none.csv", "--units", "8,8,8,8"],
+            "units must have one to 3 numbers",
+        ),
         (
             ["fit", "x", "--data", "none.csv", "--features", "symmetric"],
             "a polynomial needs a set of two features (isochoric), but symmetric has 4",
         ),
-        (["fit", "x", "--units", "4", "--activation", "sine"], "unknown activation 'sine'; there are algebraic"),
-        (["fit", "x", "--units", "4", "--degree", "3"], "degree sets a polynomial and units a network"),
+        (
+            ["fit", "x", "--units", "4", "--activation", "sine"],
+            "unknown activation 'sine'; there are algebraic",
+        ),
+        (
+            ["fit", "x", "--units", "4", "--degree", "3"],
+            "degree sets a polynomial and units a network",
+        ),
         (["fit", "x", "--folds", "1"], "folds must be 0, or from 2 to the number of samples"),
         (["fit", "x", "--data", "none.csv", "--version", "1/2"], "version '1/2' is not allowed"),
-        (["evaluate", "analytic", "--law", "granite"], "pdsurrogate: unknown law 'granite'; there are arruda-boyce, full-network, gent"),
+        (
+            ["evaluate", "analytic", "--law", "granite"],
+            "pdsurrogate: unknown law 'granite'; there are arruda-boyce, full-network, gent",
+        ),
         (["artifacts", "x" * 300], "cannot be read: File name too long"),
-        (["run", "uniaxial", "--force", "./nothing"], "./nothing: this is not the folder of an artifact, which would contain card.json"),
+        (
+            ["run", "uniaxial", "--force", "./nothing"],
+            "./nothing: this is not the folder of an artifact, which would contain card.json",
+        ),
     ],
 )
 def test_bad_input_is_one_clear_line_and_status_2(arguments, message, tmp_path, monkeypatch):
@@ -101,7 +161,9 @@ def test_bad_input_is_one_clear_line_and_status_2(arguments, message, tmp_path, 
 
 
 def test_a_run_takes_the_same_force_beside_its_own_output(tmp_path, monkeypatch):
-    """``pdsurrogate run pure-shear --out neo-hookean`` twice in one folder: the second run took the analytic force."""
+    """``pdsurrogate run pure-shear --out neo-hookean`` twice in one folder: the second run took
+    the analytic force.
+    """
     monkeypatch.chdir(tmp_path)
     (tmp_path / "neo-hookean").mkdir()
     (tmp_path / "neo-hookean" / "summary.json").write_text("{}")
@@ -110,7 +172,9 @@ def test_a_run_takes_the_same_force_beside_its_own_output(tmp_path, monkeypatch)
 
 
 def test_ranges_that_are_mostly_compression(tmp_path):
-    """``evaluate`` and, after the training, ``fit`` with ``--greatest 1.1`` ended in "high - low < 0"."""
+    """``evaluate`` and, after the training, ``fit`` with ``--greatest 1.1`` ended in "high - low
+    < 0".
+    """
     for command in (
         ["evaluate", "analytic", "--samples", 200],
         ["evaluate", "bond-energy", "--samples", 200],
@@ -122,7 +186,20 @@ def test_ranges_that_are_mostly_compression(tmp_path):
 
 
 def test_a_bound_left_out_is_as_far_as_the_law_goes(tmp_path):
-    options = ["--law", "gent", "--set", "chain_limit=20", "--samples", 300, "--folds", 0, "--degree", 6, "--out", tmp_path]
+    options = [
+        "--law",
+        "gent",
+        "--set",
+        "chain_limit=20",
+        "--samples",
+        300,
+        "--folds",
+        0,
+        "--degree",
+        6,
+        "--out",
+        tmp_path,
+    ]
     done = invoke("fit", "x", *options, "--least", 0.6)
     assert done.exit_code == 0, done.output
     assert "stretches 0.6 to 2.89" in " ".join(done.output.split())
@@ -130,11 +207,17 @@ def test_a_bound_left_out_is_as_far_as_the_law_goes(tmp_path):
 
 def test_data_that_no_law_describes_make_no_artifact(tmp_path):
     data = tmp_path / "negative.csv"
-    data.write_text("mode,stretch,nominal_stress\n" + "".join(f"uniaxial,{1 + k / 10},{-k}\n" for k in range(1, 9)))
+    data.write_text(
+        "mode,stretch,nominal_stress\n"
+        + "".join(f"uniaxial,{1 + k / 10},{-k}\n" for k in range(1, 9))
+    )
     done = invoke("fit", "x", "--data", data, "--law", "gent", "--out", tmp_path / "a")
     assert done.exit_code == 2
     words = " ".join(done.stderr.split())
-    assert "row 1 (uniaxial, stretch 1.1, nominal stress -1) is compressive where rubber is in tension" in words
+    assert (
+        "row 1 (uniaxial, stretch 1.1, nominal stress -1) is compressive where rubber is in tension"
+        in words
+    )
     assert "and 5 more rows" in words
     data.write_text("mode,stretch,nominal_stress\nuniaxial,1.5,0\nuniaxial,2,0\n")
     done = invoke("identify", data, "--law", "gent")
@@ -144,10 +227,17 @@ def test_data_that_no_law_describes_make_no_artifact(tmp_path):
 
 @pytest.mark.parametrize("width", [20, 60, 80])
 def test_tables_cut_nothing_off(width, monkeypatch):
-    """In a terminal of 80 columns figures were cut (``384.793…``); in one that is too narrow for them the table is wider."""
+    """In a terminal of 80 columns figures were cut (``384.793…``); in one that is too narrow for
+    them the table is wider.
+    """
     monkeypatch.setattr(terminal.out, "width", width)
     figures = ["-384.79312", "1234567.12345", "+0.00012", "6.02214e+23"]
-    titles = ["stretch", "greatest lateral (cm) [kPa]", "error (%)", "a sentence of many words that may break"]
+    titles = [
+        "stretch",
+        "greatest lateral (cm) [kPa]",
+        "error (%)",
+        "a sentence of many words that may break",
+    ]
     with terminal.out.capture() as captured:
         terminal.print_table("figures", titles, [figures, None, figures], left=1)
     for figure in figures:
@@ -164,9 +254,25 @@ def test_tables_cut_nothing_off(width, monkeypatch):
 @pytest.mark.parametrize(
     "command",
     [
-        ["run", "pure-shear", "--set", "spacing=0.2", "--force", "analytic"],  # as `hole` and `tear`, with a reference
+        [
+            "run",
+            "pure-shear",
+            "--set",
+            "spacing=0.2",
+            "--force",
+            "analytic",
+        ],  # as `hole` and `tear`, with a reference
         ["run", "ring-pressure", "--set", "spacing=0.2", "--force", "analytic"],
-        ["run", "inflation", "--set", "spacing=0.2", "--set", "steps=0.1", "--force", "bond-energy"],
+        [
+            "run",
+            "inflation",
+            "--set",
+            "spacing=0.2",
+            "--set",
+            "steps=0.1",
+            "--force",
+            "bond-energy",
+        ],
         ["scenes"],
         ["scenes", "tear"],
         ["materials"],
@@ -186,7 +292,9 @@ def test_no_line_is_longer_than_80_characters(command):
 
 
 def test_what_is_turned_shows_its_moments():
-    table = invoke("run", "disc-torsion", "--set", "spacing=0.1", "--set", "steps=0.5", "--force", "analytic").stdout
+    table = invoke(
+        "run", "disc-torsion", "--set", "spacing=0.1", "--set", "steps=0.5", "--force", "analytic"
+    ).stdout
     assert "Moments about the origin (kPa·cm²)" in table
     assert re.search(r"outline +0\.5 +0 +0\n", table)
 
@@ -200,18 +308,31 @@ def test_output_that_cannot_be_written_is_refused_before_work(tmp_path):
 
 
 def test_a_folder_belongs_to_one_scene(tmp_path):
-    """The same command works twice; another scene is refused before any work, unless asked to replace."""
+    """The same command works twice; another scene is refused before any work, unless asked to
+    replace.
+    """
     command = ["run", "uniaxial", *FAST, "--force", "analytic", "--out", tmp_path]
     for _ in range(2):
         assert invoke(*command).exit_code == 0
     other = ["run", "gent", *FAST, "--force", "analytic", "--out", tmp_path]
     done = invoke(*other)
     assert done.exit_code == 2
-    assert "contains the results of another scene (uniaxial); use another folder, or --overwrite" in done.stderr
+    assert (
+        "contains the results of another scene (uniaxial); use another folder, or --overwrite"
+        in done.stderr
+    )
     assert "ns per directed bond" not in done.output
     assert invoke(*other, "--overwrite").exit_code == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        *("checkpoint.npz", "convergence.csv", "gent-000.vtu", "gent.png", "gent.pvd", "history.csv", "summary.json"),
+        *(
+            "checkpoint.npz",
+            "convergence.csv",
+            "gent-000.vtu",
+            "gent.png",
+            "gent.pvd",
+            "history.csv",
+            "summary.json",
+        ),
     ]
 
 
@@ -221,14 +342,24 @@ def test_unlike_cross_sections_are_told(tmp_path):
     body = "body={shape='polygon',vertices=[[0,0],[3,0],[3,1],[1,1],[1,3],[0,3]]}"
     done = invoke("run", "pure-shear", *FAST, "--force", "analytic", "--set", body, "--set", grips)
     assert done.exit_code == 0, done.output
-    assert "force of the top grip divided by its cross-section of 1 cm; the cross-section of the bottom grip is 3 cm" in " ".join(
-        done.output.split()
+    assert (
+        "force of the top grip divided by its cross-section of 1 cm; the cross-section of the"
+        " bottom grip is 3 cm" in " ".join(done.output.split())
     )
     assert "cross-section" not in invoke("run", "pure-shear", *FAST, "--force", "analytic").output
 
 
 def test_failed_runs_say_so_and_save_what_they_reached(tmp_path):
-    done = invoke("run", "uniaxial", "--set", "spacing=0.1", "--set", "solver.most_evaluations=5", "--out", tmp_path / "out")
+    done = invoke(
+        "run",
+        "uniaxial",
+        "--set",
+        "spacing=0.1",
+        "--set",
+        "solver.most_evaluations=5",
+        "--out",
+        tmp_path / "out",
+    )
     assert done.exit_code == 1
     assert "the run failed: stretch" in done.stderr
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -238,7 +369,20 @@ def test_failed_runs_say_so_and_save_what_they_reached(tmp_path):
 
 def test_fit_evaluate_and_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    fitted = invoke("fit", "mine", "--samples", 1500, "--units", 10, "--iterations", 80, "--folds", 2, "--greatest", 2)
+    fitted = invoke(
+        "fit",
+        "mine",
+        "--samples",
+        1500,
+        "--units",
+        10,
+        "--iterations",
+        80,
+        "--folds",
+        2,
+        "--greatest",
+        2,
+    )
     assert fitted.exit_code == 0, fitted.output
     assert "Fold 1" in fitted.output
     again = invoke("fit", "mine", "--version", 1, "--samples", 1500)
@@ -255,17 +399,39 @@ def test_fit_evaluate_and_run(tmp_path, monkeypatch):
 
 def test_materials_are_listed_with_their_parameters():
     text = invoke("materials").output
-    for word in ("gent", "chain_limit", "ogden", "exponents", "full-network", "chain_links", "Yeoh 1993"):
+    for word in (
+        "gent",
+        "chain_limit",
+        "ogden",
+        "exponents",
+        "full-network",
+        "chain_links",
+        "Yeoh 1993",
+    ):
         assert word in text
 
 
 def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     data = tmp_path / "tests.csv"
-    rows = [f"uniaxial,{stretch},{0.4 * (stretch - stretch**-2)}" for stretch in (1.2, 1.6, 2.0, 2.5, 3.0)]
+    rows = [
+        f"uniaxial,{stretch},{0.4 * (stretch - stretch**-2)}"
+        for stretch in (1.2, 1.6, 2.0, 2.5, 3.0)
+    ]
     data.write_text("\n".join(["mode,stretch,nominal_stress", *rows]) + "\n")
     found = invoke(
-        "identify", data, "--law", "mooney-rivlin", "--law", "gent", "--up-to", "2.6", "--bulk-ratio", 1e6, "--out", tmp_path / "found"
+        "identify",
+        data,
+        "--law",
+        "mooney-rivlin",
+        "--law",
+        "gent",
+        "--up-to",
+        "2.6",
+        "--bulk-ratio",
+        1e6,
+        "--out",
+        tmp_path / "found",
     )
     assert found.exit_code == 0, found.output
     laws = json.loads((tmp_path / "found" / "identify.json").read_text())["laws"]
@@ -273,26 +439,56 @@ def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
     assert laws[0]["parameters"]["shear_modulus"] == pytest.approx(0.4, rel=1e-3)
     assert (tmp_path / "found" / "identify.png").stat().st_size > 5000
     # The answer to another question is not replaced unasked.
-    other = invoke("identify", data, "--law", "gent", "--bulk-ratio", 1e6, "--out", tmp_path / "found")
+    other = invoke(
+        "identify", data, "--law", "gent", "--bulk-ratio", 1e6, "--out", tmp_path / "found"
+    )
     assert other.exit_code == 2
-    assert "is the report of other settings: laws is ['mooney-rivlin', 'gent'] there and ['gent'] here; up_to is 2.6 there" in other.stderr
-    fitted = invoke("fit", "measured", "--data", data, "--law", "mooney-rivlin", "--bulk-ratio", 1e4, "--samples", 2000, "--folds", 2)
+    assert (
+        "is the report of other settings: laws is ['mooney-rivlin', 'gent'] there and ['gent']"
+        " here; up_to is 2.6 there" in other.stderr
+    )
+    fitted = invoke(
+        "fit",
+        "measured",
+        "--data",
+        data,
+        "--law",
+        "mooney-rivlin",
+        "--bulk-ratio",
+        1e4,
+        "--samples",
+        2000,
+        "--folds",
+        2,
+    )
     assert fitted.exit_code == 0, fitted.output
     card = json.loads(invoke("artifacts", "measured").stdout)
-    assert card["training"]["identification"]["parameters"]["shear_modulus"] == pytest.approx(0.4, rel=1e-3)
+    assert card["training"]["identification"]["parameters"]["shear_modulus"] == pytest.approx(
+        0.4, rel=1e-3
+    )
     law = card["material"]["trained_with"]
-    parameters = [f"material.{key}={law[key]}" for key in ("shear_modulus", "bulk_modulus", "second_share")]
-    changes = [item for change in ("material=mooney-rivlin", *parameters) for item in ("--set", change)]
+    parameters = [
+        f"material.{key}={law[key]}" for key in ("shear_modulus", "bulk_modulus", "second_share")
+    ]
+    changes = [
+        item for change in ("material=mooney-rivlin", *parameters) for item in ("--set", change)
+    ]
     assert invoke("run", "uniaxial", *FAST, *changes, "--force", "measured").exit_code == 0
 
 
 def test_bad_identifications_exit_with_2(tmp_path):
     for arguments, message in (
         (["identify", "none.csv"], "cannot read test data"),
-        (["identify", "treloar", "--law", "granite"], "unknown law 'granite'; laws that can be fitted to tests are"),
+        (
+            ["identify", "treloar", "--law", "granite"],
+            "unknown law 'granite'; laws that can be fitted to tests are",
+        ),
         (["identify", "treloar", "--up-to", "0.5"], "all rows have stretches above 0.5"),
         (["identify", "kawabata", "--law", "gent", "--hold-out"], "no mode can be held out"),
-        (["fit", "x", "--data", "treloar", "--law", "gent", "--set", "chain_limit=3"], "choose one"),
+        (
+            ["fit", "x", "--data", "treloar", "--law", "gent", "--set", "chain_limit=3"],
+            "choose one",
+        ),
         (["fit", "x", "--degree", "high"], "degree must be whole numbers"),
         (["fit", "x", "--data", "treloar", "--free", "--law", "gent"], "choose one"),
         (["fit", "x", "--terms", "2"], "--terms"),
@@ -317,10 +513,17 @@ def test_a_second_run_compiles_nothing(tmp_path):
     assert invoke("run", "uniaxial", "--force", "nosb", *FAST).exit_code == 0
     for path in Path(pds.__file__).parent.glob("*/__pycache__/*.nb?"):
         if not path.name.startswith("nosb_forces"):
-            place = tmp_path / "cache" / _CacheLocator.get_suitable_cache_subpath(str(path.parents[1] / "module.py"))
+            place = (
+                tmp_path
+                / "cache"
+                / _CacheLocator.get_suitable_cache_subpath(str(path.parents[1] / "module.py"))
+            )
             place.mkdir(parents=True, exist_ok=True)
             shutil.copy(path, place)
-    first, second = (run_compiling(tmp_path, "nosb", {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}) for _ in range(2))
+    first, second = (
+        run_compiling(tmp_path, "nosb", {"NUMBA_CACHE_DIR": str(tmp_path / "cache")})
+        for _ in range(2)
+    )
     assert first["announced"]
     assert first["seconds"] > 0
     assert second == {"announced": False, "seconds": 0}
@@ -328,28 +531,58 @@ def test_a_second_run_compiles_nothing(tmp_path):
 
 @pytest.mark.slow
 def test_a_second_run_of_a_learned_force_compiles_nothing(tmp_path):
-    """In the cache that all tests share: what a network or polynomial is made of takes forty seconds to compile."""
+    """In the cache that all tests share: what a network or polynomial is made of takes forty
+    seconds to compile.
+    """
     run_compiling(tmp_path, "neo-hookean", {})
     assert run_compiling(tmp_path, "neo-hookean", {}) == {"announced": False, "seconds": 0}
 
 
 def run_compiling(folder, force, environment):
     """Whether a run says that it compiles, and the seconds that it counts for that."""
-    command = [sys.executable, "-m", "pdsurrogate", "run", "uniaxial", "--force", force, *FAST, "--out", str(folder / "out")]
-    done = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=True)
+    command = [
+        sys.executable,
+        "-m",
+        "pdsurrogate",
+        "run",
+        "uniaxial",
+        "--force",
+        force,
+        *FAST,
+        "--out",
+        str(folder / "out"),
+    ]
+    done = subprocess.run(
+        command, env={**os.environ, **environment}, capture_output=True, text=True, check=True
+    )
     seconds = json.loads((folder / "out" / "summary.json").read_text())["seconds_compile"]
     return {"announced": "Compiling kernels" in done.stderr, "seconds": seconds}
 
 
 def test_an_identification_that_failed_says_so(tmp_path):
-    (tmp_path / "falling.csv").write_text("mode,stretch,nominal_stress\nuniaxial,1.2,3\nuniaxial,1.5,2\nuniaxial,2.0,0.1\n")
+    (tmp_path / "falling.csv").write_text(
+        "mode,stretch,nominal_stress\nuniaxial,1.2,3\nuniaxial,1.5,2\nuniaxial,2.0,0.1\n"
+    )
     output = " ".join(invoke("identify", tmp_path / "falling.csv", "--law", "gent").output.split())
     assert "chain_limit reached a bound of the search range" in output
     assert "gent describes uniaxial worse than the mean stress does (R^2 below 0)" in output
 
 
 def test_a_surrogate_of_no_use_is_not_written(tmp_path):
-    result = invoke("fit", "poor", "--law", "ogden", "--degree", "0", "--samples", "200", "--folds", "0", "--out", tmp_path)
+    result = invoke(
+        "fit",
+        "poor",
+        "--law",
+        "ogden",
+        "--degree",
+        "0",
+        "--samples",
+        "200",
+        "--folds",
+        "0",
+        "--out",
+        tmp_path,
+    )
     assert result.exit_code == 1
     assert "poor@1 has an RMS error of" in result.output
     assert not (tmp_path / "poor").exists()
@@ -377,11 +610,18 @@ def test_contact_with_obstacles_is_printed_with_its_area_and_penetration(tmp_pat
         units = {length = "mm", stress = "MPa"}
         material = {law = "neo-hookean", shear_modulus = 1.0}
         prescribed = [{region = "bottom", x1 = 0.0, x2 = 0.0}]
-        obstacles = [{half_plane = {point = [0.0, 1.0], normal = [0.0, 1.0]}, x2 = -0.1, name = "plate"}]
+        [[obstacles]]
+        name = "plate"
+        half_plane = {point = [0.0, 1.0], normal = [0.0, 1.0]}
+        x2 = -0.1
     """)
-    done = invoke("run", tmp_path / "pressed.toml", "--force", "bond-energy", "--out", tmp_path / "out")
+    done = invoke(
+        "run", tmp_path / "pressed.toml", "--force", "bond-energy", "--out", tmp_path / "out"
+    )
     assert done.exit_code == 0, done.output
-    contact = json.loads((tmp_path / "out" / "summary.json").read_text())["levels"][0]["contact"]["plate"]
+    contact = json.loads((tmp_path / "out" / "summary.json").read_text())["levels"][0]["contact"][
+        "plate"
+    ]
     headings, _, row = done.stdout.split("Contact with obstacles")[1].splitlines()[1:4]
     assert " ".join(headings.split()) == "name t area (mm) penetration (mm)"
     assert row.split() == ["plate", "1", f"{contact['area']:.5g}", f"{contact['penetration']:.5g}"]

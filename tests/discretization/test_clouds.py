@@ -1,4 +1,6 @@
-"""Relaxed points: the same everywhere, of the right volumes, without rows, and a body on which everything works."""
+"""Relaxed points: the same everywhere, of the right volumes, without rows, and a body on which
+everything works.
+"""
 
 import hashlib
 
@@ -15,11 +17,26 @@ from pdsurrogate.results.states import deformed_cells
 from pdsurrogate.scenes import SceneError, load_scene
 
 RELAXED = {"body.arrangement": "relaxed"}
-BENT = {"shape": "polygon", "vertices": [[0.0, 0.0], [2.0, 0.0], [2.0, 0.7], [0.9, 0.7], [0.9, 1.6], [0.0, 1.6]], "arrangement": "relaxed"}
+BENT = {
+    "shape": "polygon",
+    "vertices": [[0.0, 0.0], [2.0, 0.0], [2.0, 0.7], [0.9, 0.7], [0.9, 1.6], [0.0, 1.6]],
+    "arrangement": "relaxed",
+}
 BODIES = {
-    "hole": {"body": {"size": [2.0, 1.3], "arrangement": "relaxed"}, "holes": [{"shape": "circle", "radius": 0.3, "center": [1.2, 0.6]}]},
+    "hole": {
+        "body": {"size": [2.0, 1.3], "arrangement": "relaxed"},
+        "holes": [{"shape": "circle", "radius": 0.3, "center": [1.2, 0.6]}],
+    },
     "bent": {"body": BENT},
-    "tube": {"body": {"shape": "tube", "outer_radius": 0.6, "inner_radius": 0.3, "length": 0.8, "arrangement": "relaxed"}},
+    "tube": {
+        "body": {
+            "shape": "tube",
+            "outer_radius": 0.6,
+            "inner_radius": 0.3,
+            "length": 0.8,
+            "arrangement": "relaxed",
+        }
+    },
 }
 AREAS = {"hole": 2.6 - np.pi * 0.09, "bent": 1.4 + 0.81}
 
@@ -27,11 +44,17 @@ AREAS = {"hole": 2.6 - np.pi * 0.09, "bent": 1.4 + 0.81}
 def scene_of(name, **keys):
     bodies = BODIES[name] if isinstance(name, str) else name
     across = {"prescribed": [{"region": "body", "x1": 0.0}], "steps": 1.0}
-    return pds.Scene(**({"name": "cloud", "spacing": 0.1, "material": "neo-hookean"} | across | bodies | keys))
+    return pds.Scene(
+        **({"name": "cloud", "spacing": 0.1, "material": "neo-hookean"} | across | bodies | keys)
+    )
 
 
 def square(spacing=0.05, seed=0, arrangement="relaxed", **keys):
-    return scene_of({"body": {"size": [1.0, 1.0], "arrangement": arrangement, "seed": seed}}, spacing=spacing, **keys)
+    return scene_of(
+        {"body": {"size": [1.0, 1.0], "arrangement": arrangement, "seed": seed}},
+        spacing=spacing,
+        **keys,
+    )
 
 
 @pytest.mark.parametrize("name", BODIES)
@@ -43,12 +66,18 @@ def test_points_lie_in_the_body_and_have_its_volume(name):
     places = lower + (upper - lower) * rng.random((400_000, len(lower)))
     there = places[material_at(scene, places)]
     volume = np.prod(upper - lower) * len(there) / len(places)
-    assert body.volumes.sum() == pytest.approx(AREAS.get(name, volume), rel=1e-12 if name in AREAS else 0.005)
+    assert body.volumes.sum() == pytest.approx(
+        AREAS.get(name, volume), rel=1e-12 if name in AREAS else 0.005
+    )
     assert len(body) == round(body.volumes.sum() / 0.1**scene.dimension)
     assert body.horizon == pytest.approx(scene.horizon_ratio * 0.1, rel=2e-3)
     # Each place belongs to the point nearest to it, by other places and another search.
-    nearest = np.bincount(cKDTree(body.points).query(there)[1], minlength=len(body)) * volume / len(there)
-    np.testing.assert_allclose(nearest, body.volumes, rtol=0, atol=6 * np.sqrt(volume * body.volumes.max() / len(there)))
+    nearest = (
+        np.bincount(cKDTree(body.points).query(there)[1], minlength=len(body)) * volume / len(there)
+    )
+    np.testing.assert_allclose(
+        nearest, body.volumes, rtol=0, atol=6 * np.sqrt(volume * body.volumes.max() / len(there))
+    )
 
 
 def test_cells_need_not_divide_the_body():
@@ -63,7 +92,9 @@ def test_a_cloud_has_no_rows_and_no_near_points():
         across = points[pairs[:, 1]] - points[pairs[:, 0]]
         return abs(np.exp(4j * np.arctan2(*across.T)).mean())
 
-    body, lattice = (discretize(square(0.02, arrangement=each))[0] for each in ("relaxed", "lattice"))
+    body, lattice = (
+        discretize(square(0.02, arrangement=each))[0] for each in ("relaxed", "lattice")
+    )
     assert fourfold(body.points) < 0.05 < 0.99 < fourfold(lattice.points)
     assert cKDTree(body.points).query(body.points, 2)[0][:, 1].min() > 0.5 * 0.02
     assert body.volumes.std() < 0.12 * body.volumes.mean()
@@ -108,7 +139,12 @@ def test_a_cloud_is_kept_and_made_again_where_its_file_is_damaged(tmp_path, monk
 
 
 def test_volumes_follow_a_disc_of_another_material():
-    stiff = [{"region": {"disc": {"center": [0.5, 0.5], "radius": 0.25}}, "material": {"law": "neo-hookean", "shear_modulus": 9.0}}]
+    stiff = [
+        {
+            "region": {"disc": {"center": [0.5, 0.5], "radius": 0.25}},
+            "material": {"law": "neo-hookean", "shear_modulus": 9.0},
+        }
+    ]
     body, _, _ = discretize(square(materials=stiff))
     within = np.hypot(*(body.points - 0.5).T) < 0.25
     assert body.volumes[within].sum() == pytest.approx(np.pi / 16, rel=2e-3)
@@ -122,7 +158,11 @@ def test_volumes_follow_a_disc_of_another_material():
         ("hole", {**RELAXED, "body.seed": -1}, "body.seed"),
         ("hole", {"holes.0.arrangement": "relaxed"}, "holes.0: only the body has an arrangement"),
         ("hole", {"body.arrangement": "random"}, "body.arrangement"),
-        ("tear", {**RELAXED, "fracture": {"energy": 1.0}, "horizon_ratio": 6.0}, r"fracture\.energy is available only in cases"),
+        (
+            "tear",
+            {**RELAXED, "fracture": {"energy": 1.0}, "horizon_ratio": 6.0},
+            r"fracture\.energy is available only in cases",
+        ),
     ],
 )
 def test_what_a_cloud_cannot_do_is_refused(scene, changes, words):
@@ -145,7 +185,8 @@ def stress_of(scene, force, changes):
 
 
 @pytest.mark.parametrize(
-    ("scene", "changes"), [("uniaxial", {"spacing": 0.1}), ("hole", {"spacing": 0.1}), ("pure-shear", {"spacing": 0.1})]
+    ("scene", "changes"),
+    [("uniaxial", {"spacing": 0.1}), ("hole", {"spacing": 0.1}), ("pure-shear", {"spacing": 0.1})],
 )
 def test_stress_and_contraction_are_those_of_the_lattice(scene, changes):
     """Within 0.3 %; the greatest contraction, at one place of an uneven edge, within 4 %."""
@@ -171,7 +212,9 @@ def test_cells_of_a_sheet_fill_it_and_meet(name):
     np.testing.assert_allclose(areas, body.volumes, rtol=0.06)
     corners, owners = body.cells.faces
     lengths = np.linalg.norm(np.diff(body.cells.nodes[corners], axis=1), axis=2)[:, 0]
-    assert lengths[owners[:, 1] < 0].sum() == pytest.approx({"hole": 6.6 + 0.6 * np.pi, "bent": 7.2}[name], rel=0.01)
+    assert lengths[owners[:, 1] < 0].sum() == pytest.approx(
+        {"hole": 6.6 + 0.6 * np.pi, "bent": 7.2}[name], rel=0.01
+    )
 
 
 def test_a_precut_opens_between_cells_and_states_are_read_back(tmp_path):
@@ -182,7 +225,14 @@ def test_a_precut_opens_between_cells_and_states_are_read_back(tmp_path):
     cells, nodes = deformed_cells(result.body, fields)
     opened, whole = (len(mesh.outer_sides[0]) for mesh in (cells, result.body.cells))
     assert opened > whole + 6
-    assert len(deformed_cells(result.body, fields | {"displacement": 0 * fields["displacement"]})[0].outer_sides[0]) >= whole
+    assert (
+        len(
+            deformed_cells(result.body, fields | {"displacement": 0 * fields["displacement"]})[
+                0
+            ].outer_sides[0]
+        )
+        >= whole
+    )
     vtk.write_state(tmp_path / "x.vtu", cells, nodes, fields, {})
     again, moved, kept = vtk.read_state(tmp_path / "x.vtu")
     np.testing.assert_array_equal(again.blocks[0], cells.blocks[0])

@@ -1,4 +1,6 @@
-"""Cuts that touch one another, holes and edges: which bonds they cut together, and which of their ends are tips."""
+"""Cuts that touch one another, holes and edges: which bonds they cut together, and which of
+their ends are tips.
+"""
 
 from itertools import pairwise
 
@@ -24,19 +26,32 @@ def panel(corner, one, other):
 
 
 def scene_of(cuts, **more):
-    fields = {"name": "cuts", "spacing": 0.1, "body": STRIP, "precuts": cuts, "material": RUBBER, "stretches": [1.2], "grips": GRIPS}
+    fields = {
+        "name": "cuts",
+        "spacing": 0.1,
+        "body": STRIP,
+        "precuts": cuts,
+        "material": RUBBER,
+        "stretches": [1.2],
+        "grips": GRIPS,
+    }
     return pds.Scene(**{**fields, **more})
 
 
 def cut_bonds(cuts, **more):
     body = discretize(scene_of(cuts, **more))[0]
-    return {frozenset(map(tuple, np.rint(1e6 * body.all_points[pair]).astype(int).tolist())) for pair in body.bonds.cut}
+    return {
+        frozenset(map(tuple, np.rint(1e6 * body.all_points[pair]).astype(int).tolist()))
+        for pair in body.bonds.cut
+    }
 
 
 @pytest.mark.parametrize("joint", [1.0, 1.05, 1.1, 0.95])
 @pytest.mark.parametrize("height", [1.0, 1.05])
 def test_pieces_in_a_line_cut_what_the_whole_does(joint, height):
-    """Joints at the middle of a bond, at a vertical bond, and between rows or on a row of points; pieces that run either way."""
+    """Joints at the middle of a bond, at a vertical bond, and between rows or on a row of
+    points; pieces that run either way.
+    """
     whole = cut_bonds(line((0, height), (1.5, height)))
     assert cut_bonds(line((0, height), (joint, height), (1.5, height))) == whole
     if height == 1.0:
@@ -46,10 +61,15 @@ def test_pieces_in_a_line_cut_what_the_whole_does(joint, height):
 
 @pytest.mark.parametrize("joint", [(1.5, 1.0), (1.45, 1.0), (1.5, 1.1)])
 def test_a_kink_leaves_no_bond_through_its_corner(joint):
-    """The bonds cut are those that the corner cuts when it is moved by 1e-5 spacings, in one direction at least."""
+    """The bonds cut are those that the corner cuts when it is moved by 1e-5 spacings, in one
+    direction at least.
+    """
     ends = (0.013, joint[1]), (2.487, 1.437)
     found = cut_bonds(line(ends[0], joint, ends[1]))
-    moved = [cut_bonds(line(ends[0], np.add(joint, shift), ends[1])) for shift in ([1e-6, 0], [0, 1e-6], [0, -1e-6])]
+    moved = [
+        cut_bonds(line(ends[0], np.add(joint, shift), ends[1]))
+        for shift in ([1e-6, 0], [0, 1e-6], [0, -1e-6])
+    ]
     assert found >= moved[0] & moved[1] & moved[2]
     assert found <= moved[0] | moved[1] | moved[2]
     assert moved[0] == moved[1] == moved[2]
@@ -72,22 +92,31 @@ def test_t_and_x_joints_divide_a_sheet(place, branches):
 
 @pytest.mark.parametrize(("side", "cut_row"), [(1.0, True), (-1.0, False)])
 def test_a_branch_on_a_row_of_points(side, cut_row):
-    """Points on a cut lie to its left: a branch on that side divides them, a branch on the other side does not."""
+    """Points on a cut lie to its left: a branch on that side divides them, a branch on the other
+    side does not.
+    """
     cuts = [*line((-1, 1.05), (4, 1.05)), *line((1.5, 1.05), (1.5, 1.05 + 2 * side))]
     body = discretize(scene_of(cuts))[0]
     row = np.flatnonzero(np.abs(body.points[:, 1] - 1.05) < 1e-9)
     bonds = body.bonds
     along = np.isin(bonds.first, row) & np.isin(bonds.second, row)
-    across = along & ((body.all_points[bonds.first, 0] < 1.5) != (body.all_points[bonds.second, 0] < 1.5))
+    across = along & (
+        (body.all_points[bonds.first, 0] < 1.5) != (body.all_points[bonds.second, 0] < 1.5)
+    )
     assert across.any() != cut_row
 
 
 def test_pieces_that_nearly_touch_are_not_joined():
-    """A gap of 1e-4 spacings has two tips; bonds that pass within it remain, those through the common end of touching pieces do not."""
+    """A gap of 1e-4 spacings has two tips; bonds that pass within it remain, those through the
+    common end of touching pieces do not.
+    """
     apart = [*line((0, 1), (1.5 - 5e-6, 1)), *line((1.5 + 5e-6, 1), (2.4, 1))]
     joined, separate = cut_bonds(line((0, 1), (1.5, 1), (2.4, 1))), cut_bonds(apart)
     assert separate < joined
-    assert {frozenset([(1450000, 950000), (1550000, 1050000)]), frozenset([(1550000, 950000), (1450000, 1050000)])} <= joined - separate
+    assert {
+        frozenset([(1450000, 950000), (1550000, 1050000)]),
+        frozenset([(1550000, 950000), (1450000, 1050000)]),
+    } <= joined - separate
     assert len(compile_scene(scene_of(apart)).fronts.first) == 3
 
 
@@ -100,14 +129,25 @@ def test_pieces_touch_in_clouds_and_meshes(arrangement, tmp_path):
 
         x, y = np.meshgrid(np.linspace(0, 3, 31), np.linspace(0, 2, 21), indexing="ij")
         number = np.arange(x.size).reshape(x.shape)
-        quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
-        meshio.write_points_cells(tmp_path / "strip.vtu", np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1), [("quad", quads)])
+        quads = np.stack(
+            [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1
+        ).reshape(-1, 4)
+        meshio.write_points_cells(
+            tmp_path / "strip.vtu",
+            np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1),
+            [("quad", quads)],
+        )
         body = {"shape": "mesh", "file": str(tmp_path / "strip.vtu")}
-    assert cut_bonds(line((0, 1), (1.5, 1), (2.4, 1)), body=body) == cut_bonds(line((0, 1), (2.4, 1)), body=body)
+    assert cut_bonds(line((0, 1), (1.5, 1), (2.4, 1)), body=body) == cut_bonds(
+        line((0, 1), (2.4, 1)), body=body
+    )
 
 
 def tips_of(cuts, **more):
-    return sorted(tuple(np.round(front.path[-1], 6).tolist()) for front in compile_scene(scene_of(cuts, **more)).fronts.first)
+    return sorted(
+        tuple(np.round(front.path[-1], 6).tolist())
+        for front in compile_scene(scene_of(cuts, **more)).fronts.first
+    )
 
 
 HOLE = {"shape": "circle", "center": [1.5, 1.0], "radius": 0.3}
@@ -117,8 +157,16 @@ HOLE = {"shape": "circle", "center": [1.5, 1.0], "radius": 0.3}
     ("cuts", "more", "tips"),
     [
         (line((0, 1), (1, 1), (2, 1.4)), {}, [(2.0, 1.4)]),
-        ([*line((0.5, 1), (2.5, 1)), *line((1.5, 1), (1.5, 1.6))], {}, [(0.5, 1.0), (1.5, 1.6), (2.5, 1.0)]),
-        ([*line((0.5, 1), (2.5, 1)), *line((1.5, 0.5), (1.5, 1.6))], {}, [(0.5, 1.0), (1.5, 0.5), (1.5, 1.6), (2.5, 1.0)]),
+        (
+            [*line((0.5, 1), (2.5, 1)), *line((1.5, 1), (1.5, 1.6))],
+            {},
+            [(0.5, 1.0), (1.5, 1.6), (2.5, 1.0)],
+        ),
+        (
+            [*line((0.5, 1), (2.5, 1)), *line((1.5, 0.5), (1.5, 1.6))],
+            {},
+            [(0.5, 1.0), (1.5, 0.5), (1.5, 1.6), (2.5, 1.0)],
+        ),
         (line((0, 1), (1.2, 1)), {"holes": [HOLE]}, []),
         (line((0.4, 1), (1.2, 1)), {"holes": [HOLE]}, [(0.4, 1.0)]),
         (line((1.5, 1.3), (1.5, 2.0)), {"holes": [HOLE]}, []),
@@ -143,11 +191,16 @@ BLOCK = {"shape": "box", "size": [1.0, 0.8, 0.6]}
 
 
 def test_panels_of_a_solid_that_share_an_edge():
-    """A flat panel in two parts, with joints through bonds, and a step of three panels that divides the block."""
+    """A flat panel in two parts, with joints through bonds, and a step of three panels that
+    divides the block.
+    """
     block = {"body": BLOCK, "spacing": 0.1}
     whole = [panel([-1, 0.4, -1], [1.5, 0, 0], [0, 0, 3])]
     parts = [panel([-1, 0.4, -1], [1.2, 0, 0], [0, 0, 3])]
-    parts += [panel([0.2, 0.4, -1], [0.3, 0, 0], [0, 0, 1.32]), panel([0.2, 0.4, 0.32], [0.3, 0, 0], [0, 0, 1.68])]
+    parts += [
+        panel([0.2, 0.4, -1], [0.3, 0, 0], [0, 0, 1.32]),
+        panel([0.2, 0.4, 0.32], [0.3, 0, 0], [0, 0, 1.68]),
+    ]
     assert cut_bonds(parts, **block) == cut_bonds(whole, **block)
     step = [
         panel([-1, 0.2, -1], [1.5, 0, 0], [0, 0, 3]),
@@ -179,13 +232,17 @@ def faces_of(cuts, **more):
 )
 @pytest.mark.parametrize("arrangement", ["lattice", "relaxed"])
 def test_both_faces_of_cuts_are_free(cuts, length, arrangement):
-    """Places on either side, which follow points on their side alone, and stand for the length of the part of the cut in the body."""
+    """Places on either side, which follow points on their side alone, and stand for the length
+    of the part of the cut in the body.
+    """
     problem, faces = faces_of(cuts, body={**STRIP, "arrangement": arrangement})
     check_faces(problem, faces, length)
 
 
 def check_faces(problem, faces, size):
-    """Both faces have the given size, and carry no load in sum; they follow points on their side, to which they are opposite."""
+    """Both faces have the given size, and carry no load in sum; they follow points on their
+    side, to which they are opposite.
+    """
     sizes, d = np.linalg.norm(faces.areas, axis=1), problem.body.dimension
     assert sizes.sum() == pytest.approx(2 * size, rel=1e-4)
     np.testing.assert_allclose(faces.areas.sum(axis=0), 0.0, atol=1e-12)
@@ -214,11 +271,25 @@ ALONG_ROWS = {
     "on a row of points": (line((0, 1.05), (1.5, 1.05)), line((0, 1), (1.5, 1)), {}),
     "on a row, from right to left": (line((1.5, 0.95), (0, 0.95)), line((1.5, 1), (0, 1)), {}),
     "between rows": (line((0, 0.96), (1.5, 0.96)), line((0, 1), (1.5, 1)), {}),
-    "with an oblique piece": (line((0, 1.02), (1, 1.02), (1.5, 1.32)), line((0, 1), (1, 1), (1.5, 1.32)), {}),
-    "steps": (line((0, 1.02), (0.83, 1.02), (0.83, 1.26), (1.5, 1.26)), line((0, 1), (0.8, 1), (0.8, 1.3), (1.5, 1.3)), {}),
+    "with an oblique piece": (
+        line((0, 1.02), (1, 1.02), (1.5, 1.32)),
+        line((0, 1), (1, 1), (1.5, 1.32)),
+        {},
+    ),
+    "steps": (
+        line((0, 1.02), (0.83, 1.02), (0.83, 1.26), (1.5, 1.26)),
+        line((0, 1), (0.8, 1), (0.8, 1.3), (1.5, 1.3)),
+        {},
+    ),
     "panels": (
-        [panel([-1, 0.45, -1], [1.4, 0, 0], [0, 0, 3]), panel([-1, 0.45, 0.27], [1.4, 0, 0], [0, 2, 0])],
-        [panel([-1, 0.5, -1], [1.4, 0, 0], [0, 0, 3]), panel([-1, 0.5, 0.3], [1.4, 0, 0], [0, 2, 0])],
+        [
+            panel([-1, 0.45, -1], [1.4, 0, 0], [0, 0, 3]),
+            panel([-1, 0.45, 0.27], [1.4, 0, 0], [0, 2, 0]),
+        ],
+        [
+            panel([-1, 0.5, -1], [1.4, 0, 0], [0, 0, 3]),
+            panel([-1, 0.5, 0.3], [1.4, 0, 0], [0, 2, 0]),
+        ],
         {"body": BLOCK},
     ),
     "disc": (
@@ -231,9 +302,11 @@ ALONG_ROWS = {
 
 @pytest.mark.parametrize("case", ALONG_ROWS)
 def test_a_cut_along_rows_parts_whole_cells(case):
-    """A point of a lattice stands for its cell: wherever a cut lies between two rows, it is the one between their cells.
+    """A point of a lattice stands for its cell: wherever a cut lies between two rows, it is the one
+    between their cells.
 
-    With faces on a row of points, stresses of a sheet with a cut were 1.4 % too large, and it tore at a stretch of 1.97 instead of 1.64.
+    With faces on a row of points, stresses of a sheet with a cut were 1.4 % too large, and it tore
+    at a stretch of 1.97 instead of 1.64.
     """
     cuts, between, more = ALONG_ROWS[case]
     assert cut_bonds(cuts, **more) == cut_bonds(between, **more)
@@ -262,7 +335,9 @@ def test_both_faces_of_panels_are_free(case):
 
 
 def test_faces_of_a_disc_and_beside_a_bore():
-    """A disc as an outline of straight sides, and a panel through a bore whose outline has straight sides."""
+    """A disc as an outline of straight sides, and a panel through a bore whose outline has
+    straight sides.
+    """
     _, faces = faces_of([PENNY], body=BLOCK)
     assert np.linalg.norm(faces.areas, axis=1).sum() == pytest.approx(2 * np.pi * 0.2**2, rel=3e-3)
     _, faces = faces_of([panel([-1, 0.4, -1], [3, 0, 0], [0, 0, 3])], body=BLOCK, holes=[BORE])
@@ -280,7 +355,9 @@ def test_no_region_contains_the_faces_of_a_cut():
 
 @pytest.mark.parametrize("begin", [0.0, -1.0])
 def test_the_mouth_of_a_cut_follows_both_of_its_sides(begin):
-    """A load on the edge is symmetric about the cut, whether the cut ends at the edge or beyond it."""
+    """A load on the edge is symmetric about the cut, whether the cut ends at the edge or beyond
+    it.
+    """
     surface = compile_scene(scene_of(line((begin, 1), (1.5, 1)))).regions.surface()
     mouth = np.flatnonzero(np.linalg.norm(surface.nodes - [0.0, 1.0], axis=1) < 1e-9)
     rows, points = surface.interpolation.rows[0][mouth], compile_scene(scene_of(())).body.points
@@ -313,16 +390,29 @@ TENSION = {
 
 @pytest.mark.parametrize("case", TENSION)
 def test_tension_along_a_cut_is_homogeneous(case):
-    """By theory a cut along a uniaxial tension changes nothing; without the faces of the cut there was no equilibrium at all."""
+    """By theory a cut along a uniaxial tension changes nothing; without the faces of the cut
+    there was no equilibrium at all.
+    """
     cuts, arrangement = TENSION[case]
     held, loads = [{"region": "left", "x1": 0.0}], [{"region": "right", "traction": [0.5, 0.0]}]
     if "symmetry" in case or arrangement == "relaxed":
         held.append({"region": "bottom", "x2": 0.0})
     else:
-        held = [{"region": {"near": [1.05, 0.05]}, "x1": 0.0, "x2": 0.0}, {"region": {"near": [1.05, 0.95]}, "x1": 0.0}]
+        held = [
+            {"region": {"near": [1.05, 0.05]}, "x1": 0.0, "x2": 0.0},
+            {"region": {"near": [1.05, 0.95]}, "x1": 0.0},
+        ]
         loads.append({"region": "left", "traction": [-0.5, 0.0]})
     body = {"shape": "rectangle", "size": [2.0, 1.0], "arrangement": arrangement}
-    fields = {"name": "tension", "spacing": 0.1, "plane": "strain", "material": RUBBER, "prescribed": held, "loads": loads, "steps": [1.0]}
+    fields = {
+        "name": "tension",
+        "spacing": 0.1,
+        "plane": "strain",
+        "material": RUBBER,
+        "prescribed": held,
+        "loads": loads,
+        "steps": [1.0],
+    }
     result = pds.simulate(pds.Scene(**fields, body=body, precuts=cuts), "bond-energy")
     found = result.field("displacement")[:, :2]
     basis = np.column_stack([result.body.points, np.ones(len(result.body))])
@@ -343,11 +433,30 @@ IN_SPACE = {
 
 @pytest.mark.parametrize("case", IN_SPACE)
 def test_tension_along_a_cut_in_a_solid_is_homogeneous(case):
-    """As in the plane, between two planes of symmetry. Without the faces it was off by 0.01, a tenth of a spacing."""
+    """As in the plane, between two planes of symmetry. Without the faces it was off by 0.01, a
+    tenth of a spacing.
+    """
     cuts, arrangement = IN_SPACE[case]
-    held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}, {"region": "back", "x3": 0.0}]
-    loads, body = [{"region": "right", "traction": [0.5, 0.0, 0.0]}], {**BLOCK, "arrangement": arrangement}
-    fields = {"name": "tension", "spacing": 0.1, "material": RUBBER, "prescribed": held, "loads": loads, "steps": [1.0]}
+    held = [
+        {"region": "left", "x1": 0.0},
+        {"region": "bottom", "x2": 0.0},
+        {"region": "back", "x3": 0.0},
+    ]
+    loads, body = (
+        [{"region": "right", "traction": [0.5, 0.0, 0.0]}],
+        {
+            **BLOCK,
+            "arrangement": arrangement,
+        },
+    )
+    fields = {
+        "name": "tension",
+        "spacing": 0.1,
+        "material": RUBBER,
+        "prescribed": held,
+        "loads": loads,
+        "steps": [1.0],
+    }
     result = pds.simulate(pds.Scene(**fields, body=body, precuts=cuts), "bond-energy")
     found = result.field("displacement")
     basis = np.column_stack([result.body.points, np.ones(len(result.body))])

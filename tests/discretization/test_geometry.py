@@ -1,4 +1,6 @@
-"""What the geometry of a scene does to its results: meshes and their groups, outlines that cross, supports at a place, folded corners."""
+"""What the geometry of a scene does to its results: meshes and their groups, outlines that
+cross, supports at a place, folded corners.
+"""
 
 import matplotlib
 import numpy as np
@@ -21,7 +23,9 @@ def run_of(**fields):
 
 
 def cantilever(body, **fields):
-    """Displacement of the tip of a body of 2 x 1 that a traction bends, and what is told of the body."""
+    """Displacement of the tip of a body of 2 x 1 that a traction bends, and what is told of the
+    body.
+    """
     conditions = {
         "prescribed": ({"region": "left", **CLAMPED},),
         "loads": ({"region": "right", "traction": (0.0, -0.02)},),
@@ -33,10 +37,12 @@ def cantilever(body, **fields):
 
 
 def test_a_mesh_has_its_own_spacing(tmp_path):
-    """Triangles of 1/400 of the body make 800 points 0.05 apart, and the tip goes where that of a fine lattice does.
+    """Triangles of 1/400 of the body make 800 points 0.05 apart, and the tip goes where that of a
+    fine lattice does.
 
-    The tip of lattices at 0.1, 0.05 and 0.025 goes by 0.2485, 0.2516 and 0.2524: toward 0.2527.  A mesh of points as far apart as 0.05 is
-    allowed an error as large as that of a lattice at twice the spacing, 1.7 %; by a horizon of 3.15 times 0.1 it took 123 evaluations.
+    The tip of lattices at 0.1, 0.05 and 0.025 goes by 0.2485, 0.2516 and 0.2524: toward 0.2527.  A
+    mesh of points as far apart as 0.05 is allowed an error as large as that of a lattice at twice
+    the spacing, 1.7 %; by a horizon of 3.15 times 0.1 it took 123 evaluations.
     """
     mesh = {"shape": "mesh", "file": str(write_triangles(tmp_path / "fine.vtu", 10))}
     tip, summary = cantilever(mesh)
@@ -52,7 +58,9 @@ def test_a_mesh_has_its_own_spacing(tmp_path):
 def test_only_a_mesh_needs_no_spacing():
     with pytest.raises(pds.SceneError, match="spacing: this key is missing"):
         cantilever({"shape": "rectangle", "size": (2.0, 1.0)})
-    with pytest.raises(pds.SceneError, match="spacing: must be a number, unless the body is a mesh"):
+    with pytest.raises(
+        pds.SceneError, match="spacing: must be a number, unless the body is a mesh"
+    ):
         cantilever({"shape": "rectangle", "size": (2.0, 1.0)}, spacing=None)
 
 
@@ -64,13 +72,22 @@ def bar(tmp_path_factory):
 
 def pulled(bar, lower, upper, **fields):
     held = {"x1": 0.0, "x2": 0.0, "x3": 0.0}
-    return {"body": bar, "prescribed": ({"region": lower, **held}, {"region": upper, **held, "x1": 0.2}), **fields}
+    return {
+        "body": bar,
+        "prescribed": ({"region": lower, **held}, {"region": upper, **held, "x1": 0.2}),
+        **fields,
+    }
 
 
 def test_groups_that_are_a_whole_face_are_held_as_that(bar):
-    """By reflection in its plane, to the same forces, and told by their names in letters that a table takes."""
+    """By reflection in its plane, to the same forces, and told by their names in letters that a
+    table takes.
+    """
     by_name, by_group = (
-        pds.simulate(pds.Scene(name="bar", material=RUBBER, steps=(1.0,), **pulled(bar, *ends)), "bond-energy")
+        pds.simulate(
+            pds.Scene(name="bar", material=RUBBER, steps=(1.0,), **pulled(bar, *ends)),
+            "bond-energy",
+        )
         for ends in (("left", "right"), ({"group": "lower end"}, {"group": "upper"}))
     )
     assert len(by_group.body.planes) == 2
@@ -89,7 +106,9 @@ def test_groups_that_are_a_part_of_a_face_hold_their_points(bar):
 
 
 SQUARE = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
-STAR = tuple((float(np.cos(angle)), float(np.sin(angle))) for angle in np.pi / 2 + 0.8 * np.pi * np.arange(5))
+STAR = tuple(
+    (float(np.cos(angle)), float(np.sin(angle))) for angle in np.pi / 2 + 0.8 * np.pi * np.arange(5)
+)
 
 
 @pytest.mark.parametrize(
@@ -97,10 +116,20 @@ STAR = tuple((float(np.cos(angle)), float(np.sin(angle))) for angle in np.pi / 2
     [
         (((0, 0), (2, 2), (2, 0), (0, 2)), r"crosses itself at \(1, 1\)"),
         (STAR, r"crosses itself at \("),
-        (SQUARE + SQUARE, r"runs around itself more than once, or crosses itself at a corner, near \("),
-        (((0, 0), (1, 1), (2, 2), (2, 0), (1, 1), (0, 2)), r"runs around itself more than once, or crosses itself at a corner"),
-        # A side that goes through a corner where the outline does not cross, and on through another side.
-        (((0, 0), (4, 0), (4, 2), (1, 2), (3, -1), (2, -1), (0, 2)), r"crosses itself at \([12]\.333, 0\)"),
+        (
+            SQUARE + SQUARE,
+            r"runs around itself more than once, or crosses itself at a corner, near \(",
+        ),
+        (
+            ((0, 0), (1, 1), (2, 2), (2, 0), (1, 1), (0, 2)),
+            r"runs around itself more than once, or crosses itself at a corner",
+        ),
+        # A side that goes through a corner where the outline does not cross, and on through another
+        # side.
+        (
+            ((0, 0), (4, 0), (4, 2), (1, 2), (3, -1), (2, -1), (0, 2)),
+            r"crosses itself at \([12]\.333, 0\)",
+        ),
         (SQUARE + SQUARE[::-1], "the polygon has no area"),
     ],
 )
@@ -117,19 +146,35 @@ def test_outlines_that_cross_or_run_twice_are_refused(vertices, message):
         (*SQUARE, SQUARE[0]),
         ((0, 0), (1, 1), (2, 0), (2, 2), (1, 1), (0, 2)),  # two triangles that touch
         ((0, 0), (2, 0), (2, 2), (1, 0), (0, 2)),  # a corner that touches a side
-        ((0, 0), (3, 0), (3, 3), (0, 3), (0, 0), (1, 1), (1, 2), (2, 2), (2, 1), (1, 1)),  # an opening, and the way to it and back
+        (
+            (0, 0),
+            (3, 0),
+            (3, 3),
+            (0, 3),
+            (0, 0),
+            (1, 1),
+            (1, 2),
+            (2, 2),
+            (2, 1),
+            (1, 1),
+        ),  # an opening, and the way to it and back
     ],
 )
 def test_outlines_that_touch_themselves_are_taken(vertices):
     assert pds.shapes.Polygon(vertices=vertices).shape == "polygon"
-    assert pds.shapes.Polygon(vertices=[(x1 + 1e6, x2 - 1e6) for x1, x2 in vertices]).shape == "polygon"
+    assert (
+        pds.shapes.Polygon(vertices=[(x1 + 1e6, x2 - 1e6) for x1, x2 in vertices]).shape
+        == "polygon"
+    )
 
 
 def test_supports_on_an_axis_do_not_turn_the_body():
-    """An eccentric ring, symmetric about x1, on points 0.2 apart: by the one point above the axis that is nearest it turned by 0.0027.
+    """An eccentric ring, symmetric about x1, on points 0.2 apart: by the one point above the axis
+    that is nearest it turned by 0.0027.
 
-    Both halves are then mirror images but for the residual, 1e-6 of the shear modulus over the spacing: turns are far below 1e-5.  It
-    takes 24 evaluations, as many as with one point held; with a preconditioner that knows only the held point it took 133.
+    Both halves are then mirror images but for the residual, 1e-6 of the shear modulus over the
+    spacing: turns are far below 1e-5.  It takes 24 evaluations, as many as with one point held;
+    with a preconditioner that knows only the held point it took 133.
     """
     places = {"north": (0.0, 1.8), "south": (0.0, -1.8)}
     scene = pds.Scene(
@@ -140,7 +185,10 @@ def test_supports_on_an_axis_do_not_turn_the_body():
         holes=({"shape": "circle", "radius": 1.0, "center": (0.3, 0.0)},),
         material=RUBBER,
         loads=({"region": "holes", "pressure": 0.15},),
-        prescribed=({"region": {"near": (1.6, 0.0)}, **CLAMPED}, {"region": {"near": (-1.5, 0.0)}, "x2": 0.0}),
+        prescribed=(
+            {"region": {"near": (1.6, 0.0)}, **CLAMPED},
+            {"region": {"near": (-1.5, 0.0)}, "x2": 0.0},
+        ),
         probes=[{"name": name, "at": at} for name, at in places.items()],
         steps=(1.0,),
     )
@@ -154,7 +202,9 @@ def test_supports_on_an_axis_do_not_turn_the_body():
 
 
 def test_a_support_at_a_place_keeps_nothing_from_turning():
-    """The four points around a corner of cells are one support: they keep the body where they are, and a second one from turning."""
+    """The four points around a corner of cells are one support: they keep the body where they
+    are, and a second one from turning.
+    """
     sheet = {"body": {"shape": "rectangle", "size": (1.2, 1.0)}, "spacing": 0.1}
     pin = {"region": {"near": (0.6, 0.5)}, **CLAMPED}
     with pytest.raises(pds.SceneError, match="nothing keeps the body from turning"):
@@ -167,10 +217,12 @@ def test_a_support_at_a_place_keeps_nothing_from_turning():
 
 
 def test_a_beam_on_two_supports_at_places():
-    """A beam of 4 x 1 under its weight of 0.016: each carries half of it, at the mean of its two points, half a cell inside the end.
+    """A beam of 4 x 1 under its weight of 0.016: each carries half of it, at the mean of its two
+    points, half a cell inside the end.
 
-    Held at both points in both components, one of them carried 7 % more than the other: it kept its end from turning.  Forces balance to
-    the residual, 1e-6 of mu/spacing in force density: on 128 points of 1/16 it is worth less than 2e-5 of the weight and its moment.
+    Held at both points in both components, one of them carried 7 % more than the other: it kept its
+    end from turning.  Forces balance to the residual, 1e-6 of mu/spacing in force density: on 128
+    points of 1/16 it is worth less than 2e-5 of the weight and its moment.
     """
     scene = pds.Scene(
         name="beam",
@@ -195,7 +247,9 @@ def test_a_beam_on_two_supports_at_places():
 
 
 def test_a_support_at_a_place_goes_where_it_is_told():
-    """A sheet is turned by 30 degrees, by a rotation at one place and by what that does at another: it turns rigidly."""
+    """A sheet is turned by 30 degrees, by a rotation at one place and by what that does at
+    another: it turns rigidly.
+    """
     angle = np.radians(30)
     turned = np.array([[np.cos(angle) - 1, -np.sin(angle)], [np.sin(angle), np.cos(angle) - 1]])
     x1, x2 = turned @ [0.6, 0.0]
@@ -244,10 +298,17 @@ def test_a_corner_that_folds_over_the_plate_is_told():
 def test_bodies_in_pieces_that_are_all_held_are_remarked_on():
     cut = {"start": (-0.1, 0.5), "end": (1.3, 0.5)}
     sheet = {"body": {"shape": "rectangle", "size": (1.2, 1.0)}, "spacing": 0.1, "precuts": (cut,)}
-    message = "the body consists of 2 pieces without bonds between them, for example because a cut goes all the way"
+    message = (
+        "the body consists of 2 pieces without bonds between them, for example because a cut goes"
+        " all the way"
+    )
     with pytest.warns(UserWarning, match=message):
         run_of(**sheet, prescribed=({"region": "left", **CLAMPED},))
-    grips = {"grips": ({"edge": "left"}, {"edge": "right", "travel": 1.0}), "stretches": (1.1,), "steps": ()}
+    grips = {
+        "grips": ({"edge": "left"}, {"edge": "right", "travel": 1.0}),
+        "stretches": (1.1,),
+        "steps": (),
+    }
     with pytest.warns(UserWarning, match=message):
         run_of(**sheet, **grips)
 
@@ -255,15 +316,31 @@ def test_bodies_in_pieces_that_are_all_held_are_remarked_on():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"prescribed": ({"region": "left", "x1": 0.0},)}, "prescribed: nothing keeps the body from moving along x2"),
-        ({"prescribed": ({"region": "left", **CLAMPED}, {"region": "bottom", "x1": 0.1})}, "prescribed.0 and prescribed.1 move point 0"),
-        ({"loads": ({"region": "left", "traction": (1.0, 0.0)},)}, "loads.0.region: the region contains the left edge, which is held by"),
-        ({"body": {"shape": "circle", "radius": 0.5}}, "prescribed: the body has no straight edge with material at its left end"),
+        (
+            {"prescribed": ({"region": "left", "x1": 0.0},)},
+            "prescribed: nothing keeps the body from moving along x2",
+        ),
+        (
+            {"prescribed": ({"region": "left", **CLAMPED}, {"region": "bottom", "x1": 0.1})},
+            "prescribed.0 and prescribed.1 move point 0",
+        ),
+        (
+            {"loads": ({"region": "left", "traction": (1.0, 0.0)},)},
+            "loads.0.region: the region contains the left edge, which is held by",
+        ),
+        (
+            {"body": {"shape": "circle", "radius": 0.5}},
+            "prescribed: the body has no straight edge with material at its left end",
+        ),
         ({"spacing": 1e-7}, "spacing 1e-07 makes 1.2e+14 points"),
     ],
 )
 def test_the_preview_refuses_what_a_run_refuses(changes, message):
-    sheet = {"body": {"shape": "rectangle", "size": (1.2, 1.0)}, "spacing": 0.1, "prescribed": ({"region": "left", **CLAMPED},)}
+    sheet = {
+        "body": {"shape": "rectangle", "size": (1.2, 1.0)},
+        "spacing": 0.1,
+        "prescribed": ({"region": "left", **CLAMPED},),
+    }
     scene = pds.Scene(name="sheet", material=RUBBER, steps=(1.0,), **{**sheet, **changes})
     told = []
     for look in (pds.preview, started):
@@ -277,18 +354,34 @@ def test_the_preview_refuses_what_a_run_refuses(changes, message):
 @pytest.mark.parametrize("unit", [1e-6, 3.7])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_bonds_that_a_precut_breaks_do_not_depend_on_the_unit_of_length(dimension, unit):
-    """Diagonal bonds meet its end, halfway between columns of points, exactly: rounding must not decide which of them it breaks."""
+    """Diagonal bonds meet its end, halfway between columns of points, exactly: rounding must not
+    decide which of them it breaks.
+    """
 
     def bonds(unit):
         if dimension == 2:
-            body, cut = {"shape": "rectangle", "size": [3 * unit, unit]}, {"start": [0, unit / 2], "end": [1.5 * unit, unit / 2]}
+            body, cut = (
+                {"shape": "rectangle", "size": [3 * unit, unit]},
+                {
+                    "start": [0, unit / 2],
+                    "end": [1.5 * unit, unit / 2],
+                },
+            )
         else:
             body = {"shape": "box", "size": [3 * unit, unit, 0.4 * unit]}
             cut = {"corner": [0, unit / 2, 0], "sides": [[1.5 * unit, 0, 0], [0, 0, 0.4 * unit]]}
-        described = {"name": "cut", "spacing": 0.1 * unit, "body": body, "precuts": [cut], "stretches": [1.5]}
+        described = {
+            "name": "cut",
+            "spacing": 0.1 * unit,
+            "body": body,
+            "precuts": [cut],
+            "stretches": [1.5],
+        }
         material = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
         grips = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
-        return discretize(pds.Scene.model_validate({**described, "material": material, "grips": grips}))[0].bonds
+        return discretize(
+            pds.Scene.model_validate({**described, "material": material, "grips": grips})
+        )[0].bonds
 
     ours, usual = bonds(unit), bonds(1.0)
     np.testing.assert_array_equal(ours.first, usual.first)
@@ -299,20 +392,30 @@ def test_the_bonds_that_a_precut_breaks_do_not_depend_on_the_unit_of_length(dime
 @pytest.mark.parametrize("radius", [0.22, 0.25])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_cells_at_a_round_hole_do_not_depend_on_the_unit_of_length(dimension, radius, unit):
-    """Two (in space three) cells are equally near to the part of a cell on a diagonal: rounding must not decide which of them gets it."""
+    """Two (in space three) cells are equally near to the part of a cell on a diagonal: rounding
+    must not decide which of them gets it.
+    """
 
     def sheet(unit):
         shape, hole = (("rectangle", "circle"), ("box", "sphere"))[dimension - 2]
         body, center = {"shape": shape, "size": [unit] * dimension}, [0.5 * unit] * dimension
         holes = [{"shape": hole, "center": center, "radius": radius * unit}]
         grips = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
-        fields = {"spacing": 0.1 * unit, "body": body, "holes": holes, "grips": grips, "stretches": [1.5], "material": RUBBER}
+        fields = {
+            "spacing": 0.1 * unit,
+            "body": body,
+            "holes": holes,
+            "grips": grips,
+            "stretches": [1.5],
+            "material": RUBBER,
+        }
         return discretize(pds.Scene.model_validate({"name": "hole", **fields}))[0]
 
     ours, usual = sheet(unit), sheet(1.0)
     np.testing.assert_allclose(ours.points / unit, usual.points, rtol=1e-9)
     np.testing.assert_allclose(ours.volumes / unit**dimension, usual.volumes, rtol=1e-9)
-    # Like the sheet, its points are symmetric about the diagonal; the places sampled in a cell of a solid are so about its middle alone.
+    # Like the sheet, its points are symmetric about the diagonal; the places sampled in a cell of a
+    # solid are so about its middle alone.
     turned = usual.points[:, ::-1] if dimension == 2 else 1 - usual.points
     places = np.lexsort(np.rint(1e6 * turned).T), np.lexsort(np.rint(1e6 * usual.points).T)
     np.testing.assert_allclose(turned[places[0]], usual.points[places[1]], rtol=1e-9)
@@ -323,14 +426,30 @@ def line(start, end):
     return {"start": start, "end": end}
 
 
-MIRRORED_CUTS = {  # cuts of a sheet of which one half or quarter is computed, and those of the whole sheet
+# cuts of a sheet of which one half or quarter is computed, and those of the whole sheet
+MIRRORED_CUTS = {
     "ends at the edge": ([line([0.0, 0.5], [0.5, 0.5])], [line([-0.5, 0.5], [0.5, 0.5])]),
-    "goes on beyond the edge": ([line([-3.0, 0.5], [0.5, 0.5])], [line([-0.5, 0.5], [0.5, 0.5])]),
-    "near the edge": ([line([0.17, 0.2], [0.17, 0.8])], [line([0.17, 0.2], [0.17, 0.8]), line([-0.17, 0.2], [-0.17, 0.8])]),
-    "through a column of points": ([line([0.15, 0.2], [0.15, 0.8])], [line([0.15, 0.2], [0.15, 0.8]), line([-0.15, 0.8], [-0.15, 0.2])]),
+    "goes on beyond the edge": (
+        [line([-3.0, 0.5], [0.5, 0.5])],
+        [line([-0.5, 0.5], [0.5, 0.5])],
+    ),
+    "near the edge": (
+        [line([0.17, 0.2], [0.17, 0.8])],
+        [line([0.17, 0.2], [0.17, 0.8]), line([-0.17, 0.2], [-0.17, 0.8])],
+    ),
+    "through a column of points": (
+        [line([0.15, 0.2], [0.15, 0.8])],
+        [line([0.15, 0.2], [0.15, 0.8]), line([-0.15, 0.8], [-0.15, 0.2])],
+    ),
     "in the edge": ([line([0.0, 0.23], [0.0, 0.78])], [line([0.0, 0.23], [0.0, 0.78])]),
-    "in the edge, upside down": ([line([0.0, 0.78], [0.0, 0.23])], [line([0.0, 0.78], [0.0, 0.23])]),
-    "slanting through the edge": ([line([-0.3, 0.32], [0.6, 0.68])], [line([0.0, 0.44], [0.6, 0.68]), line([0.0, 0.44], [-0.6, 0.68])]),
+    "in the edge, upside down": (
+        [line([0.0, 0.78], [0.0, 0.23])],
+        [line([0.0, 0.78], [0.0, 0.23])],
+    ),
+    "slanting through the edge": (
+        [line([-0.3, 0.32], [0.6, 0.68])],
+        [line([0.0, 0.44], [0.6, 0.68]), line([0.0, 0.44], [-0.6, 0.68])],
+    ),
     "slanting through the corner": (
         [line([-0.21, -0.2], [0.39, 0.4])],
         [line([0.0, b * 0.01], [a * 0.39, b * 0.4]) for a in (1, -1) for b in (1, -1)],
@@ -339,19 +458,37 @@ MIRRORED_CUTS = {  # cuts of a sheet of which one half or quarter is computed, a
 
 
 def neighbors_in(corner, body, cuts, rollers):
-    """Places of the neighbors of every point above `corner`, by the place of the point, in multiples of a thousandth."""
-    fields = {"spacing": 0.1, "horizon_ratio": 3.15 if len(corner) == 2 else 1.75, "body": body, "precuts": cuts, "steps": 1.0}
-    held = [{"region": {"near": [0.55] * len(corner)}, "x1": 0.0}, *({"region": edge, f"x{axis}": 0.0} for edge, axis in rollers)]
-    body = discretize(pds.Scene.model_validate({"name": "cut", "material": RUBBER, **fields, "prescribed": held}))[0]
+    """Places of the neighbors of every point above `corner`, by the place of the point, in
+    multiples of a thousandth.
+    """
+    fields = {
+        "spacing": 0.1,
+        "horizon_ratio": 3.15 if len(corner) == 2 else 1.75,
+        "body": body,
+        "precuts": cuts,
+        "steps": 1.0,
+    }
+    held = [
+        {"region": {"near": [0.55] * len(corner)}, "x1": 0.0},
+        *({"region": edge, f"x{axis}": 0.0} for edge, axis in rollers),
+    ]
+    body = discretize(
+        pds.Scene.model_validate({"name": "cut", "material": RUBBER, **fields, "prescribed": held})
+    )[0]
     places = np.rint(1000 * body.all_points).astype(int)
     ends = np.split(body.bonds.neighbors, body.bonds.pointers[1:-1].astype(int))
     inside = (body.points > corner).all(axis=1)
-    return {tuple(places[i]): {tuple(place) for place in places[ends[i]]} for i in np.flatnonzero(inside)}
+    return {
+        tuple(places[i]): {tuple(place) for place in places[ends[i]]}
+        for i in np.flatnonzero(inside)
+    }
 
 
 @pytest.mark.parametrize("case", MIRRORED_CUTS)
 def test_a_precut_goes_on_beyond_a_held_edge_as_its_mirror_image(case):
-    """The points of a symmetric sheet have the same bonds if only a half or a quarter of it is computed."""
+    """The points of a symmetric sheet have the same bonds if only a half or a quarter of it is
+    computed.
+    """
     cuts, all_cuts = MIRRORED_CUTS[case]
     quarter = "corner" in case
     size, lower = ([2.0, 2.0], [-1.0, -1.0]) if quarter else ([2.0, 1.0], [-1.0, 0.0])
@@ -365,7 +502,10 @@ MIRRORED_CUTS_OF_SOLIDS = {
     "disc": ([DISC], [DISC]),
     "slanting": (
         [{"corner": [-0.2, 0.12, 0.21], "sides": [[0.6, 0.0, 0.15], [0.0, 0.3, 0.0]]}],
-        [{"corner": [0.0, 0.12, 0.26], "sides": [[a * 0.4, 0.0, 0.1], [0.0, 0.3, 0.0]]} for a in (1, -1)],
+        [
+            {"corner": [0.0, 0.12, 0.26], "sides": [[a * 0.4, 0.0, 0.1], [0.0, 0.3, 0.0]]}
+            for a in (1, -1)
+        ],
     ),
 }
 
@@ -374,4 +514,9 @@ MIRRORED_CUTS_OF_SOLIDS = {
 def test_a_cut_of_a_solid_goes_on_beyond_a_held_face_as_its_mirror_image(case):
     cuts, all_cuts = MIRRORED_CUTS_OF_SOLIDS[case]
     part = neighbors_in([0.0] * 3, {"shape": "box", "size": [0.6, 0.6, 0.6]}, cuts, [("left", 1)])
-    assert part == neighbors_in([0.0] * 3, {"shape": "box", "size": [1.2, 0.6, 0.6], "lower": [-0.6, 0.0, 0.0]}, all_cuts, [])
+    assert part == neighbors_in(
+        [0.0] * 3,
+        {"shape": "box", "size": [1.2, 0.6, 0.6], "lower": [-0.6, 0.0, 0.0]},
+        all_cuts,
+        [],
+    )

@@ -42,7 +42,8 @@ LAW = """
         def isochoric(I1, I2, parameters):
             b = my_constants.EXTRA + STIFFENING + doubled(0.0 * I1)
             zero = 0 * I1
-            return b * (I1 - 3) * (I1 - 3) / 2 + (I1 - 3) / 2, b * (I1 - 3) + 0.5, zero, b + zero, zero, zero
+            W = b * (I1 - 3) * (I1 - 3) / 2 + (I1 - 3) / 2
+            return W, b * (I1 - 3) + 0.5, zero, b + zero, zero, zero
 """
 CONSTANTS = """
     from numba.extending import register_jitable
@@ -62,7 +63,8 @@ COMPARE = """
 
     law, state = Mine(), ([1.7, 0.8], [0.2, -0.1], [0.5, 0.5], [0.6, 1.1], [1.3, 0.9])
     model = AnalyticBondForce(law)
-    print(repr(float(model.bond_force(*state)[0, 0])), repr(float(kernel_bond_force(model, law, np.float64)(*state)[0, 0])))
+    compiled = kernel_bond_force(model, law, np.float64)
+    print(*(repr(float(force(*state)[0, 0])) for force in (model.bond_force, compiled)))
 """
 
 
@@ -71,14 +73,25 @@ def _write(folder, name, text):
 
 
 def test_a_constant_of_another_module_reaches_the_cached_kernel(tmp_path):
-    """A law that takes a constant from another module: after the constant changes, NumPy follows, and so must the cached kernel."""
+    """A law that takes a constant from another module: after the constant changes, NumPy
+    follows, and so must the cached kernel.
+    """
     _write(tmp_path, "my_law.py", LAW)
     _write(tmp_path, "compare.py", COMPARE)
     found = []
     for value in (0.0, 0.3):
-        _write(tmp_path, "my_constants.py", CONSTANTS.format(stiffening=0.1, extra=0.0, added=value))
+        _write(
+            tmp_path, "my_constants.py", CONSTANTS.format(stiffening=0.1, extra=0.0, added=value)
+        )
         environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
-        done = subprocess.run([sys.executable, "compare.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            [sys.executable, "compare.py"],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
         plain, compiled = map(float, done.stdout.split())
         # The kernel's own roots and powers are exact to a few units in the last place.
         assert compiled == pytest.approx(plain, rel=1e-13)
@@ -91,7 +104,10 @@ def test_a_constant_changed_while_python_runs_reaches_the_kernel(tmp_path, monke
     _write(tmp_path, "my_constants.py", CONSTANTS.format(stiffening=0.1, extra=0.0, added=0.0))
     monkeypatch.syspath_prepend(tmp_path)
     try:
-        constants, law = importlib.import_module("my_constants"), importlib.import_module("my_law").Mine()
+        constants, law = (
+            importlib.import_module("my_constants"),
+            importlib.import_module("my_law").Mine(),
+        )
         before = plane_stress.response.block(law)
         assert plane_stress.response.block(law) is before
         monkeypatch.setattr(constants, "EXTRA", 0.4)
@@ -145,7 +161,9 @@ print("compiled" if clock.seconds else "loaded", flush=True)
 
 
 def test_of_several_processes_one_compiles_while_the_others_wait(tmp_path, twice):
-    """This process begins to compile and never ends, as one that is killed: another one waits, and a third has no patience."""
+    """This process begins to compile and never ends, as one that is killed: another one waits,
+    and a third has no patience.
+    """
 
     def beside(longest_wait):
         command = [sys.executable, "-c", BESIDE, str(longest_wait)]
@@ -176,7 +194,9 @@ assert kernel._cache.load_overload((numba.float64,), kernel.targetctx) is None
 print("holds", flush=True)
 time.sleep(600)
 """
-    holding = subprocess.Popen([sys.executable, "-c", holds], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    holding = subprocess.Popen(
+        [sys.executable, "-c", holds], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    )
     assert holding.stdout.readline() == "holds\n"
     assert list(tmp_path.rglob("*.compiling"))
     holding.kill()
@@ -227,7 +247,15 @@ def test_comments_and_docstrings_do_not_count_and_code_does():
 
 
 @pytest.mark.parametrize(
-    "values", [(1, 2), (1, 1.0), ("a", "b"), ((1, 2), (2, 1)), (np.zeros(2), np.zeros(3)), (np.float32(1), np.float64(1))]
+    "values",
+    [
+        (1, 2),
+        (1, 1.0),
+        ("a", "b"),
+        ((1, 2), (2, 1)),
+        (np.zeros(2), np.zeros(3)),
+        (np.float32(1), np.float64(1)),
+    ],
 )
 def test_globals_and_closures_count_by_value(values):
     def closing(value):
@@ -242,7 +270,10 @@ def test_globals_and_closures_count_by_value(values):
 def test_called_functions_count_by_their_code_however_deep():
     def chain(number):
         inner = _made(f"def f(x):\n    return x + {number}")
-        return _made("def f(x):\n    return inner(x)", inner=_made("def f(x):\n    return deeper(x)", deeper=inner))
+        return _made(
+            "def f(x):\n    return inner(x)",
+            inner=_made("def f(x):\n    return deeper(x)", deeper=inner),
+        )
 
     assert code_digest(chain(1)) == code_digest(chain(1)) != code_digest(chain(2))
 
@@ -259,7 +290,11 @@ def test_what_numba_compiles_in_the_place_of_a_function_counts():
         overload(inner)(_made(f"def f(x):\n    return lambda x: x + {number}"))
         return _made("def f(x):\n    return inner(x)", inner=inner)
 
-    assert code_digest(with_implementation(1)) == code_digest(with_implementation(1)) != code_digest(with_implementation(2))
+    assert (
+        code_digest(with_implementation(1))
+        == code_digest(with_implementation(1))
+        != code_digest(with_implementation(2))
+    )
 
 
 def test_what_cannot_be_keyed_is_named():
@@ -274,5 +309,7 @@ from pdsurrogate.engine.keys import code_digest
 from pdsurrogate.kernels.bond_force import pair_forces
 print(code_digest(pair_forces.function))
 """
-    other = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=True).stdout.strip()
+    other = subprocess.run(
+        [sys.executable, "-c", source], capture_output=True, text=True, check=True
+    ).stdout.strip()
     assert other == code_digest(bond_force.pair_forces.function)

@@ -29,10 +29,27 @@ print(before == dict(os.environ), numba.threading_layer() if "numba" in globals(
 
 
 def _used(first="", **variables):
-    """Standard error of a process that uses a parallel kernel, with what GNU OpenMP says of its settings when it is loaded."""
-    inherited = {key: value for key, value in os.environ.items() if key not in ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")}
-    environment = {**inherited, "NUMBA_NUM_THREADS": "2", "OMP_DISPLAY_ENV": "verbose", "PYTHONPATH": os.pathsep.join(sys.path)} | variables
-    done = subprocess.run([sys.executable, "-c", USE.format(first=first)], env=environment, capture_output=True, text=True, check=True)
+    """Standard error of a process that uses a parallel kernel, with what GNU OpenMP says of its
+    settings when it is loaded.
+    """
+    inherited = {
+        key: value
+        for key, value in os.environ.items()
+        if key not in ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")
+    }
+    environment = {
+        **inherited,
+        "NUMBA_NUM_THREADS": "2",
+        "OMP_DISPLAY_ENV": "verbose",
+        "PYTHONPATH": os.pathsep.join(sys.path),
+    } | variables
+    done = subprocess.run(
+        [sys.executable, "-c", USE.format(first=first)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert done.stdout.split()[0] == "True", "the environment was changed"
     if "GOMP_SPINCOUNT" not in done.stderr:
         pytest.skip("numba does not run on GNU OpenMP here")
@@ -43,7 +60,10 @@ def test_threads_sleep_soon_when_they_wait():
     assert f"GOMP_SPINCOUNT = '{SPIN_COUNT}'" in _used()
 
 
-@pytest.mark.parametrize(("variables", "expected"), [({"GOMP_SPINCOUNT": "77"}, "77"), ({"OMP_WAIT_POLICY": "passive"}, "0")])
+@pytest.mark.parametrize(
+    ("variables", "expected"),
+    [({"GOMP_SPINCOUNT": "77"}, "77"), ({"OMP_WAIT_POLICY": "passive"}, "0")],
+)
 def test_what_the_user_has_set_stands(variables, expected):
     said = _used(**variables)
     assert f"GOMP_SPINCOUNT = '{expected}'" in said
@@ -78,9 +98,13 @@ def note_chunks(chunk, times, threads):
 
 @pytest.mark.parametrize("chunks", [Chunks(1, 1), Chunks(2, 2), Chunks(2, 7), Chunks(3, 100)])
 def test_every_chunk_of_every_pass_is_worked_on_once(chunks):
-    """Whatever the order in which threads come, and also where there are fewer of them than the passes were bound for."""
+    """Whatever the order in which threads come, and also where there are fewer of them than the
+    passes were bound for.
+    """
     times, threads = np.zeros((2, chunks.number), dtype=np.int64), np.full((2, chunks.number), -1)
-    chain = Chain(*(note_chunks.bind(*arrays, chunks=chunks) for arrays in zip(times, threads, strict=True)))
+    chain = Chain(
+        *(note_chunks.bind(*arrays, chunks=chunks) for arrays in zip(times, threads, strict=True))
+    )
     for _ in range(50):
         assert chain() == [sum(range(chunks.number))] * 2
     assert (times == 50).all()
@@ -97,7 +121,8 @@ def stress(threads):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         summary = pds.simulate(scene, "analytic", threads=threads).summary
-    return summary["levels"][0]["nominal_stress"], summary["threads"], [w.category.__name__ for w in said]
+    kinds = [w.category.__name__ for w in said]
+    return summary["levels"][0]["nominal_stress"], summary["threads"], kinds
 
 here = stress(2)
 child = os.fork()
@@ -115,9 +140,18 @@ print(stress(2) == here)
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
 def test_a_process_that_is_forked_after_a_run_on_threads_runs_on_one(tmp_path):
-    """GNU OpenMP does not survive a fork: numba ended the child, and a pool of them waited for ever."""
+    """GNU OpenMP does not survive a fork: numba ended the child, and a pool of them waited for
+    ever.
+    """
     environment = {**os.environ, "NUMBA_NUM_THREADS": "2"}
-    done = subprocess.run([sys.executable, "-c", FORKED], env=environment, capture_output=True, text=True, check=False, timeout=300)
+    done = subprocess.run(
+        [sys.executable, "-c", FORKED],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
     assert done.returncode == 0, done.stderr
     one, two, again = done.stdout.splitlines()
     if two == "True 2 []":

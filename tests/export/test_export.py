@@ -1,4 +1,6 @@
-"""Exported files against the stresses of the package and their numerical differences, in random states."""
+"""Exported files against the stresses of the package and their numerical differences, in random
+states.
+"""
 
 import ctypes
 import importlib.util
@@ -15,14 +17,24 @@ from pdsurrogate.materials import LAWS, PLANES, InvariantLaw, Law, homogeneous
 
 N_STATES, LEAST, GREATEST = 1000, 0.5, 3.0
 STRESS, TANGENT = 1e-10, 1e-8
-NETWORKS = ("neo-hookean-isochoric", "arruda-boyce-isochoric", "full-network-isochoric", "ogden-isochoric", "neo-hookean-energy")
+NETWORKS = (
+    "neo-hookean-isochoric",
+    "arruda-boyce-isochoric",
+    "full-network-isochoric",
+    "ogden-isochoric",
+    "neo-hookean-energy",
+)
 
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
-needs_gfortran = pytest.mark.skipif(shutil.which("gfortran") is None, reason="needs gfortran (Debian package gfortran)")
+needs_gfortran = pytest.mark.skipif(
+    shutil.which("gfortran") is None, reason="needs gfortran (Debian package gfortran)"
+)
 
 
 def soft(law):
-    """The law with a bulk modulus that does not hide the isochoric stress, and a shear modulus that is not 1."""
+    """The law with a bulk modulus that does not hide the isochoric stress, and a shear modulus
+    that is not 1.
+    """
     values = {**law().describe(), "bulk_modulus": 7.5, "shear_modulus": 2.5}
     law = LAWS[values.pop("law")]
     if hasattr(law, "lists"):
@@ -52,7 +64,9 @@ def expected(source):
 
 
 def states_of(source):
-    """Deformation gradients, some with equal or nearly equal stretches, with energy, stress and tangent of the package."""
+    """Deformation gradients, some with equal or nearly equal stretches, with energy, stress and
+    tangent of the package.
+    """
     d, random = 2 if source.is_sheet else 3, np.random.default_rng(7)
     low, high = LEAST, GREATEST
     if source.is_sheet:
@@ -72,18 +86,24 @@ def states_of(source):
     tangent = np.empty((N_STATES, d, d, d, d))
     for k in range(d):
         for el in range(d):
-            tangent[..., k, el] = slope_of(lambda G: source.energy_and_stress(G)[1], F, np.eye(d)[:, [k]] * np.eye(d)[el])
+            tangent[..., k, el] = slope_of(
+                lambda G: source.energy_and_stress(G)[1], F, np.eye(d)[:, [k]] * np.eye(d)[el]
+            )
     return F, *source.energy_and_stress(F), tangent
 
 
 def slope_of(function, F, direction, step=1e-3):
     """Derivative along a direction by central differences of the sixth order."""
-    ahead = [function(F + k * step * direction) - function(F - k * step * direction) for k in (1, 2, 3)]
+    ahead = [
+        function(F + k * step * direction) - function(F - k * step * direction) for k in (1, 2, 3)
+    ]
     return (45 * ahead[0] - 9 * ahead[1] + ahead[2]) / (60 * step)
 
 
 def assert_close(found, expected, answers, source, allowed=STRESS):
-    """Values deviate by at most `allowed` of the greatest stress or modulus, those of a tangent of its greatest entry."""
+    """Values deviate by at most `allowed` of the greatest stress or modulus, those of a tangent
+    of its greatest entry.
+    """
     size = np.maximum(abs(answers[1]).max(axis=(1, 2)), source.law.shear_modulus)
     if allowed == TANGENT:
         size = abs(answers[2]).max(axis=(1, 2, 3, 4))
@@ -119,7 +139,9 @@ def imported(path):
 def library(path, tmp_path, *command):
     """Shared library that a compiler makes of a source file."""
     made = tmp_path / f"{path.stem}.so"
-    subprocess.run([*command, "-shared", "-fPIC", "-O1", path, "-lm", "-o", made], check=True, cwd=tmp_path)
+    subprocess.run(
+        [*command, "-shared", "-fPIC", "-O1", path, "-lm", "-o", made], check=True, cwd=tmp_path
+    )
     return ctypes.CDLL(str(made))
 
 
@@ -134,10 +156,14 @@ def test_felupe_file(source, expected, tmp_path):
     assert_all_close(module.evaluate(F, *source.moduli), answers, source)
     material = module.Material()
     x = [np.moveaxis(F.reshape(10, 100, *F.shape[1:]), (2, 3), (0, 1)), None]
-    for found, answer in zip((material.function(x), material.gradient(x), material.hessian(x)), answers, strict=True):
+    for found, answer in zip(
+        (material.function(x), material.gradient(x), material.hessian(x)), answers, strict=True
+    ):
         d = answer.ndim - 1
         moved = np.moveaxis(found[0], range(d), range(-d, 0)) if d else found[0]
-        assert np.allclose(moved.reshape(answer.shape), answer, rtol=1e-6, atol=1e-6 * abs(answer).max())
+        assert np.allclose(
+            moved.reshape(answer.shape), answer, rtol=1e-6, atol=1e-6 * abs(answer).max()
+        )
     if source.network is not None:
         inside = module.inside(np.stack([np.eye(F.shape[-1]), far_outside(source)]))
         assert inside.tolist() == [True, False]
@@ -153,16 +179,28 @@ def test_c_header(source, expected, tmp_path):
     code = tmp_path / "all.c"
     code.write_text(
         f'#include "{path.name}"\n'
-        f"void all(int n, const double *F, {', '.join(moduli)}, double *e, double *P, double *A) {{\n"
+        f"void all(int n, const double *F, {', '.join(moduli)}, double *e, double *P, double *A)"
+        " {\n"
         f"  for (int k = 0; k < n; k++) {{\n"
         f"    e[k] = {name}_energy(F + {d**2} * k, {passed});\n"
         f"    {name}_stress(F + {d**2} * k, {passed}, P + {d**2} * k);\n"
         f"    {name}_tangent(F + {d**2} * k, {passed}, A + {d**4} * k);\n"
-        f"  }}\n}}\n" + f"int inside(const double *F) {{ return {name}_inside(F); }}\n" * (source.network is not None)
+        f"  }}\n}}\n"
+        + f"int inside(const double *F) {{ return {name}_inside(F); }}\n"
+        * (source.network is not None)
     )
     F, *answers = expected
     found = [np.empty_like(answer) for answer in answers]
-    made = library(code, tmp_path, "cc", "-std=c99", "-Wall", "-Werror", "-Wno-unused-function", "-Wno-unused-variable")
+    made = library(
+        code,
+        tmp_path,
+        "cc",
+        "-std=c99",
+        "-Wall",
+        "-Werror",
+        "-Wno-unused-function",
+        "-Wno-unused-variable",
+    )
     made.all(N_STATES, address(F), *map(ctypes.c_double, source.moduli), *map(address, found))
     assert_all_close(found, answers, source)
     if source.network is not None:
@@ -174,7 +212,9 @@ def test_the_check_of_a_header_finds_a_changed_constant(tmp_path):
     path = written(source_of_law(pds.materials.Gent()), "c", tmp_path)
 
     def status():
-        subprocess.run(["cc", "-x", "c", "-Dgent_check", path, "-lm", "-o", tmp_path / "check"], check=True)
+        subprocess.run(
+            ["cc", "-x", "c", "-Dgent_check", path, "-lm", "-o", tmp_path / "check"], check=True
+        )
         return subprocess.run([tmp_path / "check"]).returncode
 
     assert status() == 0
@@ -190,33 +230,88 @@ class UMAT:
 
     def __init__(self, source, tmp_path):
         self.moduli = np.array(source.moduli)
-        self.call = library(written(source, "umat", tmp_path), tmp_path, "gfortran", "-Wall", "-Wno-unused-dummy-argument").umat_
+        self.call = library(
+            written(source, "umat", tmp_path),
+            tmp_path,
+            "gfortran",
+            "-Wall",
+            "-Wno-unused-dummy-argument",
+        ).umat_
 
     def __call__(self, F, ntens):
         """Stress, tangent, factor of the increment, energy and state variable."""
         full = np.eye(3)
         full[: len(F), : len(F)] = F
         stress, state, tangent = np.zeros(ntens), np.zeros(1), np.zeros((ntens, ntens), order="F")
-        zeros = [np.zeros(shape) for shape in (ntens, ntens, ntens, ntens, 2, 1, 1, 3, (3, 3), (3, 3))]
-        ddsddt, drplde, strain, dstrain, time, predef, dpred, coordinates, turn, before = map(address, zeros)
-        number, pnewdt, sse, props = ctypes.byref(ctypes.c_double(0)), ctypes.c_double(1), ctypes.c_double(0), self.moduli
+        zeros = [
+            np.zeros(shape) for shape in (ntens, ntens, ntens, ntens, 2, 1, 1, 3, (3, 3), (3, 3))
+        ]
+        ddsddt, drplde, strain, dstrain, time, predef, dpred, coordinates, turn, before = map(
+            address, zeros
+        )
+        number, pnewdt, sse, props = (
+            ctypes.byref(ctypes.c_double(0)),
+            ctypes.c_double(1),
+            ctypes.c_double(0),
+            self.moduli,
+        )
         after, steps = np.asfortranarray(full), np.zeros(4, dtype=np.int32)
 
         def whole(value):
             return ctypes.byref(ctypes.c_int(value))
 
         self.call(
-            *(address(stress), address(state), address(tangent), ctypes.byref(sse), number, number, number, ddsddt),
-            *(drplde, number, strain, dstrain, time, number, number, number, predef, dpred, b" " * 80),
-            *(whole(3), whole(ntens - 3), whole(ntens), whole(1), address(props), whole(len(props)), coordinates, turn),
-            *(ctypes.byref(pnewdt), number, before, address(after), *map(whole, (1, 1, 1, 1)), address(steps), whole(1)),
+            *(
+                address(stress),
+                address(state),
+                address(tangent),
+                ctypes.byref(sse),
+                number,
+                number,
+                number,
+                ddsddt,
+            ),
+            *(
+                drplde,
+                number,
+                strain,
+                dstrain,
+                time,
+                number,
+                number,
+                number,
+                predef,
+                dpred,
+                b" " * 80,
+            ),
+            *(
+                whole(3),
+                whole(ntens - 3),
+                whole(ntens),
+                whole(1),
+                address(props),
+                whole(len(props)),
+                coordinates,
+                turn,
+            ),
+            *(
+                ctypes.byref(pnewdt),
+                number,
+                before,
+                address(after),
+                *map(whole, (1, 1, 1, 1)),
+                address(steps),
+                whole(1),
+            ),
             ctypes.c_size_t(80),
         )
         return stress, tangent, pnewdt.value, sse.value, state[0]
 
 
 def jaumann(kirchhoff, F, order):
-    """Tangent of the Jaumann rate of a Kirchhoff stress ``kirchhoff(F)``, along symmetric rates of deformation, by differences."""
+    """Tangent of the Jaumann rate of a Kirchhoff stress ``kirchhoff(F)``, along symmetric rates
+    of deformation, by differences.
+    """
     columns = []
     for n in order:
         rate = np.zeros((3, 3))
@@ -240,7 +335,9 @@ def test_umat(source, expected, tmp_path):
         stress, tangent, factor, energy, outside = umat(F, len(order))
         exact = kirchhoff(F)[II[order], JJ[order]] / J
         assert abs(stress - exact).max() <= STRESS * max(abs(exact).max(), source.law.shear_modulus)
-        assert energy == pytest.approx(source.energy_and_stress(F[None])[0][0], abs=STRESS * source.law.shear_modulus)
+        assert energy == pytest.approx(
+            source.energy_and_stress(F[None])[0][0], abs=STRESS * source.law.shear_modulus
+        )
         difference = tangent - jaumann(kirchhoff, F, order) / J
         assert abs(difference).max() <= TANGENT * abs(tangent).max()
         assert (factor, outside) == (1.0, 0.0)
@@ -266,7 +363,9 @@ def test_umat_of_sheets(name, tmp_path):
     order = np.array([0, 1, 3])
     stress, tangent, *_ = umat(F, 3)
     assert np.allclose(stress, kirchhoff(F)[II[order], JJ[order]] / J3, rtol=1e-10)
-    assert np.allclose(tangent, jaumann(kirchhoff, F, order) / J3, atol=TANGENT * abs(tangent).max())
+    assert np.allclose(
+        tangent, jaumann(kirchhoff, F, order) / J3, atol=TANGENT * abs(tangent).max()
+    )
     J3, P, _ = PLANES["strain"].exact(law, F)
     stress, tangent, *_ = umat(F, 4)
     cauchy = np.block([[P[:2, :2] @ F.T, np.zeros((2, 1))], [np.zeros((1, 2)), P[2:, 2:]]]) / J3
@@ -277,7 +376,9 @@ def test_umat_of_sheets(name, tmp_path):
 @needs_gfortran
 @pytest.mark.parametrize("name", ["yeoh", "full-network", "polyconvex"])
 def test_umat_drives_uniaxial_tension(name, tmp_path):
-    """Newton's method with the UMAT's tangent finds the lateral stretch; it converges quadratically, and the stress is that of the law."""
+    """Newton's method with the UMAT's tangent finds the lateral stretch; it converges
+    quadratically, and the stress is that of the law.
+    """
     law = soft(LAWS[name])
     umat = UMAT(source_of_law(law), tmp_path)
     lateral = 1.0
@@ -287,7 +388,8 @@ def test_umat_drives_uniaxial_tension(name, tmp_path):
             stress, tangent, *_ = umat(np.diag([stretch, lateral, lateral]), 6)
             residuals.append(abs(stress[1]))
             assert len(residuals) <= 7
-            # Kirchhoff's lateral stress, J sigma, changes by J (D22 + D23) for each logarithm of the lateral stretch.
+            # Kirchhoff's lateral stress, J sigma, changes by J (D22 + D23) for each logarithm of
+            # the lateral stretch.
             lateral *= np.exp(-stress[1] / (tangent[1, 1] + tangent[1, 2]))
         exact = homogeneous.uniaxial(law, stretch)
         assert stress[0] * lateral**2 == pytest.approx(exact.nominal_stress, rel=1e-9)
@@ -298,8 +400,19 @@ def evaluated(expressions, values):
     classes = pytest.importorskip("ufl.classes")
     from ufl.corealg.traversal import unique_post_traversal
 
-    functions = {classes.Sqrt: np.sqrt, classes.Exp: np.exp, classes.Ln: np.log, classes.Tanh: np.tanh, classes.Conditional: np.where}
-    functions |= {classes.Sum: np.add, classes.Product: np.multiply, classes.Division: np.divide, classes.Power: np.power}
+    functions = {
+        classes.Sqrt: np.sqrt,
+        classes.Exp: np.exp,
+        classes.Ln: np.log,
+        classes.Tanh: np.tanh,
+        classes.Conditional: np.where,
+    }
+    functions |= {
+        classes.Sum: np.add,
+        classes.Product: np.multiply,
+        classes.Division: np.divide,
+        classes.Power: np.power,
+    }
     functions |= {classes.GT: np.greater, classes.LT: np.less}
     known = dict(values)
     for expression in expressions:
@@ -313,7 +426,10 @@ def evaluated(expressions, values):
     return [np.broadcast_to(known[expression], N_STATES) for expression in expressions]
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "full-network")) for name in SOURCES])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == "full-network")) for name in SOURCES],
+)
 def test_ufl_file(name, tmp_path):
     ufl = pytest.importorskip("ufl", reason="needs fenics-ufl")
     from ufl.algorithms.apply_derivatives import apply_derivatives
@@ -329,13 +445,17 @@ def test_ufl_file(name, tmp_path):
 
     # F is turned at random, so that a wrong derivative shows in any component.
     stress = {at: slope(energy, at) for at in ((0, 0), (1, 0))}
-    tangent = {(*at, *along): slope(stress[at], along) for at in stress for along in ((1, 0), (1, 1))}
+    tangent = {
+        (*at, *along): slope(stress[at], along) for at in stress for along in ((1, 0), (1, 1))
+    }
     with np.errstate(all="ignore"):  # the values that conditions leave out
         values = {variables[k][el]: F[:, k, el] for k in range(d) for el in range(d)}
         found = evaluated([energy, *stress.values(), *tangent.values()], values)
     assert_close(found[:1], answers[:1], answers, source)
     assert_close(found[1:3], [answers[1][:, k, el] for k, el in stress], answers, source)
-    assert_close(found[3:], [answers[2][:, i, j, k, el] for i, j, k, el in tangent], answers, source, TANGENT)
+    assert_close(
+        found[3:], [answers[2][:, i, j, k, el] for i, j, k, el in tangent], answers, source, TANGENT
+    )
 
 
 def test_laws_that_end_soon_are_checked_within_their_limit(tmp_path):
@@ -370,24 +490,42 @@ def with_isochoric(function):
 
 def test_expressions_that_other_languages_lack_are_refused():
     zero = (0.0, 0.0, 0.0)
-    branching = with_isochoric(lambda I1, I2, parameters: ((I1 - 3) / 2 if np.all(I1 > 0) else I1, 0.5 + 0 * I1, 0.0, *zero))
-    with pytest.raises(ValueError, match="exponential: its expressions use all, which cannot be exported"):
+    branching = with_isochoric(
+        lambda I1, I2, parameters: (
+            (I1 - 3) / 2 if np.all(I1 > 0) else I1,
+            0.5 + 0 * I1,
+            0.0,
+            *zero,
+        )
+    )
+    with pytest.raises(
+        ValueError, match="exponential: its expressions use all, which cannot be exported"
+    ):
         exported(source_of_law(branching), "c")
-    strange = with_isochoric(lambda I1, I2, parameters: ((I1 - 3) / 2 + 0 * np.arctan(I1), 0.5 + 0 * I1, 0.0, *zero))
+    strange = with_isochoric(
+        lambda I1, I2, parameters: ((I1 - 3) / 2 + 0 * np.arctan(I1), 0.5 + 0 * I1, 0.0, *zero)
+    )
     with pytest.raises(ValueError, match="exponential: its expressions use arctan"):
         exported(source_of_law(strange), "umat")
 
     class Nameless(Law):
         name, reference = "nameless", "none"
 
-    with pytest.raises(ValueError, match="nameless: this is neither an InvariantLaw nor a PrincipalStretchLaw"):
+    with pytest.raises(
+        ValueError, match="nameless: this is neither an InvariantLaw nor a PrincipalStretchLaw"
+    ):
         source_of_law(Nameless())
 
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_headers_say_what_a_file_is(target):
     card = pds.load_card("ogden-isochoric")
-    text = " ".join(exported(source_of_artifact("ogden-isochoric"), target).replace("\nC ", " ").replace("\n * ", " ").split())
+    text = " ".join(
+        exported(source_of_artifact("ogden-isochoric"), target)
+        .replace("\nC ", " ")
+        .replace("\n * ", " ")
+        .split()
+    )
     for words in (
         "ogden-isochoric@1",
         f"Written by pdsurrogate {pds.__version__}.",
@@ -397,10 +535,13 @@ def test_headers_say_what_a_file_is(target):
         "Use: ",
     ):
         assert words in text
-    assert "Parameters: shear_modulus = 1.0, bulk_modulus = 200.0, chain_limit = 120.0." in " ".join(
-        exported(source_of_artifact("gent@1"), "felupe").split()
+    assert (
+        "Parameters: shear_modulus = 1.0, bulk_modulus = 200.0, chain_limit = 120.0."
+        in " ".join(exported(source_of_artifact("gent@1"), "felupe").split())
     )
-    assert exported(source_of_artifact("ogden-isochoric"), target) == exported(source_of_artifact("ogden-isochoric"), target)
+    assert exported(source_of_artifact("ogden-isochoric"), target) == exported(
+        source_of_artifact("ogden-isochoric"), target
+    )
 
 
 def test_fortran_fits_into_72_columns():

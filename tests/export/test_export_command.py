@@ -1,4 +1,6 @@
-"""The command ``export``: names of laws and artifacts, files that are written whole, and messages."""
+"""The command ``export``: names of laws and artifacts, files that are written whole, and
+messages.
+"""
 
 import json
 import os
@@ -36,12 +38,16 @@ def test_a_name_of_a_law_means_the_law(tmp_path):
     assert export("gent", "--set", "chain_limit=50", "--to", "c", "--out", tmp_path).exit_code == 0
     assert "chain_limit = 50" in (tmp_path / "gent.h").read_text().replace("\n *", "")
     assert export("gent@1", "--to", "c", "--out", tmp_path).exit_code == 0
-    assert "bond force, which no energy gives" in " ".join((tmp_path / "gent_1.h").read_text().replace("\n *", "").split())
+    assert "bond force, which no energy gives" in " ".join(
+        (tmp_path / "gent_1.h").read_text().replace("\n *", "").split()
+    )
 
 
 def test_an_identified_energy_is_exported_with_its_terms(tmp_path, monkeypatch):
     """The dictionary of `fit --free` is the law on the card of an artifact with a bond force."""
-    law = pds.materials.Polyconvex(moduli=(0.31, -0.02), exponents=(1.75, -1.25), first=(0.2, 0.01), second=(0.0,))
+    law = pds.materials.Polyconvex(
+        moduli=(0.31, -0.02), exponents=(1.75, -1.25), first=(0.2, 0.01), second=(0.0,)
+    )
     samples = pds.training_samples(law, 400, (0.8, 1.5), random_state=0)
     network = pds.learning.ChebyshevRegressor(6)
     model = pds.surrogate_pipeline(network, features="isochoric").fit(samples.X, samples.y)
@@ -51,7 +57,9 @@ def test_an_identified_energy_is_exported_with_its_terms(tmp_path, monkeypatch):
     text = (tmp_path / "my_rubber_1.h").read_text()
     assert "{1.75, 1.0, " in text
     assert "{-1.25, 1.0, " in text
-    assert f"digest {store.load_card('my-rubber').found_digest()}" in " ".join(text.replace("\n *", "").split())
+    assert f"digest {store.load_card('my-rubber').found_digest()}" in " ".join(
+        text.replace("\n *", "").split()
+    )
 
 
 def test_an_existing_file_is_kept_unless_asked(tmp_path):
@@ -81,7 +89,10 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     [
         (["gnt", "--to", "c"], "unknown artifact 'gnt'; did you mean gent"),
         (["bond-energy", "--to", "c"], "unknown artifact 'bond-energy'"),
-        (["gent@1", "--to", "c", "--set", "chain_limit=3"], "--set changes parameters of a law, and gent@1 is not one"),
+        (
+            ["gent@1", "--to", "c", "--set", "chain_limit=3"],
+            "--set changes parameters of a law, and gent@1 is not one",
+        ),
         (["gent", "--to", "c", "--set", "chain_limit=-1"], "chain_limit"),
         (["gent", "--to", "matlab"], "'matlab' is not one of"),
         (["gent"], "--to"),

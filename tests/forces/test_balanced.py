@@ -1,4 +1,6 @@
-"""Balanced gradients: a uniform stress exerts the load of the boundary on every point, so that homogeneous states under loads are exact."""
+"""Balanced gradients: a uniform stress exerts the load of the boundary on every point, so that
+homogeneous states under loads are exact.
+"""
 
 import itertools
 
@@ -40,7 +42,9 @@ SIDES = ("left", "bottom", "back"), ("right", "top", "front")
 
 
 def body_of(spacing, plane="stress", balanced=True, **keys):
-    scene = pds.Scene(name="balanced", material=RUBBER, spacing=spacing, plane=plane, steps=[1.0], **keys)
+    scene = pds.Scene(
+        name="balanced", material=RUBBER, spacing=spacing, plane=plane, steps=[1.0], **keys
+    )
     body = compile_scene(scene).body
     if not balanced:
         vars(body)["outward"] = None
@@ -48,7 +52,9 @@ def body_of(spacing, plane="stress", balanced=True, **keys):
 
 
 def bound(body, plane, breakable=False):
-    return pds.BondEnergyForce().bind(body, LAW, ForceSettings(precision="float64", plane=plane, breakable=breakable))
+    return pds.BondEnergyForce().bind(
+        body, LAW, ForceSettings(precision="float64", plane=plane, breakable=breakable)
+    )
 
 
 def forces(force, positions):
@@ -58,10 +64,14 @@ def forces(force, positions):
 
 
 def left_over(body, plane, F):
-    """Greatest force on a point in a homogeneous state, beside the load of the boundary, relative to the greatest load."""
+    """Greatest force on a point in a homogeneous state, beside the load of the boundary,
+    relative to the greatest load.
+    """
     force = bound(body, plane)
     found = forces(force, body.points @ F.T)
-    np.testing.assert_allclose(force.deformation_gradients(), np.broadcast_to(F, (len(body), *F.shape)), atol=1e-12)
+    np.testing.assert_allclose(
+        force.deformation_gradients(), np.broadcast_to(F, (len(body), *F.shape)), atol=1e-12
+    )
     d = len(F)
     loads = body.boundary(body) @ force.stress_and_energy()[0][:, :d, :d].mean(axis=0).T
     return np.abs(found + loads).max() / np.abs(loads).max()
@@ -70,19 +80,33 @@ def left_over(body, plane, F):
 @pytest.mark.parametrize("arrangement", ["lattice", "relaxed"])
 @pytest.mark.parametrize("plane", ["stress", "strain", "space"])
 def test_a_uniform_stress_exerts_the_load_of_the_boundary(plane, arrangement):
-    """On every point, whatever the stress: to the residual of the equations. Without balance a fifth of the loads and more are left."""
-    keys = {"body": {"shape": "box", "size": (1.0, 0.8, 0.8)}} if plane == "space" else {"body": {"size": (1.0, 0.7)}}
+    """On every point, whatever the stress: to the residual of the equations. Without balance a
+    fifth of the loads and more are left.
+    """
+    keys = (
+        {"body": {"shape": "box", "size": (1.0, 0.8, 0.8)}}
+        if plane == "space"
+        else {"body": {"size": (1.0, 0.7)}}
+    )
     keys["body"]["arrangement"] = arrangement
-    keys["prescribed"] = [{"region": side, f"x{axis + 1}": 0.0} for axis, side in enumerate(SIDES[0][: 3 if plane == "space" else 2])]
+    keys["prescribed"] = [
+        {"region": side, f"x{axis + 1}": 0.0}
+        for axis, side in enumerate(SIDES[0][: 3 if plane == "space" else 2])
+    ]
     F = np.diag([1.2, 0.95, 1.1] if plane == "space" else [1.2, 0.95])
-    off = [left_over(body_of(0.2 if plane == "space" else 0.1, plane, balanced, **keys), plane, F) for balanced in (True, False)]
+    off = [
+        left_over(body_of(0.2 if plane == "space" else 0.1, plane, balanced, **keys), plane, F)
+        for balanced in (True, False)
+    ]
     assert off[0] < 1e-6
     assert off[1] > 0.1
 
 
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_what_the_volumes_of_cells_are_off_is_spread(plane):
-    """The cells of the ring and the polygon that encloses it differ in area by 4e-4, of which all points get a part."""
+    """The cells of the ring and the polygon that encloses it differ in area by 4e-4, of which
+    all points get a part.
+    """
     body, F = body_of(0.2, plane, **RING), np.array([[1.2, 0.1], [-0.2, 0.95]])
     excess = body.outward.T @ body.points - body.volumes.sum() * np.eye(2)
     assert np.abs(excess).max() < 5e-4 * body.volumes.sum()
@@ -91,14 +115,19 @@ def test_what_the_volumes_of_cells_are_off_is_spread(plane):
 
 def test_between_planes_of_symmetry():
     """An eighth of a thick sphere, whose loads are those of the whole sphere."""
-    body, F = compile_scene(pds.load_scene("inflation", {"spacing": 0.125})).body, np.diag([1.1, 0.95, 1.02])
+    body, F = (
+        compile_scene(pds.load_scene("inflation", {"spacing": 0.125})).body,
+        np.diag([1.1, 0.95, 1.02]),
+    )
     assert left_over(body, "space", F) < 1e-3
     vars(body)["outward"] = None
     assert left_over(body, "space", F) > 0.1
 
 
 def stretch_under(plane, load, follows=False, law=LAW):
-    """Stretch under a tension in all directions that are free, or under a pressure that follows the deformed boundary."""
+    """Stretch under a tension in all directions that are free, or under a pressure that follows
+    the deformed boundary.
+    """
     d = 3 if plane == "space" else 2
 
     def excess(stretch):
@@ -120,13 +149,31 @@ LOADED = [
 
 @pytest.mark.parametrize(("plane", "arrangement", "spacing", "most"), LOADED)
 def test_a_square_and_a_cube_under_tension_on_all_sides(plane, arrangement, spacing, most):
-    """The displacement of the loaded edge was off by -203 % in plane strain (K = 100 mu), -239 % on relaxed points, -545 % in a cube."""
+    """The displacement of the loaded edge was off by -203 % in plane strain (K = 100 mu), -239 %
+    on relaxed points, -545 % in a cube.
+    """
     law, tension, d = {**RUBBER, "bulk_modulus": 150.0}, 0.75, 3 if plane == "space" else 2
     prescribed = [{"region": side, f"x{axis + 1}": 0.0} for axis, side in enumerate(SIDES[0][:d])]
-    loads = [{"region": side, "traction": tension * np.eye(d)[axis]} for axis, side in enumerate(SIDES[1][:d])]
-    body = {"shape": "box" if d == 3 else "rectangle", "size": (1.0,) * d, "arrangement": arrangement}
-    keys = {"body": body, "prescribed": prescribed, "loads": loads, "precision": "float64", "solver": {"tolerance": 1e-8}}
-    result = pds.simulate(pds.Scene(name="pulled", material=law, spacing=spacing, plane=plane, steps=[1.0], **keys), "bond-energy")
+    loads = [
+        {"region": side, "traction": tension * np.eye(d)[axis]}
+        for axis, side in enumerate(SIDES[1][:d])
+    ]
+    body = {
+        "shape": "box" if d == 3 else "rectangle",
+        "size": (1.0,) * d,
+        "arrangement": arrangement,
+    }
+    keys = {
+        "body": body,
+        "prescribed": prescribed,
+        "loads": loads,
+        "precision": "float64",
+        "solver": {"tolerance": 1e-8},
+    }
+    result = pds.simulate(
+        pds.Scene(name="pulled", material=law, spacing=spacing, plane=plane, steps=[1.0], **keys),
+        "bond-energy",
+    )
     found = result.states[-1][1]["displacement"][:, :d]
     exact = stretch_under(plane, tension, law=pds.materials.NeoHookean(1.5, 150.0)) - 1
     np.testing.assert_allclose(found, exact * result.body.points, atol=most * exact)
@@ -134,41 +181,87 @@ def test_a_square_and_a_cube_under_tension_on_all_sides(plane, arrangement, spac
 
 @pytest.mark.parametrize("arrangement", ["lattice", "relaxed"])
 def test_a_disc_under_pressure(arrangement):
-    """Its boundary was displaced by 26 % too little, and in the middle of the radius by 5 %; 4e-4 is the error of its volume."""
+    """Its boundary was displaced by 26 % too little, and in the middle of the radius by 5 %;
+    4e-4 is the error of its volume.
+    """
     held = {"e": ((0.5, 0.0), "x2"), "w": ((-0.5, 0.0), "x2"), "n": ((0.0, 0.0), "x1")}
-    prescribed = [{"region": {"near": place}, "name": name, component: 0.0} for name, (place, component) in held.items()]
+    prescribed = [
+        {"region": {"near": place}, "name": name, component: 0.0}
+        for name, (place, component) in held.items()
+    ]
     loads = [{"region": "outline", "pressure": 1.0}]
-    keys = {"body": {"shape": "circle", "radius": 1.0, "arrangement": arrangement}, "prescribed": prescribed, "loads": loads}
-    law, settings = {**RUBBER, "bulk_modulus": 7.5}, {"precision": "float64", "solver": {"tolerance": 1e-8}}
-    scene = pds.Scene(name="disc", material=law, spacing=0.1, plane="strain", steps=[1.0], **keys, **settings)
+    keys = {
+        "body": {"shape": "circle", "radius": 1.0, "arrangement": arrangement},
+        "prescribed": prescribed,
+        "loads": loads,
+    }
+    law, settings = (
+        {**RUBBER, "bulk_modulus": 7.5},
+        {
+            "precision": "float64",
+            "solver": {"tolerance": 1e-8},
+        },
+    )
+    scene = pds.Scene(
+        name="disc", material=law, spacing=0.1, plane="strain", steps=[1.0], **keys, **settings
+    )
     result = pds.simulate(scene, "bond-energy")
     exact = stretch_under("strain", -1.0, True, pds.materials.NeoHookean(1.5, 7.5))
     gradients = result.states[-1][1]["deformation_gradient"].reshape(-1, 3, 3)[:, :2, :2]
     turned = gradients[:, 0, 1].mean()
-    np.testing.assert_allclose(gradients - [[0, turned], [-turned, 0]], np.broadcast_to(exact * np.eye(2), gradients.shape), atol=2e-4)
+    np.testing.assert_allclose(
+        gradients - [[0, turned], [-turned, 0]],
+        np.broadcast_to(exact * np.eye(2), gradients.shape),
+        atol=2e-4,
+    )
 
 
-@pytest.mark.parametrize(("plane", "counts", "size"), [("stress", (12, 6), (2.0, 1.0)), ("space", (3, 3, 3), (1.0, 1.0, 1.0))])
+@pytest.mark.parametrize(
+    ("plane", "counts", "size"),
+    [("stress", (12, 6), (2.0, 1.0)), ("space", (3, 3, 3), (1.0, 1.0, 1.0))],
+)
 def test_triangles_and_tetrahedra_in_tension(tmp_path, plane, counts, size):
-    """Halved squares and cubes in six parts, uniaxial: the force was 1.4 and 4.4 % too small, whatever the number of cells."""
+    """Halved squares and cubes in six parts, uniaxial: the force was 1.4 and 4.4 % too small,
+    whatever the number of cells.
+    """
     axes = [np.linspace(0, length, count + 1) for count, length in zip(counts, size, strict=True)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(size))
     d, steps = len(size), []
     number = np.arange(len(nodes)).reshape([count + 1 for count in counts])
     corner = number[(slice(-1),) * d].ravel()
-    for axes in itertools.permutations(range(d)):  # paths from the first corner of a square or cube to the last
-        path = corner[:, None] + np.cumsum([0, *(number.strides[axis] // number.itemsize for axis in axes)])
-        steps.append(path if np.linalg.det(np.eye(d)[list(axes)]) > 0 else path[:, [1, 0, *range(2, d + 1)]])
+    for axes in itertools.permutations(
+        range(d)
+    ):  # paths from the first corner of a square or cube to the last
+        path = corner[:, None] + np.cumsum(
+            [0, *(number.strides[axis] // number.itemsize for axis in axes)]
+        )
+        steps.append(
+            path if np.linalg.det(np.eye(d)[list(axes)]) > 0 else path[:, [1, 0, *range(2, d + 1)]]
+        )
     cells = np.concatenate(steps)
     places = np.column_stack([nodes, np.zeros(len(nodes))]) if d == 2 else nodes
-    meshio.write(tmp_path / "cells.vtu", meshio.Mesh(places, [("triangle" if d == 2 else "tetra", cells)]))
+    meshio.write(
+        tmp_path / "cells.vtu", meshio.Mesh(places, [("triangle" if d == 2 else "tetra", cells)])
+    )
     prescribed = [{"region": side, f"x{axis + 1}": 0.0} for axis, side in enumerate(SIDES[0][:d])]
     prescribed.append({"region": "right", "x1": 0.5 * size[0]})
-    body = {"shape": "mesh", "file": str(tmp_path / "cells.vtu")} | ({"dimension": 3} if d == 3 else {})
-    keys = {"body": body, "prescribed": prescribed, "precision": "float64", "solver": {"tolerance": 1e-7}}
-    result = pds.simulate(pds.Scene(name="cells", material=RUBBER, spacing=None, plane=plane, steps=[1.0], **keys), "bond-energy")
+    body = {"shape": "mesh", "file": str(tmp_path / "cells.vtu")} | (
+        {"dimension": 3} if d == 3 else {}
+    )
+    keys = {
+        "body": body,
+        "prescribed": prescribed,
+        "precision": "float64",
+        "solver": {"tolerance": 1e-7},
+    }
+    result = pds.simulate(
+        pds.Scene(name="cells", material=RUBBER, spacing=None, plane=plane, steps=[1.0], **keys),
+        "bond-energy",
+    )
     stress = homogeneous.uniaxial(LAW, 1.5).nominal_stress
-    assert result.levels[-1]["forces"]["right"][0] == pytest.approx(stress * np.prod(size[1:]), rel=1e-5)
+    assert result.levels[-1]["forces"]["right"][0] == pytest.approx(
+        stress * np.prod(size[1:]), rel=1e-5
+    )
     assert result.summary["n_force_evaluations"] < 150
 
 
@@ -177,22 +270,42 @@ ALMOST = 1.5 * (1 + 1e-9)
 
 
 def pulled(plane, body, spacing, second, loads, held=(), bulk=150.0, **keys):
-    """Result of a square or cube of side 1 of which one half, or a disc, has the shear modulus `second`, K = 100 mu in either."""
+    """Result of a square or cube of side 1 of which one half, or a disc, has the shear modulus
+    `second`, K = 100 mu in either.
+    """
     d = 3 if plane == "space" else 2
     half = keys.pop("half", {"box": [[-1] * d, [0.5, 2, 2][:d]]})
     prescribed = [{"region": side, f"x{axis + 1}": 0.0} for axis, side in enumerate(SIDES[0][:d])]
-    keys |= {"material": {**RUBBER, "bulk_modulus": bulk}, "prescribed": [*prescribed, *held], "loads": loads, "steps": [1.0]}
-    keys["materials"] = [{"region": half, "material": {**RUBBER, "shear_modulus": second, "bulk_modulus": bulk * second / 1.5}}]
+    keys |= {
+        "material": {**RUBBER, "bulk_modulus": bulk},
+        "prescribed": [*prescribed, *held],
+        "loads": loads,
+        "steps": [1.0],
+    }
+    keys["materials"] = [
+        {
+            "region": half,
+            "material": {**RUBBER, "shear_modulus": second, "bulk_modulus": bulk * second / 1.5},
+        }
+    ]
     settings = {"precision": "float64", "solver": {"tolerance": 1e-9}}
-    return pds.simulate(pds.Scene(name="two", body=body, spacing=spacing, plane=plane, **keys, **settings), "bond-energy")
+    return pds.simulate(
+        pds.Scene(name="two", body=body, spacing=spacing, plane=plane, **keys, **settings),
+        "bond-energy",
+    )
 
 
 def square(tmp_path, count):
     """Halved squares of a square of side 1, each with one of the two diagonals, in a file."""
     axis = np.linspace(0, 1, count + 1)
-    nodes = np.stack([*np.meshgrid(axis, axis, indexing="ij"), np.zeros((count + 1, count + 1))], axis=-1).reshape(-1, 3)
+    nodes = np.stack(
+        [*np.meshgrid(axis, axis, indexing="ij"), np.zeros((count + 1, count + 1))], axis=-1
+    ).reshape(-1, 3)
     number = np.arange(len(nodes)).reshape(count + 1, count + 1)
-    a, b, c, d = (each.ravel() for each in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
+    a, b, c, d = (
+        each.ravel()
+        for each in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:])
+    )
     cells = np.concatenate([np.column_stack(each) for each in ((a, b, c), (a, c, d))])
     meshio.write(tmp_path / "square.vtu", meshio.Mesh(nodes, [("triangle", cells)]))
     return {"shape": "mesh", "file": str(tmp_path / "square.vtu")}
@@ -211,10 +324,19 @@ PARTS = {
 
 @pytest.mark.parametrize(("plane", "arrangement", "spacing", "most"), PARTS.values(), ids=PARTS)
 def test_two_parts_of_one_rubber_are_pulled_like_one(plane, arrangement, spacing, most, tmp_path):
-    """Tension on all sides; the loaded edges were off by 7 % in plane stress, and by 184 and 33 % in plane strain."""
+    """Tension on all sides; the loaded edges were off by 7 % in plane stress, and by 184 and 33
+    % in plane strain.
+    """
     d, tension = 3 if plane == "space" else 2, 0.75
-    loads = [{"region": side, "traction": tension * np.eye(d)[axis]} for axis, side in enumerate(SIDES[1][:d])]
-    body = {"shape": "box" if d == 3 else "rectangle", "size": (1.0,) * d, "arrangement": arrangement}
+    loads = [
+        {"region": side, "traction": tension * np.eye(d)[axis]}
+        for axis, side in enumerate(SIDES[1][:d])
+    ]
+    body = {
+        "shape": "box" if d == 3 else "rectangle",
+        "size": (1.0,) * d,
+        "arrangement": arrangement,
+    }
     if arrangement == "triangles":
         body = square(tmp_path, 8)
     result = pulled(plane, body, spacing, ALMOST, loads)
@@ -224,18 +346,38 @@ def test_two_parts_of_one_rubber_are_pulled_like_one(plane, arrangement, spacing
 
 
 @pytest.mark.parametrize("ratio", [3.0, 10.0])
-@pytest.mark.parametrize(("plane", "spacing"), [("stress", 0.1), ("strain", 0.1), ("strain", 0.05), ("space", 1 / 6)])
+@pytest.mark.parametrize(
+    ("plane", "spacing"), [("stress", 0.1), ("strain", 0.1), ("strain", 0.05), ("space", 1 / 6)]
+)
 def test_two_rubbers_in_series(plane, spacing, ratio):
     """Held across and pulled: both are homogeneous. The loaded edge was off by 6 to 105 %."""
-    d, tension, laws = 3 if plane == "space" else 2, 0.3, [pds.materials.NeoHookean(1.5 * each, 150.0 * each) for each in (1, ratio)]
+    d, tension, laws = (
+        3 if plane == "space" else 2,
+        0.3,
+        [pds.materials.NeoHookean(1.5 * each, 150.0 * each) for each in (1, ratio)],
+    )
     held = [{"region": side, f"x{axis + 2}": 0.0} for axis, side in enumerate(SIDES[1][1:d])]
     body = {"shape": "box" if d == 3 else "rectangle", "size": (1.0,) * d}
-    result = pulled(plane, body, spacing, 1.5 * ratio, [{"region": "right", "traction": tension * np.eye(d)[0]}], held)
+    result = pulled(
+        plane,
+        body,
+        spacing,
+        1.5 * ratio,
+        [{"region": "right", "traction": tension * np.eye(d)[0]}],
+        held,
+    )
 
     def excess(stretch, law):
-        return PLANES[plane].first_piola_stress(law, np.diag([stretch, *[1.0] * (d - 1)])[None])[0][0, 0] - tension
+        return (
+            PLANES[plane].first_piola_stress(law, np.diag([stretch, *[1.0] * (d - 1)])[None])[0][
+                0, 0
+            ]
+            - tension
+        )
 
-    soft, stiff = (scipy.optimize.brentq(excess, 1.0, 1.6, args=(law,), xtol=1e-14) - 1 for law in laws)
+    soft, stiff = (
+        scipy.optimize.brentq(excess, 1.0, 1.6, args=(law,), xtol=1e-14) - 1 for law in laws
+    )
     x = result.body.points[:, 0]
     exact = np.where(x < 0.5, stiff * x, 0.5 * stiff + soft * (x - 0.5))
     found = result.states[-1][1]["displacement"][:, :d]
@@ -243,12 +385,19 @@ def test_two_rubbers_in_series(plane, spacing, ratio):
 
 
 PULLED = {0.125: 4.3136e-6, 0.375: 4.1420e-6, 0.625: 4.1352e-6, 0.875: 4.2816e-6}
-"""Displacements of places on the right edge of a square with a disc at small strains, of linear finite elements."""
+"""Displacements of places on the right edge of a square with a disc at small strains, of linear
+finite elements.
+"""
 
 
 def test_a_disc_three_times_as_stiff_in_a_pulled_square():
-    """Displacement of the pulled edge, in plane strain, beside finite elements (nine nodes, 120 a side); it was off by 62 %."""
-    loads = [{"region": side, "traction": 1.5e-3 * np.eye(2)[axis]} for axis, side in enumerate(SIDES[1][:2])]
+    """Displacement of the pulled edge, in plane strain, beside finite elements (nine nodes, 120
+    a side); it was off by 62 %.
+    """
+    loads = [
+        {"region": side, "traction": 1.5e-3 * np.eye(2)[axis]}
+        for axis, side in enumerate(SIDES[1][:2])
+    ]
     places = [{"name": f"at-{y}", "at": (1.0, y)} for y in PULLED]
     half = {"disc": {"center": (0.5, 0.5), "radius": 0.27}}
     result = pulled("strain", {"size": (1.0, 1.0)}, 0.05, 4.5, loads, half=half, probes=places)
@@ -258,16 +407,39 @@ def test_a_disc_three_times_as_stiff_in_a_pulled_square():
 
 @pytest.mark.parametrize("breaks", [False, True])
 @pytest.mark.parametrize(
-    ("plane", "arrangement", "spacing"), [("stress", "lattice", 0.1), ("strain", "relaxed", 0.1), ("space", "lattice", 1 / 6)]
+    ("plane", "arrangement", "spacing"),
+    [("stress", "lattice", 0.1), ("strain", "relaxed", 0.1), ("space", "lattice", 1 / 6)],
 )
 def test_bonds_beside_an_interface_may_break(plane, arrangement, spacing, breaks):
-    """Balanced before; gradients stay exact in what is homogeneous on either side, and forces those of an energy."""
+    """Balanced before; gradients stay exact in what is homogeneous on either side, and forces
+    those of an energy.
+    """
     d, random = 3 if plane == "space" else 2, np.random.default_rng(6)
-    body = {"shape": "box" if d == 3 else "rectangle", "size": (1.0,) * d, "arrangement": arrangement}
-    keys = {"fracture": {"critical_stretch": 5.0}, "steps": [{"to": 1.0, "dynamics": {"duration": 1.0, "density": 1.0}}]}
-    half = [{"region": {"box": [[-1] * d, [0.5, 2, 2][:d]]}, "material": {**RUBBER, "shear_modulus": ALMOST}}]
-    keys |= {"material": RUBBER, "materials": half, "loads": [{"region": "right", "traction": np.eye(d)[0]}], "precision": "float64"}
-    problem = compile_scene(pds.Scene(name="breaks", body=body, spacing=spacing, plane=plane, **keys), [pds.BondEnergyForce()] * 2)
+    body = {
+        "shape": "box" if d == 3 else "rectangle",
+        "size": (1.0,) * d,
+        "arrangement": arrangement,
+    }
+    keys = {
+        "fracture": {"critical_stretch": 5.0},
+        "steps": [{"to": 1.0, "dynamics": {"duration": 1.0, "density": 1.0}}],
+    }
+    half = [
+        {
+            "region": {"box": [[-1] * d, [0.5, 2, 2][:d]]},
+            "material": {**RUBBER, "shear_modulus": ALMOST},
+        }
+    ]
+    keys |= {
+        "material": RUBBER,
+        "materials": half,
+        "loads": [{"region": "right", "traction": np.eye(d)[0]}],
+        "precision": "float64",
+    }
+    problem = compile_scene(
+        pds.Scene(name="breaks", body=body, spacing=spacing, plane=plane, **keys),
+        [pds.BondEnergyForce()] * 2,
+    )
     force, body = problem.bind()[0], problem.body
     F = np.diag([1.2, 0.95, 1.1][:d])
     found = forces(force, body.points @ F)
@@ -275,11 +447,17 @@ def test_bonds_beside_an_interface_may_break(plane, arrangement, spacing, breaks
     assert np.abs(found + loads).max() < 1e-5 * np.abs(loads).max()
     bonds, one = body.bonds, force.portion_of == 0
     if breaks:
-        force.break_bonds(np.flatnonzero((one[bonds.first] != one[bonds.second]) & (body.points[bonds.first, 1] > 0.5))[::4])
+        force.break_bonds(
+            np.flatnonzero(
+                (one[bonds.first] != one[bonds.second]) & (body.points[bonds.first, 1] > 0.5)
+            )[::4]
+        )
     slope = random.uniform(-0.2, 0.2, d)
     moved = body.points @ F + np.maximum(body.points[:, :1] - 0.5, 0.0) * slope
     force.place(moved)
-    if arrangement == "lattice":  # elsewhere the interface is a fitted line; here its normal is off by a degree at the ends
+    if (
+        arrangement == "lattice"
+    ):  # elsewhere the interface is a fitted line; here its normal is off by a degree at the ends
         expected = F + np.where(body.points[:, :1] > 0.5, slope, 0.0)[:, :, None] * np.eye(d)[0]
         np.testing.assert_allclose(force.deformation_gradients(), expected, atol=1e-3)
     moved += 0.02 * spacing * random.uniform(-1, 1, moved.shape)
@@ -289,31 +467,53 @@ def test_bonds_beside_an_interface_may_break(plane, arrangement, spacing, breaks
 
 def test_without_loads_gradients_beside_an_interface_stay_as_they_are():
     half = [{"region": {"box": [[-1, -1], [0.5, 2]]}, "material": {**RUBBER, "shear_modulus": 4.5}}]
-    keys = {"name": "held", "body": {"size": (1.0, 1.0)}, "material": RUBBER, "materials": half, "spacing": 0.05, "steps": [1.0]}
+    keys = {
+        "name": "held",
+        "body": {"size": (1.0, 1.0)},
+        "material": RUBBER,
+        "materials": half,
+        "spacing": 0.05,
+        "steps": [1.0],
+    }
     held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}]
     for loads in ([], [{"region": "right", "traction": (0.1, 0.0)}]):
-        problem = compile_scene(pds.Scene(prescribed=held, loads=loads, **keys), [pds.BondEnergyForce()] * 2)
+        problem = compile_scene(
+            pds.Scene(prescribed=held, loads=loads, **keys), [pds.BondEnergyForce()] * 2
+        )
         weights = problem.bind()[0].terms[0].kinematics.changed
         beside = np.abs(problem.body.points[weights.owners, 0] - 0.5) < 6 * 0.05
         assert (np.abs(weights.changes[beside]).max(initial=0.0) > 0.1) == bool(loads)
 
 
-CASES = {"sheet": ("stress", 0.1, BLOCK), "strain": ("strain", 0.1, BLOCK), "tube": ("space", 0.25, TUBE)}
+CASES = {
+    "sheet": ("stress", 0.1, BLOCK),
+    "strain": ("strain", 0.1, BLOCK),
+    "tube": ("space", 0.25, TUBE),
+}
 
 
 @pytest.mark.parametrize(("plane", "spacing", "keys"), CASES.values(), ids=CASES)
 @pytest.mark.parametrize("breaks", [False, True])
 def test_forces_are_the_gradient_of_the_energy(plane, spacing, keys, breaks):
-    """Also where bonds of points with changed gradients break: the other changes stay, but for what affine motions would see of them."""
+    """Also where bonds of points with changed gradients break: the other changes stay, but for
+    what affine motions would see of them.
+    """
     body, random = body_of(spacing, plane, **keys), np.random.default_rng(4)
     force, d = bound(body, plane, breaks), body.dimension
     if breaks:
-        lost = np.linalg.norm(body.all_points[body.bonds.first] - body.points.max(axis=0), axis=1) < 3 * spacing
+        lost = (
+            np.linalg.norm(body.all_points[body.bonds.first] - body.points.max(axis=0), axis=1)
+            < 3 * spacing
+        )
         force.break_bonds(np.flatnonzero(lost)[::4])
         F = np.diag([1.1, 1.0, 1.0][:d])  # the clamp holds the other directions
         force.place(body.points @ F)
-        np.testing.assert_allclose(force.deformation_gradients(), np.broadcast_to(F, (len(body), d, d)), atol=1e-12)
-    positions = body.points * [1.1, 0.96, 0.95][:d] + 0.05 * spacing * random.uniform(-1, 1, body.points.shape)
+        np.testing.assert_allclose(
+            force.deformation_gradients(), np.broadcast_to(F, (len(body), d, d)), atol=1e-12
+        )
+    positions = body.points * [1.1, 0.96, 0.95][:d] + 0.05 * spacing * random.uniform(
+        -1, 1, body.points.shape
+    )
     found, step = forces(force, positions), 2e-6
     scale = np.abs(found).max()
     # The forces of the pairs, from which reactions are summed, make up the forces on the points.
@@ -330,62 +530,119 @@ def test_momentum_is_balanced():
     found = forces(bound(body, "stress"), positions)
     scale = np.abs(found).max()
     np.testing.assert_allclose(found.sum(axis=0), 0, atol=1e-12 * scale)
-    np.testing.assert_allclose((positions[:, 0] * found[:, 1] - positions[:, 1] * found[:, 0]).sum(), 0, atol=1e-11 * scale)
+    np.testing.assert_allclose(
+        (positions[:, 0] * found[:, 1] - positions[:, 1] * found[:, 0]).sum(), 0, atol=1e-11 * scale
+    )
 
 
 def test_the_moment_of_a_turned_plane_is_the_derivative_of_the_energy():
     held, about = {"region": "left", "x1": 0.0, "x2": 0.0}, (1.0, 0.3)
     turned = {"region": "right", "rotation": 20.0, "about": about}
-    keys = {**BLOCK, "prescribed": [held, turned], "precision": "float64", "solver": {"tolerance": 1e-8}}
+    keys = {
+        **BLOCK,
+        "prescribed": [held, turned],
+        "precision": "float64",
+        "solver": {"tolerance": 1e-8},
+    }
     steps = [0.98, 1.0, 1.02]
-    before, level, after = pds.simulate(pds.Scene(name="turned", material=RUBBER, spacing=0.1, steps=steps, **keys), "bond-energy").levels
+    before, level, after = pds.simulate(
+        pds.Scene(name="turned", material=RUBBER, spacing=0.1, steps=steps, **keys), "bond-energy"
+    ).levels
     force = level["forces"]["right"]
-    moment = level["moments"]["right"] - (about[0] * force[1] - about[1] * force[0])  # the result is about the origin
-    assert (after["energy"] - before["energy"]) / np.deg2rad(0.04 * 20) == pytest.approx(moment, rel=1e-4)
+    moment = level["moments"]["right"] - (
+        about[0] * force[1] - about[1] * force[0]
+    )  # the result is about the origin
+    assert (after["energy"] - before["energy"]) / np.deg2rad(0.04 * 20) == pytest.approx(
+        moment, rel=1e-4
+    )
 
 
 def test_strains_of_a_ring_under_pressure_converge():
-    """Lamé's solution under plane stress, at small strains; without the correction the error is 13 and 11 %."""
+    """Lamé's solution under plane stress, at small strains; without the correction the error is
+    13 and 11 %.
+    """
     pressure, mu, bulk = 1e-3, 1.5, 30.0
     young = 9 * bulk * mu / (3 * bulk + mu)
     poisson = young / (2 * mu) - 1
     errors = []
     for spacing in (0.1, 0.05):
         loads = [{"region": "holes", "pressure": pressure, "thickness": "undeformed"}]
-        scene = pds.Scene(name="ring", material=RUBBER, spacing=spacing, steps=[1.0], loads=loads, **RING)
+        scene = pds.Scene(
+            name="ring", material=RUBBER, spacing=spacing, steps=[1.0], loads=loads, **RING
+        )
         result = pds.simulate(scene, "bond-energy")
         X = result.body.points
         radius = np.linalg.norm(X, axis=1)[:, None, None]
         out = X[:, :, None] * X[:, None] / radius**2
         mean, part = pressure / 3, 4 * pressure / 3 / radius**2
-        radial, around = (mean - part - poisson * (mean + part)) / young, (mean + part - poisson * (mean - part)) / young
+        radial, around = (
+            (mean - part - poisson * (mean + part)) / young,
+            (mean + part - poisson * (mean - part)) / young,
+        )
         exact = radial * out + around * (np.eye(2) - out)
-        found = result.states[-1][1]["deformation_gradient"].reshape(-1, 3, 3)[:, :2, :2] - np.eye(2)
-        errors.append(np.linalg.norm(found - exact, axis=(1, 2)).max() / np.linalg.norm(exact, axis=(1, 2)).max())
+        found = result.states[-1][1]["deformation_gradient"].reshape(-1, 3, 3)[:, :2, :2] - np.eye(
+            2
+        )
+        errors.append(
+            np.linalg.norm(found - exact, axis=(1, 2)).max()
+            / np.linalg.norm(exact, axis=(1, 2)).max()
+        )
     assert errors[1] < 0.08
     assert errors[1] < 0.65 * errors[0]
 
 
 def test_a_curved_held_boundary_carries_no_load():
-    """A free hole in a disc whose outline is held by images, against Lamé's solution; with loads on the outline energy was 22 % too low."""
+    """A free hole in a disc whose outline is held by images, against Lamé's solution; with loads
+    on the outline energy was 22 % too low.
+    """
     pressure, mu, bulk, inner, outer = 1e-3, 1.5, 30.0, 0.5, 1.5
-    keys = {"body": {"shape": "circle", "radius": outer}, "holes": [{"shape": "circle", "radius": inner}], "spacing": 0.1}
+    keys = {
+        "body": {"shape": "circle", "radius": outer},
+        "holes": [{"shape": "circle", "radius": inner}],
+        "spacing": 0.1,
+    }
     held = [{"region": "outline", "x1": 0.0, "x2": 0.0}]
     loads = [{"region": "holes", "pressure": pressure, "thickness": "undeformed"}]
-    scene = pds.Scene(name="hole", material=RUBBER, steps=[1.0], prescribed=held, loads=loads, precision="float64", **keys)
+    scene = pds.Scene(
+        name="hole",
+        material=RUBBER,
+        steps=[1.0],
+        prescribed=held,
+        loads=loads,
+        precision="float64",
+        **keys,
+    )
     result = pds.simulate(scene, "bond-energy")
     young = 9 * bulk * mu / (3 * bulk + mu)
     poisson = young / (2 * mu) - 1
     # u = A r + B/r, zero at the outer radius.
-    slope = pressure * (1 - poisson**2) / young / ((1 + poisson) + (1 - poisson) * (outer / inner) ** 2)
+    slope = (
+        pressure * (1 - poisson**2) / young / ((1 + poisson) + (1 - poisson) * (outer / inner) ** 2)
+    )
     displacement = slope * (outer**2 / inner - inner)
-    assert result.levels[-1]["energy"] == pytest.approx(np.pi * inner * pressure * displacement, rel=0.03)
+    assert result.levels[-1]["energy"] == pytest.approx(
+        np.pi * inner * pressure * displacement, rel=0.03
+    )
 
 
-REFUSED = {"balanced": "bond energies always have balanced gradients now", "quadratic": "quadratic is gone", "none": "correction=none"}
+REFUSED = {
+    "balanced": "bond energies always have balanced gradients now",
+    "quadratic": "quadratic is gone",
+    "none": "correction=none",
+}
 
 
 @pytest.mark.parametrize(("correction", "why"), REFUSED.items())
 def test_corrections_of_energies_are_no_choice(correction, why):
     with pytest.raises(pds.SceneError, match=why):
-        pds.simulate(pds.Scene(name="block", material=RUBBER, spacing=0.1, steps=[1.0], correction=correction, **BLOCK), "bond-energy")
+        pds.simulate(
+            pds.Scene(
+                name="block",
+                material=RUBBER,
+                spacing=0.1,
+                steps=[1.0],
+                correction=correction,
+                **BLOCK,
+            ),
+            "bond-energy",
+        )

@@ -1,4 +1,6 @@
-"""Bonds that break in bodies of several materials: forces stay the gradient of the energy, and uniform states stay exact."""
+"""Bonds that break in bodies of several materials: forces stay the gradient of the energy, and
+uniform states stay exact.
+"""
 
 import numpy as np
 import pytest
@@ -12,7 +14,10 @@ from pdsurrogate.scenes import Precut
 from pdsurrogate.testing.bodies import wavy
 
 AFFINE = np.array([[1.2, 0.1], [-0.05, 0.95]])
-CUTS = {"along": Precut(start=(-0.05, 0.5), end=(0.6, 0.5)), "through": Precut(start=(0.52, -0.1), end=(0.52, 0.62))}
+CUTS = {
+    "along": Precut(start=(-0.05, 0.5), end=(0.6, 0.5)),
+    "through": Precut(start=(0.52, -0.1), end=(0.52, 0.62)),
+}
 CASES = [
     ("analytic", "stress", 3.0),
     ("nosb", "stress", 3.0),
@@ -20,7 +25,13 @@ CASES = [
 ]
 
 
-RECTANGLE, BOX = {"shape": "rectangle", "size": [1.2, 1.0]}, {"shape": "box", "size": [1.2, 1.0, 0.4]}
+RECTANGLE, BOX = (
+    {"shape": "rectangle", "size": [1.2, 1.0]},
+    {
+        "shape": "box",
+        "size": [1.2, 1.0, 0.4],
+    },
+)
 RELAXED = {"arrangement": "relaxed", "seed": 2}
 
 
@@ -32,8 +43,13 @@ def cracked(separates=None, planes=()):
 def bound(name, body, plane, mu):
     """Two layers, the upper one mu times as stiff as the lower."""
     upper = body.points[:, 1] > 0.5
-    portions = [Portion(NeoHookean(m, 50 * m), FORCES[name](), np.flatnonzero(of)) for m, of in ((1.0, ~upper), (mu, upper))]
-    return bind_portions(body, portions, ForceSettings(plane=plane, breakable=True, precision="float64"))
+    portions = [
+        Portion(NeoHookean(m, 50 * m), FORCES[name](), np.flatnonzero(of))
+        for m, of in ((1.0, ~upper), (mu, upper))
+    ]
+    return bind_portions(
+        body, portions, ForceSettings(plane=plane, breakable=True, precision="float64")
+    )
 
 
 def crossing(body, cut):
@@ -48,7 +64,9 @@ def moved(body):
 @pytest.mark.parametrize("cut", sorted(CUTS))
 @pytest.mark.parametrize(("name", "plane", "mu"), CASES)
 def test_broken_bonds_are_as_if_cut_and_in_any_order(name, plane, mu, cut):
-    """A crack that has grown bond by bond is the precut at the same place, and breaking in steps leaves the same bits as at once."""
+    """A crack that has grown bond by bond is the precut at the same place, and breaking in steps
+    leaves the same bits as at once.
+    """
     whole, forces = cracked(), []
     pairs = crossing(whole, CUTS[cut])
     for parts in ([pairs], np.array_split(pairs, 5)):
@@ -65,7 +83,9 @@ def test_broken_bonds_are_as_if_cut_and_in_any_order(name, plane, mu, cut):
 
 
 @pytest.mark.parametrize("cut", sorted(CUTS))
-@pytest.mark.parametrize(("name", "plane", "mu"), [case for case in CASES if case[0] == "bond-energy"])
+@pytest.mark.parametrize(
+    ("name", "plane", "mu"), [case for case in CASES if case[0] == "bond-energy"]
+)
 def test_forces_beside_a_crack_are_the_gradient_of_the_energy(name, plane, mu, cut, random):
     """Differences of fourth order along random directions, and momentum."""
     planes = (ReflectionPlane(0, 1.2, +1, (-1, 1)),)
@@ -81,13 +101,17 @@ def test_forces_beside_a_crack_are_the_gradient_of_the_energy(name, plane, mu, c
             force(y + times * step * direction, np.empty_like(y))
             values.append(force.energy())
         expected = -(8 * (values[0] - values[1]) - (values[2] - values[3])) / (12 * step)
-        assert abs((out * direction).sum() - expected) < 1e-7 * np.abs(out).max() * np.linalg.norm(direction)
+        assert abs((out * direction).sum() - expected) < 1e-7 * np.abs(out).max() * np.linalg.norm(
+            direction
+        )
 
 
 @pytest.mark.parametrize("cut", sorted(CUTS))
 @pytest.mark.parametrize(("name", "plane", "mu"), CASES)
 def test_a_uniform_state_stays_right_and_releases_nothing(name, plane, mu, cut):
-    """Both materials have the gradient of an affine motion, and the energy of a body without the crack: what breaks releases none."""
+    """Both materials have the gradient of an affine motion, and the energy of a body without the
+    crack: what breaks releases none.
+    """
     body = cracked()
     force, out = bound(name, body, plane, mu), np.empty_like(body.points)
     force(body.points @ AFFINE.T, out)
@@ -105,11 +129,24 @@ def test_a_uniform_state_stays_right_and_releases_nothing(name, plane, mu, cut):
 
 
 @pytest.mark.parametrize("mu", [3.0, 10.0])
-@pytest.mark.parametrize(("shape", "plane"), [(RECTANGLE | RELAXED, "stress"), (BOX, "space"), (BOX | RELAXED, "space")])
+@pytest.mark.parametrize(
+    ("shape", "plane"), [(RECTANGLE | RELAXED, "stress"), (BOX, "space"), (BOX | RELAXED, "space")]
+)
 def test_uniform_states_of_relaxed_points_and_solids_stay_right(shape, plane, mu):
-    """An interface between points that are in no rows, which is torn in one half and crossed by a crack in the other."""
+    """An interface between points that are in no rows, which is torn in one half and crossed by
+    a crack in the other.
+    """
     ends = {"prescribed": [{"region": "body", "x1": 0.0}], "steps": 1.0}
-    body, _, _ = discretize(pds.Scene(name="layers", spacing=0.1, horizon_ratio=2.2, material="neo-hookean", body=shape, **ends))
+    body, _, _ = discretize(
+        pds.Scene(
+            name="layers",
+            spacing=0.1,
+            horizon_ratio=2.2,
+            material="neo-hookean",
+            body=shape,
+            **ends,
+        )
+    )
     F = np.diag([1.0, 1.0, 1.05][: body.dimension])
     F[:2, :2] = AFFINE
     force, out = bound("bond-energy", body, plane, mu), np.empty_like(body.points)

@@ -1,4 +1,6 @@
-"""Outside the domain of a surrogate, and where a bond has no features at all: nothing jumps, nothing lies."""
+"""Outside the domain of a surrogate, and where a bond has no features at all: nothing jumps,
+nothing lies.
+"""
 
 import warnings
 
@@ -36,9 +38,13 @@ def forces(model, positions, body, law=LAW, **settings):
 
 
 def changes_along(path, steps, **settings):
-    """Greatest change of any force between neighboring states on a path through [0, 1], over the greatest force."""
+    """Greatest change of any force between neighboring states on a path through [0, 1], over the
+    greatest force.
+    """
     body = sheet(width=0.8, height=0.8)
-    force = PAPER.bind(body, LAW, ForceSettings(precision="float64", correction="scalar", **settings))
+    force = PAPER.bind(
+        body, LAW, ForceSettings(precision="float64", correction="scalar", **settings)
+    )
     found = []
     for share in np.linspace(0, 1, steps):
         out = np.empty_like(body.points)
@@ -50,7 +56,9 @@ def changes_along(path, steps, **settings):
 
 @pytest.mark.parametrize("bound", ["least stretch", "greatest stretch", "bulk"])
 def test_the_force_is_continuous_at_the_edge_of_the_domain(bound):
-    """A continuous force changes by a tenth as much in steps of a tenth; one that jumps by the error of the fit does not."""
+    """A continuous force changes by a tenth as much in steps of a tenth; one that jumps by the
+    error of the fit does not.
+    """
     path = {
         "least stretch": lambda share: np.diag([1.5, 0.85 - 0.1 * share]),
         "greatest stretch": lambda share: np.diag([3.3 + share, 1.2]),
@@ -59,13 +67,20 @@ def test_the_force_is_continuous_at_the_edge_of_the_domain(bound):
     }[bound]
     body = sheet(width=0.8, height=0.8)
     for share, outside in ((0, 0.0), (1, 1.0)):
-        assert forces(PAPER, body.points @ path(share).T, body, correction="scalar")[0].fraction_outside == outside
+        assert (
+            forces(PAPER, body.points @ path(share).T, body, correction="scalar")[
+                0
+            ].fraction_outside
+            == outside
+        )
     coarse, fine = changes_along(path, 101), changes_along(path, 1001)
     assert fine < 0.15 * coarse
 
 
 def test_the_blend_has_two_continuous_derivatives():
-    """From 0 to 1, flat and without curvature at both ends, where it goes over into constants; the slope is that of the value."""
+    """From 0 to 1, flat and without curvature at both ends, where it goes over into constants;
+    the slope is that of the value.
+    """
     t, step = np.linspace(-0.5, 1.5, 401), 1e-5
     value, slope = blend(t)
     assert (value[t <= 0] == 0).all()
@@ -78,12 +93,16 @@ def test_the_blend_has_two_continuous_derivatives():
 
 
 def test_components_along_a_bond_keep_size_and_work():
-    """Turned components have the size of those before, and a bond that is not turned has the same."""
+    """Turned components have the size of those before, and a bond that is not turned has the
+    same.
+    """
     random = np.random.default_rng(0)
     T_nn, T_nm, a, b = random.standard_normal((4, 50))
     turned = along_and_across(T_nn, T_nm, a, b, np.hypot(a, b))
     np.testing.assert_allclose(np.linalg.norm(turned, axis=1), np.hypot(T_nn, T_nm), rtol=1e-14)
-    np.testing.assert_array_equal(along_and_across(T_nn, T_nm, np.ones(50), np.zeros(50), 1.0), np.stack([T_nn, T_nm], axis=1))
+    np.testing.assert_array_equal(
+        along_and_across(T_nn, T_nm, np.ones(50), np.zeros(50), 1.0), np.stack([T_nn, T_nm], axis=1)
+    )
 
 
 def test_the_interior_of_a_domain():
@@ -98,16 +117,22 @@ def test_the_interior_of_a_domain():
 @pytest.mark.parametrize(("J", "C33"), [(1.0, 1.0), (2.0, 0.25), (9.0, 1 / 81), (0.3, 8.0)])
 @pytest.mark.parametrize("stretch", [0.05, 1.0, 3.0])
 def test_a_turned_bond_is_pushed_back(law, stretch, J, C33):
-    """T_nn rises with a = U_nn from -3 to 3, through a = 0, and T_nm with b: whatever the turn, the force leads back to rest."""
+    """T_nn rises with a = U_nn from -3 to 3, through a = 0, and T_nm with b: whatever the turn,
+    the force leads back to rest.
+    """
     a = np.linspace(-3, 3, 601)
     with np.errstate(invalid="ignore"):
-        T_nn, T_nm, T_mm = plane_stress.bond_traction(law, a, 0 * a + 0.1 * stretch, J + 0 * a, C33 + 0 * a)
+        T_nn, T_nm, T_mm = plane_stress.bond_traction(
+            law, a, 0 * a + 0.1 * stretch, J + 0 * a, C33 + 0 * a
+        )
     defined = np.isfinite(T_nn)
-    # A law that ends has no answer for a bond folded flat, and hardens as it comes near; every other law has one everywhere.
+    # A law that ends has no answer for a bond folded flat, and hardens as it comes near; every
+    # other law has one everywhere.
     if law.name not in ("gent", "arruda-boyce", "full-network"):
         assert defined.all()
-        # In a sheet at equibiaxial stretch 3 the exact force of laws that soften, or that know I2bar, is not monotone itself: q > 0.
-        # The third power of I1bar - 3 in a sheet pressed to 0.3 of its volume and 8 times as thick is not, either.
+        # In a sheet at equibiaxial stretch 3 the exact force of laws that soften, or that know
+        # I2bar, is not monotone itself: q > 0. The third power of I1bar - 3 in a sheet pressed to
+        # 0.3 of its volume and 8 times as thick is not, either.
         if law.name == "neo-hookean" or (C33 >= 0.1 and not (law.name == "polyconvex" and J < 1)):
             assert (np.diff(T_nn) > 0).all()
     if law.name == "neo-hookean" or C33 >= 0.1:
@@ -121,7 +146,9 @@ def test_a_turned_bond_is_pushed_back(law, stretch, J, C33):
 @pytest.mark.parametrize("outside", ["fallback", "warn", "extrapolate"])
 @pytest.mark.parametrize("name", ["neo-hookean/1", "neo-hookean/2", "neo-hookean-paper"])
 def test_bonds_without_features_get_the_exact_force_under_every_policy(name, outside):
-    """A point pushed through its neighbor to the far side: finite, restoring, and the same as the analytic bond force gives that bond."""
+    """A point pushed through its neighbor to the far side: finite, restoring, and the same as
+    the analytic bond force gives that bond.
+    """
     body = sheet()
     middle = int(np.linalg.norm(body.points - [0.55, 0.45], axis=1).argmin())
     positions = body.points.copy()
@@ -143,12 +170,19 @@ def test_bonds_without_features_get_the_exact_force_under_every_policy(name, out
 
 
 def test_a_point_on_a_single_bond_may_be_turned_over():
-    """It has no gradient and keeps the rotation 0; the point it hangs on is turned by 180 degrees: they have no mean, and give no NaN."""
+    """It has no gradient and keeps the rotation 0; the point it hangs on is turned by 180
+    degrees: they have no mean, and give no NaN.
+    """
     corner = sheet(width=0.8, height=0.8).points
     points = np.vstack([corner, corner.max(axis=0) + 0.29 / np.sqrt(2)])
     body = pds.Body(points, np.full(len(points), 0.01), 0.315, 0.1)
     assert body.bonds.pointers[-1] - body.bonds.pointers[-2] == 1
-    for model in (AnalyticBondForce(LAW), PAPER, load_surrogate("neo-hookean"), load_surrogate("neo-hookean@1")):
+    for model in (
+        AnalyticBondForce(LAW),
+        PAPER,
+        load_surrogate("neo-hookean"),
+        load_surrogate("neo-hookean@1"),
+    ):
         force, out = forces(model, points @ rotation(np.pi).T, body)
         assert np.count_nonzero(~force.supported) == 1
         assert np.isfinite(out).all()
@@ -159,7 +193,9 @@ def test_warn_warns_once_and_counts():
     body = sheet()
     force = load_surrogate("neo-hookean").bind(body, LAW, ForceSettings(outside="warn"))
     out = np.empty_like(body.points)
-    with pytest.warns(OutsideDomainWarning, match=r"1302 of 1302 bonds are outside the domain of neo-hookean@2"):
+    with pytest.warns(
+        OutsideDomainWarning, match=r"1302 of 1302 bonds are outside the domain of neo-hookean@2"
+    ):
         force(body.points @ np.diag([5.0, 0.45]), out)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -168,15 +204,33 @@ def test_warn_warns_once_and_counts():
 
 
 def test_warnings_on_the_command_line():
-    done = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--set", "stretches=4.5", "--set", "outside=warn"])
+    done = CliRunner().invoke(
+        app,
+        [
+            "run",
+            "uniaxial",
+            "--set",
+            "spacing=0.1",
+            "--set",
+            "stretches=4.5",
+            "--set",
+            "outside=warn",
+        ],
+    )
     assert done.exit_code == 0, done.output
-    warned = [line for line in done.stderr.splitlines() if "bonds are outside the domain of neo-hookean@2" in line]
+    warned = [
+        line
+        for line in done.stderr.splitlines()
+        if "bonds are outside the domain of neo-hookean@2" in line
+    ]
     assert len(warned) == 1
     assert "the surrogate was extrapolated" in done.stderr
 
 
 def test_a_bond_beyond_the_laws_limit_is_named():
-    """A point pulled out alone: its own horizon is fine, a bond of it is past the chains' greatest extension."""
+    """A point pulled out alone: its own horizon is fine, a bond of it is past the chains'
+    greatest extension.
+    """
     body, law = sheet(), Gent(1.0, 100.0, 3.0)
     middle = int(np.linalg.norm(body.points - [0.55, 0.45], axis=1).argmin())
     positions = body.points.copy()
@@ -193,9 +247,16 @@ def test_bond_associated_stops_name_the_bond():
     for positions, law, reason in (
         (folded, LAW, "det F = .* of the bond: the material is turned inside out"),
         (lost, LAW, "not finite"),
-        (body.points * [20.0, 1.0], Gent(1.0, 100.0, 3.0), "gent: no plane-stress state .* det F = "),
+        (
+            body.points * [20.0, 1.0],
+            Gent(1.0, 100.0, 3.0),
+            "gent: no plane-stress state .* det F = ",
+        ),
     ):
-        with pytest.raises(InvalidState, match=rf"point \d+ at \(.*\): its bond to \(.*\) has no stress: .*{reason}"):
+        with pytest.raises(
+            InvalidState,
+            match=rf"point \d+ at \(.*\): its bond to \(.*\) has no stress: .*{reason}",
+        ):
             model.bind(body, law, ForceSettings())(positions, np.empty_like(positions))
 
 
@@ -203,7 +264,9 @@ def test_bond_associated_stops_name_the_bond():
 def small_domain():
     """A surrogate trained to stretch 1.5 only."""
     samples = pds.training_samples(LAW, 2000, (0.8, 1.5), random_state=0)
-    network = pds.LevenbergMarquardtRegressor((10,), "algebraic", max_iter=200, n_iter_no_change=50, random_state=0)
+    network = pds.LevenbergMarquardtRegressor(
+        (10,), "algebraic", max_iter=200, n_iter_no_change=50, random_state=0
+    )
     from pdsurrogate.learning import surrogate_of
 
     model = pds.surrogate_pipeline(network).fit(samples.X, samples.y)
@@ -211,19 +274,28 @@ def small_domain():
 
 
 def test_fallback_carries_a_surrogate_through_the_whole_scene(small_domain):
-    """Section 6.2 to stretch 2.5 with a surrogate that was trained to 1.5: within 0.1 % of the analytic bond force at every level."""
+    """Section 6.2 to stretch 2.5 with a surrogate that was trained to 1.5: within 0.1 % of the
+    analytic bond force at every level.
+    """
     scene = pds.load_scene("uniaxial", spacing=0.05)
     mine, exact = pds.simulate(scene, small_domain), pds.simulate(scene, "analytic")
     for level, reference in zip(mine.levels, exact.levels, strict=True):
         for key in ("nominal_stress", "lateral_displacement"):
             assert level[key] == pytest.approx(reference[key], rel=1e-3)
-    assert 0.5 < mine.summary["fallback_fraction"] < 0.9  # two of the three levels, and the way to them
+    assert (
+        0.5 < mine.summary["fallback_fraction"] < 0.9
+    )  # two of the three levels, and the way to them
 
 
 def test_the_papers_network_converges_where_its_force_used_to_jump():
-    """Pure shear to 2 leaves the box of the paper's network at its corners: with a jump there 8,000 evaluations were not enough."""
+    """Pure shear to 2 leaves the box of the paper's network at its corners: with a jump there
+    8,000 evaluations were not enough.
+    """
     result = pds.simulate(
-        pds.load_scene("pure-shear", ["spacing=0.1", "stretches=1.5,2", "solver.most_evaluations=400"]), "neo-hookean-paper"
+        pds.load_scene(
+            "pure-shear", ["spacing=0.1", "stretches=1.5,2", "solver.most_evaluations=400"]
+        ),
+        "neo-hookean-paper",
     )
     assert result.summary["converged"]
     assert result.summary["fallback_fraction"] > 0.005

@@ -1,4 +1,6 @@
-"""The bond-level energy: forces that are its gradient, its tangent, its stability, and the surrogate behind it."""
+"""The bond-level energy: forces that are its gradient, its tangent, its stability, and the
+surrogate behind it.
+"""
 
 import numpy as np
 import pytest
@@ -9,14 +11,23 @@ from scipy.optimize import minimize
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import ReflectionPlane
-from pdsurrogate.forces import FORCES, EnergyNetwork, ForceSettings, OutsideDomain, OutsideDomainWarning
+from pdsurrogate.forces import (
+    FORCES,
+    EnergyNetwork,
+    ForceSettings,
+    OutsideDomain,
+    OutsideDomainWarning,
+)
 from pdsurrogate.materials import LAWS, Gent, NeoHookean, homogeneous
 from pdsurrogate.solvers.nearest_bonds import Preconditioner, inverse_of, springs_of
 from pdsurrogate.solvers.stability import NEGATIVE, least_curvature
 from pdsurrogate.testing.bodies import wavy
 
 LAW = NeoHookean(2.0, 200.0)
-MODELS = {"bond-energy": FORCES["bond-energy"](), "neo-hookean-energy": load_surrogate(SHIPPED / "neo-hookean-energy")}
+MODELS = {
+    "bond-energy": FORCES["bond-energy"](),
+    "neo-hookean-energy": load_surrogate(SHIPPED / "neo-hookean-energy"),
+}
 DOUBLE = ForceSettings(precision="float64", breakable=True)
 
 
@@ -24,7 +35,9 @@ def cracked_sheet():
     """A crack from the left edge to the middle, between two rows of points."""
 
     def separates(start, end):
-        share = (0.5 - start[:, 1]) / np.where(end[:, 1] == start[:, 1], np.inf, end[:, 1] - start[:, 1])
+        share = (0.5 - start[:, 1]) / np.where(
+            end[:, 1] == start[:, 1], np.inf, end[:, 1] - start[:, 1]
+        )
         return (share > 0) & (share < 1) & (start[:, 0] + share * (end[:, 0] - start[:, 0]) < 0.6)
 
     return sheet(separates=separates)
@@ -41,7 +54,9 @@ BODIES = {
 
 def deformed(body, amount=1.0):
     """An inhomogeneous deformation; gentle between grips that stay where they are."""
-    return body.points + (0.05 if len(body.ghosts) else 1.0) * amount * (wavy(body.points) - body.points)
+    return body.points + (0.05 if len(body.ghosts) else 1.0) * amount * (
+        wavy(body.points) - body.points
+    )
 
 
 def bound(name, body, settings=DOUBLE, law=LAW):
@@ -50,18 +65,29 @@ def bound(name, body, settings=DOUBLE, law=LAW):
 
 def fourth_order(function, step):
     """Derivative at zero by central differences of fourth order."""
-    return (8 * (function(step) - function(-step)) - (function(2 * step) - function(-2 * step))) / (12 * step)
+    return (8 * (function(step) - function(-step)) - (function(2 * step) - function(-2 * step))) / (
+        12 * step
+    )
 
 
 @pytest.mark.parametrize("make", sorted(BODIES))
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_forces_are_the_gradient_of_the_energy(name, make, random):
-    """At single points of every kind (corner, edge, interior, beside crack and grip) and along random directions, to 1e-7."""
+    """At single points of every kind (corner, edge, interior, beside crack and grip) and along
+    random directions, to 1e-7.
+    """
     body = BODIES[make]()
     force, y, out = bound(name, body), deformed(body), np.empty_like(body.points)
     force(y, out)
     directions = [random.standard_normal(y.shape) for _ in range(3)]
-    targets = [body.points.min(axis=0), body.points.max(axis=0), [0.6, 0.5], [0.5, 0.55], [0.05, 0.5], [0.6, 0.05]]
+    targets = [
+        body.points.min(axis=0),
+        body.points.max(axis=0),
+        [0.6, 0.5],
+        [0.5, 0.55],
+        [0.05, 0.5],
+        [0.6, 0.05],
+    ]
     for target in targets:
         single = np.zeros_like(y)
         single[np.linalg.norm(body.points - target, axis=1).argmin()] = [0.6, 0.8]
@@ -76,7 +102,8 @@ def test_forces_are_the_gradient_of_the_energy(name, make, random):
 
     for direction in directions:
         expected = -fourth_order(energy(direction), 2e-5)
-        # The scale of the force on the points that move, which cancels where they are in equilibrium.
+        # The scale of the force on the points that move, which cancels where they are in
+        # equilibrium.
         scale = np.abs(out).max() * np.linalg.norm(direction)
         assert abs((out * direction).sum() - expected) < 1e-7 * scale
 
@@ -86,19 +113,28 @@ def test_forces_are_the_gradient_of_the_energy(name, make, random):
 def test_tangent_is_symmetric_and_the_derivative_of_the_forces(name, make, random):
     body = BODIES[make]()
     force, y = bound(name, body), deformed(body)
-    tangent, direction, other = force.tangent(y), random.standard_normal(y.shape), random.standard_normal(y.size)
+    tangent, direction, other = (
+        force.tangent(y),
+        random.standard_normal(y.shape),
+        random.standard_normal(y.size),
+    )
     product = (tangent @ direction.ravel()).reshape(-1, 2)
     image = tangent @ other
     # Differences leave 1e-10 of the greatest stiffness.
-    assert abs(direction.ravel() @ image - other @ product.ravel()) < 1e-9 * np.linalg.norm(direction) * np.linalg.norm(image)
+    assert abs(direction.ravel() @ image - other @ product.ravel()) < 1e-9 * np.linalg.norm(
+        direction
+    ) * np.linalg.norm(image)
 
     def forces(step):
         out = np.empty_like(y)
         force(y + step * direction, out)
         return out
 
-    # Rounding of the forces over the step, 1e-16/1e-5 of the stiffness, and the differences' own fourth-order error.
-    np.testing.assert_allclose(product, -fourth_order(forces, 1e-5), atol=1e-7 * np.abs(product).max())
+    # Rounding of the forces over the step, 1e-16/1e-5 of the stiffness, and the differences' own
+    # fourth-order error.
+    np.testing.assert_allclose(
+        product, -fourth_order(forces, 1e-5), atol=1e-7 * np.abs(product).max()
+    )
 
 
 def test_every_law_has_an_exact_energy():
@@ -132,11 +168,14 @@ def matrix_of(operator):
 @pytest.mark.parametrize("state", sorted(STATES))
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_no_zero_energy_mode(name, state):
-    """12 x 12 points: after the rigid modes, the least eigenvalue is at least 5e-3 of the greatest; none is negative."""
+    """12 x 12 points: after the rigid modes, the least eigenvalue is at least 5e-3 of the
+    greatest; none is negative.
+    """
     body, F = sheet(0.1, 1.2, 1.2), STATES[state]
     matrix = matrix_of(bound(name, body).tangent(body.points @ F.T))
     values = np.linalg.eigvalsh(matrix)
-    # Two translations are exact zeros; turning the body costs as much as its stress, which a dead load would balance.
+    # Two translations are exact zeros; turning the body costs as much as its stress, which a dead
+    # load would balance.
     rest = state == "rest"
     assert np.abs(np.sort(np.abs(values))[: 3 if rest else 2]).max() < 1e-9 * values[-1]
     modes = rigid_free(matrix, body.points @ F.T)
@@ -146,15 +185,30 @@ def test_no_zero_energy_mode(name, state):
 @pytest.mark.parametrize(("stretch", "stable"), [(0.95, True), (0.85, False), (1.5, True)])
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_the_least_curvature_has_the_sign_of_the_least_eigenvalue(precision, stretch, stable):
-    """A sheet of 3 x 1 between rollers, in its homogeneous state: stable to a strain of about (pi/3)^2/12."""
-    body = sheet(0.1, 3.0, 1.0, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)), ReflectionPlane(0, 3.0, 1, (-1, 1))))
+    """A sheet of 3 x 1 between rollers, in its homogeneous state: stable to a strain of about
+    (pi/3)^2/12.
+    """
+    body = sheet(
+        0.1,
+        3.0,
+        1.0,
+        planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)), ReflectionPlane(0, 3.0, 1, (-1, 1))),
+    )
     positions = body.points * [stretch, homogeneous.uniaxial(LAW, stretch).lateral_stretch]
-    force, double = (bound("neo-hookean-energy", body, ForceSettings(precision=name)) for name in (precision, "float64"))
+    force, double = (
+        bound("neo-hookean-energy", body, ForceSettings(precision=name))
+        for name in (precision, "float64")
+    )
     for one in (force, double):
         one.move_plane(1, [3.0 * (stretch - 1), 0.0])
     values = np.linalg.eigvalsh(matrix_of(double.tangent(positions)))
     free = np.ones_like(positions)
-    found = least_curvature(force, positions, free, Preconditioner(inverse_of(springs_of(body, LAW.shear_modulus), free)))
+    found = least_curvature(
+        force,
+        positions,
+        free,
+        Preconditioner(inverse_of(springs_of(body, LAW.shear_modulus), free)),
+    )
     if stable:
         # The translation that nothing holds is an exact zero.
         assert values[0] > -1e-9 * values[-1]
@@ -165,7 +219,9 @@ def test_the_least_curvature_has_the_sign_of_the_least_eigenvalue(precision, str
 
 
 def rigid_free(matrix, positions):
-    """Eigenvalues on the complement of translations and the infinitesimal rotation of the deformed body."""
+    """Eigenvalues on the complement of translations and the infinitesimal rotation of the
+    deformed body.
+    """
     n = len(positions)
     rigid = np.zeros((2 * n, 3))
     rigid[0::2, 0], rigid[1::2, 1] = 1, 1
@@ -176,21 +232,31 @@ def rigid_free(matrix, positions):
 
 @pytest.mark.parametrize("name", ["crack", "jittered"])
 def test_shares_of_the_bonds_are_those_of_greatest_entropy(name, random):
-    """Against scipy's minimizer of the same convex function; the mean bond is zero inside and much shorter than before at edges."""
+    """Against scipy's minimizer of the same convex function; the mean bond is zero inside and
+    much shorter than before at edges.
+    """
     body = jittered(random) if name == "jittered" else BODIES[name]()
     force = bound("bond-energy", body)
     bonds, x = body.bonds, body.all_points
     for i in random.choice(len(body), 25, replace=False):
         mine = slice(int(bonds.pointers[i]), int(bonds.pointers[i + 1]))
         xi = (x[bonds.neighbors[mine]] - x[i]) / body.horizon
-        plain = body.weigh(body.horizon * np.linalg.norm(xi, axis=1)) * body.all_volumes[bonds.neighbors[mine]]
-        tilt = minimize(lambda a, w=plain, xi=xi: np.log(w @ np.exp(-xi @ a)) + 0.005 * a @ a, np.zeros(2), tol=1e-12).x
+        plain = (
+            body.weigh(body.horizon * np.linalg.norm(xi, axis=1))
+            * body.all_volumes[bonds.neighbors[mine]]
+        )
+        tilt = minimize(
+            lambda a, w=plain, xi=xi: np.log(w @ np.exp(-xi @ a)) + 0.005 * a @ a,
+            np.zeros(2),
+            tol=1e-12,
+        ).x
         expected = plain * np.exp(-xi @ tilt)
         shares = force.terms[0].shares.bond_shares[mine] / body.volumes[i]
         np.testing.assert_allclose(shares, expected / expected.sum(), rtol=1e-4)
         assert shares.sum() == pytest.approx(1, rel=1e-12)
         mean = np.linalg.norm(shares @ xi)
-        # At a corner no positive weights come closer than the middle between the two nearest neighbors along its edges.
+        # At a corner no positive weights come closer than the middle between the two nearest
+        # neighbors along its edges.
         assert mean < 0.01 + 0.5 * np.linalg.norm(plain @ xi) / plain.sum()
 
 
@@ -207,7 +273,9 @@ def test_a_point_without_bonds_carries_nothing():
 
 
 def test_energy_is_smooth_across_the_edge_of_the_domain():
-    """The exact energy takes over: no jump of energy or stress, and the force stays the gradient on the way."""
+    """The exact energy takes over: no jump of energy or stress, and the force stays the gradient
+    on the way.
+    """
     body = sheet(0.2, 1.0, 1.0)
     force, out = bound("neo-hookean-energy", body), np.empty_like(body.points)
     exact = bound("bond-energy", body)
@@ -221,7 +289,9 @@ def test_energy_is_smooth_across_the_edge_of_the_domain():
             return force.energy()
 
         slope = fourth_order(energy, 1e-4)
-        assert abs((out * direction).sum() + slope) < 1e-7 * np.abs(out).max() * np.linalg.norm(direction)
+        assert abs((out * direction).sum() + slope) < 1e-7 * np.abs(out).max() * np.linalg.norm(
+            direction
+        )
     force(body.points * [5.6, 0.9], out)
     expected = np.empty_like(out)
     exact(body.points * [5.6, 0.9], expected)
@@ -236,19 +306,27 @@ def test_energy_is_smooth_across_the_edge_of_the_domain():
         return out
 
     product = (tangent @ direction.ravel()).reshape(-1, 2)
-    np.testing.assert_allclose(product, -fourth_order(forces, 1e-4), atol=1e-6 * np.abs(product).max())
+    np.testing.assert_allclose(
+        product, -fourth_order(forces, 1e-4), atol=1e-6 * np.abs(product).max()
+    )
 
 
 def test_domain_policies():
     body = sheet(0.2, 1.0, 1.0)
     with pytest.raises(OutsideDomain, match="outside the domain"):
-        bound("neo-hookean-energy", body, ForceSettings(outside="raise"))(body.points * [6.0, 1.0], np.empty_like(body.points))
+        bound("neo-hookean-energy", body, ForceSettings(outside="raise"))(
+            body.points * [6.0, 1.0], np.empty_like(body.points)
+        )
     with pytest.warns(OutsideDomainWarning, match="extrapolated"):
-        bound("neo-hookean-energy", body, ForceSettings(outside="warn"))(body.points * [6.0, 1.0], np.empty_like(body.points))
+        bound("neo-hookean-energy", body, ForceSettings(outside="warn"))(
+            body.points * [6.0, 1.0], np.empty_like(body.points)
+        )
 
 
 def test_the_shipped_surrogate_is_accurate():
-    """Stress within 1e-3, relative RMS, over stretches 0.8 to 4, with at most 20 units; strongly elliptic like the law."""
+    """Stress within 1e-3, relative RMS, over stretches 0.8 to 4, with at most 20 units; strongly
+    elliptic like the law.
+    """
     model = MODELS["neo-hookean-energy"]
     report = pds.evaluate(model, LAW, (0.8, 4.0), 5000, 77)
     assert model.output_weights.size <= 20
@@ -268,8 +346,14 @@ def test_payloads_are_checked():
     model = MODELS["neo-hookean-energy"]
     again = EnergyNetwork.from_payload("x", model.payload(), model.domain, model.law, model.shape)
     np.testing.assert_array_equal(again.hidden_weights, model.hidden_weights)
-    for key, value in (("activation", "relu"), ("output_weights", np.ones((2, 2))), ("hidden_biases", np.full(8, np.nan))):
+    for key, value in (
+        ("activation", "relu"),
+        ("output_weights", np.ones((2, 2))),
+        ("hidden_biases", np.full(8, np.nan)),
+    ):
         with pytest.raises(ValueError, match=r"activation|output_weights|hidden_biases"):
-            EnergyNetwork.from_payload("x", model.payload() | {key: value}, model.domain, model.law, model.shape)
+            EnergyNetwork.from_payload(
+                "x", model.payload() | {key: value}, model.domain, model.law, model.shape
+            )
     with pytest.raises(ValueError, match="payload has"):
         EnergyNetwork.from_payload("x", {}, model.domain, model.law, model.shape)

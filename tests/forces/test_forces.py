@@ -1,4 +1,6 @@
-"""What single force models are: corrections, rotations, domains, BA-NOSB; what all have in common is in tests/testing."""
+"""What single force models are: corrections, rotations, domains, BA-NOSB; what all have in
+common is in tests/testing.
+"""
 
 import numpy as np
 import pytest
@@ -39,14 +41,20 @@ def evaluate(name, body, positions, **settings):
 
 @pytest.mark.parametrize("gradient", sorted(GRADIENTS))
 def test_bond_associated_stress_equals_nosbs_in_homogeneous_deformation(gradient):
-    """Every bond has the exact F and P to rounding, and interior points are in equilibrium, as with NOSB."""
+    """Every bond has the exact F and P to rounding, and interior points are in equilibrium, as
+    with NOSB.
+    """
     body, F = sheet(0.1, 1.4, 1.4), GRADIENTS[gradient]
     force, out = evaluate("ba-nosb", body, body.points @ F.T)
     J3 = plane_stress.volume_ratio(LAW, *plane_stress.invariants(F))
     np.testing.assert_allclose(force.state_arrays["bond_volume_ratios"], J3, rtol=1e-11)
     P = plane_stress.first_piola_stress(LAW, F) / LAW.shear_modulus
     (term,) = force.terms
-    np.testing.assert_allclose(term.bond_forces, term.bond_vectors @ P.T, atol=1e-12 * np.abs(term.bond_forces).max() * LAW.bulk_modulus)
+    np.testing.assert_allclose(
+        term.bond_forces,
+        term.bond_vectors @ P.T,
+        atol=1e-12 * np.abs(term.bond_forces).max() * LAW.bulk_modulus,
+    )
     depth = np.minimum(body.points, 1.4 - body.points).min(axis=1)
     interior = depth > 2 * body.horizon
     assert interior.any()
@@ -61,7 +69,10 @@ def test_bond_associated_forces_against_the_sums(random):
     y = wavy(body.points)
     _, out = evaluate("ba-nosb", body, y)
     x, V, reach = body.points, body.volumes, body.horizon * (1 + 1e-9)
-    lists = [np.flatnonzero((np.linalg.norm(x - x[i], axis=1) <= reach) & (np.arange(len(x)) != i)) for i in range(len(x))]
+    lists = [
+        np.flatnonzero((np.linalg.norm(x - x[i], axis=1) <= reach) & (np.arange(len(x)) != i))
+        for i in range(len(x))
+    ]
 
     def bond_force(i, j):
         shared = [k for k in lists[i] if np.linalg.norm(x[k] - x[j]) <= reach]
@@ -72,7 +83,15 @@ def test_bond_associated_forces_against_the_sums(random):
         phi = V[lists[i]].sum() / (V[lists[i]].sum() + V[lists[j]].sum())
         phi_bond = V[shared].sum() / V[lists[i]].sum()
         xi = x[j] - x[i]
-        return 0.5 * phi_bond / phi * body.weigh(np.linalg.norm(xi)) * plane_stress.first_piola_stress(LAW, F) @ np.linalg.inv(K) @ xi
+        return (
+            0.5
+            * phi_bond
+            / phi
+            * body.weigh(np.linalg.norm(xi))
+            * plane_stress.first_piola_stress(LAW, F)
+            @ np.linalg.inv(K)
+            @ xi
+        )
 
     for i in (0, 37, 66):
         expected = sum((bond_force(i, j) - bond_force(j, i)) * V[i] * V[j] for j in lists[i])
@@ -80,7 +99,9 @@ def test_bond_associated_forces_against_the_sums(random):
 
 
 def test_the_four_corrections_on_a_stretched_sheet():
-    """Uniaxial stress by work conjugacy: exact with the tensor correction; 1 to 5 % off with the paper's scalar factor and without any."""
+    """Uniaxial stress by work conjugacy: exact with the tensor correction; 1 to 5 % off with the
+    paper's scalar factor and without any.
+    """
     body = sheet(0.05, 3.0, 1.0)
     state = homogeneous.uniaxial(LAW, 2.0)
     positions = body.points * [2.0, state.lateral_stretch]
@@ -94,7 +115,9 @@ def test_the_four_corrections_on_a_stretched_sheet():
 
 
 def test_convected_rotation_is_not_objective_and_polar_is():
-    """The paper's (22): a pure stretch whose axes are turned off the grid gets a spurious rotation, and past a right angle arcsin folds."""
+    """The paper's (22): a pure stretch whose axes are turned off the grid gets a spurious
+    rotation, and past a right angle arcsin folds.
+    """
     body = sheet()
     turn = rotation(np.deg2rad(22.5))
     F = turn @ np.diag([2.0, 1.0]) @ turn.T
@@ -108,9 +131,11 @@ def test_convected_rotation_is_not_objective_and_polar_is():
         cos, sin = points.records[0, :2]
         angle[kind] = np.rad2deg(np.arctan2(sin, cos))
     assert abs(angle["polar"]) < 1e-9
-    # By hand: (22) gives half the sum of asin(F21/|F e1|) and -asin(F12/|F e2|) with F11, F22 = 1.854, 1.146 and F12 = F21 = 0.354.
+    # By hand: (22) gives half the sum of asin(F21/|F e1|) and -asin(F12/|F e2|) with F11, F22 =
+    # 1.854, 1.146 and F12 = F21 = 0.354.
     assert angle["convected"] == pytest.approx(
-        (np.rad2deg(np.arctan2(0.35355, 1.85355)) - np.rad2deg(np.arctan2(0.35355, 1.14645))) / 2, abs=0.01
+        (np.rad2deg(np.arctan2(0.35355, 1.85355)) - np.rad2deg(np.arctan2(0.35355, 1.14645))) / 2,
+        abs=0.01,
     )
     assert angle["convected"] < -3
     half_turn = body.points @ rotation(np.deg2rad(170)).T
@@ -120,7 +145,9 @@ def test_convected_rotation_is_not_objective_and_polar_is():
 
 def test_bonds_outside_the_domain():
     """The fallback is the exact force; counting, stopping and extrapolating are as asked."""
-    name = "neo-hookean@1"  # whose features see that a bond is outside; version 2 is exact there as well
+    name = (  # whose features see that a bond is outside; version 2 is exact there as well
+        "neo-hookean@1"
+    )
     body = sheet()
     positions = body.points @ np.diag([5.0, 0.45])
     _, exact = evaluate("analytic", body, positions)
@@ -146,7 +173,9 @@ def test_settings_are_checked():
 
 
 def test_single_point_perturbation_meets_a_restoring_force():
-    """Fig. 2: NOSB does not feel a single point's displacement through its own F; the bond force pulls the point back."""
+    """Fig. 2: NOSB does not feel a single point's displacement through its own F; the bond force
+    pulls the point back.
+    """
     body = sheet()
     middle = np.argmin(np.linalg.norm(body.points - [0.55, 0.45], axis=1))
     moved = body.points.copy()
@@ -156,7 +185,8 @@ def test_single_point_perturbation_meets_a_restoring_force():
     assert restoring["neo-hookean"] == pytest.approx(restoring["analytic"], rel=1e-3)
     nosb = MODELS["nosb"].bind(body, LAW, ForceSettings())
     nosb(moved, np.empty_like(moved))
-    # Interior horizons are point-symmetric: F of the moved point itself does not change (paper, Eq. (10)).
+    # Interior horizons are point-symmetric: F of the moved point itself does not change (paper, Eq.
+    # (10)).
     np.testing.assert_allclose(nosb.deformation_gradients()[middle], np.eye(2), atol=1e-13)
 
 
@@ -172,8 +202,16 @@ def test_what_finds_no_equilibrium_says_where_zero_energy_modes_may_be_why(name,
 
 
 def test_mirrored_pairs_of_a_body_of_more_points_than_32_bits_have_products():
-    """The points of the last columns, beside a plane, have numbers whose product with the number of points is above 2^32."""
-    body = Body.rectangle(16500.0, 4.0, 1.0, 1.5, planes=(ReflectionPlane(0, 16500.0, 1, (-1, 1)), ReflectionPlane(1, 4.0, 1, (1, -1))))
+    """The points of the last columns, beside a plane, have numbers whose product with the number
+    of points is above 2^32.
+    """
+    body = Body.rectangle(
+        16500.0,
+        4.0,
+        1.0,
+        1.5,
+        planes=(ReflectionPlane(0, 16500.0, 1, (-1, 1)), ReflectionPlane(1, 4.0, 1, (1, -1))),
+    )
     kinematics, ghosts, n = Kinematics(body, "float64"), body.ghosts, len(body)
     assert n * n > 2**32
     outer, mirrored = kinematics.outer_pairs, kinematics.mirrored_pairs

@@ -1,4 +1,6 @@
-"""Boundaries of any shape held by mirrored points: images, energies and forces, homogeneous states, and closed solutions."""
+"""Boundaries of any shape held by mirrored points: images, energies and forces, homogeneous
+states, and closed solutions.
+"""
 
 import warnings
 
@@ -19,7 +21,14 @@ from pdsurrogate.testing.bodies import turn
 LAW = NeoHookean(1.0, 100.0)
 RUBBER = LAW.describe()
 RING = {"body": {"shape": "circle", "radius": 2.0}, "holes": [{"shape": "circle", "radius": 1.0}]}
-FIXED, TURNED = {"region": "outline", "x1": 0.0, "x2": 0.0}, {"region": "holes", "rotation": 20.0, "about": [0.0, 0.0]}
+FIXED, TURNED = (
+    {"region": "outline", "x1": 0.0, "x2": 0.0},
+    {
+        "region": "holes",
+        "rotation": 20.0,
+        "about": [0.0, 0.0],
+    },
+)
 SHAPES = {
     "ring": RING,
     "ellipses": {
@@ -36,12 +45,21 @@ MOTIONS = (1.5, 0.02), (-2.0, -0.01)
 
 
 def scene_of(shape="ring", spacing=0.2, **changes):
-    keys = {"prescribed": [FIXED, TURNED], "steps": [1.0], "plane": "strain", "spacing": spacing, **SHAPES[shape], **changes}
+    keys = {
+        "prescribed": [FIXED, TURNED],
+        "steps": [1.0],
+        "plane": "strain",
+        "spacing": spacing,
+        **SHAPES[shape],
+        **changes,
+    }
     return pds.load_scene("disc-torsion", keys)
 
 
 def bound(shape, plane="strain", model="bond-energy", spacing=0.2):
-    return FORCES[model]().bind(build_body(scene_of(shape, spacing, plane=plane)), LAW, ForceSettings(plane=plane))
+    return FORCES[model]().bind(
+        build_body(scene_of(shape, spacing, plane=plane)), LAW, ForceSettings(plane=plane)
+    )
 
 
 def energy_and_forces(force, positions):
@@ -62,11 +80,15 @@ def test_feet_are_the_nearest_points_and_images_lie_as_far_beyond(shape):
         np.testing.assert_allclose((sources[own] + ghosts.points[own]) / 2, feet, atol=1e-14)
         outline = boundary.curve.boundary(np.full(2, 1e-3))
         nearest = np.linalg.norm(sources[own, None] - outline, axis=2).min(axis=1)
-        np.testing.assert_allclose(np.linalg.norm(sources[own] - feet, axis=1), nearest, atol=1e-5)  # nodes are 1e-3 apart
+        np.testing.assert_allclose(
+            np.linalg.norm(sources[own] - feet, axis=1), nearest, atol=1e-5
+        )  # nodes are 1e-3 apart
         assert (boundary.mirrored(ghosts.points[own])[1] < 0).all()
 
 
-@pytest.mark.parametrize(("shape", "number"), [("ring", 0), ("ring", 1), ("ellipses", 0), ("ellipses", 1)])
+@pytest.mark.parametrize(
+    ("shape", "number"), [("ring", 0), ("ring", 1), ("ellipses", 0), ("ellipses", 1)]
+)
 def test_the_volume_of_an_image_is_that_of_a_mirrored_cell(shape, number):
     body, step = build_body(scene_of(shape)), 1e-5
     boundary, own = body.planes[number], body.ghosts.plane == number
@@ -83,18 +105,28 @@ def test_the_volume_of_an_image_is_that_of_a_mirrored_cell(shape, number):
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_forces_are_minus_the_gradient_of_the_energy_and_balance(shape, plane):
-    """Two boundaries that turn differently: the derivative along a random direction to 1e-8, the resultant of all forces to rounding."""
+    """Two boundaries that turn differently: the derivative along a random direction to 1e-8, the
+    resultant of all forces to rounding.
+    """
     force, random = bound(shape, plane), np.random.default_rng(3)
     body, around = force.body, np.array([0.2, -0.1])
     for number, (angle, shift) in enumerate(MOTIONS):
-        force.move_plane(number, np.array([shift, 0.01]) - (turn(angle) - np.eye(2)) @ around, turn(angle) - np.eye(2))
-    y = body.points @ np.array([[1.01, 0.02], [-0.01, 0.99]]).T + 0.003 * random.standard_normal(body.points.shape)
+        force.move_plane(
+            number,
+            np.array([shift, 0.01]) - (turn(angle) - np.eye(2)) @ around,
+            turn(angle) - np.eye(2),
+        )
+    y = body.points @ np.array([[1.01, 0.02], [-0.01, 0.99]]).T + 0.003 * random.standard_normal(
+        body.points.shape
+    )
     direction, step = random.standard_normal(y.shape), 3e-5
 
     def energy(t):
         return energy_and_forces(force, y + t * direction)[0]
 
-    slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / (12 * step)
+    slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / (
+        12 * step
+    )
     _, forces = energy_and_forces(force, y)
     assert -(forces * direction).sum() == pytest.approx(slope, rel=1e-8)
     bonds = body.bonds
@@ -102,7 +134,8 @@ def test_forces_are_minus_the_gradient_of_the_energy_and_balance(shape, plane):
     sums = np.stack([np.bincount(bonds.first, column, len(body)) for column in pairs.T], axis=1)
     np.subtract.at(sums, bonds.second[~outer], pairs[~outer])
     np.testing.assert_allclose(sums, forces, atol=1e-10 * np.abs(forces).max())
-    # The reaction of a boundary, the sum of the forces of the bonds that cross it, is the slope of the energy by its displacement.
+    # The reaction of a boundary, the sum of the forces of the bonds that cross it, is the slope of
+    # the energy by its displacement.
     for number in range(2):
         crossing = outer.copy()
         crossing[outer] = body.ghosts.plane[bonds.second[outer] - len(body)] == number
@@ -112,17 +145,23 @@ def test_forces_are_minus_the_gradient_of_the_energy_and_balance(shape, plane):
                 shift = np.zeros(2)
                 shift[axis] = sign * 2e-6
                 angle, at = MOTIONS[number]
-                force.move_plane(number, np.array([at, 0.01]) - (turn(angle) - np.eye(2)) @ around + shift)
+                force.move_plane(
+                    number, np.array([at, 0.01]) - (turn(angle) - np.eye(2)) @ around + shift
+                )
                 moved.append(energy_and_forces(force, y)[0])
                 force.move_plane(number, np.array([at, 0.01]) - (turn(angle) - np.eye(2)) @ around)
-            assert pairs[crossing, axis].sum() == pytest.approx((moved[0] - moved[1]) / 4e-6, rel=1e-6, abs=1e-6)
+            assert pairs[crossing, axis].sum() == pytest.approx(
+                (moved[0] - moved[1]) / 4e-6, rel=1e-6, abs=1e-6
+            )
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("model", ["bond-energy", "analytic", "nosb"])
 @pytest.mark.parametrize("plane", ["strain", "stress"])
 def test_homogeneous_states_are_exact(shape, plane, model):
-    """Boundaries that move as the body does, affinely: all points have its gradient, images their places, and energies their slope."""
+    """Boundaries that move as the body does, affinely: all points have its gradient, images
+    their places, and energies their slope.
+    """
     force = bound(shape, plane, model)
     F, shift = turn(35) @ np.array([[1.2, 0.15], [-0.1, 0.9]]), np.array([0.3, -0.2])
     for number in range(2):
@@ -137,16 +176,20 @@ def test_homogeneous_states_are_exact(shape, plane, model):
 
 
 def test_a_bushing_is_as_its_closed_solution():
-    """Torque 4 pi mu angle / (1/1 - 1/4) of angular shear, and the radial force 21.79 by finite elements.
+    """Torque 4 pi mu angle / (1/1 - 1/4) of angular shear, and the radial force 21.79 by finite
+    elements.
 
-    The torque is 0.07 % too large, the force 1.4 %. Points held half a cell inside make them 33 and 69 % too large.
+    The torque is 0.07 % too large, the force 1.4 %. Points held half a cell inside make them 33 and
+    69 % too large.
     """
     spacing, torque, radial = 0.1, 0.002, 0.02
     exact = 4 * np.pi * np.deg2rad(20.0) / 0.75
     level = pds.simulate(scene_of(spacing=spacing), "bond-energy").levels[-1]
     assert level["moments"]["holes"] == pytest.approx(exact, rel=torque)
     assert level["moments"]["outline"] == pytest.approx(-level["moments"]["holes"], rel=1e-5)
-    moved = pds.simulate(scene_of(spacing=spacing, prescribed=[FIXED, {**TURNED, "x1": 0.2}]), "bond-energy").levels[-1]
+    moved = pds.simulate(
+        scene_of(spacing=spacing, prescribed=[FIXED, {**TURNED, "x1": 0.2}]), "bond-energy"
+    ).levels[-1]
     forces = moved["forces"]
     assert forces["holes"][0] == pytest.approx(21.79, rel=radial)
     np.testing.assert_allclose(forces["outline"], -np.array(forces["holes"]), atol=1e-5 * 21.79)
@@ -165,7 +208,11 @@ BALL = {
 
 
 def test_forces_between_spheres_are_minus_the_gradient_of_the_energy():
-    body, random, spin = build_body(pds.Scene(name="ball", spacing=1 / 6, steps=1, **BALL)), np.random.default_rng(3), np.eye(3)
+    body, random, spin = (
+        build_body(pds.Scene(name="ball", spacing=1 / 6, steps=1, **BALL)),
+        np.random.default_rng(3),
+        np.eye(3),
+    )
     force = FORCES["bond-energy"]().bind(body, LAW, ForceSettings(plane="space"))
     assert [plane.name for plane in body.planes] == ["holes.0", "outline"]
     spin[:2, :2] = turn(2.0)
@@ -176,25 +223,37 @@ def test_forces_between_spheres_are_minus_the_gradient_of_the_energy():
     def energy(t):
         return energy_and_forces(force, y + t * direction)[0]
 
-    slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / (12 * step)
+    slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / (
+        12 * step
+    )
     assert -(energy_and_forces(force, y)[1] * direction).sum() == pytest.approx(slope, rel=1e-8)
 
 
 def test_the_torque_on_a_ball_in_a_shell_is_as_its_closed_solution():
-    """Torque 8 pi mu a^3 angle / (1 - a^3/b^3); it is 3.6 % too small, and with points held 59 % too large."""
+    """Torque 8 pi mu a^3 angle / (1 - a^3/b^3); it is 3.6 % too small, and with points held 59 %
+    too large.
+    """
     result = pds.simulate(pds.Scene(name="ball", spacing=1 / 12, steps=1, **BALL), "bond-energy")
     exact = 8 * np.pi * 0.5**3 * np.deg2rad(5.0) / (1 - 0.5**3)
     assert result.levels[-1]["moments"]["holes"][2] == pytest.approx(exact, rel=0.05)
-    np.testing.assert_allclose(result.levels[-1]["moments"]["outline"][2], -result.levels[-1]["moments"]["holes"][2], rtol=1e-4)
+    np.testing.assert_allclose(
+        result.levels[-1]["moments"]["outline"][2],
+        -result.levels[-1]["moments"]["holes"][2],
+        rtol=1e-4,
+    )
 
 
 def test_planes_of_symmetry_mirror_the_images_beyond_a_held_hole():
     """A quarter of a square sheet with a held hole has the points and images of the whole sheet."""
     hole = {"region": "holes", "x1": 0.0, "x2": 0.0}
-    whole = build_body(scene_of(body={"size": [4.0, 4.0], "lower": [-2.0, -2.0]}, prescribed=[hole]))
+    whole = build_body(
+        scene_of(body={"size": [4.0, 4.0], "lower": [-2.0, -2.0]}, prescribed=[hole])
+    )
     held = [hole, {"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}]
     quarter = build_body(scene_of(body={"size": [2.0, 2.0]}, prescribed=held))
-    near = (whole.all_points > -whole.horizon / 2).all(axis=1) & (np.linalg.norm(whole.all_points, axis=1) < 1.2)
+    near = (whole.all_points > -whole.horizon / 2).all(axis=1) & (
+        np.linalg.norm(whole.all_points, axis=1) < 1.2
+    )
     distance, place = cKDTree(quarter.all_points).query(whole.all_points[near])
     assert near.sum() > 50
     assert distance.max() < 1e-12
@@ -207,12 +266,37 @@ def test_planes_of_symmetry_mirror_the_images_beyond_a_held_hole():
         ({}, ["holes.0", "outline"]),
         ({"support": "points"}, []),
         ({"prescribed": [FIXED, {"region": "holes.0", "x1": 0.0}]}, ["outline"]),
-        ({"holes": [{"shape": "rectangle", "size": [1.0, 1.0], "lower": [-0.5, -0.5]}]}, ["outline"]),
+        (
+            {"holes": [{"shape": "rectangle", "size": [1.0, 1.0], "lower": [-0.5, -0.5]}]},
+            ["outline"],
+        ),
         ({"holes": [{"shape": "ellipse", "semi_axes": [1.0, 0.5]}]}, ["outline"]),
-        ({"body": {"shape": "polygon", "vertices": [[-2, -2], [2, -2], [2, 2], [0, 1.7], [-2, 2]]}}, ["holes.0"]),
+        (
+            {
+                "body": {
+                    "shape": "polygon",
+                    "vertices": [[-2, -2], [2, -2], [2, 2], [0, 1.7], [-2, 2]],
+                }
+            },
+            ["holes.0"],
+        ),
         ({"body": {"size": [4.0, 4.0], "lower": [-2.0, -2.0]}}, ["holes.0", "outline"]),
-        ({"prescribed": [FIXED, {"region": {"disc": {"center": [0, 0], "radius": 1.1}}, "x1": 0.0}]}, ["outline"]),
-        ({"prescribed": [{"region": "rim", "x1": 0.0, "x2": 0.0}], "regions": {"rim": {"and": ["outline"]}}}, ["outline"]),
+        (
+            {
+                "prescribed": [
+                    FIXED,
+                    {"region": {"disc": {"center": [0, 0], "radius": 1.1}}, "x1": 0.0},
+                ]
+            },
+            ["outline"],
+        ),
+        (
+            {
+                "prescribed": [{"region": "rim", "x1": 0.0, "x2": 0.0}],
+                "regions": {"rim": {"and": ["outline"]}},
+            },
+            ["outline"],
+        ),
     ],
 )
 def test_boundaries_are_mirrored_where_all_of_them_is_held(changes, names):
@@ -220,7 +304,11 @@ def test_boundaries_are_mirrored_where_all_of_them_is_held(changes, names):
 
 
 AT_POINTS = [
-    ({"prescribed": [FIXED, {"region": "holes.0", "x1": 0.0}]}, "bond-energy", {"holes.0": "x2 is free; prescribe all"}),
+    (
+        {"prescribed": [FIXED, {"region": "holes.0", "x1": 0.0}]},
+        "bond-energy",
+        {"holes.0": "x2 is free; prescribe all"},
+    ),
     (
         {"holes": [{"shape": "ellipse", "semi_axes": [1.0, 0.5]}]},
         "bond-energy",
@@ -246,14 +334,18 @@ AT_POINTS = [
 
 @pytest.mark.parametrize(("changes", "force", "reasons"), AT_POINTS)
 def test_a_run_warns_of_boundaries_held_at_their_points_and_says_why(changes, force, reasons):
-    square = {"body": {"size": [4.0, 4.0], "lower": [-2.0, -2.0]}} if "other" in str(reasons) else {}
+    square = (
+        {"body": {"size": [4.0, 4.0], "lower": [-2.0, -2.0]}} if "other" in str(reasons) else {}
+    )
     with pytest.warns(UserWarning, match="is held at its points, half a cell inside it") as caught:
         result = pds.simulate(scene_of(spacing=0.2, **square, **changes), force)
     found = result.summary["held_at_points"]
     assert [*found] == [*reasons]
     for warning, (name, why) in zip(caught, found.items(), strict=True):
         assert why.startswith(reasons[name])
-        assert str(warning.message).startswith(f"scene {result.scene.name}: prescribed: {name} is held at its points")
+        assert str(warning.message).startswith(
+            f"scene {result.scene.name}: prescribed: {name} is held at its points"
+        )
         assert str(warning.message).endswith(why)
     assert "use a s" in why  # what helps: a smaller spacing, or one that is small enough
 
@@ -272,7 +364,13 @@ def test_a_sharp_ellipse_is_mirrored_at_the_spacing_that_the_warning_names():
         ({}, "bond-energy"),
         ({"support": "points"}, "bond-energy"),
         ({"prescribed": [FIXED, {"region": {"near": [1.0, 0.0]}, "x1": 0.0}]}, "bond-energy"),
-        ({"body": {"size": [4.0, 4.0], "lower": [-2.0, -2.0]}, "prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}]}, "nosb"),
+        (
+            {
+                "body": {"size": [4.0, 4.0], "lower": [-2.0, -2.0]},
+                "prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}],
+            },
+            "nosb",
+        ),
     ],
 )
 def test_no_warning_where_nothing_is_lost(changes, force):
@@ -283,7 +381,9 @@ def test_no_warning_where_nothing_is_lost(changes, force):
 
 
 def test_meshes_have_mirrored_points_beyond_flat_edges_alone(tmp_path):
-    """The group pull is the whole right edge, cavity surrounds a hole, and seam is a straight line inside the material."""
+    """The group pull is the whole right edge, cavity surrounds a hole, and seam is a straight
+    line inside the material.
+    """
     body = {"shape": "mesh", "file": str(write_plate(tmp_path / "plate.msh"))}
     for region, names in (
         ("outline", ["outline"]),
@@ -291,17 +391,39 @@ def test_meshes_have_mirrored_points_beyond_flat_edges_alone(tmp_path):
         ({"group": "pull"}, []),
         ({"group": "seam"}, []),
     ):
-        scene = pds.Scene(name="mesh", body=body, prescribed=[{"region": region, "x1": 0.0, "x2": 0.0}], steps=1, material=RUBBER)
+        scene = pds.Scene(
+            name="mesh",
+            body=body,
+            prescribed=[{"region": region, "x1": 0.0, "x2": 0.0}],
+            steps=1,
+            material=RUBBER,
+        )
         found = held_at_points(scene, True)
         assert [*found] == names
-        assert all(why.startswith("in bodies from meshes only whole edges of the bounding box") for why in found.values())
+        assert all(
+            why.startswith("in bodies from meshes only whole edges of the bounding box")
+            for why in found.values()
+        )
 
 
 def test_what_held_boundaries_do_not_support_is_refused():
-    with pytest.raises(SceneError, match=r"the wall between holes.0 and outline, all held, is thinner than the horizon; use a spac"):
+    with pytest.raises(
+        SceneError,
+        match=(
+            r"the wall between holes.0 and outline, all held, is thinner than the horizon; use a"
+            r" spac"
+        ),
+    ):
         build_body(scene_of(spacing=1 / 3))
     pull = {"region": "holes", "traction": [1.0, 0.0]}
-    with pytest.raises(SceneError, match=r"loads.0.region: the region contains the boundary holes.0, which is held by reflection"):
+    with pytest.raises(
+        SceneError,
+        match=(
+            r"loads.0.region: the region contains the boundary holes.0, which is held by reflection"
+        ),
+    ):
         pds.simulate(scene_of(loads=[pull]))
-    with pytest.raises(SceneError, match=r"loads.0.region: the boundary outline is held by reflection"):
+    with pytest.raises(
+        SceneError, match=r"loads.0.region: the boundary outline is held by reflection"
+    ):
         pds.simulate(scene_of(loads=[{"region": "outline", "force": [1.0, 0.0]}]))

@@ -1,4 +1,6 @@
-"""Forces whose laws and models have other numbers within a ``with`` block, against forces that are bound to these numbers."""
+"""Forces whose laws and models have other numbers within a ``with`` block, against forces that
+are bound to these numbers.
+"""
 
 from dataclasses import replace
 
@@ -12,7 +14,12 @@ from pdsurrogate.problem import compile_scene
 from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.run.parameters import numbers_in, with_numbers
 
-OGDEN = {"law": "ogden", "moduli": [1.4911, 0.00284, -0.02367], "exponents": [1.3, 5.0, -2.0], "bulk_modulus": 100.0}
+OGDEN = {
+    "law": "ogden",
+    "moduli": [1.4911, 0.00284, -0.02367],
+    "exponents": [1.3, 5.0, -2.0],
+    "bulk_modulus": 100.0,
+}
 SHEET, BLOCK, STRAIN = {"spacing": 0.25}, {"spacing": 0.25}, {"spacing": 0.1}
 OTHERS = {"material": {"law": "mooney-rivlin", "second_share": 0.4, "bulk_modulus": 50.0}}
 
@@ -22,19 +29,69 @@ CASES = [
     ("hole", "ba-nosb", SHEET, ["material.shear_modulus", "material.bulk_modulus"]),
     ("hole", "neo-hookean", SHEET, ["material.shear_modulus", "material.bulk_modulus"]),
     ("hole", "neo-hookean", SHEET, ["force.weights_1.2.1", "force.biases_0.3"]),
-    ("hole", "gent", SHEET | {"material": {"law": "gent", "chain_limit": 120.0}}, ["force.coefficients.0.2.1"]),
-    ("hole", "bond-energy", SHEET | {"material": OGDEN}, ["material.moduli.1", "material.exponents.0", "material.bulk_modulus"]),
+    (
+        "hole",
+        "gent",
+        SHEET | {"material": {"law": "gent", "chain_limit": 120.0}},
+        ["force.coefficients.0.2.1"],
+    ),
+    (
+        "hole",
+        "bond-energy",
+        SHEET | {"material": OGDEN},
+        ["material.moduli.1", "material.exponents.0", "material.bulk_modulus"],
+    ),
     ("hole", "neo-hookean-energy", SHEET, ["force.output_weights.3", "force.hidden_biases.2"]),
-    ("bimaterial", "analytic", STRAIN, ["material.shear_modulus", "materials.0.material.bulk_modulus"]),
+    (
+        "bimaterial",
+        "analytic",
+        STRAIN,
+        ["material.shear_modulus", "materials.0.material.bulk_modulus"],
+    ),
     ("bimaterial", "nosb", STRAIN, ["material.shear_modulus", "materials.0.material.bulk_modulus"]),
-    ("bimaterial", "bond-energy", STRAIN, ["material.shear_modulus", "materials.0.material.bulk_modulus"]),
-    ("bimaterial", "bond-energy", STRAIN | {"plane": "strain"}, ["material.bulk_modulus", "materials.0.material.shear_modulus"]),
+    (
+        "bimaterial",
+        "bond-energy",
+        STRAIN,
+        ["material.shear_modulus", "materials.0.material.bulk_modulus"],
+    ),
+    (
+        "bimaterial",
+        "bond-energy",
+        STRAIN | {"plane": "strain"},
+        ["material.bulk_modulus", "materials.0.material.shear_modulus"],
+    ),
     ("bimaterial", "neo-hookean-energy", STRAIN, ["force.output_weights.3"]),
-    ("plane-strain-block", "neo-hookean", STRAIN, ["material.shear_modulus", "material.bulk_modulus"]),
-    ("plane-strain-block", "bond-energy", STRAIN, ["material.shear_modulus", "material.bulk_modulus"]),
-    ("bonded-block", "bond-energy", BLOCK | {"material": OGDEN}, ["material.moduli.1", "material.exponents.0", "material.bulk_modulus"]),
-    ("bonded-block", "neo-hookean-isochoric", BLOCK, ["material.shear_modulus", "material.bulk_modulus"]),
-    ("bonded-block", "neo-hookean-isochoric", BLOCK, ["force.output_weights.3", "force.hidden_biases.2"]),
+    (
+        "plane-strain-block",
+        "neo-hookean",
+        STRAIN,
+        ["material.shear_modulus", "material.bulk_modulus"],
+    ),
+    (
+        "plane-strain-block",
+        "bond-energy",
+        STRAIN,
+        ["material.shear_modulus", "material.bulk_modulus"],
+    ),
+    (
+        "bonded-block",
+        "bond-energy",
+        BLOCK | {"material": OGDEN},
+        ["material.moduli.1", "material.exponents.0", "material.bulk_modulus"],
+    ),
+    (
+        "bonded-block",
+        "neo-hookean-isochoric",
+        BLOCK,
+        ["material.shear_modulus", "material.bulk_modulus"],
+    ),
+    (
+        "bonded-block",
+        "neo-hookean-isochoric",
+        BLOCK,
+        ["force.output_weights.3", "force.hidden_biases.2"],
+    ),
 ]
 
 
@@ -45,7 +102,9 @@ def moved(points):
 
 
 class Case:
-    """Force of a scene at wavy positions, and the laws and models of the scene with other numbers."""
+    """Force of a scene at wavy positions, and the laws and models of the scene with other
+    numbers.
+    """
 
     def __init__(self, name, force, changes, numbers):
         self.scene = pds.load_scene(name, changes)
@@ -57,8 +116,11 @@ class Case:
         self.force = self.problem.bind("float64")[0]
         self.started = {key: array.copy() for key, array in self.force.state_arrays.items()}
         known = numbers_in(self.scene, self.models)
-        # Forces vary little with the bulk modulus, and a learned model is not to leave its tested range by much.
-        values = {key: known[key] * (1.5 if key.endswith("bulk_modulus") else 1.01) for key in numbers}
+        # Forces vary little with the bulk modulus, and a learned model is not to leave its tested
+        # range by much.
+        values = {
+            key: known[key] * (1.5 if key.endswith("bulk_modulus") else 1.01) for key in numbers
+        }
         self.other = self.problem.changed(*with_numbers(self.scene, self.models, values))
         self.materials = [(portion.law, portion.model) for portion in self.other.portions]
 
@@ -72,7 +134,9 @@ class Case:
 
 
 @pytest.mark.parametrize(("name", "force", "changes", "numbers"), CASES)
-def test_numbers_in_place_give_the_bits_of_a_force_that_is_bound_to_them(name, force, changes, numbers):
+def test_numbers_in_place_give_the_bits_of_a_force_that_is_bound_to_them(
+    name, force, changes, numbers
+):
     case = Case(name, force, changes, numbers)
     own, expected = case.forces(case.force), case.forces(case.other.bind("float64")[0])
     assert np.abs(expected[0] - own[0]).max() > 1e-4 * np.abs(own[0]).max()
@@ -88,9 +152,14 @@ def test_numbers_in_place_give_the_bits_of_a_force_that_is_bound_to_them(name, f
 def test_an_error_leaves_no_other_numbers_in_a_force(name, force, changes, numbers):
     case = Case(name, force, changes, numbers)
     own = case.forces(case.force)
-    with pytest.raises(KeyError, match="in the block"), numbers_in_place(case.force, case.materials):
+    with (
+        pytest.raises(KeyError, match="in the block"),
+        numbers_in_place(case.force, case.materials),
+    ):
         raise KeyError("in the block")
-    assert [portion.law for portion in case.force.portions] == [portion.law for portion in case.problem.portions]
+    assert [portion.law for portion in case.force.portions] == [
+        portion.law for portion in case.problem.portions
+    ]
     for one, other in zip(case.forces(case.force), own, strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -98,6 +167,13 @@ def test_an_error_leaves_no_other_numbers_in_a_force(name, force, changes, numbe
 def test_other_laws_and_models_are_refused():
     case = Case("hole", "bond-energy", SHEET, ["material.shear_modulus"])
     mooney = compile_scene(pds.load_scene("hole", SHEET | OTHERS), case.models).portions[0].law
-    for materials in ([(mooney, case.models[0])], [(case.problem.law, pds.load_surrogate("analytic"))], case.materials * 2):
-        with pytest.raises(ValueError, match="takes other numbers of its laws and models"), numbers_in_place(case.force, materials):
+    for materials in (
+        [(mooney, case.models[0])],
+        [(case.problem.law, pds.load_surrogate("analytic"))],
+        case.materials * 2,
+    ):
+        with (
+            pytest.raises(ValueError, match="takes other numbers of its laws and models"),
+            numbers_in_place(case.force, materials),
+        ):
             pass

@@ -1,4 +1,6 @@
-"""Forces that users write in Python: they run, they become artifacts, and what is wrong with one is said."""
+"""Forces that users write in Python: they run, they become artifacts, and what is wrong with one
+is said.
+"""
 
 import numpy as np
 import pytest
@@ -9,15 +11,22 @@ from pdsurrogate.forces import ForceSettings, OwnBondForce, OwnForceFailed
 from pdsurrogate.run.simulate import SimulationFailed
 from pdsurrogate.scenes import SceneError
 
-LAWS = [(MyRubber(), pds.materials.NeoHookean()), (MyEnergy(), pds.materials.MooneyRivlin(second_share=0.2))]
+LAWS = [
+    (MyRubber(), pds.materials.NeoHookean()),
+    (MyEnergy(), pds.materials.MooneyRivlin(second_share=0.2)),
+]
 
 
 @pytest.mark.parametrize(("own", "law"), LAWS, ids=["force", "energy"])
 def test_the_forces_are_those_of_the_law(own, law):
-    """On every bond, and of a torn sheet, tensor correction and broken bonds included: with the exact force to rounding."""
+    """On every bond, and of a torn sheet, tensor correction and broken bonds included: with the
+    exact force to rounding.
+    """
     X = pds.training_samples(law, 500, random_state=0).X
     exact = pds.AnalyticBondForce(law)
-    np.testing.assert_allclose(OwnBondForce(own).bond_force(*X.T), exact.bond_force(*X.T), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        OwnBondForce(own).bond_force(*X.T), exact.bond_force(*X.T), rtol=1e-12, atol=1e-12
+    )
     body = pds.Body.rectangle(1.0, 0.7, 0.05, 0.158)
     forces = []
     for model in (OwnBondForce(own), exact):
@@ -25,7 +34,10 @@ def test_the_forces_are_those_of_the_law(own, law):
         x1, x2 = body.points.T
         out = np.empty_like(body.points)
         bound.break_bonds(np.arange(0, len(body.bonds.first), 7))
-        bound(np.stack([1.4 * x1 + 0.05 * np.sin(9 * x2), 0.8 * x2 + 0.05 * np.sin(7 * x1)], axis=1), out)
+        bound(
+            np.stack([1.4 * x1 + 0.05 * np.sin(9 * x2), 0.8 * x2 + 0.05 * np.sin(7 * x1)], axis=1),
+            out,
+        )
         forces.append(out)
     assert np.abs(forces[0] - forces[1]).max() < 1e-10 * np.abs(forces[1]).max()
 
@@ -35,7 +47,15 @@ def test_it_runs_and_becomes_an_artifact(own, law, tmp_path):
     scene = pds.load_scene("uniaxial", spacing=0.1, stretches=1.5, material=law.describe())
     exact = pds.simulate(scene, "analytic").levels[0]["nominal_stress"]
     assert pds.simulate(scene, own).levels[0]["nominal_stress"] == pytest.approx(exact, rel=1e-7)
-    path = pds.store(own, pds.training_samples(law, 500, (0.6, 2.0), random_state=0), law, tmp_path, "own", "1", "x")
+    path = pds.store(
+        own,
+        pds.training_samples(law, 500, (0.6, 2.0), random_state=0),
+        law,
+        tmp_path,
+        "own",
+        "1",
+        "x",
+    )
     assert pds.simulate(scene, path).levels[0]["nominal_stress"] == pytest.approx(exact, rel=2e-5)
     assert pds.evaluate(own, law, (0.6, 2.0), 300)["on_surface"]["max"] < 1e-12
 
@@ -53,11 +73,17 @@ class Wrong:
     [
         (
             lambda stretch: stretch,
-            r"bond_force must return t_n, t_tau, an array of shape \(n, 2\) .*, not float64 of shape \(4,\), for n = 4",
+            (
+                r"bond_force must return t_n, t_tau, an array of shape \(n, 2\) .*, not float64 of"
+                r" shape \(4,\), for n = 4"
+            ),
         ),
         (
             lambda stretch: np.full((len(stretch), 2), np.nan),
-            r"Wrong: bond_force returned t_n = nan, t_tau = nan, which is not finite, at stretch = 1, rotation = 0",
+            (
+                r"Wrong: bond_force returned t_n = nan, t_tau = nan, which is not finite, at"
+                r" stretch = 1, rotation = 0"
+            ),
         ),
         (lambda stretch: 1 / 0, "Wrong: ZeroDivisionError: division by zero"),
     ],
@@ -85,7 +111,9 @@ def test_an_error_on_the_way_is_the_users_own():
                 raise LookupError("no table beyond 1.35")
             return super().bond_force(stretch, rotation, length, C33, J)
 
-    with pytest.raises(SimulationFailed, match=r"Ends: LookupError: no table beyond 1\.35") as failed:
+    with pytest.raises(
+        SimulationFailed, match=r"Ends: LookupError: no table beyond 1\.35"
+    ) as failed:
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=[1.2, 1.5]), Ends())
     assert len(failed.value.result.levels) == 1
     assert isinstance(failed.value.__cause__, OwnForceFailed)
@@ -118,10 +146,16 @@ class Off(MyRubber):
             lambda force, rotation: np.add(force, [0.05, 0]),
             r"Off is not zero at rest; .*: off by 0\.05 at stretch = 1, rotation = 0, length = 1",
         ),
-        (lambda force, rotation: force * [1, 0], "Off is not isotropic: the stress by the bond and that across it has not the axes"),
+        (
+            lambda force, rotation: force * [1, 0],
+            "Off is not isotropic: the stress by the bond and that across it has not the axes",
+        ),
         (
             lambda force, rotation: force * (1 + 0.2 * rotation)[:, None],
-            "Off distinguishes one sense of rotation from the other; .*: off by .* at stretch = 1.3",
+            (
+                "Off distinguishes one sense of rotation from the other; .*: off by .* at stretch"
+                " = 1.3"
+            ),
         ),
     ],
 )
@@ -132,10 +166,14 @@ def test_a_force_of_no_rubber_is_refused_before_the_run(mistake, message):
 
 def test_a_slightly_wrong_force_is_warned_of():
     with pytest.warns(UserWarning, match="Off is not zero at rest"):
-        OwnBondForce(Off(lambda force, rotation: np.add(force, [5e-3, 0]))).check_material(pds.materials.NeoHookean())
+        OwnBondForce(Off(lambda force, rotation: np.add(force, [5e-3, 0]))).check_material(
+            pds.materials.NeoHookean()
+        )
 
 
-@pytest.mark.parametrize(("slopes", "name"), [((0.44, 0.1), "dW/dI1bar"), ((0.4, 0.12), "dW/dI2bar")])
+@pytest.mark.parametrize(
+    ("slopes", "name"), [((0.44, 0.1), "dW/dI1bar"), ((0.4, 0.12), "dW/dI2bar")]
+)
 def test_a_derivative_that_is_none_is_refused(slopes, name):
     """With the place and both values."""
 
@@ -157,7 +195,9 @@ class WithLimit:
 
     def energy(self, I1bar, I2bar):
         x = (np.asarray(I1bar, self.dtype) - 3) / self.dtype(30)
-        with np.errstate(invalid="ignore", divide="ignore"):  # at trial states beyond the limit, which the solver then avoids
+        with np.errstate(
+            invalid="ignore", divide="ignore"
+        ):  # at trial states beyond the limit, which the solver then avoids
             return -15 * np.log(1 - x), self.dtype(0.5) / (1 - x), 0 * x
 
 
@@ -165,15 +205,21 @@ GENT = {"law": "gent", "chain_limit": 30.0}
 
 
 def stretched(own, *stretches, **changes):
-    return pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=stretches, **changes), own)
+    return pds.simulate(
+        pds.load_scene("uniaxial", spacing=0.25, stretches=stretches, **changes), own
+    )
 
 
 @pytest.mark.filterwarnings("error::UserWarning")
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_a_right_energy_passes_wherever_a_run_goes(dtype):
-    """To I1bar = 29 of the 33 at which it ends, where difference quotients are worst, and in single precision too."""
+    """To I1bar = 29 of the 33 at which it ends, where difference quotients are worst, and in
+    single precision too.
+    """
     found = stretched(WithLimit(dtype), 1.5, 5.2, material=GENT).levels[-1]["nominal_stress"]
-    assert found == pytest.approx(stretched("analytic", 1.5, 5.2, material=GENT).levels[-1]["nominal_stress"], rel=1e-5)
+    assert found == pytest.approx(
+        stretched("analytic", 1.5, 5.2, material=GENT).levels[-1]["nominal_stress"], rel=1e-5
+    )
 
 
 class Energy:

@@ -1,4 +1,6 @@
-"""Bond forces: homogeneous states under tractions and pressure are exact on every arrangement, also beside planes of symmetry."""
+"""Bond forces: homogeneous states under tractions and pressure are exact on every arrangement,
+also beside planes of symmetry.
+"""
 
 import meshio
 import numpy as np
@@ -15,20 +17,37 @@ RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
 LAW = pds.materials.NeoHookean(1.0, 100.0)
 F = np.array([[1.3, 0.1], [-0.1, 0.95]])
 SYMMETRIC = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}]
-HOLED = {"body": {"size": (1.4, 1.0)}, "holes": [{"shape": "circle", "radius": 0.2, "center": (0.8, 0.6)}]}
+HOLED = {
+    "body": {"size": (1.4, 1.0)},
+    "holes": [{"shape": "circle", "radius": 0.2, "center": (0.8, 0.6)}],
+}
 
 
 def halved_squares(path):
     """Squares of 0.05, each halved the same way."""
-    nodes = np.stack(np.meshgrid(*2 * [np.linspace(0, 1, 21)], indexing="ij"), axis=-1).reshape(-1, 2)
+    nodes = np.stack(np.meshgrid(*2 * [np.linspace(0, 1, 21)], indexing="ij"), axis=-1).reshape(
+        -1, 2
+    )
     corner = (21 * np.arange(20)[:, None] + np.arange(20)).reshape(-1, 1)
     triangles = np.concatenate([corner + three for three in ([0, 21, 22], [0, 22, 1])])
-    meshio.write(path, meshio.Mesh(np.column_stack([nodes, np.zeros(len(nodes))]), [("triangle", triangles)]))
+    meshio.write(
+        path, meshio.Mesh(np.column_stack([nodes, np.zeros(len(nodes))]), [("triangle", triangles)])
+    )
     return {"shape": "mesh", "file": str(path)}
 
 
 def scene_of(body, **keys):
-    return pds.Scene(**{"name": "loaded", "material": RUBBER, "spacing": 0.1, "steps": 1.0, "body": body, "prescribed": SYMMETRIC, **keys})
+    return pds.Scene(
+        **{
+            "name": "loaded",
+            "material": RUBBER,
+            "spacing": 0.1,
+            "steps": 1.0,
+            "body": body,
+            "prescribed": SYMMETRIC,
+            **keys,
+        }
+    )
 
 
 def forces(force, positions):
@@ -53,26 +72,48 @@ ARRANGEMENTS = ("lattice", "relaxed", "triangles")
 
 
 @pytest.mark.parametrize("arrangement", ARRANGEMENTS)
-@pytest.mark.parametrize(("plane", "model", "top"), [("stress", "analytic", 0.5), ("stress", None, 0.0), ("strain", "analytic", 0.5)])
+@pytest.mark.parametrize(
+    ("plane", "model", "top"),
+    [("stress", "analytic", 0.5), ("stress", None, 0.0), ("strain", "analytic", 0.5)],
+)
 def test_a_square_under_tractions_is_homogeneous(arrangement, plane, model, top, tmp_path):
-    """Without the balance points of the lattice are up to 14 % (plane stress) or 270 % (plane strain) of the right displacement off."""
+    """Without the balance points of the lattice are up to 14 % (plane stress) or 270 % (plane
+    strain) of the right displacement off.
+    """
     triangles = arrangement == "triangles"
-    body = halved_squares(tmp_path / "halves.msh") if triangles else {"size": (1.0, 1.0), "arrangement": arrangement}
+    body = (
+        halved_squares(tmp_path / "halves.msh")
+        if triangles
+        else {"size": (1.0, 1.0), "arrangement": arrangement}
+    )
     loads = [{"region": "right", "traction": (0.5, 0.0)}, {"region": "top", "traction": (0.0, top)}]
-    scene = scene_of(body, plane=plane, loads=loads, solver={"tolerance": 1e-7}, precision="float64", spacing=None if triangles else 0.1)
+    scene = scene_of(
+        body,
+        plane=plane,
+        loads=loads,
+        solver={"tolerance": 1e-7},
+        precision="float64",
+        spacing=None if triangles else 0.1,
+    )
     result = pds.simulate(scene, *([model] if model else []))
     exact = result.body.points * (stretches(plane, 0.5, top) - 1)
     found = result.states[-1][1]["displacement"][:, :2]
-    # In plane strain the equilibrium itself, found to the tolerance, is soft against changes of shape that keep the volume.
+    # In plane strain the equilibrium itself, found to the tolerance, is soft against changes of
+    # shape that keep the volume.
     assert np.abs(found - exact).max() < (1e-5 if plane == "stress" else 2e-4) * np.abs(exact).max()
 
 
 @pytest.mark.parametrize("arrangement", ["lattice", "relaxed"])
 def test_a_uniform_stress_exerts_the_load_of_the_boundary(arrangement):
     """Beside planes of symmetry and a hole as well."""
-    body = compile_scene(scene_of(HOLED["body"] | {"arrangement": arrangement}, holes=HOLED["holes"]), [pds.AnalyticBondForce()]).body
+    body = compile_scene(
+        scene_of(HOLED["body"] | {"arrangement": arrangement}, holes=HOLED["holes"]),
+        [pds.AnalyticBondForce()],
+    ).body
     for correction, most in (("tensor", 1e-6), ("scalar", None)):
-        force = pds.AnalyticBondForce().bind(body, LAW, ForceSettings(precision="float64", correction=correction))
+        force = pds.AnalyticBondForce().bind(
+            body, LAW, ForceSettings(precision="float64", correction=correction)
+        )
         found = forces(force, body.points * [1.3, 0.95])
         P = force.stress_and_energy()[0][:, :2, :2].mean(axis=0)
         off = np.abs(found + body.outward @ P.T).max() / np.abs(body.outward @ P.T).max()
@@ -81,15 +122,21 @@ def test_a_uniform_stress_exerts_the_load_of_the_boundary(arrangement):
 
 @pytest.mark.parametrize("arrangement", ["lattice", "relaxed"])
 def test_a_disc_under_pressure_is_homogeneous(arrangement):
-    """Plane stress, with pressure on the undeformed thickness: the nominal stress is -p times the stretch."""
+    """Plane stress, with pressure on the undeformed thickness: the nominal stress is -p times
+    the stretch.
+    """
     held = [
         {"region": {"near": (0.0, 0.0)}, "name": "middle", "x1": 0.0, "x2": 0.0},
         {"region": {"near": (0.5, 0.0)}, "name": "east", "x2": 0.0},
     ]
     loads = [{"region": "outline", "pressure": 0.3, "thickness": "undeformed"}]
     keys = {"prescribed": held, "loads": loads, "solver": {"tolerance": 1e-7}}
-    result = pds.simulate(scene_of({"shape": "circle", "radius": 1.0, "arrangement": arrangement}, **keys), "analytic")
-    stretch = scipy.optimize.brentq(lambda s: stretches("stress", -0.3 * s, -0.3 * s)[0] - s, 0.8, 1.0)
+    result = pds.simulate(
+        scene_of({"shape": "circle", "radius": 1.0, "arrangement": arrangement}, **keys), "analytic"
+    )
+    stretch = scipy.optimize.brentq(
+        lambda s: stretches("stress", -0.3 * s, -0.3 * s)[0] - s, 0.8, 1.0
+    )
     places = result.body.points - result.body.points.mean(axis=0)
     moved = places + result.states[-1][1]["displacement"][:, :2]
     sides = np.linalg.norm(moved - moved.mean(axis=0), axis=1) / np.linalg.norm(places, axis=1)
@@ -99,27 +146,47 @@ def test_a_disc_under_pressure_is_homogeneous(arrangement):
 @pytest.mark.parametrize("arrangement", ARRANGEMENTS)
 @pytest.mark.parametrize("ends", ["rollers", "clamps"])
 def test_the_force_between_two_planes_is_that_of_the_stress(arrangement, ends, tmp_path):
-    """The balance of points leaves the force through a section open there: that of relaxed points was 0.43 % too small at any stretch."""
+    """The balance of points leaves the force through a section open there: that of relaxed
+    points was 0.43 % too small at any stretch.
+    """
     triangles, held = arrangement == "triangles", {"x1": 0.0} if ends == "clamps" else {}
-    body = halved_squares(tmp_path / "halves.msh") if triangles else {"size": (1.0, 1.0), "arrangement": arrangement}
-    prescribed = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0, **held}, {"region": "top", "x2": 0.2, **held}]
+    body = (
+        halved_squares(tmp_path / "halves.msh")
+        if triangles
+        else {"size": (1.0, 1.0), "arrangement": arrangement}
+    )
+    prescribed = [
+        {"region": "left", "x1": 0.0},
+        {"region": "bottom", "x2": 0.0, **held},
+        {"region": "top", "x2": 0.2, **held},
+    ]
     if held:
         prescribed.append({"region": "right", "x1": 0.0})
-    scene = scene_of(body, prescribed=prescribed, solver={"tolerance": 1e-7}, precision="float64", spacing=None if triangles else 0.1)
+    scene = scene_of(
+        body,
+        prescribed=prescribed,
+        solver={"tolerance": 1e-7},
+        precision="float64",
+        spacing=None if triangles else 0.1,
+    )
     force = pds.simulate(scene, "analytic").levels[-1]["forces"]["top"][1]
     confined = PLANES["stress"].first_piola_stress(LAW, np.diag([1.0, 1.2])[None])[0][1, 1]
     assert force == pytest.approx(confined if held else uniaxial(LAW, 1.2).nominal_stress, rel=1e-5)
 
 
 def test_affine_states_keep_their_stress_when_bonds_break():
-    """The volume mean of the stress, which is the virial of the forces of the pairs, of a body whose cells fill its outline."""
+    """The volume mean of the stress, which is the virial of the forces of the pairs, of a body
+    whose cells fill its outline.
+    """
     held = [
         {"region": {"near": (0.7, 0.5)}, "name": "middle", "x1": 0.0, "x2": 0.0},
         {"region": {"near": (1.0, 0.5)}, "name": "east", "x2": 0.0},
     ]
     scene = scene_of({"size": (1.4, 1.0), "arrangement": "relaxed"}, prescribed=held)
     body = compile_scene(scene, [pds.AnalyticBondForce()]).body
-    force = pds.AnalyticBondForce().bind(body, LAW, ForceSettings(precision="float64", breakable=True))
+    force = pds.AnalyticBondForce().bind(
+        body, LAW, ForceSettings(precision="float64", breakable=True)
+    )
     for _ in range(2):
         forces(force, body.points * [1.3, 0.95])
         P = force.stress_and_energy()[0][:, :2, :2].mean(axis=0)
@@ -140,17 +207,27 @@ def test_bodies_that_do_not_know_their_boundary_are_not_balanced():
 def test_the_faces_of_a_cut_are_free():
     """A uniform stress exerts forces on both, which would weld them if they were balanced."""
     cut = {"start": (0.0, 0.5), "end": (0.7, 0.5)}
-    body = compile_scene(scene_of({"size": (1.4, 1.0), "arrangement": "relaxed"}, precuts=[cut]), [pds.AnalyticBondForce()]).body
-    found = forces(pds.AnalyticBondForce().bind(body, LAW, ForceSettings(precision="float64")), body.points * [1.0, 1.2])
+    body = compile_scene(
+        scene_of({"size": (1.4, 1.0), "arrangement": "relaxed"}, precuts=[cut]),
+        [pds.AnalyticBondForce()],
+    ).body
+    found = forces(
+        pds.AnalyticBondForce().bind(body, LAW, ForceSettings(precision="float64")),
+        body.points * [1.0, 1.2],
+    )
     above = (np.abs(body.points - [0.35, 0.575]) < [0.2, 0.075]).all(axis=1)
     assert found[above, 1].sum() > 0.2 * 0.4
 
 
 def test_corners_of_clamps_and_free_sides_have_no_equation(monkeypatch):
-    """Pure shear between glued grips (finite elements): balanced corners would make the error of the width greater by 0.45 %."""
+    """Pure shear between glued grips (finite elements): balanced corners would make the error of
+    the width greater by 0.45 %.
+    """
 
     def error():
-        level = pds.simulate(pds.load_scene("pure-shear", spacing=0.08, stretches=[1.5]), "analytic").levels[0]
+        level = pds.simulate(
+            pds.load_scene("pure-shear", spacing=0.08, stretches=[1.5]), "analytic"
+        ).levels[0]
         key = "greatest_lateral_displacement"
         return abs(level[key] / level[f"{key}_reference"] - 1)
 

@@ -40,20 +40,30 @@ def forces(force, positions):
 
 def fourth_order(function, step):
     """Derivative at zero by central differences of fourth order."""
-    return (8 * (function(step) - function(-step)) - (function(2 * step) - function(-2 * step))) / (12 * step)
+    return (8 * (function(step) - function(-step)) - (function(2 * step) - function(-2 * step))) / (
+        12 * step
+    )
 
 
 SLOW_LAWS = {"yeoh", "mooney-rivlin", "arruda-boyce", "full-network"}
-"""Laws that the quick suite leaves out: each compiles its own response, and the others have every kind, of invariants and of stretches."""
+"""Laws that the quick suite leaves out: each compiles its own response, and the others have
+every kind, of invariants and of stretches.
+"""
 
 
 @pytest.mark.parametrize(
-    "law", [pytest.param(cls(), id=name, marks=[pytest.mark.slow] * (name in SLOW_LAWS)) for name, cls in LAWS.items()]
+    "law",
+    [
+        pytest.param(cls(), id=name, marks=[pytest.mark.slow] * (name in SLOW_LAWS))
+        for name, cls in LAWS.items()
+    ],
 )
 def test_homogeneous_states_are_those_of_a_solid(law):
-    """Stress and energy of every law under every exact model against space with F33 = 1, edges included; the stress across too.
+    """Stress and energy of every law under every exact model against space with F33 = 1, edges
+    included; the stress across too.
 
-    Rounding, 1e-13, times K/mu; 2e-11 more of laws whose stretches are roots of a cubic in space (`tests/materials/test_responses.py`).
+    Rounding, 1e-13, times K/mu; 2e-11 more of laws whose stretches are roots of a cubic in space
+    (`tests/materials/test_responses.py`).
     """
     body, full = sheet(0.2), in_space(F)
     P = solid.first_piola_stress(law, full)
@@ -66,12 +76,16 @@ def test_homogeneous_states_are_those_of_a_solid(law):
         energy = body.volumes.sum() * solid.energy_density(law, full)
         assert strain_energy(force) == pytest.approx(energy, rel=1e-11), name
         stress = PointState(force, body.points @ F.T).stress
-        np.testing.assert_allclose(stress, np.broadcast_to(P, stress.shape), atol=atol, err_msg=name)
+        np.testing.assert_allclose(
+            stress, np.broadcast_to(P, stress.shape), atol=atol, err_msg=name
+        )
 
 
 @pytest.mark.parametrize("name", ["neo-hookean", "gent", "ogden", "full-network"])
 def test_learned_forces_are_as_exact_as_under_plane_stress(name):
-    """The error of the isochoric stress is the card's; the pressure is the law's own derivative of U."""
+    """The error of the isochoric stress is the card's; the pressure is the law's own derivative
+    of U.
+    """
     card = load_card(SHIPPED / name)
     law = MaterialSpec.model_validate(card.material.trained_with).build()
     body = sheet(0.2)
@@ -83,9 +97,14 @@ def test_learned_forces_are_as_exact_as_under_plane_stress(name):
         forces(force, body.points @ gradient.T)
         assert force.pairs_outside == 0
         P = plane_strain.first_piola_stress(law, gradient)
-        # P is twice the mean of t (x) n over the bonds; its error is in the trace as well, of which a third times U^-1 is taken off.
+        # P is twice the mean of t (x) n over the bonds; its error is in the trace as well, of which
+        # a third times U^-1 is taken off.
         strain = np.abs(np.linalg.svd(gradient, compute_uv=False) - 1).max()
-        greatest = max(entry["max"] for entry in card.errors["box"]["by_strain"] if entry["strain"][0] <= strain <= entry["strain"][1])
+        greatest = max(
+            entry["max"]
+            for entry in card.errors["box"]["by_strain"]
+            if entry["strain"][0] <= strain <= entry["strain"][1]
+        )
         allowed = 2 * greatest * (1 + 2 * max(stretch, 1 / stretch) ** 2 / 3)
         sheared = np.abs(plane_stress.first_piola_stress(law, gradient)).max()
         assert np.abs(force.mean_stress() - P).max() < allowed * sheared + 1e-12 * law.bulk_modulus
@@ -93,26 +112,37 @@ def test_learned_forces_are_as_exact_as_under_plane_stress(name):
 
 def test_beyond_its_domain_a_learned_force_is_the_exact_one_of_plane_strain():
     body = sheet(0.2)
-    learned, exact = bound(load_surrogate(SHIPPED / "neo-hookean"), body), bound(EXACT["analytic"], body)
+    learned, exact = (
+        bound(load_surrogate(SHIPPED / "neo-hookean"), body),
+        bound(EXACT["analytic"], body),
+    )
     positions = body.points * [6.0, 0.17]
-    np.testing.assert_allclose(forces(learned, positions), forces(exact, positions), atol=1e-10 * LAW.bulk_modulus)
+    np.testing.assert_allclose(
+        forces(learned, positions), forces(exact, positions), atol=1e-10 * LAW.bulk_modulus
+    )
     assert learned.pairs_outside == len(body.bonds.first)
 
 
 @pytest.mark.parametrize("name", ["neo-hookean-energy", "neo-hookean-paper"])
 def test_what_was_learned_of_a_sheet_alone_is_refused(name):
-    with pytest.raises(ValueError, match=r"plane=strain; it supports plane=stress; .*bond-energy support both"):
+    with pytest.raises(
+        ValueError, match=r"plane=strain; it supports plane=stress; .*bond-energy support both"
+    ):
         bound(load_surrogate(SHIPPED / name), sheet(0.2), NeoHookean())
 
 
 def test_what_the_selective_energy_cannot_do_is_refused():
-    with pytest.raises(ValueError, match=r"bond-energy .* precision=float32 .*; it supports precision=float64"):
+    with pytest.raises(
+        ValueError, match=r"bond-energy .* precision=float32 .*; it supports precision=float64"
+    ):
         bound(EXACT["bond-energy"], sheet(0.2), precision="float32")
 
 
 def test_a_fracture_energy_is_known_in_plane_strain_where_tears_were_measured_alone():
     with pytest.raises(SceneError, match=r"fracture\.energy .* set fracture\.critical_stretch"):
-        pds.load_scene("tear", {"plane": "strain", "horizon_ratio": 6.0, "fracture": {"energy": 1.0}})
+        pds.load_scene(
+            "tear", {"plane": "strain", "horizon_ratio": 6.0, "fracture": {"energy": 1.0}}
+        )
 
 
 def test_an_unknown_plane_is_refused():
@@ -126,13 +156,17 @@ BODIES = {
     "jittered": lambda: jittered(np.random.default_rng(3)),
     "rollers": lambda: gripped_sheet((-1, 1)),
     "clamps": lambda: gripped_sheet((-1, -1)),
-    "corner": lambda: sheet(planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)), ReflectionPlane(1, 0.0, -1, (1, -1)))),
+    "corner": lambda: sheet(
+        planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)), ReflectionPlane(1, 0.0, -1, (1, -1)))
+    ),
 }
 
 
 @pytest.mark.parametrize("name", sorted(BODIES))
 def test_selective_forces_are_the_gradient_of_the_energy(name, random):
-    """Along random directions and at single points of every kind, to 1e-7 of the force; no sum, and no moment, of a free body."""
+    """Along random directions and at single points of every kind, to 1e-7 of the force; no sum,
+    and no moment, of a free body.
+    """
     body = BODIES[name]()
     force = bound(EXACT["bond-energy"], body)
     y = body.points + (0.03 if len(body.ghosts) else 0.5) * (wavy(body.points) - body.points)
@@ -148,7 +182,9 @@ def test_selective_forces_are_the_gradient_of_the_energy(name, random):
             forces(force, y + step * direction)
             return force.energy()
 
-        assert abs((out * direction).sum() + fourth_order(energy, 2e-5)) < 1e-7 * np.abs(out).max() * np.linalg.norm(direction)
+        assert abs((out * direction).sum() + fourth_order(energy, 2e-5)) < 1e-7 * np.abs(
+            out
+        ).max() * np.linalg.norm(direction)
     if not len(body.ghosts):
         size = np.abs(out).sum()
         assert np.abs(out.sum(axis=0)).max() < 1e-12 * size
@@ -158,7 +194,9 @@ def test_selective_forces_are_the_gradient_of_the_energy(name, random):
 @pytest.mark.parametrize("stretch", [0.8, 1.5])
 @pytest.mark.parametrize("name", ["analytic", "nosb", "bond-energy"])
 def test_between_rollers_the_sheet_is_in_its_homogeneous_state(name, stretch):
-    """Free sides included: the exact state of a solid with F33 = 1 is at rest, and the grips' force is its stress."""
+    """Free sides included: the exact state of a solid with F33 = 1 is at rest, and the grips'
+    force is its stress.
+    """
     state = homogeneous.uniaxial(LAW, stretch, "strain")
     P = solid.first_piola_stress(LAW, np.diag([stretch, state.lateral_stretch, 1.0]))
     assert abs(P[1, 1]) < 1e-12 * LAW.bulk_modulus
@@ -166,9 +204,13 @@ def test_between_rollers_the_sheet_is_in_its_homogeneous_state(name, stretch):
     body = gripped_sheet((-1, 1))
     force = bound(EXACT[name], body)
     force.move_plane(1, [1.2 * (stretch - 1), 0.0])
-    residual = np.abs(forces(force, body.points * [stretch, state.lateral_stretch])).max() / (LAW.shear_modulus * body.spacing)
+    residual = np.abs(forces(force, body.points * [stretch, state.lateral_stretch])).max() / (
+        LAW.shear_modulus * body.spacing
+    )
     assert residual < 1e-9
-    pairs = force.pair_forces()[(body.bonds.second >= len(body)) & (body.all_points[body.bonds.second, 0] > 1.2)]
+    pairs = force.pair_forces()[
+        (body.bonds.second >= len(body)) & (body.all_points[body.bonds.second, 0] > 1.2)
+    ]
     assert pairs[:, 0].sum() == pytest.approx(P[0, 0], rel=1e-10)
 
 
@@ -182,13 +224,21 @@ def test_beyond_a_clamp_a_gradient_keeps_its_volume_and_beyond_a_mirror_it_is_mi
     np.testing.assert_allclose(np.linalg.det(images), np.linalg.det(F), rtol=1e-14)
     mirror = np.diag([-1.0, 1.0])
     clamped, mirrored = ghosts.points[:, 1] < 0, ghosts.points[:, 0] < 0
-    np.testing.assert_allclose(images[clamped & ~mirrored], np.broadcast_to(F, (int((clamped & ~mirrored).sum()), 2, 2)))
-    np.testing.assert_allclose(images[mirrored], np.broadcast_to(mirror @ F @ mirror, (int(mirrored.sum()), 2, 2)))
+    np.testing.assert_allclose(
+        images[clamped & ~mirrored], np.broadcast_to(F, (int((clamped & ~mirrored).sum()), 2, 2))
+    )
+    np.testing.assert_allclose(
+        images[mirrored], np.broadcast_to(mirror @ F @ mirror, (int(mirrored.sum()), 2, 2))
+    )
 
 
 def test_a_bonded_edge_that_keeps_its_volume_is_no_longer_stiff(monkeypatch):
-    """The block of 16 points a side at -5 %: the force is 0.5 % off finite elements; clamps continued oddly make it 5.0 %."""
-    scene = pds.load_scene("plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 0.95, "spacing": 1 / 16})
+    """The block of 16 points a side at -5 %: the force is 0.5 % off finite elements; clamps
+    continued oddly make it 5.0 %.
+    """
+    scene = pds.load_scene(
+        "plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 0.95, "spacing": 1 / 16}
+    )
     kept = pds.simulate(scene, "bond-energy").levels[0]["nominal_stress_error"]
     monkeypatch.setattr(Ghosts, "held_by_clamps", lambda ghosts, share: ghosts)
     odd = pds.simulate(scene, "bond-energy").levels[0]["nominal_stress_error"]
@@ -197,20 +247,27 @@ def test_a_bonded_edge_that_keeps_its_volume_is_no_longer_stiff(monkeypatch):
 
 
 def checkerboard(values, body):
-    """Part of a field that changes sign from point to point inside a rectangle, over the field's standard deviation."""
+    """Part of a field that changes sign from point to point inside a rectangle, over the field's
+    standard deviation.
+    """
     columns = len(np.unique(np.round(body.points[:, 0], 9)))
     grid = values.reshape(-1, columns)[3:-3, 3:-3]
     rows = grid[:-2] - 2 * grid[1:-1] + grid[2:]
     # Itself of a checkerboard, a product of fourth order in the spacing of anything smooth.
-    return np.sqrt((((rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:]) / 16) ** 2).mean()) / grid.std()
+    return (
+        np.sqrt((((rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:]) / 16) ** 2).mean()) / grid.std()
+    )
 
 
 def test_the_pressure_of_a_bonded_block_is_smooth():
-    """16 points a side, bonded, pulled by 30 %: the force near finite elements, and no pressure that changes sign from point to point.
+    """16 points a side, bonded, pulled by 30 %: the force near finite elements, and no pressure
+    that changes sign from point to point.
 
     The force is 0.1 % off there; all energy at the bonds locks (pipelines/references.py).
     """
-    scene = pds.load_scene("plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 1.3, "spacing": 1 / 16})
+    scene = pds.load_scene(
+        "plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 1.3, "spacing": 1 / 16}
+    )
     result = pds.simulate(scene, "bond-energy")
     level = result.levels[0]
     assert abs(level["nominal_stress_error"]) < 0.01

@@ -1,4 +1,6 @@
-"""What may be asked of a force is answered by its protocol, and what solvers know of the whole body by one object."""
+"""What may be asked of a force is answered by its protocol, and what solvers know of the whole
+body by one object.
+"""
 
 import ast
 from pathlib import Path
@@ -32,7 +34,9 @@ FOREIGN = {
     "_parameter_constraints",
     "_protected_args",
 }
-"""Private members of pickle, os, numba, click and scikit-learn for which these have no public ones, and the name that notebooks ask for."""
+"""Private members of pickle, os, numba, click and scikit-learn for which these have no public
+ones, and the name that notebooks ask for.
+"""
 
 
 def bound(name, body, **settings):
@@ -41,9 +45,17 @@ def bound(name, body, **settings):
 
 def test_private_members_are_read_by_their_own_class_alone():
     found = []
-    for path in (path for folder in ("pdsurrogate", "tests", "pipelines") for path in (ROOT / folder).rglob("*.py")):
+    for path in (
+        path
+        for folder in ("pdsurrogate", "tests", "pipelines")
+        for path in (ROOT / folder).rglob("*.py")
+    ):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if not isinstance(node, ast.Attribute) or not node.attr.startswith("_") or node.attr.startswith("__"):
+            if (
+                not isinstance(node, ast.Attribute)
+                or not node.attr.startswith("_")
+                or node.attr.startswith("__")
+            ):
                 continue
             own = ast.unparse(node.value) in ("self", "cls", "super()")
             if node.attr not in FOREIGN and not own:
@@ -53,16 +65,24 @@ def test_private_members_are_read_by_their_own_class_alone():
 
 @pytest.mark.parametrize("name", MODELS)
 def test_what_is_asked_about_points_belongs_to_the_positions_last_given(name):
-    """BA-NOSB's evaluations form no gradients of the points, and bond energies no thickness: they had those of the last output."""
+    """BA-NOSB's evaluations form no gradients of the points, and bond energies no thickness:
+    they had those of the last output.
+    """
     body = sheet()
     force, out = bound(name, body), np.empty_like(body.points)
-    np.testing.assert_allclose(force.deformation_gradients(), np.broadcast_to(np.eye(2), (len(body), 2, 2)), atol=1e-13)
+    np.testing.assert_allclose(
+        force.deformation_gradients(), np.broadcast_to(np.eye(2), (len(body), 2, 2)), atol=1e-13
+    )
     for stretch, give in ((1.3, lambda positions: force(positions, out)), (1.7, force.place)):
         F = np.diag([stretch, homogeneous.uniaxial(LAW, stretch).lateral_stretch])
         give(body.points @ F)
-        np.testing.assert_allclose(force.deformation_gradients(), np.broadcast_to(F, (len(body), 2, 2)), atol=1e-12)
+        np.testing.assert_allclose(
+            force.deformation_gradients(), np.broadcast_to(F, (len(body), 2, 2)), atol=1e-12
+        )
         expected = plane_stress.volume_ratio(LAW, *plane_stress.invariants(F))
-        np.testing.assert_allclose(force.volume_ratios(), expected, rtol=1e-4 if name == "neo-hookean" else 1e-9)
+        np.testing.assert_allclose(
+            force.volume_ratios(), expected, rtol=1e-4 if name == "neo-hookean" else 1e-9
+        )
     assert force.supported.all()
 
 
@@ -87,10 +107,18 @@ def test_what_a_force_does_not_have_it_says(name):
 
 
 def test_a_bond_force_model_states_its_features_domain_and_block_function():
-    """All that a further one consists of: settings, evaluation and what it serves come from `ForceSurrogate`."""
+    """All that a further one consists of: settings, evaluation and what it serves come from
+    `ForceSurrogate`.
+    """
 
     class Borrowed(ForceSurrogate):
-        name, features, domain, gives_transverse, default_precision = "borrowed", ("stretch",), None, True, "float64"
+        name, features, domain, gives_transverse, default_precision = (
+            "borrowed",
+            ("stretch",),
+            None,
+            True,
+            "float64",
+        )
 
         def bond_force(self, stretch, rotation, length, C33, J):
             return FORCES["analytic"](LAW).bond_force(stretch, rotation, length, C33, J)
@@ -99,7 +127,10 @@ def test_a_bond_force_model_states_its_features_domain_and_block_function():
             return FORCES["analytic"]().compiled(dtype)
 
     scene = pds.load_scene("uniaxial", {"spacing": 0.2, "stretches": [1.2]})
-    mine, exact = (pds.simulate(scene, force).levels[-1]["nominal_stress"] for force in (Borrowed(), "analytic"))
+    mine, exact = (
+        pds.simulate(scene, force).levels[-1]["nominal_stress"]
+        for force in (Borrowed(), "analytic")
+    )
     assert mine == exact
     with pytest.raises(ValueError, match="borrowed does not support outside"):
         Borrowed().bind(sheet(), LAW, ForceSettings(outside="warn"))
@@ -118,12 +149,20 @@ def test_every_field_has_the_components_and_a_unit_that_it_states():
         assert measures.POINT_FIELDS[name].unit in (None, *Units.model_fields)
     np.testing.assert_array_equal(fields["displacement"][:, :2], positions - body.points)
     P = plane_stress.first_piola_stress(LAW, state.F)
-    np.testing.assert_allclose(fields["stress"].reshape(-1, 3, 3)[:, :2, :2], P, rtol=1e-3, atol=1e-4)
-    assert {"damage", "domain_deviation"}.isdisjoint(measures.point_fields(measures.PointState(bound("nosb", body), positions)))
+    np.testing.assert_allclose(
+        fields["stress"].reshape(-1, 3, 3)[:, :2, :2], P, rtol=1e-3, atol=1e-4
+    )
+    assert {"damage", "domain_deviation"}.isdisjoint(
+        measures.point_fields(measures.PointState(bound("nosb", body), positions))
+    )
 
 
 def test_sums_over_a_body_that_one_process_has_whole(random):
-    a, b, weights = random.standard_normal((50, 2)), random.standard_normal((50, 2)), random.random(50)
+    a, b, weights = (
+        random.standard_normal((50, 2)),
+        random.standard_normal((50, 2)),
+        random.random(50),
+    )
     share = Share.whole(50)
     assert share.dot(a, b) == pytest.approx((a * b).sum(), rel=1e-12)
     assert share.dot(a, b, weights) == pytest.approx((weights[:, None] * a * b).sum(), rel=1e-12)

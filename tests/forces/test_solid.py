@@ -1,4 +1,6 @@
-"""Force models of bodies in space: exact in homogeneous states, the gradient of an energy, and no modes but the rigid ones."""
+"""Force models of bodies in space: exact in homogeneous states, the gradient of an energy, and
+no modes but the rigid ones.
+"""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -21,32 +23,51 @@ def box(counts=(5, 5, 5), reach=1.75, planes=(), spacing=0.2, **options):
     """A lattice with its lower corner at the origin."""
     axes = [(np.arange(count) + 0.5) * spacing for count in counts]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    return Body(points, np.full(len(points), spacing**3), reach * spacing, spacing, planes=planes, **options)
+    return Body(
+        points, np.full(len(points), spacing**3), reach * spacing, spacing, planes=planes, **options
+    )
 
 
 def jittered(reach=2.2, planes=(), amount=0.2):
     """Points off a lattice, of unequal volumes."""
     body, random = box(), np.random.default_rng(5)
     points = body.points + amount * body.spacing * random.uniform(-1, 1, body.points.shape)
-    return Body(points, body.volumes * random.uniform(0.8, 1.2, len(points)), reach * body.spacing, body.spacing, planes=planes)
+    return Body(
+        points,
+        body.volumes * random.uniform(0.8, 1.2, len(points)),
+        reach * body.spacing,
+        body.spacing,
+        planes=planes,
+    )
 
 
 def irregular():
-    """Points as a mesh of a ball with a conical bore has them: no lattice, spacings and volumes that differ by a factor of three."""
+    """Points as a mesh of a ball with a conical bore has them: no lattice, spacings and volumes
+    that differ by a factor of three.
+    """
     random, points = np.random.default_rng(8), []
     while len(points) < 180:
         place = random.uniform(-1, 1, 3)
         radius = np.linalg.norm(place)
         near = 0.13 + 0.13 * radius
-        if radius < 1 and np.hypot(place[0], place[1]) > 0.2 + 0.1 * place[2] and all(np.linalg.norm(place - q) > near for q in points):
+        if (
+            radius < 1
+            and np.hypot(place[0], place[1]) > 0.2 + 0.1 * place[2]
+            and all(np.linalg.norm(place - q) > near for q in points)
+        ):
             points.append(place)
     points = np.array(points)
-    volumes = (0.13 + 0.13 * np.linalg.norm(points, axis=1)) ** 3 * random.uniform(0.8, 1.25, len(points))
+    volumes = (0.13 + 0.13 * np.linalg.norm(points, axis=1)) ** 3 * random.uniform(
+        0.8, 1.25, len(points)
+    )
     return Body(points, volumes, 0.62, 0.25)
 
 
 def rollers(axes, position=0.0, side=-1):
-    return tuple(ReflectionPlane(axis, position, side, tuple(np.where(np.arange(3) == axis, -1, 1))) for axis in axes)
+    return tuple(
+        ReflectionPlane(axis, position, side, tuple(np.where(np.arange(3) == axis, -1, 1)))
+        for axis in axes
+    )
 
 
 CLAMP = ReflectionPlane(0, 0.0, -1, (-1, -1, -1))
@@ -64,7 +85,9 @@ def forces(force, positions):
 
 def wavy(points, amount=0.03):
     x1, x2, x3 = points.T
-    return points @ F.T + amount * np.stack([np.sin(3 * x2), np.cos(4 * x3), np.sin(2 * x1 + x3)], axis=1)
+    return points @ F.T + amount * np.stack(
+        [np.sin(3 * x2), np.cos(4 * x3), np.sin(2 * x1 + x3)], axis=1
+    )
 
 
 def turn(axis, degrees):
@@ -74,13 +97,19 @@ def turn(axis, degrees):
     return np.eye(3) + np.sin(angle) * N + (1 - np.cos(angle)) * N @ N
 
 
-BODIES = {"lattice": box, "long horizon": lambda: box(reach=3.015), "jittered": jittered, "irregular": irregular}
+BODIES = {
+    "lattice": box,
+    "long horizon": lambda: box(reach=3.015),
+    "jittered": jittered,
+    "irregular": irregular,
+}
 
 
 @pytest.mark.parametrize("model", ["bond-energy", "nosb"])
 @pytest.mark.parametrize("name", BODIES)
 def test_a_homogeneous_state_is_exact(name, model, monkeypatch):
-    """The patch test: gradient, mean stress and energy are the law's own, whatever the points are and wherever the body ends.
+    """The patch test: gradient, mean stress and energy are the law's own, whatever the points are
+    and wherever the body ends.
 
     The mean stress is a sum over parts of the pairs, of 100 pairs each instead of 500,000.
     """
@@ -89,16 +118,24 @@ def test_a_homogeneous_state_is_exact(name, model, monkeypatch):
     force = bound(model, body)
     forces(force, body.points @ F.T + [3.0, -1.0, 2.0])
     assert force.supported.all()
-    np.testing.assert_allclose(force.deformation_gradients(), np.broadcast_to(F, (len(body), 3, 3)), atol=1e-12)
+    np.testing.assert_allclose(
+        force.deformation_gradients(), np.broadcast_to(F, (len(body), 3, 3)), atol=1e-12
+    )
     np.testing.assert_allclose(force.volume_ratios(), np.linalg.det(F), rtol=1e-12)
-    np.testing.assert_allclose(force.mean_stress(), solid.first_piola_stress(LAW, F), atol=1e-11 * LAW.bulk_modulus)
+    np.testing.assert_allclose(
+        force.mean_stress(), solid.first_piola_stress(LAW, F), atol=1e-11 * LAW.bulk_modulus
+    )
     if force.has_energy:
-        assert force.energy() == pytest.approx(body.volumes.sum() * solid.energy_density(LAW, F), rel=1e-12)
+        assert force.energy() == pytest.approx(
+            body.volumes.sum() * solid.energy_density(LAW, F), rel=1e-12
+        )
 
 
 @dataclass(frozen=True)
 class Cubic(InvariantLaw):
-    """A user's own law: W = (I1bar - 3)/2 + a (I2bar - 3)^2, with an energy of the volume of its own."""
+    """A user's own law: W = (I1bar - 3)/2 + a (I2bar - 3)^2, with an energy of the volume of its
+    own.
+    """
 
     name: ClassVar[str] = "cubic"
     reference: ClassVar[str] = "this test"
@@ -112,7 +149,14 @@ class Cubic(InvariantLaw):
     @staticmethod
     def isochoric(I1, I2, parameters):
         a, zero = parameters[1], 0 * I1
-        return (I1 - 3) / 2 + a * (I2 - 3) * (I2 - 3), 0.5 + zero, 2 * a * (I2 - 3), zero, zero, 2 * a + zero
+        return (
+            (I1 - 3) / 2 + a * (I2 - 3) * (I2 - 3),
+            0.5 + zero,
+            2 * a * (I2 - 3),
+            zero,
+            zero,
+            2 * a + zero,
+        )
 
     @staticmethod
     def volumetric(J3, parameters):
@@ -120,17 +164,28 @@ class Cubic(InvariantLaw):
         return K / 2 * (J3 - 1) * (J3 - 1), K * (J3 - 1), K + 0 * J3
 
 
-@pytest.mark.parametrize("law", [*(cls() for cls in LAWS.values()), Cubic(3.0, 50.0)], ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    "law", [*(cls() for cls in LAWS.values()), Cubic(3.0, 50.0)], ids=lambda law: law.name
+)
 def test_every_law_of_a_solid(law, random):
-    """All seven laws and a user's own: stress and energy in a homogeneous state; forces against the energy's slope in another.
+    """All seven laws and a user's own: stress and energy in a homogeneous state; forces against the
+    energy's slope in another.
 
-    Rounding, 1e-13, times K/mu, and 2e-11 more of laws whose stretches are roots of a cubic (`tests/materials/test_responses.py`).
+    Rounding, 1e-13, times K/mu, and 2e-11 more of laws whose stretches are roots of a cubic
+    (`tests/materials/test_responses.py`).
     """
     body = box((4, 4, 4))
-    force, tolerance = bound("bond-energy", body, law), (1e-12 * law.bulk_modulus + 2e-11) * law.shear_modulus
+    force, tolerance = (
+        bound("bond-energy", body, law),
+        (1e-12 * law.bulk_modulus + 2e-11) * law.shear_modulus,
+    )
     forces(force, body.points @ F.T)
-    np.testing.assert_allclose(force.mean_stress(), solid.first_piola_stress(law, F), atol=tolerance)
-    assert force.energy() == pytest.approx(body.volumes.sum() * solid.energy_density(law, F), rel=1e-10)
+    np.testing.assert_allclose(
+        force.mean_stress(), solid.first_piola_stress(law, F), atol=tolerance
+    )
+    assert force.energy() == pytest.approx(
+        body.volumes.sum() * solid.energy_density(law, F), rel=1e-10
+    )
     check_slope(force, wavy(body.points), [random.standard_normal(body.points.shape)])
 
 
@@ -144,8 +199,12 @@ def check_slope(force, y, directions):
             return force.energy()
 
         step = 2e-4 * force.body.spacing / np.abs(direction).max()
-        slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / (12 * step)
-        assert abs((out * direction).sum() + slope) < 1e-7 * np.abs(out).max() * np.linalg.norm(direction)
+        slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / (
+            12 * step
+        )
+        assert abs((out * direction).sum() + slope) < 1e-7 * np.abs(out).max() * np.linalg.norm(
+            direction
+        )
     return out
 
 
@@ -153,14 +212,24 @@ CONTINUED = {
     "rollers": lambda: box(planes=rollers([0, 1, 2])),
     "clamp": lambda: box(planes=(CLAMP,)),
     "clamp between rollers": lambda: jittered(planes=(CLAMP, *rollers([1, 2]))),
-    "two clamps and an edge": lambda: box((8, 4, 4), planes=(CLAMP, ReflectionPlane(0, 1.6, 1, (-1, -1, -1)), *rollers([1]))),
-    "clamped corner": lambda: box(planes=(CLAMP, ReflectionPlane(1, 0.0, -1, (1, -1, -1)), ReflectionPlane(2, 0.0, -1, (-1, -1, -1)))),
+    "two clamps and an edge": lambda: box(
+        (8, 4, 4), planes=(CLAMP, ReflectionPlane(0, 1.6, 1, (-1, -1, -1)), *rollers([1]))
+    ),
+    "clamped corner": lambda: box(
+        planes=(
+            CLAMP,
+            ReflectionPlane(1, 0.0, -1, (1, -1, -1)),
+            ReflectionPlane(2, 0.0, -1, (-1, -1, -1)),
+        )
+    ),
 }
 
 
 @pytest.mark.parametrize("name", [*BODIES, *CONTINUED])
 def test_forces_are_the_gradient_of_the_energy(name, random):
-    """Along random directions and at single points of every kind, to 1e-7 of the force; no sum, and no moment, of a free body."""
+    """Along random directions and at single points of every kind, to 1e-7 of the force; no sum,
+    and no moment, of a free body.
+    """
     body = (BODIES | CONTINUED)[name]()
     y = body.points + (0.1 if len(body.ghosts) else 1.0) * (wavy(body.points, 0.02) - body.points)
     directions = [random.standard_normal(y.shape)]
@@ -176,13 +245,17 @@ def test_forces_are_the_gradient_of_the_energy(name, random):
 
 
 def stiffness(force, y):
-    """Minus the derivative of the forces by the positions, by central differences of fourth order, shape (3 n, 3 n)."""
+    """Minus the derivative of the forces by the positions, by central differences of fourth
+    order, shape (3 n, 3 n).
+    """
     step, found = 1e-4 * force.body.spacing, np.empty((y.size, y.size))
     for k in range(y.size):
         shift = np.zeros(y.size)
         shift[k] = step
         shift = shift.reshape(y.shape)
-        change = 8 * (forces(force, y + shift) - forces(force, y - shift)) - (forces(force, y + 2 * shift) - forces(force, y - 2 * shift))
+        change = 8 * (forces(force, y + shift) - forces(force, y - shift)) - (
+            forces(force, y + 2 * shift) - forces(force, y - 2 * shift)
+        )
         found[:, k] = -change.ravel() / (12 * step)
     return found
 
@@ -211,14 +284,18 @@ ROLLER_STATES = [
     (0.8, 100.0, -0.760362168895751, 1.1169010852319186),
     (0.8, 1000.0, -0.7622857092635922, 1.1179203596833645),
 ]
-"""Stretch, K/mu, nominal stress over mu and lateral stretch of Neo-Hookean rubber with U = K/8 (J - 1/J)^2 and P22 = P33 = 0, solved for
-the lateral stretch to rounding (figures made by brentq from the law alone; P is checked against `solid` below)."""
+"""Stretch, K/mu, nominal stress over mu and lateral stretch of Neo-Hookean rubber with U = K/8 (J -
+1/J)^2 and P22 = P33 = 0, solved for the lateral stretch to rounding (figures made by brentq from
+the law alone; P is checked against `solid` below).
+"""
 
 
 @pytest.mark.parametrize(("stretch", "K", "stress", "lateral"), ROLLER_STATES)
 @pytest.mark.parametrize("model", ["bond-energy", "nosb"])
 def test_between_rollers_a_block_is_in_its_homogeneous_state(model, stretch, K, stress, lateral):
-    """The exact state is at rest, free sides included, and what crosses either roller is the exact force."""
+    """The exact state is at rest, free sides included, and what crosses either roller is the
+    exact force.
+    """
     law = NeoHookean(1.0, K)
     body = box((6, 4, 4), planes=(*rollers([0]), *rollers([0], 1.2, 1)))
     force = bound(model, body, law)
@@ -234,20 +311,31 @@ def test_between_rollers_a_block_is_in_its_homogeneous_state(model, stretch, K, 
 
 @pytest.mark.parametrize("model", ["bond-energy", "nosb"])
 def test_an_eighth_of_a_body_with_its_images_is_the_whole(model):
-    """Three planes, their edges and the corner: forces, energy, gradients and the pairs' forces are those of the whole body."""
+    """Three planes, their edges and the corner: forces, energy, gradients and the pairs' forces
+    are those of the whole body.
+    """
     eighth = jittered(planes=rollers([0, 1, 2]))
     points, volumes = eighth.points, eighth.volumes
     x1, x2, x3 = points.T
-    u = 0.1 * np.stack([x1 * np.cos(x2), np.sin(x2) * x3**2, x3 + x1**2 * x3], axis=1)  # odd across its own plane, even across the others
+    u = 0.1 * np.stack(
+        [x1 * np.cos(x2), np.sin(x2) * x3**2, x3 + x1**2 * x3], axis=1
+    )  # odd across its own plane, even across the others
     whole, displacements = points, u
     for axis in range(3):
         flip = np.where(np.arange(3) == axis, -1.0, 1.0)
-        whole, displacements = np.concatenate([whole, whole * flip]), np.concatenate([displacements, displacements * flip])
+        whole, displacements = (
+            np.concatenate([whole, whole * flip]),
+            np.concatenate([displacements, displacements * flip]),
+        )
     body = Body(whole, np.tile(volumes, 8), eighth.horizon, eighth.spacing)
     part, full = bound(model, eighth), bound(model, body)
     expected, n = forces(full, whole + displacements), len(eighth)
-    np.testing.assert_allclose(forces(part, points + u), expected[:n], atol=1e-12 * LAW.bulk_modulus * eighth.spacing)
-    np.testing.assert_allclose(part.deformation_gradients(), full.deformation_gradients()[:n], atol=1e-12)
+    np.testing.assert_allclose(
+        forces(part, points + u), expected[:n], atol=1e-12 * LAW.bulk_modulus * eighth.spacing
+    )
+    np.testing.assert_allclose(
+        part.deformation_gradients(), full.deformation_gradients()[:n], atol=1e-12
+    )
     np.testing.assert_allclose(part.volume_ratios(), full.volume_ratios()[:n], atol=1e-12)
     if part.has_energy:
         assert 8 * part.energy() == pytest.approx(full.energy(), rel=1e-12)
@@ -265,10 +353,13 @@ def test_beyond_a_clamp_a_gradient_is_the_planes_along_it_and_its_sources_across
     mirror, rest = np.diag([1.0, -1.0, 1.0]), np.eye(3)
     for image, found in zip(ghosts.image, images, strict=True):
         clamped = [axis for number, axis in ((0, 0), (2, 2)) if image >> number & 1]
-        # What the source has along every axis: all of it across the one clamp, a share along it, less along two.
+        # What the source has along every axis: all of it across the one clamp, a share along it,
+        # less along two.
         kept = np.prod([np.where(np.arange(3) == axis, 1.0, share) for axis in clamped], axis=0)
         expected = rest + (F - rest) * kept
-        np.testing.assert_allclose(found, mirror @ expected @ mirror if image >> 1 & 1 else expected, atol=1e-15)
+        np.testing.assert_allclose(
+            found, mirror @ expected @ mirror if image >> 1 & 1 else expected, atol=1e-15
+        )
 
 
 def test_beyond_a_clamp_that_turns_a_gradient_turns_with_it():
@@ -277,7 +368,11 @@ def test_beyond_a_clamp_that_turns_a_gradient_turns_with_it():
     ghosts = body.ghosts.held_by_clamps(0.0)
     gradients = np.tile((quarter @ F).T.ravel(), (len(body) + len(ghosts), 1))
     fill_gradients(ghosts, gradients)
-    found = (gradients[len(body) :] + ghosts.gradient_shifts((quarter - np.eye(3))[None])).reshape(-1, 3, 3).transpose(0, 2, 1)
+    found = (
+        (gradients[len(body) :] + ghosts.gradient_shifts((quarter - np.eye(3))[None]))
+        .reshape(-1, 3, 3)
+        .transpose(0, 2, 1)
+    )
     expected = np.column_stack([quarter @ F[:, 0], quarter[:, 1:]])
     np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-15)
 
@@ -287,23 +382,31 @@ def test_beyond_a_clamp_that_turns_a_gradient_turns_with_it():
     [(1000.0, 1.5, 1.25451, -0.11194), (100.0, 0.9, -0.40707, 0.03504)],
 )
 def test_a_bonded_cube_is_as_finite_elements_have_it(bulk_modulus, stretch, reaction, side):
-    """An eighth with 6 points a side: within 1 % of a three-field solution (FElupe 11.3, triquadratic hexahedra, converged to 0.05 %).
+    """An eighth with 6 points a side: within 1 % of a three-field solution (FElupe 11.3,
+    triquadratic hexahedra, converged to 0.05 %).
 
-    The force is 0.25, 0.81 and 0.67 % off, the displacement in the middle of a side 0.15, 0.28 and 0.57 %.  With all of an image's
-    gradient from its source, forces and sides are off by -0.47 and -0.56 %, 0.11 and -0.37 %, -1.7 and -2.4 %.
+    The force is 0.25, 0.81 and 0.67 % off, the displacement in the middle of a side 0.15, 0.28 and
+    0.57 %.  With all of an image's gradient from its source, forces and sides are off by -0.47 and
+    -0.56 %, 0.11 and -0.37 %, -1.7 and -2.4 %.
     """
-    h, mirrors = 1 / 12, [ReflectionPlane(axis, 0.0, -1, tuple(1 - 2 * (axis == np.arange(3)))) for axis in (1, 2)]
+    h, mirrors = (
+        1 / 12,
+        [ReflectionPlane(axis, 0.0, -1, tuple(1 - 2 * (axis == np.arange(3)))) for axis in (1, 2)],
+    )
     planes = (CLAMP, ReflectionPlane(0, 0.5, 1, (-1, 1, 1)), *mirrors)
     axis = (np.arange(6) + 0.5) * h
     points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
     body = Body(points, np.full(len(points), h**3), 1.75 * h, h, planes=planes)
-    force = FORCES["bond-energy"]().bind(body, NeoHookean(1.0, bulk_modulus), ForceSettings(plane="space"))
+    force = FORCES["bond-energy"]().bind(
+        body, NeoHookean(1.0, bulk_modulus), ForceSettings(plane="space")
+    )
     solver, y = Automatic(np.ones_like(points), body.volumes), points.copy()
     for reached in np.linspace(1, stretch, round(abs(stretch - 1) / 0.1) + 1)[1:]:
         force.move_plane(1, np.array([(reached - 1) / 2, 0, 0]))
         y[:, 0] *= reached / (y[:, 0].max() / points[:, 0].max())
         solver.solve(force, y, 1e-5)
-    # The force by virtual work of the moved plane, and the side continued to the surface and the planes of symmetry.
+    # The force by virtual work of the moved plane, and the side continued to the surface and the
+    # planes of symmetry.
     energies = []
     for change in (-1e-4, 1e-4):
         force.move_plane(1, np.array([(stretch - 1) / 2 + change, 0, 0]))
@@ -318,18 +421,23 @@ def test_a_bonded_cube_is_as_finite_elements_have_it(bulk_modulus, stretch, reac
 
 def cracked(start, end):
     """Which bonds cross a square from the lower edges to the middle, x3 = 0.45 for x1 < 0.55."""
-    share = (0.45 - start[:, 2]) / np.where(end[:, 2] == start[:, 2], np.inf, end[:, 2] - start[:, 2])
+    share = (0.45 - start[:, 2]) / np.where(
+        end[:, 2] == start[:, 2], np.inf, end[:, 2] - start[:, 2]
+    )
     return (share > 0) & (share < 1) & (start[:, 0] + share * (end[:, 0] - start[:, 0]) < 0.55)
 
 
 @pytest.mark.parametrize("name", ["irregular", "clamp between rollers"])
 def test_broken_bonds_leave_a_body_that_never_had_them(name, random):
-    """Forces, energy and dilatations as of a body cut from the outset; what is released; and still the gradient of an energy.
+    """Forces, energy and dilatations as of a body cut from the outset; what is released; and still
+    the gradient of an energy.
 
     Broken in two steps, the second from a state whose energy the release is held against.
     """
     body = (BODIES | CONTINUED)[name]()
-    cut = Body(body.points, body.volumes, body.horizon, body.spacing, planes=body.planes, separates=cracked)
+    cut = Body(
+        body.points, body.volumes, body.horizon, body.spacing, planes=body.planes, separates=cracked
+    )
     bonds, ends = body.bonds, body.all_points
     pairs = np.flatnonzero(cracked(ends[bonds.first], ends[bonds.second]))
     assert len(pairs) > 20
@@ -353,11 +461,16 @@ def test_broken_bonds_leave_a_body_that_never_had_them(name, random):
     W = force.terms[0].volume.smoothing.matrix().toarray()
     above, beside = body.points[:, 2] > 0.45, body.points[:, 0] < 0.2
     assert np.abs(W[np.ix_(above & beside, ~above & beside)]).max() == 0
-    assert np.abs(body.volumes[:, None] * W - (body.volumes[:, None] * W).T).max() < 1e-14 * body.volumes.max()
+    assert (
+        np.abs(body.volumes[:, None] * W - (body.volumes[:, None] * W).T).max()
+        < 1e-14 * body.volumes.max()
+    )
 
 
 def test_bonds_that_break_one_by_one_keep_the_gradient(random):
-    """Those of a point beside planes of reflection, whose mirrored pairs stay, until it has none."""
+    """Those of a point beside planes of reflection, whose mirrored pairs stay, until it has
+    none.
+    """
     body = jittered(planes=(CLAMP, *rollers([1])))
     force = bound("bond-energy", body, breakable=True)
     y = body.points + 0.1 * (wavy(body.points, 0.02) - body.points)

@@ -30,7 +30,10 @@ TEAR = {
 
 def greatest(springs, states):
     """Greatest stretch of every bond at rest and in some accepted states."""
-    lengths = [np.linalg.norm(positions[springs.neighbors] - positions[springs.owners], axis=1) for _, positions, _ in states]
+    lengths = [
+        np.linalg.norm(positions[springs.neighbors] - positions[springs.owners], axis=1)
+        for _, positions, _ in states
+    ]
     return np.maximum.reduce([springs.length, *lengths]) / springs.length
 
 
@@ -39,9 +42,15 @@ def test_history_is_that_of_accepted_states_is_resumed_and_shown(tmp_path):
     whole = simulate(scene, SofteningForce())
     springs = SofteningSprings.latest
     assert [elapsed for elapsed, _, _ in springs.accepted] == [0.0, 0.0]
-    np.testing.assert_array_equal(springs.accepted[-1][1][: len(springs.body)] - springs.body.points, whole.displacement())
-    np.testing.assert_array_equal(springs.kept["greatest_stretch"], greatest(springs, springs.accepted))
-    assert (springs.most > springs.kept["greatest_stretch"] + 1e-3).any()  # the search went farther than the equilibrium
+    np.testing.assert_array_equal(
+        springs.accepted[-1][1][: len(springs.body)] - springs.body.points, whole.displacement()
+    )
+    np.testing.assert_array_equal(
+        springs.kept["greatest_stretch"], greatest(springs, springs.accepted)
+    )
+    assert (
+        springs.most > springs.kept["greatest_stretch"] + 1e-3
+    ).any()  # the search went farther than the equilibrium
     stretched, released = (fields["greatest_stretch"] for _, fields in whole.states)
     assert (released >= stretched).all()
     assert stretched.max() > 1.1
@@ -49,7 +58,9 @@ def test_history_is_that_of_accepted_states_is_resumed_and_shown(tmp_path):
         simulate(scene, SofteningForce(), folder=tmp_path)
     resumed = simulate(scene, SofteningForce(), folder=tmp_path, resume=True)
     np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
-    np.testing.assert_array_equal(resumed.field("greatest_stretch"), np.float32(whole.field("greatest_stretch")))
+    np.testing.assert_array_equal(
+        resumed.field("greatest_stretch"), np.float32(whole.field("greatest_stretch"))
+    )
 
 
 def test_a_refused_increment_leaves_the_history(monkeypatch):
@@ -66,7 +77,9 @@ def test_a_refused_increment_leaves_the_history(monkeypatch):
     springs = SofteningSprings.latest
     assert refused
     assert len(springs.accepted) == 3  # the second output took two increments
-    np.testing.assert_array_equal(springs.kept["greatest_stretch"], greatest(springs, springs.accepted))
+    np.testing.assert_array_equal(
+        springs.kept["greatest_stretch"], greatest(springs, springs.accepted)
+    )
 
 
 def test_differences_and_estimates_are_trials():
@@ -85,14 +98,23 @@ def test_differences_and_estimates_are_trials():
 
 
 def test_derivatives_and_modes_are_refused_since_they_would_forget():
-    result = pds.simulate(pds.load_scene("uniaxial", {**SCENE, "stretches": [1.1]}), SofteningForce())
-    for ask in (lambda: result.sensitivity(["nominal_stress"], ["material.shear_modulus"]), result.lowest_mode):
-        with pytest.raises(ValueError, match="with softening, whose forces depend on earlier states of the body"):
+    result = pds.simulate(
+        pds.load_scene("uniaxial", {**SCENE, "stretches": [1.1]}), SofteningForce()
+    )
+    for ask in (
+        lambda: result.sensitivity(["nominal_stress"], ["material.shear_modulus"]),
+        result.lowest_mode,
+    ):
+        with pytest.raises(
+            ValueError, match="with softening, whose forces depend on earlier states of the body"
+        ):
             ask()
 
 
 def test_steps_of_dynamics_are_accepted_one_by_one_from_the_last_output_on(tmp_path):
-    """A bond would break on the way to 1.8, where increments had been accepted: the dynamics begin with the history at 1.1."""
+    """A bond would break on the way to 1.8, where increments had been accepted: the dynamics
+    begin with the history at 1.1.
+    """
     scene = pds.load_scene("tear", TEAR)
     with pytest.warns(UserWarning, match="a bond would break"):
         whole = simulate(scene, SofteningForce())
@@ -102,10 +124,20 @@ def test_steps_of_dynamics_are_accepted_one_by_one_from_the_last_output_on(tmp_p
     assert number > 1
     np.testing.assert_array_equal(before, greatest(springs, springs.accepted[:1]))
     assert len(steps) == whole.summary["n_steps"]
-    assert sum(elapsed for elapsed, _, _ in steps) == pytest.approx(whole.history[-1]["time"], rel=1e-12)
-    np.testing.assert_array_equal(springs.kept["greatest_stretch"], np.maximum(before, greatest(springs, steps)))
-    with pytest.raises(Killed), pytest.warns(UserWarning, match="a bond would break"), while_bonds_break(4):
+    assert sum(elapsed for elapsed, _, _ in steps) == pytest.approx(
+        whole.history[-1]["time"], rel=1e-12
+    )
+    np.testing.assert_array_equal(
+        springs.kept["greatest_stretch"], np.maximum(before, greatest(springs, steps))
+    )
+    with (
+        pytest.raises(Killed),
+        pytest.warns(UserWarning, match="a bond would break"),
+        while_bonds_break(4),
+    ):
         simulate(scene, SofteningForce(), folder=tmp_path)
     resumed = simulate(scene, SofteningForce(), folder=tmp_path, resume=True)
     np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
-    np.testing.assert_array_equal(resumed.field("greatest_stretch"), np.float32(whole.field("greatest_stretch")))
+    np.testing.assert_array_equal(
+        resumed.field("greatest_stretch"), np.float32(whole.field("greatest_stretch"))
+    )

@@ -1,4 +1,6 @@
-"""A force of two terms is their sum: two laws in one body, each a bond energy, against the law that is their sum."""
+"""A force of two terms is their sum: two laws in one body, each a bond energy, against the law
+that is their sum.
+"""
 
 from dataclasses import replace
 
@@ -29,7 +31,9 @@ def part_of(split):
 
 
 FIRST = part_of(lambda law: NeoHookean(0.6 * law.shear_modulus, 0.6 * law.bulk_modulus))
-SECOND = part_of(lambda law: MooneyRivlin(0.4 * law.shear_modulus, 0.4 * law.bulk_modulus, second_share=0.5))
+SECOND = part_of(
+    lambda law: MooneyRivlin(0.4 * law.shear_modulus, 0.4 * law.bulk_modulus, second_share=0.5)
+)
 OF_SHEETS = part_of(lambda law: NeoHookean(0.4 * law.shear_modulus, 0.4 * law.bulk_modulus))
 
 
@@ -46,12 +50,21 @@ class Sum(pds.BondEnergyForce):
 
 
 def clamped(dimension):
-    """Body clamped at both ends by planes, of which one may turn, with a boundary that knows its loads."""
+    """Body clamped at both ends by planes, of which one may turn, with a boundary that knows its
+    loads.
+    """
     ends = ((0.0, -1), (1.2, 1))
-    body = plain(dimension, planes=tuple(ReflectionPlane(0, place, side, (-1,) * dimension) for place, side in ends))
+    body = plain(
+        dimension,
+        planes=tuple(ReflectionPlane(0, place, side, (-1,) * dimension) for place, side in ends),
+    )
     places = body.points - body.points.mean(axis=0)
     outermost = np.abs(places[:, 1]) > np.abs(places[:, 1]).max() - 0.5 * body.spacing
-    vars(body)["outward"] = np.where(outermost, np.sign(places[:, 1]), 0.0)[:, None] * np.eye(dimension)[1] * 0.1 ** (dimension - 1)
+    vars(body)["outward"] = (
+        np.where(outermost, np.sign(places[:, 1]), 0.0)[:, None]
+        * np.eye(dimension)[1]
+        * 0.1 ** (dimension - 1)
+    )
     return body
 
 
@@ -59,17 +72,28 @@ def both(plane, two_materials=False, body=None):
     """The sum of two terms and the force of the law that is their sum, on one body."""
     body = body or clamped(3 if plane == "space" else 2)
     law, kinds = (SHEET_LAW, (FIRST, OF_SHEETS)) if plane == "stress" else (LAW, (FIRST, SECOND))
-    settings, models = ForceSettings(plane=plane, precision="float64", breakable=True), (Sum(*kinds), pds.BondEnergyForce())
+    settings, models = (
+        ForceSettings(plane=plane, precision="float64", breakable=True),
+        (
+            Sum(*kinds),
+            pds.BondEnergyForce(),
+        ),
+    )
     if not two_materials:
         return body, *(model.bind(body, law, settings) for model in models)
     left = body.points[:, 0] < 0.6
     stiffer = replace(law, shear_modulus=4.0, bulk_modulus=200.0)
     parts = (law, np.flatnonzero(left)), (stiffer, np.flatnonzero(~left))
-    return body, *(bind_portions(body, [Portion(law, model, points) for law, points in parts], settings) for model in models)
+    return body, *(
+        bind_portions(body, [Portion(law, model, points) for law, points in parts], settings)
+        for model in models
+    )
 
 
 def same(found, expected, scale=None):
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected if scale is None else scale).max())
+    np.testing.assert_allclose(
+        found, expected, rtol=0, atol=1e-11 * np.abs(expected if scale is None else scale).max()
+    )
 
 
 def compare(one, other, positions):
@@ -111,7 +135,10 @@ CASES = [("stress", False), ("stress", True), ("strain", False), ("strain", True
 @pytest.mark.parametrize(("plane", "two_materials"), CASES)
 def test_two_laws_are_the_law_that_is_their_sum(plane, two_materials):
     body, one, other = both(plane, two_materials)
-    assert (one.has_energy, one.nearly_incompressible) == (other.has_energy, other.nearly_incompressible)
+    assert (one.has_energy, one.nearly_incompressible) == (
+        other.has_energy,
+        other.nearly_incompressible,
+    )
     positions = body.points * 1.02 + 0.005 * np.sin(5 * body.points[:, ::-1])
     for force in (one, other):
         force.move_plane(1, np.full(body.dimension, 0.02), 0.02 * np.eye(body.dimension))
@@ -138,7 +165,10 @@ def test_collapsed_pairs_are_those_of_either_term():
 
 def test_what_does_not_add_up_is_refused_before_work_starts(monkeypatch):
     body, settings = gripped(2), ForceSettings(precision="float64")
-    with pytest.raises(ValueError, match="the thickness follows from the sum of all stresses; write one term for both"):
+    with pytest.raises(
+        ValueError,
+        match="the thickness follows from the sum of all stresses; write one term for both",
+    ):
         Sum(FIRST, SECOND).bind(body, LAW, settings)
     learned = pds.load_surrogate("neo-hookean@1")
     monkeypatch.setattr(type(learned), "terms", lambda self, plane: (BondForces, BondForces))

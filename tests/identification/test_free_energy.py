@@ -1,4 +1,6 @@
-"""An energy from test data without a law: what it is held to by its form, and what it makes of rubber that it has not seen."""
+"""An energy from test data without a law: what it is held to by its form, and what it makes of
+rubber that it has not seen.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -33,7 +35,9 @@ def r_squared(truth, predicted) -> float:
 
 
 def fitted(data, **parameters):
-    return pds.identification.EnergyRegressor(**parameters).fit(data.stretches, data.nominal_stress, data.balanced_weights())
+    return pds.identification.EnergyRegressor(**parameters).fit(
+        data.stretches, data.nominal_stress, data.balanced_weights()
+    )
 
 
 @pytest.mark.parametrize("name", ["treloar", "kawabata"])
@@ -41,7 +45,9 @@ def test_it_describes_rubber_about_as_well_as_ogdens_law_to_a_thousandth(name):
     data = pds.load_test_data(name)
     ogden = LawRegressor("ogden").fit(data.stretches, data.nominal_stress, data.balanced_weights())
     free = fitted(data)
-    scores = [r_squared(data.nominal_stress, model.predict(data.stretches)) for model in (free, ogden)]
+    scores = [
+        r_squared(data.nominal_stress, model.predict(data.stretches)) for model in (free, ogden)
+    ]
     assert scores[0] > 0.996
     assert scores[0] > scores[1] - 2e-3
     assert (free.weights_ > 0).all()
@@ -49,7 +55,9 @@ def test_it_describes_rubber_about_as_well_as_ogdens_law_to_a_thousandth(name):
 
 
 def modes_of(name):
-    """Return test data of the three modes of loading; of a biaxial grid, its states of these modes with a stress."""
+    """Return test data of the three modes of loading; of a biaxial grid, its states of these
+    modes with a stress.
+    """
     data = pds.load_test_data(name)
     data = replace(data, mode=mode_of(data.stretches))
     return data.where(np.isin(data.mode, list(MODES)) & (data.nominal_stress != 0))
@@ -68,11 +76,15 @@ def forecast(name, mode, weighting):
     data = modes_of(name)
     known = data.of(*(set(MODES) - {mode}))
     weight = WEIGHTS[weighting](known.nominal_stress)
-    return data.of(mode), pds.identification.EnergyRegressor().fit(known.stretches, known.nominal_stress, weight)
+    return data.of(mode), pds.identification.EnergyRegressor().fit(
+        known.stretches, known.nominal_stress, weight
+    )
 
 
 def test_a_mode_that_is_left_out_is_foretold():
-    """RMS error of the stresses of each mode by a fit to the two others, divided by their RMS: Ogden's law has 0.11 in the mean."""
+    """RMS error of the stresses of each mode by a fit to the two others, divided by their RMS:
+    Ogden's law has 0.11 in the mean.
+    """
     off = {}
     for name, mode, weighting in product(("treloar", "kawabata"), MODES, WEIGHTS):
         unseen, model = forecast(name, mode, weighting)
@@ -80,26 +92,40 @@ def test_a_mode_that_is_left_out_is_foretold():
         off[name, mode, weighting] = np.sqrt((error**2).sum() / (unseen.nominal_stress**2).sum())
     assert max(off.values()) <= 0.15, off
     assert np.mean(list(off.values())) <= 0.08
-    assert max(np.mean([value for key, value in off.items() if key[0] == name]) for name in ("treloar", "kawabata")) <= 0.08
+    assert (
+        max(
+            np.mean([value for key, value in off.items() if key[0] == name])
+            for name in ("treloar", "kawabata")
+        )
+        <= 0.08
+    )
 
 
 def test_the_spread_tells_how_far_a_forecast_is_off():
-    """Of modes that were left out: twice the standard deviation contains most stresses, and is greater there than where data are.
+    """Of modes that were left out: twice the standard deviation contains most stresses, and is
+    greater there than where data are.
 
-    Of simulated tests of 17 laws, with an error of 2 % of each specimen and 1 % of each row, 89 % are within.
+    Of simulated tests of 17 laws, with an error of 2 % of each specimen and 1 % of each row, 89 %
+    are within.
     """
     within = []
     for name, mode in product(("treloar", "kawabata"), MODES):
         unseen, model = forecast(name, mode, "equal")
-        within.append(np.abs(model.predict(unseen.stretches) - unseen.nominal_stress) <= 2 * model.standard_deviations(unseen.stretches))
+        within.append(
+            np.abs(model.predict(unseen.stretches) - unseen.nominal_stress)
+            <= 2 * model.standard_deviations(unseen.stretches)
+        )
     assert np.mean(np.concatenate(within)) >= 0.8
 
 
 def test_what_physics_asks_holds_by_construction(random):
-    """Of stresses that are noise: zero at rest, growing, and of positive weights, whose waves `test_polyconvex.py` finds stable."""
+    """Of stresses that are noise: zero at rest, growing, and of positive weights, whose waves
+    `test_polyconvex.py` finds stable.
+    """
     stretch = np.exp(random.uniform(-0.5, 1.0, (60, 2)))
     model = pds.identification.EnergyRegressor().fit(
-        stretch, nominal_stress(pds.materials.NeoHookean(), stretch) + 0.5 * random.standard_normal(60)
+        stretch,
+        nominal_stress(pds.materials.NeoHookean(), stretch) + 0.5 * random.standard_normal(60),
     )
     assert abs(model.predict([[1.0, 1.0]])[0]) < 1e-10
     far = model.predict(np.array([[5.0, 1.0], [10.0, 1.0], [20.0, 1.0]]))
@@ -108,7 +134,9 @@ def test_what_physics_asks_holds_by_construction(random):
 
 
 STRETCH = np.linspace(1.05, 3, 20)
-TESTS = np.concatenate([np.stack([STRETCH, lateral(STRETCH)], axis=1) for lateral in MODES.values()])
+TESTS = np.concatenate(
+    [np.stack([STRETCH, lateral(STRETCH)], axis=1) for lateral in MODES.values()]
+)
 
 
 @pytest.mark.parametrize(
@@ -124,9 +152,11 @@ TESTS = np.concatenate([np.stack([STRETCH, lateral(STRETCH)], axis=1) for latera
     ids=lambda value: getattr(value, "name", ""),
 )
 def test_a_law_is_found_again_with_its_terms_alone(law, terms):
-    """C (I1bar - 3) is the exponent 2 with the weight 4 C. Noise is described by other terms as well, which cost little between the data.
+    """C (I1bar - 3) is the exponent 2 with the weight 4 C. Noise is described by other terms as
+    well, which cost little between the data.
 
-    A fit of the right terms to data with 1 % of noise would be off by less than 1 %; the average of all energies may be by 3 %.
+    A fit of the right terms to data with 1 % of noise would be off by less than 1 %; the average of
+    all energies may be by 3 %.
     """
     exact = nominal_stress(law, TESTS)
     found = pds.identification.EnergyRegressor().fit(TESTS, exact, 1 / exact**2)
@@ -137,11 +167,15 @@ def test_a_law_is_found_again_with_its_terms_alone(law, terms):
         found = pds.identification.EnergyRegressor().fit(TESTS, exact * (1 + noise), 1 / exact**2)
         fresh = np.exp(np.random.default_rng(seed).uniform(-0.3, 0.9, (50, 2)))
         truth = nominal_stress(law, fresh)
-        assert np.sqrt(np.mean((found.predict(fresh) - truth) ** 2)) < 0.03 * np.sqrt(np.mean(truth**2))
+        assert np.sqrt(np.mean((found.predict(fresh) - truth) ** 2)) < 0.03 * np.sqrt(
+            np.mean(truth**2)
+        )
 
 
 def gent_thomas_data(weight):
-    """States of three modes and their stresses with weight (I1bar - 3) + log(I2bar/3), incompressible."""
+    """States of three modes and their stresses with weight (I1bar - 3) + log(I2bar/3),
+    incompressible.
+    """
     stretches = np.linspace(1.1, 2.5, 12)
     X = np.vstack([np.stack([stretches, lateral(stretches)], axis=1) for lateral in MODES.values()])
     l1, l2 = X.T
@@ -151,7 +185,9 @@ def gent_thomas_data(weight):
 
 
 def test_the_logarithm_of_gent_and_thomas_is_a_candidate_if_asked_for():
-    """The stresses are those of the law itself: for sheets P1 = 2 (dW/dI1 + l2^2 dW/dI2) (l1 - l3^2/l1)."""
+    """The stresses are those of the law itself: for sheets P1 = 2 (dW/dI1 + l2^2 dW/dI2) (l1 -
+    l3^2/l1).
+    """
     terms = [("first", 1), ("first", 2), ("stretches", -2), ("second_logarithm", 1)]
     X, y = gent_thomas_data(0.5)
     model = pds.identification.EnergyRegressor(dictionary=terms, bulk_ratio=1e6).fit(X, y)
@@ -162,29 +198,40 @@ def test_the_logarithm_of_gent_and_thomas_is_a_candidate_if_asked_for():
 
 
 def test_sums_with_unstable_waves_are_no_candidates():
-    """With a fiftieth of I1bar - 3 the law is unstable in simple shear: no fit has so little of it."""
+    """With a fiftieth of I1bar - 3 the law is unstable in simple shear: no fit has so little of
+    it.
+    """
     X, y = gent_thomas_data(0.02)
-    model = pds.identification.EnergyRegressor(dictionary=[("first", 1), ("second_logarithm", 1)]).fit(X, y)
+    model = pds.identification.EnergyRegressor(
+        dictionary=[("first", 1), ("second_logarithm", 1)]
+    ).fit(X, y)
     weights = dict(zip(model.terms_, model.weights_, strict=True))
     assert weights.get(("first", 1.0), 0.0) >= weights.get(("second_logarithm", 1.0), 0.0) / 24
 
 
 def isihara(I1, I2):
-    """W1 and W2 of 0.5 (I1 - 3) + (I2 - 3) + (I1 - 3)^2: Isihara, Hashitsume, Tatibana, J. Chem. Phys. 19 (1951) 1508."""
+    """W1 and W2 of 0.5 (I1 - 3) + (I2 - 3) + (I1 - 3)^2: Isihara, Hashitsume, Tatibana, J. Chem.
+    Phys. 19 (1951) 1508.
+    """
     return 0.5 + 2 * (I1 - 3), np.ones_like(I1)
 
 
 def haines_wilson(I1, I2):
-    """Of 0.5 (I1 - 3) + (I2 - 3) + 0.7 (I1 - 3)(I2 - 3) + 0.2 (I1 - 3)^3: Haines, Wilson, J. Mech. Phys. Solids 27 (1979) 345."""
+    """Of 0.5 (I1 - 3) + (I2 - 3) + 0.7 (I1 - 3)(I2 - 3) + 0.2 (I1 - 3)^3: Haines, Wilson, J.
+    Mech. Phys. Solids 27 (1979) 345.
+    """
     return 0.5 + 0.7 * (I2 - 3) + 0.6 * (I1 - 3) ** 2, 1 + 0.7 * (I1 - 3)
 
 
 def lopez_pamies(I1, I2):
-    """Of sum_r 3^(1 - alpha_r)/(2 alpha_r) mu_r (I1^alpha_r - 3^alpha_r): Lopez-Pamies, C. R. Mecanique 338 (2010) 3.
+    """Of sum_r 3^(1 - alpha_r)/(2 alpha_r) mu_r (I1^alpha_r - 3^alpha_r): Lopez-Pamies, C. R.
+    Mecanique 338 (2010) 3.
 
     With moduli 0.032 and 0.3 MPa and exponents 3.837 and 0.559: a soft and a stiffening term.
     """
-    return sum(3 ** (1 - a) / 2 * mu * I1 ** (a - 1) for a, mu in ((3.837, 0.032), (0.559, 0.3))), np.zeros_like(I1)
+    return sum(
+        3 ** (1 - a) / 2 * mu * I1 ** (a - 1) for a, mu in ((3.837, 0.032), (0.559, 0.3))
+    ), np.zeros_like(I1)
 
 
 def stress_of(derivatives, X):
@@ -196,21 +243,41 @@ def stress_of(derivatives, X):
 
 @pytest.mark.parametrize(
     ("rubber", "greatest", "between", "unseen"),
-    # Powers of stretches alone: 15 %, 11 % and 8 % between the modes, and 11 %, 14 % and 22 % in pure shear that is not seen.
+    # Powers of stretches alone: 15 %, 11 % and 8 % between the modes, and 11 %, 14 % and 22 % in
+    # pure shear that is not seen.
     [(isihara, 3.0, 1e-6, 1e-6), (lopez_pamies, 3.0, 0.03, 0.03)],
     ids=["isihara", "lopez-pamies"],
 )
 def test_rubber_that_no_sum_of_powers_of_stretches_is(rubber, greatest, between, unseen):
-    """RMS errors of stresses in biaxial states between the modes that are fitted, and in pure shear by the two other modes."""
+    """RMS errors of stresses in biaxial states between the modes that are fitted, and in pure
+    shear by the two other modes.
+    """
     stretch = np.linspace(1.05, greatest, 15)
-    modes = {name: np.stack([to, MODES[name](to)], axis=1) for name, to in (("uniaxial", stretch), ("pure-shear", stretch))}
+    modes = {
+        name: np.stack([to, MODES[name](to)], axis=1)
+        for name, to in (("uniaxial", stretch), ("pure-shear", stretch))
+    }
     to = 1 + 0.6 * (stretch - 1)
     modes["equibiaxial"] = np.stack([to, to], axis=1)
     random = np.random.default_rng(0)
-    states = np.exp(np.stack([random.uniform(0.05, np.log(greatest) * 0.9, 200), random.uniform(-0.3, np.log(greatest) / 2, 200)], axis=1))
+    states = np.exp(
+        np.stack(
+            [
+                random.uniform(0.05, np.log(greatest) * 0.9, 200),
+                random.uniform(-0.3, np.log(greatest) / 2, 200),
+            ],
+            axis=1,
+        )
+    )
     right = stress_of(rubber, states)
-    states, right = states[np.abs(right) > 0.02 * right.max()], right[np.abs(right) > 0.02 * right.max()]
-    for left, asked, truth, most in ((None, states, right, between), ("pure-shear", modes["pure-shear"], None, unseen)):
+    states, right = (
+        states[np.abs(right) > 0.02 * right.max()],
+        right[np.abs(right) > 0.02 * right.max()],
+    )
+    for left, asked, truth, most in (
+        (None, states, right, between),
+        ("pure-shear", modes["pure-shear"], None, unseen),
+    ):
         X = np.concatenate([rows for name, rows in modes.items() if name != left])
         y = stress_of(rubber, X)
         model = pds.identification.EnergyRegressor(bulk_ratio=1e7).fit(X, y, 1 / y**2)
@@ -218,32 +285,49 @@ def test_rubber_that_no_sum_of_powers_of_stretches_is(rubber, greatest, between,
         assert np.sqrt(np.mean((model.predict(asked) / truth - 1) ** 2)) < most
         # All weights are positive: the law itself, which refuses others, is polyconvex.
         assert isinstance(model.law_, pds.materials.Ogden)
-        np.testing.assert_allclose(model.predict(asked), nominal_stress(model.law_, asked), rtol=1e-12)
+        np.testing.assert_allclose(
+            model.predict(asked), nominal_stress(model.law_, asked), rtol=1e-12
+        )
 
 
 def test_powers_of_invariants_run_in_a_surrogate_and_in_a_scene(tmp_path):
-    """Isihara's rubber: a law with powers of invariants through a card, a learned force, and the exact one, in the same scene."""
+    """Isihara's rubber: a law with powers of invariants through a card, a learned force, and the
+    exact one, in the same scene.
+    """
     stretch = np.linspace(1.05, 2.5, 12)
-    X = np.concatenate([np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(12))])
+    X = np.concatenate(
+        [np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(12))]
+    )
     law = pds.identification.EnergyRegressor(bulk_ratio=1e3).fit(X, stress_of(isihara, X)).law_
     assert isinstance(law, pds.materials.Polyconvex)
     samples = pds.training_samples(law, 1000, (0.6, 2.2), random_state=0)
-    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y)
+    model = pds.surrogate_pipeline(
+        pds.learning.ChebyshevRegressor((10, 5)), features="isochoric"
+    ).fit(samples.X, samples.y)
     path = pds.store(model, samples, law, tmp_path, "isihara", None, "an energy without a law")
-    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material=pds.load_card(path).material.trained_with)
+    scene = pds.load_scene(
+        "uniaxial", spacing=0.25, stretches=1.5, material=pds.load_card(path).material.trained_with
+    )
     right = nominal_stress(law, np.array([[1.5, 1.5**-0.5]]))[0]
     for force, most in ((path, 2e-3), ("analytic", 1e-5)):
-        assert pds.simulate(scene, force).levels[0]["nominal_stress"] == pytest.approx(right, rel=most)
+        assert pds.simulate(scene, force).levels[0]["nominal_stress"] == pytest.approx(
+            right, rel=most
+        )
 
 
 def test_a_row_twice_is_one_of_twice_the_weight(random):
     """Whatever the order of the rows is: which are left out together goes by their states."""
     stretch = np.linspace(1.1, 2.5, 9)
-    X = np.concatenate([np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(9), stretch)])
+    X = np.concatenate(
+        [np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(9), stretch)]
+    )
     y = stress_of(haines_wilson, X) * (1 + 0.02 * random.standard_normal(27))
     weight = random.integers(1, 3, 27)
     rows = random.permutation(np.repeat(np.arange(27), weight))
-    once, twice = pds.identification.EnergyRegressor().fit(X, y, weight), pds.identification.EnergyRegressor().fit(X[rows], y[rows])
+    once, twice = (
+        pds.identification.EnergyRegressor().fit(X, y, weight),
+        pds.identification.EnergyRegressor().fit(X[rows], y[rows]),
+    )
     np.testing.assert_allclose(twice.predict(X), once.predict(X), rtol=1e-6)
 
 
@@ -251,7 +335,9 @@ def test_modes_are_told_by_their_stretches(kawabata):
     treloar = pds.load_test_data("treloar")
     assert (mode_of(treloar.stretches) == treloar.mode).mean() > 0.95
     assert independent(treloar.stretches) == 3
-    assert independent(treloar.of("pure-shear").stretches) == 1  # the row at rest, which is of all modes, is none
+    assert (
+        independent(treloar.of("pure-shear").stretches) == 1
+    )  # the row at rest, which is of all modes, is none
     # Both stresses of a state are one measurement, and those of a mode are together.
     assert 60 < independent(kawabata.stretches) < len(kawabata) / 2
 
@@ -265,20 +351,43 @@ def test_the_hull_says_where_the_data_are(kawabata):
 
 
 def test_two_commands_from_data_to_a_run(tmp_path):
-    """The energy of Kawabata's rubber in a scene that says nothing of it, its modulus in the scene's unit."""
+    """The energy of Kawabata's rubber in a scene that says nothing of it, its modulus in the
+    scene's unit.
+    """
     from typer.testing import CliRunner
 
     from pdsurrogate.cli import app
 
     folder = tmp_path / "artifacts"
-    fit = ["fit", "mine", "--data", "kawabata", "--free", "--folds", "0", "--samples", "1500", "--out", str(folder)]
+    fit = [
+        "fit",
+        "mine",
+        "--data",
+        "kawabata",
+        "--free",
+        "--folds",
+        "0",
+        "--samples",
+        "1500",
+        "--out",
+        str(folder),
+    ]
     done = CliRunner().invoke(app, fit)
     assert done.exit_code == 0, done.output
     card = pds.load_card(folder / "mine")
     assert card.domain.least_stretch == 0.52
     assert card.domain.greatest_stretch == 3.7
     assert card.training["identification"]["r_squared"]["biaxial"] > 0.999
-    run = ["run", "uniaxial", "--set", "spacing=0.2", "--set", "stretches=1.5", "--force", str(folder / "mine")]
+    run = [
+        "run",
+        "uniaxial",
+        "--set",
+        "spacing=0.2",
+        "--set",
+        "stretches=1.5",
+        "--force",
+        str(folder / "mine"),
+    ]
     done = CliRunner().invoke(app, run)
     assert done.exit_code == 0, done.output
     assert 'Material of mine@1: {law="polyconvex", shear_modulus=' in done.output  # kPa
@@ -290,9 +399,17 @@ def test_one_mode_or_state_is_told():
     treloar = pds.load_test_data("treloar")
     for mode in ("uniaxial", "equibiaxial", "pure-shear"):
         data = treloar.of(mode)
-        with pytest.warns(UserWarning, match=rf"single mode of loading \({mode}\), which determines neither"):
+        with pytest.warns(
+            UserWarning, match=rf"single mode of loading \({mode}\), which determines neither"
+        ):
             model = pds.identification.EnergyRegressor().fit(data.stretches, data.nominal_stress)
-        beyond = dict(zip(("uniaxial", "pure-shear", "equibiaxial"), model.beyond([[2, 2**-0.5], [2, 1], [2, 2]]), strict=True))
+        beyond = dict(
+            zip(
+                ("uniaxial", "pure-shear", "equibiaxial"),
+                model.beyond([[2, 2**-0.5], [2, 1], [2, 2]]),
+                strict=True,
+            )
+        )
         assert [name for name, distance in beyond.items() if distance <= 0] == [mode]
     with pytest.warns(UserWarning, match="the data contain a single state"):
         pds.identification.EnergyRegressor().fit([[2.0, 1.0]], [1.0])
@@ -306,14 +423,18 @@ def test_a_law_that_was_found_goes_into_a_scene():
 
 
 def test_a_run_counts_the_bonds_beyond_the_data(tmp_path):
-    """An energy of uniaxial data: of a sheet that is pulled all bonds are within them, of one in pure shear none."""
+    """An energy of uniaxial data: of a sheet that is pulled all bonds are within them, of one in
+    pure shear none.
+    """
     data = pds.load_test_data("treloar").of("uniaxial").up_to(3.0)
     with pytest.warns(UserWarning, match="single mode of loading"):
         model = pds.identification.EnergyRegressor().fit(data.stretches, data.nominal_stress)
     law = model.law_
     samples = pds.training_samples(law, 1500, (0.5, 3.0), random_state=0)
     samples.design["hull"] = model.domain_hull()
-    pipeline = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y)
+    pipeline = pds.surrogate_pipeline(
+        pds.learning.ChebyshevRegressor((10, 5)), features="isochoric"
+    ).fit(samples.X, samples.y)
     path = pds.store(pipeline, samples, law, tmp_path, "mine", "1", "a test")
     assert pds.load_surrogate(path).domain.hull is not None
     shares = {}
@@ -321,14 +442,25 @@ def test_a_run_counts_the_bonds_beyond_the_data(tmp_path):
         result = pds.simulate(pds.load_scene(name, spacing=0.25, stretches=2.0, material=law), path)
         (row,) = result.summary["beyond_data"]
         shares[name] = row["share"]
-        assert (result.field("domain_deviation") <= 0).mean() == pytest.approx(1 - row["share"], abs=0.2)
+        assert (result.field("domain_deviation") <= 0).mean() == pytest.approx(
+            1 - row["share"], abs=0.2
+        )
     assert shares["uniaxial"] == 0
     assert shares["pure-shear"] > 0.8
-    # At the middle 0.31 from the line of uniaxial tension less the margin of 0.05; the corners at the grips are farther.
+    # At the middle 0.31 from the line of uniaxial tension less the margin of 0.05; the corners at
+    # the grips are farther.
     assert 0.26 < row["log_stretch"] < 0.6
 
 
 def test_a_dictionary_without_stable_waves_is_refused():
     data = pds.load_test_data("treloar").up_to(3.0)
-    with pytest.raises(ValueError, match="no sum of the terms with positive coefficients and stable waves describes the measurements"):
-        pds.identification.EnergyRegressor(dictionary=[("second_logarithm", 1)]).fit(data.stretches, data.nominal_stress)
+    with pytest.raises(
+        ValueError,
+        match=(
+            "no sum of the terms with positive coefficients and stable waves describes the"
+            " measurements"
+        ),
+    ):
+        pds.identification.EnergyRegressor(dictionary=[("second_logarithm", 1)]).fit(
+            data.stretches, data.nominal_stress
+        )

@@ -1,4 +1,6 @@
-"""Tables that are no rubber, or not as a fit takes them: the cause is named, not thirty bad rows, and not nothing."""
+"""Tables that are no rubber, or not as a fit takes them: the cause is named, not thirty bad
+rows, and not nothing.
+"""
 
 import numpy as np
 import pytest
@@ -13,23 +15,36 @@ RUBBER = pds.materials.Gent(0.4, 400.0, 60.0)
 
 
 def curve(stretches, mode="uniaxial", given=None, noise=0.01):
-    """Return test data of Gent's rubber at some stretches, with the stretches `given` in their place if they are not None."""
+    """Return test data of Gent's rubber at some stretches, with the stretches `given` in their
+    place if they are not None.
+    """
     stretches = np.asarray(stretches, dtype=float)
     stress = nominal_stress(RUBBER, np.stack([stretches, MODES[mode](stretches)], axis=1))
     stress *= 1 + noise * np.random.default_rng(0).standard_normal(len(stress))
     given = stretches if given is None else np.asarray(given, dtype=float)
-    return TestData("made", np.array([mode] * len(given)), np.stack([given, MODES[mode](given)], axis=1), stress, np.ones(len(given)))
+    return TestData(
+        "made",
+        np.array([mode] * len(given)),
+        np.stack([given, MODES[mode](given)], axis=1),
+        stress,
+        np.ones(len(given)),
+    )
 
 
 @pytest.mark.parametrize(("least", "greatest"), [(1.5, 89.0), (7.0, 560.0)])
 @pytest.mark.parametrize("mode", ["uniaxial", "pure-shear"])
 def test_strains_in_per_cent_are_named(least, greatest, mode):
-    """Yeoh's law fits them as stretches with an R^2 of 0.98 and more, and a shear modulus of almost nothing."""
+    """Yeoh's law fits them as stretches with an R^2 of 0.98 and more, and a shear modulus of
+    almost nothing.
+    """
     percent = np.linspace(least, greatest, 25)
     data = curve(1 + percent / 100, mode, percent)
     with pytest.warns(
         TestDataWarning,
-        match=rf"^all modes: the stretches, {least:g} to {greatest:g}, look like strains in per cent; a stretch is 1 \+ strain/100$",
+        match=(
+            rf"^all modes: the stretches, {least:g} to {greatest:g}, look like strains in per cent;"
+            r" a stretch is 1 \+ strain/100$"
+        ),
     ):
         pds.fit_to_tests(pds.identification.LawRegressor("yeoh"), data, force=True)
 
@@ -37,7 +52,9 @@ def test_strains_in_per_cent_are_named(least, greatest, mode):
 def test_strains_in_the_place_of_stretches_are_named():
     strain = np.linspace(0.05, 3.0, 25)
     said = suspicions(curve(1 + strain, given=strain))
-    assert said[0] == "all modes: the stretches, 0.05 to 3, look like strains; a stretch is 1 + strain"
+    assert (
+        said[0] == "all modes: the stretches, 0.05 to 3, look like strains; a stretch is 1 + strain"
+    )
     assert len(said) == 1
 
 
@@ -62,9 +79,11 @@ def cycle():
 
 def test_hysteresis_is_named_and_the_loading_branch_offered(cycle):
     (said,) = suspicions(cycle)
-    assert said == (
-        "uniaxial: 19 of 39 rows are of unloading or of loading again, with other stresses than those of first loading (hysteresis), which "
-        "no elastic law describes; take the loading branch alone (--loading, TestData.loading)"
+    assert (
+        said
+        == "uniaxial: 19 of 39 rows are of unloading or of loading again, with other stresses than"
+        " those of first loading (hysteresis), which no elastic law describes; take the loading"
+        " branch alone (--loading, TestData.loading)"
     )
     loading = cycle.loading()
     assert loading.row.tolist() == [*range(1, 21)]
@@ -84,7 +103,10 @@ def test_orders_that_are_no_unloading(cycle):
 
 
 def test_commands_take_the_loading_branch(cycle, tmp_path):
-    rows = [f"{mode},{x[0]:.6g},{y:.6g}" for mode, x, y in zip(cycle.mode, cycle.stretches, cycle.nominal_stress, strict=True)]
+    rows = [
+        f"{mode},{x[0]:.6g},{y:.6g}"
+        for mode, x, y in zip(cycle.mode, cycle.stretches, cycle.nominal_stress, strict=True)
+    ]
     (tmp_path / "tests.csv").write_text("\n".join(["mode,stretch,nominal_stress", *rows]) + "\n")
     arguments = ["identify", str(tmp_path / "tests.csv"), "--law", "gent"]
     told = CliRunner().invoke(app, arguments)
@@ -93,17 +115,30 @@ def test_commands_take_the_loading_branch(cycle, tmp_path):
     assert done.exit_code == 0, done.output
     assert "hysteresis" not in done.stderr
     assert "20 rows" in done.output
-    refused = CliRunner().invoke(app, ["fit", "x", "--loading", "--out", str(tmp_path / "artifacts")])
+    refused = CliRunner().invoke(
+        app, ["fit", "x", "--loading", "--out", str(tmp_path / "artifacts")]
+    )
     assert refused.exit_code == 2
     assert "--loading, --bulk-modulus" in " ".join(refused.stderr.split())
 
 
 def foam(stretch, lateral):
-    """Return a table of a uniaxial test with its lateral stretches, and stresses across it of zero, as `load_test_data` reads it."""
+    """Return a table of a uniaxial test with its lateral stretches, and stresses across it of
+    zero, as `load_test_data` reads it.
+    """
     stress = 0.05 * (stretch - stretch**-3.0)
-    X = np.stack([np.stack([stretch, lateral], axis=1), np.stack([lateral, stretch], axis=1)], axis=1).reshape(-1, 2)
+    X = np.stack(
+        [np.stack([stretch, lateral], axis=1), np.stack([lateral, stretch], axis=1)], axis=1
+    ).reshape(-1, 2)
     values = np.stack([stress, np.zeros_like(stress)], axis=1).ravel()
-    return TestData("foam", np.array(["biaxial"] * len(X)), X, values, np.ones(len(X)), np.repeat(np.arange(1, len(stretch) + 1), 2))
+    return TestData(
+        "foam",
+        np.array(["biaxial"] * len(X)),
+        X,
+        values,
+        np.ones(len(X)),
+        np.repeat(np.arange(1, len(stretch) + 1), 2),
+    )
 
 
 def test_a_foam_is_named_where_its_lateral_stretches_are_known():
@@ -111,9 +146,15 @@ def test_a_foam_is_named_where_its_lateral_stretches_are_known():
     regressor = pds.identification.LawRegressor("mooney-rivlin")
     with pytest.raises(
         ValueError,
-        match=r"row 1 \(biaxial, stretches 0.4 and 1.02, .*: the stretches along and across a uniaxial load change the volume by -58 %: "
-        "the material is compressible, such as a foam, and these are laws of rubber",
+        match=(
+            r"row 1 \(biaxial, stretches 0.4 and 1.02, .*: the stretches along and across a"
+            r" uniaxial load change the volume by -58 %: "
+            "the material is compressible, such as a foam, and these are laws of rubber"
+        ),
     ):
         pds.fit_to_tests(regressor, foam(stretch, np.full(12, 1.02)))
     rubber = foam(stretch, stretch**-0.5 * 1.01)
-    assert not any("volume" in text for text in examine(regressor.fit(rubber.stretches, rubber.nominal_stress), rubber).refusals)
+    assert not any(
+        "volume" in text
+        for text in examine(regressor.fit(rubber.stretches, rubber.nominal_stress), rubber).refusals
+    )

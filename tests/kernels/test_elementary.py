@@ -1,4 +1,6 @@
-"""Vectorized elementary functions against NumPy in double precision, over the ranges their docstrings state."""
+"""Vectorized elementary functions against NumPy in double precision, over the ranges their
+docstrings state.
+"""
 
 import numpy as np
 import pytest
@@ -37,8 +39,15 @@ def apply_to_both(function, x, y):
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 3e-7), (np.float64, 2.3e-16)])
 def test_quotient(random, dtype, tolerance):
-    x, y = (np.exp(random.uniform(-40, 40, (2, 5000))) * random.choice([-1, 1], (2, 5000))).astype(dtype)
-    assert np.abs(apply_to_both(elementary.quotient, x, y) * y.astype(float) / x.astype(float) - 1).max() < tolerance
+    x, y = (np.exp(random.uniform(-40, 40, (2, 5000))) * random.choice([-1, 1], (2, 5000))).astype(
+        dtype
+    )
+    assert (
+        np.abs(
+            apply_to_both(elementary.quotient, x, y) * y.astype(float) / x.astype(float) - 1
+        ).max()
+        < tolerance
+    )
 
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 3e-7), (np.float64, 4e-16)])
@@ -46,13 +55,19 @@ def test_inverse_cube_root(random, dtype, tolerance):
     x = np.exp(random.uniform(-80, 80, 5000)).astype(dtype)
     # In extended precision: a cube root in double precision would add its own rounding of 2.2e-16.
     exact = np.cbrt(x.astype(np.longdouble))
-    assert np.abs(apply(elementary.inverse_cube_root, x).astype(np.longdouble) * exact - 1).max() < tolerance
+    assert (
+        np.abs(apply(elementary.inverse_cube_root, x).astype(np.longdouble) * exact - 1).max()
+        < tolerance
+    )
 
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 3e-7), (np.float64, 5e-16)])
 def test_inverse_square_root(random, dtype, tolerance):
     x = np.exp(random.uniform(-80, 80, 5000)).astype(dtype)
-    assert np.abs(apply(elementary.inverse_square_root, x) * np.sqrt(x.astype(float)) - 1).max() < tolerance
+    assert (
+        np.abs(apply(elementary.inverse_square_root, x) * np.sqrt(x.astype(float)) - 1).max()
+        < tolerance
+    )
 
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 3e-7), (np.float64, 6e-16)])
@@ -78,7 +93,10 @@ def test_exponential(random, dtype, tolerance):
 def test_arctangent(random, dtype, tolerance):
     angle = random.uniform(-1.57, 1.57, 5000)
     y, x = (1.7 * np.sin(angle)).astype(dtype), (1.7 * np.cos(angle)).astype(dtype)
-    assert np.abs(apply_to_both(arctangent, y, x) - np.arctan2(y.astype(float), x.astype(float))).max() < tolerance
+    assert (
+        np.abs(apply_to_both(arctangent, y, x) - np.arctan2(y.astype(float), x.astype(float))).max()
+        < tolerance
+    )
 
 
 EXACT = {
@@ -98,7 +116,9 @@ def test_activations(random, name, dtype, tolerance):
     def value(x):
         return function(x)[0]
 
-    x = np.concatenate([random.uniform(-20, 20, 3000), random.uniform(-0.1, 0.1, 1000), [0.0, -60.0, 60.0]]).astype(dtype)
+    x = np.concatenate(
+        [random.uniform(-20, 20, 3000), random.uniform(-0.1, 0.1, 1000), [0.0, -60.0, 60.0]]
+    ).astype(dtype)
     exact = EXACT[name](x.astype(float))
     # Relative to the larger of 1 and the value: relu and the identity grow without bound.
     assert (np.abs(apply(value, x) - exact) / np.maximum(1, np.abs(exact))).max() < tolerance

@@ -15,7 +15,9 @@ from pdsurrogate.kernels.steps import greatest_strain
 def wavy(points, size=0.03):
     """A smooth inhomogeneous deformation."""
     x1, x2 = points.T
-    return np.stack([1.3 * x1 + size * np.sin(4 * x2), 0.9 * x2 + 0.2 * x1 + size * np.cos(5 * x1)], axis=1)
+    return np.stack(
+        [1.3 * x1 + size * np.sin(4 * x2), 0.9 * x2 + 0.2 * x1 + size * np.cos(5 * x1)], axis=1
+    )
 
 
 @pytest.mark.parametrize("make", [sheet, disc_with_hole, gripped_sheet])
@@ -42,7 +44,8 @@ from pdsurrogate.engine.compile import kernel
 size = mmap.PAGESIZE
 memory = mmap.mmap(-1, 2 * size)
 pages = np.frombuffer(memory, dtype=np.uint8)
-assert ctypes.CDLL(None).mprotect(ctypes.c_void_p(pages.ctypes.data + size), ctypes.c_size_t(size), 0) == 0
+after = ctypes.c_void_p(pages.ctypes.data + size)
+assert ctypes.CDLL(None).mprotect(after, ctypes.c_size_t(size), 0) == 0
 def at_end(values):
     place = pages[size - values.nbytes : size].view(values.dtype).reshape(values.shape)
     place[...] = values
@@ -51,7 +54,8 @@ add_up = vector_loads.sum_records(3, -1, fetched=True)
 @kernel
 def total(records, listed, out):
     add_up(records, (0, 5), (listed, listed.shape[0]), (0, listed.shape[0]), 1.0, 0, out)
-table, listed, out = np.arange(15.0).reshape(5, 3), np.array([4, 0, 1], dtype=np.uint32), np.zeros((1, 3))
+table, out = np.arange(15.0).reshape(5, 3), np.zeros((1, 3))
+listed = np.array([4, 0, 1], dtype=np.uint32)
 total(table, at_end(listed), out)
 print(out.tolist())
 total(at_end(table), listed, out)
@@ -61,15 +65,21 @@ print(out.tolist())
 
 @pytest.mark.skipif(sys.platform != "linux", reason="pages of memory are closed by a call of Linux")
 def test_asking_for_memory_reads_nothing_beyond_the_arrays():
-    """Behind the records, and behind the list of their numbers, lies a page whose use would end the process."""
-    run = subprocess.run([sys.executable, "-c", AT_THE_END_OF_MEMORY], capture_output=True, text=True, check=False)
+    """Behind the records, and behind the list of their numbers, lies a page whose use would end
+    the process.
+    """
+    run = subprocess.run(
+        [sys.executable, "-c", AT_THE_END_OF_MEMORY], capture_output=True, text=True, check=False
+    )
     table = np.arange(15.0).reshape(5, 3)
     expected = f"{[(table.sum(axis=0) - table[[4, 0, 1]].sum(axis=0)).tolist()]}\n"
     assert (run.returncode, run.stdout) == (0, 2 * expected), run.stderr
 
 
 def test_compiled_code_is_cached_and_compilation_is_announced():
-    """A kernel in a file is loaded by a second dispatcher; one that cannot be cached still works and is announced."""
+    """A kernel in a file is loaded by a second dispatcher; one that cannot be cached still works
+    and is announced.
+    """
     body = gripped_sheet()
     arguments = np.zeros_like(body.all_points), body.all_points, body.bonds.first, body.bonds.second
     greatest_strain(*arguments)

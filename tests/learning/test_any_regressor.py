@@ -1,4 +1,6 @@
-"""Regressors of any make as surrogates: what is taken over is exact, what is resampled says by how much it is off."""
+"""Regressors of any make as surrogates: what is taken over is exact, what is resampled says by
+how much it is off.
+"""
 
 import numpy as np
 import pytest
@@ -12,7 +14,12 @@ from sklearn.model_selection import GridSearchCV, KFold
 from sklearn.multioutput import MultiOutputRegressor
 from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import Pipeline, make_pipeline
-from sklearn.preprocessing import FunctionTransformer, MinMaxScaler, PolynomialFeatures, StandardScaler
+from sklearn.preprocessing import (
+    FunctionTransformer,
+    MinMaxScaler,
+    PolynomialFeatures,
+    StandardScaler,
+)
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import ArtifactError
@@ -40,7 +47,9 @@ def fitted(samples, regressor, features="isochoric", **weights):
 def agreement(surrogate, model, samples) -> float:
     """RMS of the difference over the RMS of the force."""
     right = model.predict(samples.X)
-    return float(np.sqrt(((surrogate.bond_force(*samples.X.T) - right) ** 2).sum() / (right**2).sum()))
+    return float(
+        np.sqrt(((surrogate.bond_force(*samples.X.T) - right) ** 2).sum() / (right**2).sum())
+    )
 
 
 class Quadratic(RegressorMixin, BaseEstimator):
@@ -66,15 +75,29 @@ def test_a_cubic_is_a_spline_of_it_exactly(degree):
     low, high = np.array([-1.0, 0.5]), np.array([2.0, 3.0])
 
     def cubic(x):
-        return np.stack([x[:, 0] ** degree - x[:, 1], 2 * x[:, 1] ** degree + x[:, 0] * x[:, 1]], axis=1)
+        return np.stack(
+            [x[:, 0] ** degree - x[:, 1], 2 * x[:, 1] ** degree + x[:, 0] * x[:, 1]], axis=1
+        )
 
     spline, values = fitted_spline(cubic, low, high, 6)
-    force = SplineForce("x", "isochoric", np.zeros(2), Domain(0.5, 2, 0.9, 1.1), "ogden", {}, spline.low, spline.step, spline.coefficients)
+    force = SplineForce(
+        "x",
+        "isochoric",
+        np.zeros(2),
+        Domain(0.5, 2, 0.9, 1.1),
+        "ogden",
+        {},
+        spline.low,
+        spline.step,
+        spline.coefficients,
+    )
     x = low + (high - low) * np.random.default_rng(0).random((200, 2))
     np.testing.assert_allclose(force.outputs(x), cubic(x), atol=1e-11)
     assert greatest_jump(cubic, low, high, values) < 1e-5
     beyond = np.array([[-9.0, 0.5], [2.0, 99.0], [np.nan, 0.5]])
-    np.testing.assert_allclose(force.outputs(beyond), cubic(np.array([[-1.0, 0.5], [2.0, 3.0], [-1.0, 0.5]])), atol=1e-11)
+    np.testing.assert_allclose(
+        force.outputs(beyond), cubic(np.array([[-1.0, 0.5], [2.0, 3.0], [-1.0, 0.5]])), atol=1e-11
+    )
 
 
 @pytest.mark.parametrize("cells", [(1, 7), (12, 5)])
@@ -82,13 +105,26 @@ def test_spline_kernels_of_two_features(random, cells):
     """Random coefficients in both precisions, inside and outside the box, against NumPy."""
     coefficients = random.standard_normal((2, *(count + 3 for count in cells)))
     low, step = np.array([-1.0, 0.0]), np.array([2.0, 2.2]) / cells
-    model = SplineForce("x", "isochoric", np.array([0.1, -0.2]), Domain(0.5, 4, 0.7, 1.4), "ogden", {}, low, step, coefficients)
+    model = SplineForce(
+        "x",
+        "isochoric",
+        np.array([0.1, -0.2]),
+        Domain(0.5, 4, 0.7, 1.4),
+        "ogden",
+        {},
+        low,
+        step,
+        coefficients,
+    )
     X = pds.training_samples(pds.materials.NeoHookean(), 600, random_state=1).X
     exact = model.bond_force(*X.T)
     for dtype in (np.float32, np.float64):
         compiled = kernel_bond_force(model, LAW, dtype)(*X.T)
         # Places within a cell are rounded at the size of the box, in cells.
-        assert np.abs(compiled - exact).max() < 100 * max(cells) * np.finfo(dtype).eps * np.abs(exact).max()
+        assert (
+            np.abs(compiled - exact).max()
+            < 100 * max(cells) * np.finfo(dtype).eps * np.abs(exact).max()
+        )
 
 
 NETWORK = {"solver": "lbfgs", "max_iter": 30, "random_state": 0}
@@ -98,8 +134,13 @@ NETWORK = {"solver": "lbfgs", "max_iter": 30, "random_state": 0}
     "regressor",
     [
         MLPRegressor(hidden_layer_sizes=(6, 5, 4), activation="tanh", **NETWORK),
-        make_pipeline(MinMaxScaler(), MLPRegressor(hidden_layer_sizes=(8,), activation="relu", **NETWORK)),
-        make_pipeline(PolynomialFeatures(1, include_bias=False), MLPRegressor(hidden_layer_sizes=(8,), activation="logistic", **NETWORK)),
+        make_pipeline(
+            MinMaxScaler(), MLPRegressor(hidden_layer_sizes=(8,), activation="relu", **NETWORK)
+        ),
+        make_pipeline(
+            PolynomialFeatures(1, include_bias=False),
+            MLPRegressor(hidden_layer_sizes=(8,), activation="logistic", **NETWORK),
+        ),
     ],
     ids=["three layers", "another scaler", "affine features"],
 )
@@ -109,7 +150,9 @@ def test_networks_are_taken_over_exactly(samples, regressor):
     surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
     assert isinstance(surrogate, NetworkForce)
     assert report == {}
-    assert agreement(surrogate, model, samples) < 1e-7  # of the logistic function, which the kernels have to 1e-8
+    assert (
+        agreement(surrogate, model, samples) < 1e-7
+    )  # of the logistic function, which the kernels have to 1e-8
 
 
 @needs_torch
@@ -120,13 +163,21 @@ def test_a_network_of_torch_by_skorch_is_taken_over(samples):
     torch.manual_seed(0)
 
     def module():
-        return torch.nn.Sequential(torch.nn.Linear(2, 8), torch.nn.Tanh(), torch.nn.Linear(8, 6), torch.nn.Tanh(), torch.nn.Linear(6, 2))
+        return torch.nn.Sequential(
+            torch.nn.Linear(2, 8),
+            torch.nn.Tanh(),
+            torch.nn.Linear(8, 6),
+            torch.nn.Tanh(),
+            torch.nn.Linear(6, 2),
+        )
 
     net = skorch.NeuralNetRegressor(module, max_epochs=2, lr=0.01, train_split=None, verbose=0)
     single = FunctionTransformer(np.float32)
     model = pds.surrogate_pipeline(make_pipeline(single, net), features="isochoric")
     model.set_params(
-        regressor__regressor__transformer=make_pipeline(StandardScaler(), FunctionTransformer(np.float32)),
+        regressor__regressor__transformer=make_pipeline(
+            StandardScaler(), FunctionTransformer(np.float32)
+        ),
         regressor__regressor__check_inverse=False,
     )
     model.fit(samples.X, samples.y)
@@ -151,14 +202,22 @@ def test_a_network_of_another_precision_is_told_in_a_line(samples, double):
     if double:
         assert model.fit(samples.X, samples.y).predict(samples.X).shape == samples.y.shape
         return
-    with pytest.raises(ValueError, match=r"^the regressor takes numbers of another precision .* module.double\(\)") as told:
+    with pytest.raises(
+        ValueError, match=r"^the regressor takes numbers of another precision .* module.double\(\)"
+    ) as told:
         model.fit(samples.X, samples.y)
     assert told.value.__suppress_context__
     assert "\n" not in str(told.value)
 
 
 @pytest.mark.parametrize(
-    "regressor", [Quadratic(), KernelRidge(kernel="rbf", alpha=1e-4, gamma=0.1), make_pipeline(PolynomialFeatures(5), Ridge(1e-6))], ids=str
+    "regressor",
+    [
+        Quadratic(),
+        KernelRidge(kernel="rbf", alpha=1e-4, gamma=0.1),
+        make_pipeline(PolynomialFeatures(5), Ridge(1e-6)),
+    ],
+    ids=str,
 )
 def test_smooth_functions_are_resampled_to_the_tolerance(samples, regressor):
     model = fitted(samples, regressor)
@@ -172,7 +231,12 @@ def test_smooth_functions_are_resampled_to_the_tolerance(samples, regressor):
 
 
 @pytest.mark.parametrize(
-    "regressor", [RandomForestRegressor(20, random_state=0), GradientBoostingRegressor(n_estimators=60, random_state=0)], ids=str
+    "regressor",
+    [
+        RandomForestRegressor(20, random_state=0),
+        GradientBoostingRegressor(n_estimators=60, random_state=0),
+    ],
+    ids=str,
 )
 def test_steps_of_trees_are_found_and_smoothed(samples, regressor):
     model = fitted(samples, regressor)
@@ -186,7 +250,9 @@ def test_steps_of_trees_are_found_and_smoothed(samples, regressor):
 
 @pytest.mark.parametrize("features", ["symmetric", "paper"])
 def test_what_sees_more_than_three_features_is_resampled_as_a_function_of_bonds(samples, features):
-    """Of a cubic in four or five features the force is not isotropic; what is left of it is the error that is stated."""
+    """Of a cubic in four or five features the force is not isotropic; what is left of it is the
+    error that is stated.
+    """
     model = fitted(samples, make_pipeline(PolynomialFeatures(3), Ridge(1e-6)), features)
     surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
     assert surrogate.feature_set == "isochoric"
@@ -204,13 +270,20 @@ def test_a_force_of_python_is_resampled(samples):
 
     surrogate, report = taken_over(Mine(), LAW, BOND_FORCE.domain(LAW, samples), "x", samples.X)
     assert report["model"] == "Mine"
-    assert np.abs(surrogate.bond_force(*samples.X.T) - samples.y).max() < 1e-3 * np.abs(samples.y).max()
+    assert (
+        np.abs(surrogate.bond_force(*samples.X.T) - samples.y).max()
+        < 1e-3 * np.abs(samples.y).max()
+    )
     assert report["rms"] < 1e-4
 
 
 def test_a_plain_pipeline_of_bonds_is_stored_with_its_samples(samples, tmp_path):
-    """Fitted to the five bond quantities and nothing of the package; by itself it does not say where it holds."""
-    model = make_pipeline(StandardScaler(), PolynomialFeatures(5), Ridge(1e-6)).fit(samples.X, samples.y)
+    """Fitted to the five bond quantities and nothing of the package; by itself it does not say
+    where it holds.
+    """
+    model = make_pipeline(StandardScaler(), PolynomialFeatures(5), Ridge(1e-6)).fit(
+        samples.X, samples.y
+    )
     with pytest.raises(ValueError, match=r"the stretches .*: fit it within a surrogate_pipeline"):
         pds.simulate("uniaxial", model)
     card = pds.load_card(pds.store(model, samples, LAW, tmp_path, "plain", "1", "plain"))
@@ -221,20 +294,37 @@ def test_a_plain_pipeline_of_bonds_is_stored_with_its_samples(samples, tmp_path)
 
 def test_a_search_goes_straight_into_storing_and_evaluation(samples, tmp_path):
     search = GridSearchCV(
-        pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(), features="isochoric"), {f"{GRID}__degree": [2, 6]}, cv=3
+        pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(), features="isochoric"),
+        {f"{GRID}__degree": [2, 6]},
+        cv=3,
     )
     search.fit(samples.X, samples.y)
     card = pds.load_card(pds.store(search, samples, LAW, tmp_path, "searched", "1", "searched"))
     assert [row[f"{GRID}__degree"] for row in card.training["search"]] == [2, 6]
     assert card.training["parameters"] == {"degree": 6}
-    assert pds.evaluate(search, LAW, (0.6, 2.5), 500) == pds.evaluate(search.best_estimator_, LAW, (0.6, 2.5), 500)
+    assert pds.evaluate(search, LAW, (0.6, 2.5), 500) == pds.evaluate(
+        search.best_estimator_, LAW, (0.6, 2.5), 500
+    )
     search.refit = False
     with pytest.raises(ValueError, match="has no fitted model: set refit=True"):
-        pds.evaluate(GridSearchCV(search.estimator, search.param_grid, cv=2, refit=False).fit(samples.X, samples.y), LAW)
+        pds.evaluate(
+            GridSearchCV(search.estimator, search.param_grid, cv=2, refit=False).fit(
+                samples.X, samples.y
+            ),
+            LAW,
+        )
 
 
 def test_artifacts_and_names_are_evaluated_as_well(samples, tmp_path):
-    path = pds.store(fitted(samples, pds.learning.ChebyshevRegressor(6)), samples, LAW, tmp_path, "mine", "1", "x")
+    path = pds.store(
+        fitted(samples, pds.learning.ChebyshevRegressor(6)),
+        samples,
+        LAW,
+        tmp_path,
+        "mine",
+        "1",
+        "x",
+    )
     report = pds.evaluate(path, LAW, n_samples=500)
     assert report["stretch_range"] == [0.6, 2.5]
     assert pds.evaluate("analytic", LAW, (0.6, 2.5), 300)["on_surface"]["max"] < 1e-13
@@ -247,7 +337,9 @@ def test_a_forest_runs_from_its_artifact(samples, tmp_path):
     model = fitted(samples, RandomForestRegressor(50, min_samples_leaf=2, random_state=0))
     path = pds.store(model, samples, LAW, tmp_path, "forest", "1", "trees")
     scene = pds.load_scene("uniaxial", spacing=0.2, stretches=1.4, material="ogden")
-    stress = [pds.simulate(scene, force).levels[0]["nominal_stress_error"] for force in (path, model)]
+    stress = [
+        pds.simulate(scene, force).levels[0]["nominal_stress_error"] for force in (path, model)
+    ]
     assert abs(stress[0]) < 0.05
     assert stress[1] == pytest.approx(stress[0], abs=5e-3)  # another domain: that of its samples
 
@@ -255,7 +347,10 @@ def test_a_forest_runs_from_its_artifact(samples, tmp_path):
 @pytest.mark.parametrize(
     ("regressor", "message"),
     [
-        (LogisticRegression(), "LogisticRegression is not a regressor with the methods fit and predict"),
+        (
+            LogisticRegression(),
+            "LogisticRegression is not a regressor with the methods fit and predict",
+        ),
         (StandardScaler(), "StandardScaler is not a regressor"),
         (Ridge, "Ridge is not a regressor .*; give an instance of it"),
         (3, "int is not a regressor"),
@@ -269,7 +364,15 @@ def test_what_cannot_work_says_so_before_the_training(regressor, message):
 def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
     for columns in (3, 4):
         with pytest.raises(ValueError, match=f"was fitted to {columns} features; fit it to "):
-            pds.store(LinearRegression().fit(samples.X[:, :columns], samples.y), samples, LAW, tmp_path, "x", "1", "x")
+            pds.store(
+                LinearRegression().fit(samples.X[:, :columns], samples.y),
+                samples,
+                LAW,
+                tmp_path,
+                "x",
+                "1",
+                "x",
+            )
     with pytest.raises(ValueError, match="not fitted"):
         surrogate_of(pds.surrogate_pipeline(), LAW, samples)
 
@@ -277,19 +380,27 @@ def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
         def bond_force(self, stretch, rotation, length, C33, J):
             return np.full((len(stretch), 2), np.nan)
 
-    with pytest.raises(ValueError, match=r"Holed: bond_force returned t_n = nan, t_tau = nan, .* at stretch = "):
+    with pytest.raises(
+        ValueError, match=r"Holed: bond_force returned t_n = nan, t_tau = nan, .* at stretch = "
+    ):
         pds.store(Holed(), samples, LAW, tmp_path, "x", "1", "x")
     assert list(tmp_path.iterdir()) == []
 
 
 WEIGHTED = {
     "a polynomial": pds.learning.ChebyshevRegressor(4),
-    "Levenberg-Marquardt": pds.LevenbergMarquardtRegressor((3,), "algebraic", max_iter=15, random_state=0),
+    "Levenberg-Marquardt": pds.LevenbergMarquardtRegressor(
+        (3,), "algebraic", max_iter=15, random_state=0
+    ),
     "a pipeline": make_pipeline(PolynomialFeatures(2), Ridge(1.0)),
     "one target at a time": GradientBoostingRegressor(n_estimators=3, random_state=0),
     "drawn with replacement": RandomForestRegressor(3, random_state=0),
-    "a search": GridSearchCV(make_pipeline(PolynomialFeatures(1), Ridge()), {"ridge__alpha": [0.1, 1.0]}, cv=KFold(2)),
-    "torch": pytest.param(pds.TorchMLPRegressor((4,), max_epochs=3, random_state=0), marks=needs_torch),
+    "a search": GridSearchCV(
+        make_pipeline(PolynomialFeatures(1), Ridge()), {"ridge__alpha": [0.1, 1.0]}, cv=KFold(2)
+    ),
+    "torch": pytest.param(
+        pds.TorchMLPRegressor((4,), max_epochs=3, random_state=0), marks=needs_torch
+    ),
 }
 
 
@@ -302,7 +413,9 @@ def repeated(samples, stride=5):
 
 @pytest.mark.parametrize("regressor", WEIGHTED.values(), ids=WEIGHTED)
 def test_a_weight_of_two_is_a_sample_twice_in_every_pipeline(samples, regressor):
-    """The same bits: scalings, splits and early stopping see the same samples.  Scalings took copies and no weights."""
+    """The same bits: scalings, splits and early stopping see the same samples.  Scalings took
+    copies and no weights.
+    """
     model = pds.surrogate_pipeline(regressor, features="isochoric")
     X, y, weights, copied_X, copied_y = repeated(samples)
     right = clone(model).fit(copied_X, copied_y).predict(X)
@@ -321,12 +434,19 @@ def test_a_regressor_without_weights_refuses_them_by_name(samples):
 
 
 def test_weights_need_no_knowledge_of_the_scalings_of_a_pipeline(samples):
-    """``set_fit_request(sample_weight=True)`` ended in an error that asked for requests of the scaler."""
-    model, weights = pds.surrogate_pipeline(Ridge(1.0), features="isochoric"), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
+    """``set_fit_request(sample_weight=True)`` ended in an error that asked for requests of the
+    scaler.
+    """
+    model, weights = (
+        pds.surrogate_pipeline(Ridge(1.0), features="isochoric"),
+        np.where(samples.X[:, 0] > 1.2, 3.0, 1.0),
+    )
     right = clone(model).fit(samples.X, samples.y, sample_weight=weights).predict(samples.X)
     with config_context(enable_metadata_routing=True):
         itself = clone(model).fit(samples.X, samples.y, sample_weight=weights)
-        requested = clone(model).set_fit_request(sample_weight=True).set_score_request(sample_weight=False)
+        requested = (
+            clone(model).set_fit_request(sample_weight=True).set_score_request(sample_weight=False)
+        )
         within = Pipeline([("model", requested)]).fit(samples.X, samples.y, sample_weight=weights)
         search = GridSearchCV(requested, {"regressor__regressor__regressor__alpha": [1.0]}, cv=2)
         search.fit(samples.X, samples.y, sample_weight=weights)
@@ -335,9 +455,14 @@ def test_weights_need_no_knowledge_of_the_scalings_of_a_pipeline(samples):
 
 
 def test_frames_of_pandas_go_through_with_their_names(samples):
-    """Columns in, columns between the steps where `set_output` asks for them, and the numbers of arrays."""
+    """Columns in, columns between the steps where `set_output` asks for them, and the numbers of
+    arrays.
+    """
     pandas = pytest.importorskip("pandas")
-    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=OUTPUTS)
+    X, y = (
+        pandas.DataFrame(samples.X, columns=COLUMNS),
+        pandas.DataFrame(samples.y, columns=OUTPUTS),
+    )
     names = ["log Jbar", "tr Cbar/(2 Jbar) - 1"]
     right = fitted(samples, Ridge(0.1)).predict(samples.X)
     plain = pds.surrogate_pipeline(Ridge(0.1), features="isochoric")
@@ -359,23 +484,36 @@ SHUFFLED = ["C33", "J", "rotation", "length", "stretch"]
 
 
 def test_columns_of_frames_are_told_by_their_names(samples):
-    """Columns in another order were taken by their places, and names of other things as well: both in silence."""
+    """Columns in another order were taken by their places, and names of other things as well:
+    both in silence.
+    """
     pandas = pytest.importorskip("pandas")
-    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=OUTPUTS)
+    X, y = (
+        pandas.DataFrame(samples.X, columns=COLUMNS),
+        pandas.DataFrame(samples.y, columns=OUTPUTS),
+    )
     swapped, other = X[SHUFFLED], X.rename(columns={"J": "detF"})
     model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(4), features="isochoric")
     right = clone(model).fit(X, y)
     for found in (clone(model).fit(swapped, y[["t_tau", "t_n"]]), right):
         np.testing.assert_array_equal(found.predict(swapped), right.predict(X))
-    with pytest.raises(ValueError, match=r"X must have the columns stretch, .*, in any order, not .*detF"):
+    with pytest.raises(
+        ValueError, match=r"X must have the columns stretch, .*, in any order, not .*detF"
+    ):
         clone(model).fit(other, y)
-    with pytest.raises(ValueError, match=r"X must have the columns stretch, .*, in any order, not .*more"):
+    with pytest.raises(
+        ValueError, match=r"X must have the columns stretch, .*, in any order, not .*more"
+    ):
         right.predict(X.assign(more=1.0))
-    with pytest.raises(ValueError, match="y must have the columns t_n, t_tau, in any order, not t_n, force"):
+    with pytest.raises(
+        ValueError, match="y must have the columns t_n, t_tau, in any order, not t_n, force"
+    ):
         clone(model).fit(X, y.rename(columns={"t_tau": "force"}))
     energies = pds.training_samples(LAW, 100, (0.7, 2.0), target="isochoric-energy")
     frame = pandas.DataFrame(energies.X[:, ::-1], columns=["I2bar", "I1bar"])
-    energy = pds.surrogate_pipeline(pds.learning.SobolevRegressor(2, max_iter=2, random_state=0), "isochoric-energy").fit(frame, energies.y)
+    energy = pds.surrogate_pipeline(
+        pds.learning.SobolevRegressor(2, max_iter=2, random_state=0), "isochoric-energy"
+    ).fit(frame, energies.y)
     np.testing.assert_array_equal(energy.predict(frame), energy.predict(frame[["I1bar", "I2bar"]]))
 
 
@@ -384,7 +522,9 @@ def test_a_regressor_fitted_to_a_frame_by_itself_is_asked_in_its_order(samples):
     X = pandas.DataFrame(samples.X, columns=COLUMNS)
     alone = make_pipeline(PolynomialFeatures(2), LinearRegression())
     model = clone(alone).fit(X[SHUFFLED], samples.y)
-    np.testing.assert_allclose(force_of(model)(*samples.X.T), model.predict(X[SHUFFLED]), rtol=1e-12)
+    np.testing.assert_allclose(
+        force_of(model)(*samples.X.T), model.predict(X[SHUFFLED]), rtol=1e-12
+    )
     with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; fit it to .* stretch"):
         force_of(clone(alone).fit(X.rename(columns={"J": "detF"}), samples.y))
 
@@ -402,7 +542,10 @@ def test_a_regressor_fitted_to_a_frame_by_itself_is_asked_in_its_order(samples):
 )
 def test_plain_payloads_that_are_no_spline(samples, change, message):
     model = surrogate_of(fitted(samples, Quadratic()), LAW, samples)
-    assert np.array_equal(SplineForce.from_payload("x", model.payload(), model.domain, "ogden", {}).coefficients, model.coefficients)
+    assert np.array_equal(
+        SplineForce.from_payload("x", model.payload(), model.domain, "ogden", {}).coefficients,
+        model.coefficients,
+    )
     with pytest.raises(ValueError, match=message):
         SplineForce.from_payload("x", {**model.payload(), **change}, model.domain, "ogden", {})
 

@@ -1,4 +1,6 @@
-"""Sobolev training, the energy pipeline, its artifact, and the solvers and scenes that run on it."""
+"""Sobolev training, the energy pipeline, its artifact, and the solvers and scenes that run on
+it.
+"""
 
 import numpy as np
 import pytest
@@ -11,7 +13,8 @@ from pdsurrogate.learning import energy as learning
 LAW = pds.materials.NeoHookean()
 
 
-# Iterations enough for an R^2 above 0.5, for which one of the checks asks; no other depends on how far the training has come.
+# Iterations enough for an R^2 above 0.5, for which one of the checks asks; no other depends on how
+# far the training has come.
 @parametrize_with_checks([pds.learning.SobolevRegressor(6, max_iter=10, random_state=0)])
 def test_the_estimator_keeps_scikit_learns_conventions(estimator, check):
     check(estimator)
@@ -35,14 +38,18 @@ def test_value_and_gradient_are_learned_together(random):
 
 
 def test_gradients_make_up_for_samples(random):
-    """With as many values as the network has weights, being told the gradients at least halves the error of the value, in the median."""
+    """With as many values as the network has weights, being told the gradients at least halves
+    the error of the value, in the median.
+    """
     other = random.uniform(-1, 1, (500, 2))
     ratios = []
     for seed in range(7):
         X = random.uniform(-1, 1, (25, 2))
         error = {}
         for columns in (1, 3):
-            model = pds.learning.SobolevRegressor(6, alpha=0.0, random_state=seed).fit(X, surface(X)[:, :columns].squeeze())
+            model = pds.learning.SobolevRegressor(6, alpha=0.0, random_state=seed).fit(
+                X, surface(X)[:, :columns].squeeze()
+            )
             predicted = model.predict(other).reshape(500, -1)[:, 0]
             error[columns] = np.sqrt(((predicted - surface(other)[:, 0]) ** 2).mean())
         ratios.append(error[3] / error[1])
@@ -51,7 +58,9 @@ def test_gradients_make_up_for_samples(random):
 
 def test_anchor_and_flat_are_exact(random):
     X = random.uniform(-1, 1, (200, 2))
-    model = pds.learning.SobolevRegressor(8, anchor=(0.2, -0.1), flat=(0,), max_iter=100, random_state=0).fit(X, surface(X))
+    model = pds.learning.SobolevRegressor(
+        8, anchor=(0.2, -0.1), flat=(0,), max_iter=100, random_state=0
+    ).fit(X, surface(X))
     value, by_first, by_second = model.predict([[0.2, -0.1]])[0]
     assert abs(value) < 1e-13
     assert abs(by_first) < 1e-13
@@ -62,11 +71,15 @@ def test_anchor_and_flat_are_exact(random):
 
 @pytest.fixture(scope="module")
 def fitted():
-    # With 3200 samples fits of 20 seeds are off by at most 0.7 %; with 800 some are off by 400 % on some processors.
+    # With 3200 samples fits of 20 seeds are off by at most 0.7 %; with 800 some are off by 400 % on
+    # some processors.
     samples = pds.training_samples(LAW, 3200, target="sheet-energy")
-    return pds.surrogate_pipeline(pds.learning.SobolevRegressor(8, max_iter=200, random_state=0), "sheet-energy").fit(
-        samples.X, samples.y
-    ), samples
+    return (
+        pds.surrogate_pipeline(
+            pds.learning.SobolevRegressor(8, max_iter=200, random_state=0), "sheet-energy"
+        ).fit(samples.X, samples.y),
+        samples,
+    )
 
 
 def test_pipeline_predicts_the_energy_and_its_derivatives(fitted):
@@ -74,7 +87,9 @@ def test_pipeline_predicts_the_energy_and_its_derivatives(fitted):
     unseen = pds.training_samples(LAW, 500, (0.8, 4.0), random_state=5, target="sheet-energy")
     assert unseen.target.errors(model.predict(unseen.X), unseen)["rms"] < 2e-3
     exact = load_surrogate("bond-energy").energy_derivatives(LAW, *unseen.X.T)
-    np.testing.assert_allclose(unseen.y, np.stack([exact.psi, exact.by_trace, exact.by_area], axis=1), rtol=1e-12)
+    np.testing.assert_allclose(
+        unseen.y, np.stack([exact.psi, exact.by_trace, exact.by_area], axis=1), rtol=1e-12
+    )
 
 
 def test_surrogate_is_the_pipeline(fitted, tmp_path):
@@ -82,7 +97,12 @@ def test_surrogate_is_the_pipeline(fitted, tmp_path):
     surrogate = pds.learning.surrogate_of(model, LAW, samples)
     found = surrogate.energy_derivatives(LAW, *samples.X.T)
     expected = model.predict(samples.X)
-    np.testing.assert_allclose(np.stack([found.psi, found.by_trace, found.by_area], axis=1), expected, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(
+        np.stack([found.psi, found.by_trace, found.by_area], axis=1),
+        expected,
+        rtol=1e-9,
+        atol=1e-11,
+    )
     path = pds.store(model, samples, LAW, tmp_path, "mine", "1", "test")
     again = load_surrogate(path).energy_derivatives(LAW, *samples.X.T)
     np.testing.assert_array_equal(again.psi, found.psi)
@@ -96,27 +116,41 @@ def test_only_an_energy_pipeline_becomes_an_energy(fitted, tmp_path):
     _, samples = fitted
     with pytest.raises(ValueError, match="give a SobolevRegressor, not a ChebyshevRegressor"):
         pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(3), "sheet-energy")
-    free = pds.surrogate_pipeline(pds.learning.SobolevRegressor(3, max_iter=2, random_state=0), "sheet-energy").set_params(
-        regressor__regressor__flat=()
-    )
-    with pytest.raises(ValueError, match=r"with anchor \(0.0, 0.0\) and flat \(0,\), can become a surrogate"):
-        pds.store(free.fit(samples.X, samples.y), samples, LAW, tmp_path, "free", "1", "stress at rest")
+    free = pds.surrogate_pipeline(
+        pds.learning.SobolevRegressor(3, max_iter=2, random_state=0), "sheet-energy"
+    ).set_params(regressor__regressor__flat=())
+    with pytest.raises(
+        ValueError, match=r"with anchor \(0.0, 0.0\) and flat \(0,\), can become a surrogate"
+    ):
+        pds.store(
+            free.fit(samples.X, samples.y), samples, LAW, tmp_path, "free", "1", "stress at rest"
+        )
     assert list(tmp_path.iterdir()) == []
 
 
 def test_second_derivatives_of_the_network(fitted):
     model, samples = fitted
-    surrogate, (trace, J), h = pds.learning.surrogate_of(model, LAW, samples), samples.X[:200].T, 1e-6
+    surrogate, (trace, J), h = (
+        pds.learning.surrogate_of(model, LAW, samples),
+        samples.X[:200].T,
+        1e-6,
+    )
     found = surrogate.energy_derivatives(LAW, trace, J)
     for key, shift in (("trace", (h, 0)), ("area", (0, h))):
-        high, low = (surrogate.energy_derivatives(LAW, trace + sign * shift[0], J + sign * shift[1]) for sign in (1, -1))
+        high, low = (
+            surrogate.energy_derivatives(LAW, trace + sign * shift[0], J + sign * shift[1])
+            for sign in (1, -1)
+        )
         for of in ("trace", "area"):
             slope = (getattr(high, f"by_{of}") - getattr(low, f"by_{of}")) / (2 * h)
             name = "by_trace_area" if of != key else f"by_{of}_{key}"
             np.testing.assert_allclose(getattr(found, name), slope, atol=1e-6 * np.abs(slope).max())
 
 
-@pytest.mark.parametrize(("X", "message"), [([[2.0]], "columns"), ([[2.0, 0.0]], "J must be positive"), ([[-1.0, 1.0]], "tr C must")])
+@pytest.mark.parametrize(
+    ("X", "message"),
+    [([[2.0]], "columns"), ([[2.0, 0.0]], "J must be positive"), ([[-1.0, 1.0]], "tr C must")],
+)
 def test_bad_invariants_are_named(fitted, X, message):
     with pytest.raises(ValueError, match=message):
         learning.log_invariants(np.array(X))
@@ -133,7 +167,9 @@ SCENE = {"spacing": 0.1, "stretches": [1.5, 2.0]}
 @pytest.mark.parametrize("force", ["bond-energy", "neo-hookean-energy"])
 @pytest.mark.parametrize("method", ["minimizer", "quasi-newton", "relaxation"])
 def test_every_solver_finds_the_exact_stress(force, method):
-    """Section 6.2 at a coarse spacing: within 0.1 % of the exact solution, in stress and lateral displacement, and with an energy."""
+    """Section 6.2 at a coarse spacing: within 0.1 % of the exact solution, in stress and lateral
+    displacement, and with an energy.
+    """
     result = pds.simulate(pds.load_scene("uniaxial", {"solver.method": method}, **SCENE), force)
     for level in result.levels:
         assert level["method"] == method
@@ -144,12 +180,16 @@ def test_every_solver_finds_the_exact_stress(force, method):
 
 
 def test_energy_of_a_level_is_the_work_done():
-    """The exact energy density times the volume; and its derivative by the stretch is the nominal stress times the volume."""
+    """The exact energy density times the volume; and its derivative by the stretch is the
+    nominal stress times the volume.
+    """
     from pdsurrogate.materials import homogeneous
 
     result = pds.simulate(pds.load_scene("uniaxial", **SCENE), "bond-energy")
     for level in result.levels:
-        assert level["energy"] == pytest.approx(3.0 * homogeneous.uniaxial(LAW, level["stretch"]).energy_density, rel=1e-6)
+        assert level["energy"] == pytest.approx(
+            3.0 * homogeneous.uniaxial(LAW, level["stretch"]).energy_density, rel=1e-6
+        )
 
 
 def test_a_force_without_an_energy_cannot_be_minimized():

@@ -1,4 +1,6 @@
-"""The learned isochoric energy: its samples and pipeline, its kernel against NumPy, the edge of its domain, and bodies."""
+"""The learned isochoric energy: its samples and pipeline, its kernel against NumPy, the edge of
+its domain, and bodies.
+"""
 
 import numpy as np
 import pytest
@@ -9,7 +11,15 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.cli import app
-from pdsurrogate.forces import Domain, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning, Portion, bind_portions
+from pdsurrogate.forces import (
+    Domain,
+    ForceSettings,
+    InvalidState,
+    OutsideDomain,
+    OutsideDomainWarning,
+    Portion,
+    bind_portions,
+)
 from pdsurrogate.kernels.domain import distance_coefficients
 from pdsurrogate.learning.isochoric import ISOCHORIC_ENERGY
 from pdsurrogate.materials import plane_strain, solid
@@ -27,23 +37,36 @@ def ogden():
 @pytest.fixture(scope="module")
 def fitted():
     samples = pds.training_samples(LAW, 400, target="isochoric-energy")
-    return pds.surrogate_pipeline(pds.learning.SobolevRegressor(4, max_iter=200, random_state=0), "isochoric-energy").fit(
-        samples.X, samples.y
-    ), samples
+    return (
+        pds.surrogate_pipeline(
+            pds.learning.SobolevRegressor(4, max_iter=200, random_state=0), "isochoric-energy"
+        ).fit(samples.X, samples.y),
+        samples,
+    )
 
 
 def states_of(stretches, plane, J):
-    """States of a response at isochoric principal stretches (n, 3); in plane strain the volume ratio follows from the third, 1/J^(1/3)."""
+    """States of a response at isochoric principal stretches (n, 3); in plane strain the volume
+    ratio follows from the third, 1/J^(1/3).
+    """
     s = stretches**2 * J[:, None] ** (2 / 3)
     if plane == "space":
-        return np.stack([s.sum(axis=1), s[:, 0] * s[:, 1] + s[:, 1] * s[:, 2] + s[:, 2] * s[:, 0], J])
+        return np.stack(
+            [s.sum(axis=1), s[:, 0] * s[:, 1] + s[:, 1] * s[:, 2] + s[:, 2] * s[:, 0], J]
+        )
     return np.stack([s[:, 0] + s[:, 1], J, J])
 
 
 def kirchhoff(rows, squares, J, plane):
-    """Principal Kirchhoff stresses, shape (n, 2) in the plane or (n, 3), from the rows of a response and the squares of the stretches."""
+    """Principal Kirchhoff stresses, shape (n, 2) in the plane or (n, 3), from the rows of a
+    response and the squares of the stretches.
+    """
     p, q, r, _ = rows[..., None]
-    return p * squares[:, :2] + q if plane == "strain" else p * squares + q * J[:, None] + r * squares**2
+    return (
+        p * squares[:, :2] + q
+        if plane == "strain"
+        else p * squares + q * J[:, None] + r * squares**2
+    )
 
 
 def drawn(n, plane, low=0.3, high=3.5, seed=3):
@@ -58,19 +81,31 @@ def drawn(n, plane, low=0.3, high=3.5, seed=3):
 
 
 def test_samples_are_the_energy_of_the_law():
-    """Derivatives of a law of invariants are its own; of principal stretches, differences of the energy."""
+    """Derivatives of a law of invariants are its own; of principal stretches, differences of the
+    energy.
+    """
     law = pds.materials.MooneyRivlin()
     samples = pds.training_samples(law, 200, random_state=2, target="isochoric-energy")
-    np.testing.assert_allclose(samples.y.T, np.broadcast_arrays(*law.isochoric(*samples.X.T, law.parameters)[:3]), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        samples.y.T,
+        np.broadcast_arrays(*law.isochoric(*samples.X.T, law.parameters)[:3]),
+        rtol=1e-9,
+        atol=1e-12,
+    )
     samples = pds.training_samples(LAW, 200, (0.4, 3.0), 0.0, target="isochoric-energy")
     assert samples.stretches.min() >= 0.4
     assert samples.stretches.max() <= 3.0
     np.testing.assert_allclose(samples.stretches.prod(axis=1), 1, rtol=1e-12)
     one, h = np.ones(len(samples)), 1e-5
     for column, shift in ((1, (h, 0)), (2, (0, h))):
-        high, low = (solid.isochoric_response(LAW, *(samples.X + sign * np.array(shift)).T, one)[3] for sign in (1, -1))
+        high, low = (
+            solid.isochoric_response(LAW, *(samples.X + sign * np.array(shift)).T, one)[3]
+            for sign in (1, -1)
+        )
         inner = np.ptp(np.log(samples.stretches), axis=1) > 0.5  # where both steps are states
-        np.testing.assert_allclose(samples.y[inner, column], (high - low)[inner] / (2 * h), rtol=1e-3, atol=1e-4)
+        np.testing.assert_allclose(
+            samples.y[inner, column], (high - low)[inner] / (2 * h), rtol=1e-3, atol=1e-4
+        )
 
 
 def test_pipeline_and_surrogate_are_one_function(fitted, tmp_path):
@@ -79,7 +114,12 @@ def test_pipeline_and_surrogate_are_one_function(fitted, tmp_path):
     assert unseen.target.errors(model.predict(unseen.X), unseen)["rms"] < 2e-3
     surrogate = pds.learning.surrogate_of(model, LAW, samples)
     expected = model.predict(unseen.X)
-    np.testing.assert_allclose(np.stack(surrogate.isochoric_derivatives(*unseen.X.T), axis=1), expected, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(
+        np.stack(surrogate.isochoric_derivatives(*unseen.X.T), axis=1),
+        expected,
+        rtol=1e-9,
+        atol=1e-11,
+    )
     assert surrogate.isochoric_derivatives(3.0, 3.0)[0] == 0
     path = pds.store(model, samples, LAW, tmp_path, "mine", "1", "test")
     card = pds.load_card(path)
@@ -101,15 +141,21 @@ def test_laws_that_lock_are_learned_as_far_as_they_go():
     low, high = pds.learning.reachable_stretches(law, (0.25, 4.0), target="isochoric-energy")
     assert low > 0.25
     assert high < 4.0
-    assert np.isfinite(pds.training_samples(law, 500, (low, high), target="isochoric-energy").y).all()
+    assert np.isfinite(
+        pds.training_samples(law, 500, (low, high), target="isochoric-energy").y
+    ).all()
     with pytest.raises(ValueError, match=r"gent does not reach the stretches 0\.25 to 4"):
         pds.training_samples(law, 500, target="isochoric-energy")
 
 
 @pytest.mark.parametrize("bounds", [(0.4, 4.0), (0.05, 3.0), (0.25, 20.0)])
 def test_the_domain_is_told_from_the_invariants(bounds):
-    """A state is outside where one of its stretches is, also with bounds of which product 1 leaves one no work."""
-    logs = np.log(ISOCHORIC_ENERGY.draw(pds.materials.NeoHookean(), 20_000, (0.02, 30.0), 0.0, 0).stretches)
+    """A state is outside where one of its stretches is, also with bounds of which product 1
+    leaves one no work.
+    """
+    logs = np.log(
+        ISOCHORIC_ENERGY.draw(pds.materials.NeoHookean(), 20_000, (0.02, 30.0), 0.0, 0).stretches
+    )
     squares = np.exp(2 * logs)
     invariants = np.stack([np.ones(len(logs)), squares.sum(axis=1), (1 / squares).sum(axis=1)])
     inside = (distance_coefficients(*bounds) @ invariants > 0).all(axis=0)
@@ -122,7 +168,9 @@ def test_the_domain_is_told_from_the_invariants(bounds):
 @pytest.mark.parametrize("plane", PLANES)
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_artifacts_are_as_exact_as_they_state(name, plane):
-    """Energy and stress are the law's, the latter within five times the greatest error that the card states: the states are others."""
+    """Energy and stress are the law's, the latter within five times the greatest error that the
+    card states: the states are others.
+    """
     model = load_surrogate(SHIPPED / f"{name}-isochoric")
     law = pds.materials.LAWS[name]()
     states, squares = drawn(200, plane)
@@ -132,7 +180,9 @@ def test_shipped_artifacts_are_as_exact_as_they_state(name, plane):
     assert model.stated["rms"] < 1e-4
     # Principal Kirchhoff stresses at the same stretches, over their root mean square.
     errors, sizes = (kirchhoff(rows, squares, states[-1], plane) for rows in (found - exact, exact))
-    assert np.linalg.norm(errors, axis=1).max() < 5 * model.stated["max"] * np.sqrt((sizes**2).sum(axis=1).mean())
+    assert np.linalg.norm(errors, axis=1).max() < 5 * model.stated["max"] * np.sqrt(
+        (sizes**2).sum(axis=1).mean()
+    )
 
 
 def block(plane, counts=6, reach=None):
@@ -157,17 +207,26 @@ def evaluated(force, positions):
 
 @pytest.mark.parametrize("plane", PLANES)
 def test_one_artifact_serves_every_bulk_modulus(ogden, plane):
-    """Forces within ten times the stated error of the exact energy's, at K = 100 and 1000 mu, and the energy within it."""
+    """Forces within ten times the stated error of the exact energy's, at K = 100 and 1000 mu,
+    and the energy within it.
+    """
     body = block(plane)
     for bulk in (100.0, 1000.0):
         law = pds.materials.Ogden(bulk_modulus=bulk)
-        learned, exact = (model.bind(body, law, ForceSettings(plane=plane)) for model in (ogden, pds.BondEnergyForce()))
+        learned, exact = (
+            model.bind(body, law, ForceSettings(plane=plane))
+            for model in (ogden, pds.BondEnergyForce())
+        )
         found, expected = (evaluated(force, wavy(body.points)) for force in (learned, exact))
         assert np.abs(found - expected).max() < 10 * ogden.stated["max"] * np.abs(expected).max()
         assert learned.energy() == pytest.approx(exact.energy(), rel=ogden.stated["max"])
         assert learned.pairs_outside == 0
-        (found, energy), (expected, density) = (force.stress_and_energy() for force in (learned, exact))
-        assert 0 < np.abs(found - expected).max() < 10 * ogden.stated["max"] * np.abs(expected).max()
+        (found, energy), (expected, density) = (
+            force.stress_and_energy() for force in (learned, exact)
+        )
+        assert (
+            0 < np.abs(found - expected).max() < 10 * ogden.stated["max"] * np.abs(expected).max()
+        )
         np.testing.assert_allclose(energy, density, rtol=1e-3)
         assert (learned.learned.domain_deviation() < 0).all()
 
@@ -186,7 +245,9 @@ def test_policies_outside_the_domain(ogden, plane):
     np.testing.assert_allclose(evaluated(force, far), evaluated(exact, far), rtol=1e-9, atol=1e-9)
     assert force.pairs_outside == len(body.bonds.first)
     assert (force.learned.domain_deviation() > 0).all()
-    np.testing.assert_allclose(force.stress_and_energy()[0], exact.stress_and_energy()[0], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        force.stress_and_energy()[0], exact.stress_and_energy()[0], rtol=1e-9, atol=1e-9
+    )
     evaluated(force, wavy(body.points))
     assert force.pairs_outside == len(body.bonds.first)
     with pytest.raises(OutsideDomain, match="are outside the domain of ogden-isochoric@1"):
@@ -199,7 +260,10 @@ def test_policies_outside_the_domain(ogden, plane):
 
 
 def test_what_it_does_not_serve_it_says(ogden):
-    with pytest.raises(ValueError, match=r"ogden-isochoric@1 .* plane=stress; it supports plane=strain\|space; force=analytic"):
+    with pytest.raises(
+        ValueError,
+        match=r"ogden-isochoric@1 .* plane=stress; it supports plane=strain\|space; force=analytic",
+    ):
         ogden.bind(sheet(), LAW, ForceSettings())
     with pytest.raises(ValueError, match="describes the law ogden, not gent"):
         ogden.bind(block("space"), pds.materials.Gent(), ForceSettings(plane="space"))
@@ -213,38 +277,66 @@ def test_what_it_does_not_serve_it_says(ogden):
 
 
 def test_fitted_from_the_command_line(tmp_path):
-    arguments = ["fit", "mine", "--energy", "--law", "yeoh", "--units", "4", "--samples", "300", "--iterations", "150", "--folds", "2"]
+    arguments = [
+        "fit",
+        "mine",
+        "--energy",
+        "--law",
+        "yeoh",
+        "--units",
+        "4",
+        "--samples",
+        "300",
+        "--iterations",
+        "150",
+        "--folds",
+        "2",
+    ]
     outcome = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path)])
     assert outcome.exit_code == 0, outcome.output
     assert "shear modulus at rest" in " ".join(outcome.output.split())
     card = pds.load_card(tmp_path / "mine")
     assert card.kind == "isochoric-network"
     assert len(card.training["cross_validation"]) == 2
-    outcome = CliRunner().invoke(app, ["fit", "other", "--energy", "--degree", "4", "--out", str(tmp_path)])
+    outcome = CliRunner().invoke(
+        app, ["fit", "other", "--energy", "--degree", "4", "--out", str(tmp_path)]
+    )
     assert outcome.exit_code == 2
     assert "degree applies to bond forces only" in outcome.output
 
 
 @pytest.mark.parametrize("scene", ["plane-strain-block", "bonded-block"])
 def test_bonded_blocks_agree_with_the_exact_energy(scene):
-    """Stress and probes of a scene within the error that the card states, and the solver's tolerance."""
+    """Stress and probes of a scene within the error that the card states, and the solver's
+    tolerance.
+    """
     changes = {"material.law": "ogden", "spacing": 0.25, "stretches": [1.3]}
-    learned, exact = (pds.simulate(pds.load_scene(scene, changes), force).levels[-1] for force in ("ogden-isochoric", "bond-energy"))
+    learned, exact = (
+        pds.simulate(pds.load_scene(scene, changes), force).levels[-1]
+        for force in ("ogden-isochoric", "bond-energy")
+    )
     for name, force in exact["forces"].items():
-        np.testing.assert_allclose(learned["forces"][name], force, atol=1e-4 * np.abs(list(exact["forces"].values())).max())
+        np.testing.assert_allclose(
+            learned["forces"][name], force, atol=1e-4 * np.abs(list(exact["forces"].values())).max()
+        )
     for name, probe in exact["probes"].items():
-        np.testing.assert_allclose(learned["probes"][name]["displacement"], probe["displacement"], atol=1e-4)
+        np.testing.assert_allclose(
+            learned["probes"][name]["displacement"], probe["displacement"], atol=1e-4
+        )
 
 
 def test_bodies_of_two_materials(ogden):
-    """Learned on one side and exact on the other, or learned on both; pairs outside are counted by material."""
+    """Learned on one side and exact on the other, or learned on both; pairs outside are counted
+    by material.
+    """
     body, soft, stiff = block("space"), pds.materials.Ogden(), pds.materials.NeoHookean(3.0, 300.0)
     left = body.points[:, 0] < 0.5
     neo_hookean, exact = load_surrogate(SHIPPED / "neo-hookean-isochoric"), pds.BondEnergyForce()
 
     def forces(*models):
         portions = [
-            Portion(law, model, np.flatnonzero(side)) for law, model, side in zip((soft, stiff), models, (left, ~left), strict=True)
+            Portion(law, model, np.flatnonzero(side))
+            for law, model, side in zip((soft, stiff), models, (left, ~left), strict=True)
         ]
         force = bind_portions(body, portions, ForceSettings(plane="space"))
         return evaluated(force, wavy(body.points, 1.3)), force.pairs_outside

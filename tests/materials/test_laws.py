@@ -1,4 +1,6 @@
-"""The library of laws: limits, special cases, equal stretches, what a user adds, and the thickness from the learned force."""
+"""The library of laws: limits, special cases, equal stretches, what a user adds, and the
+thickness from the learned force.
+"""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -15,7 +17,11 @@ from pdsurrogate.materials import LAWS, InvariantLaw, homogeneous, plane_stress
 from pdsurrogate.materials.consistency import check_consistency
 from pdsurrogate.testing.laws import compiled_response
 
-LIMITED = [pds.materials.Gent(chain_limit=10.0), pds.materials.ArrudaBoyce(chain_links=4.0), pds.materials.FullNetwork(chain_links=9.0)]
+LIMITED = [
+    pds.materials.Gent(chain_limit=10.0),
+    pds.materials.ArrudaBoyce(chain_links=4.0),
+    pds.materials.FullNetwork(chain_links=9.0),
+]
 """Laws that lock: all of them before equibiaxial stretch 6."""
 
 
@@ -48,20 +54,30 @@ def test_neo_hookean_limit(law, tolerance, random):
     if law.name == "gent":  # its volumetric part is another: compare at J3 = 1
         state = first**2 + second**2, first * second, np.ones(200)
         np.testing.assert_allclose(
-            plane_stress.response(law, *state)[:2], plane_stress.response(pds.materials.NeoHookean(), *state)[:2], rtol=tolerance
+            plane_stress.response(law, *state)[:2],
+            plane_stress.response(pds.materials.NeoHookean(), *state)[:2],
+            rtol=tolerance,
         )
         return
     expected = plane_stress.first_piola_stress(pds.materials.NeoHookean(), F)
-    np.testing.assert_allclose(plane_stress.first_piola_stress(law, F), expected, rtol=tolerance, atol=10 * tolerance)
+    np.testing.assert_allclose(
+        plane_stress.first_piola_stress(law, F), expected, rtol=tolerance, atol=10 * tolerance
+    )
 
 
 def test_mooney_rivlin_is_an_ogden_law(random):
-    """Exponents 2 and -2 with moduli 2 C10 and -2 C01: the two families of laws share no code for the stress."""
+    """Exponents 2 and -2 with moduli 2 C10 and -2 C01: the two families of laws share no code
+    for the stress.
+    """
     mooney = pds.materials.MooneyRivlin(1.0, 100.0, 0.3)
     ogden = pds.materials.Ogden(moduli=(0.7, -0.3), exponents=(2.0, -2.0))
     first, second = stretches(random, 300)
     state = first**2 + second**2, first * second, np.exp(random.uniform(-0.2, 0.2, 300))
-    for row, (one, other) in enumerate(zip(plane_stress.response(mooney, *state), plane_stress.response(ogden, *state), strict=True)):
+    for row, (one, other) in enumerate(
+        zip(
+            plane_stress.response(mooney, *state), plane_stress.response(ogden, *state), strict=True
+        )
+    ):
         np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8, err_msg=f"row {row}")
 
 
@@ -69,13 +85,22 @@ def test_ogden_tension_is_the_papers_formula():
     """sum mu_k (l^(a_k - 1) - l^(-a_k/2 - 1)), the incompressible limit, at K = 1e7 mu."""
     law = pds.materials.Ogden(bulk_modulus=1e7)
     for stretch in (0.7, 2.0, 5.0):
-        expected = sum(mu * (stretch ** (a - 1) - stretch ** (-a / 2 - 1)) for mu, a in zip(law.moduli, law.exponents, strict=True))
-        assert homogeneous.uniaxial(law, stretch).nominal_stress == pytest.approx(expected, rel=1e-5)
+        expected = sum(
+            mu * (stretch ** (a - 1) - stretch ** (-a / 2 - 1))
+            for mu, a in zip(law.moduli, law.exponents, strict=True)
+        )
+        assert homogeneous.uniaxial(law, stretch).nominal_stress == pytest.approx(
+            expected, rel=1e-5
+        )
 
 
-@pytest.mark.parametrize("law", [pds.materials.Ogden(), pds.materials.FullNetwork()], ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    "law", [pds.materials.Ogden(), pds.materials.FullNetwork()], ids=lambda law: law.name
+)
 def test_equal_stretches_are_no_exception(law):
-    """At and around equal stretches the response is smooth: the separation that avoids 0/0 costs less than 1e-9."""
+    """At and around equal stretches the response is smooth: the separation that avoids 0/0 costs
+    less than 1e-9.
+    """
     for J3 in (0.95, 1.0, 1.1):
         middle = 1.7
         apart = np.array([0.0, 1e-9, 1e-7, 1e-5, 1e-3])
@@ -93,7 +118,8 @@ def test_equal_stretches_are_no_exception(law):
 def test_inverse_langevin_to_rounding():
     y = np.concatenate([np.geomspace(1e-4, 0.1, 50), np.linspace(0.1, 0.99, 200)])
     beta, stiffness = inverse_langevin(y)
-    # coth(b) - 1/b written for large arguments, and its series for small ones: neither is the code under test.
+    # coth(b) - 1/b written for large arguments, and its series for small ones: neither is the code
+    # under test.
     large = y > 0.3
     np.testing.assert_allclose(1 / np.tanh(beta[large]) - 1 / beta[large], y[large], rtol=1e-14)
     small = y < 0.02
@@ -104,17 +130,25 @@ def test_inverse_langevin_to_rounding():
     slope = (inverse_langevin(y + h)[0] - inverse_langevin(y - h)[0]) / (2 * h)
     np.testing.assert_allclose(stiffness, slope, rtol=1e-7)
     inner = y > 1e-2  # below, differences of the energy are rounding
-    energy = (chain_energy(y + h, inverse_langevin(y + h)[0]) - chain_energy(y - h, inverse_langevin(y - h)[0])) / (2 * h)
+    energy = (
+        chain_energy(y + h, inverse_langevin(y + h)[0])
+        - chain_energy(y - h, inverse_langevin(y - h)[0])
+    ) / (2 * h)
     np.testing.assert_allclose(energy[inner], beta[inner], rtol=1e-6)
     assert np.isnan(inverse_langevin(np.array([1.0, 1.5]))[0]).all()
 
 
 def test_quadrature_of_the_full_network_is_converged(random):
-    """Against a Gauss-Legendre product rule of 40 x 40 directions in an octant, up to nine tenths of the locking stretch."""
+    """Against a Gauss-Legendre product rule of 40 x 40 directions in an octant, up to nine
+    tenths of the locking stretch.
+    """
     law = pds.materials.FullNetwork(chain_links=20.0)
     u, weight = np.polynomial.legendre.leggauss(40)
     z, angle = (u[:, None] + 1) / 2, np.pi / 4 * (u[None, :] + 1)
-    directions = np.stack(np.broadcast_arrays((1 - z**2) * np.cos(angle) ** 2, (1 - z**2) * np.sin(angle) ** 2, z**2), axis=-1)
+    directions = np.stack(
+        np.broadcast_arrays((1 - z**2) * np.cos(angle) ** 2, (1 - z**2) * np.sin(angle) ** 2, z**2),
+        axis=-1,
+    )
     weights = weight[:, None] * weight[None, :] / 4
 
     def energy(first, second, third):
@@ -124,14 +158,19 @@ def test_quadrature_of_the_full_network_is_converged(random):
     N_kT = law.parameters[3]
     for first, second in stretches(random, 20, 0.6, 4.0).T:
         exact = N_kT * (energy(first, second, 1 / (first * second)) - energy(1.0, 1.0, 1.0))
-        found = plane_stress.response(law, np.array([first**2 + second**2]), np.array([first * second]), np.ones(1))[4]
+        found = plane_stress.response(
+            law, np.array([first**2 + second**2]), np.array([first * second]), np.ones(1)
+        )[4]
         assert found[0] == pytest.approx(exact, rel=1e-8, abs=1e-10)
 
 
 @pytest.mark.parametrize("law", LIMITED, ids=lambda law: law.name)
 def test_laws_that_lock_say_where(law):
     parameter = next(iter(law.shape))
-    with pytest.raises(ValueError, match=rf"{law.name}: no plane-stress state at tr C = 72, det F = 36: .*{parameter} = "):
+    with pytest.raises(
+        ValueError,
+        match=rf"{law.name}: no plane-stress state at tr C = 72, det F = 36: .*{parameter} = ",
+    ):
         homogeneous.equibiaxial(law, 6.0)
     past = np.array([72.0]), np.array([36.0]), np.ones(1)
     assert np.isnan(plane_stress.response(law, *past)).all()
@@ -149,8 +188,12 @@ def test_laws_that_lock_say_where(law):
 @pytest.mark.parametrize("law", EXAMPLES, ids=lambda law: f"{law.name}-{law.shear_modulus:g}")
 def test_every_law_has_a_surrogate_within_two_thousandths(law):
     samples = pds.training_samples(law, 4000, reachable_stretches(law), random_state=0)
-    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((12, 6)), features="isochoric").fit(samples.X, samples.y)
-    report = pds.evaluate(surrogate_of(model, law, samples).bond_force, law, reachable_stretches(law), 3000)
+    model = pds.surrogate_pipeline(
+        pds.learning.ChebyshevRegressor((12, 6)), features="isochoric"
+    ).fit(samples.X, samples.y)
+    report = pds.evaluate(
+        surrogate_of(model, law, samples).bond_force, law, reachable_stretches(law), 3000
+    )
     assert max(report["on_surface"]["rms"], report["off_surface"]["rms"]) < 2e-3
     assert report["at_rest"] < 1e-9
 
@@ -201,7 +244,10 @@ def test_a_description_makes_the_law_again(name):
 
 
 def test_ogden_of_a_scene_takes_lists():
-    scene = pds.load_scene("uniaxial", ["material=ogden", "material.moduli=0.63,0.0012,-0.01", "material.exponents=1.3,5,-2"])
+    scene = pds.load_scene(
+        "uniaxial",
+        ["material=ogden", "material.moduli=0.63,0.0012,-0.01", "material.exponents=1.3,5,-2"],
+    )
     law = scene.material.build()
     assert law.shear_modulus == pytest.approx(0.4225)
     assert law.bulk_modulus == pytest.approx(42.25)
@@ -213,7 +259,9 @@ def test_shipped_surrogates(name):
     law = LAWS[name]()
     card = pds.load_card(name)
     assert max(card.errors["box"][key]["rms"] for key in ("on_surface", "off_surface")) < 5e-4
-    scene = pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [2.0]}, material=law.describe())
+    scene = pds.load_scene(
+        "uniaxial", {"spacing": 0.1, "stretches": [2.0]}, material=law.describe()
+    )
     level = pds.simulate(scene, name).levels[0]
     assert abs(level["nominal_stress_error"]) < 5e-3
     assert abs(level["lateral_displacement_error"]) < 5e-3
@@ -226,10 +274,14 @@ def test_shipped_surrogates(name):
     ids=lambda law: law.name,
 )
 def test_thickness_from_the_learned_force(law, precision, random):
-    """J3 is off by the force error over K/mu: that of the force, in units of mu, is below 5e-3 everywhere in this state."""
+    """J3 is off by the force error over K/mu: that of the force, in units of mu, is below 5e-3
+    everywhere in this state.
+    """
     body = pds.Body.rectangle(1.0, 1.0, 0.1, 0.315)
     samples = pds.training_samples(law, 4000, random_state=0)
-    fitted = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((12, 6)), features="isochoric").fit(samples.X, samples.y)
+    fitted = pds.surrogate_pipeline(
+        pds.learning.ChebyshevRegressor((12, 6)), features="isochoric"
+    ).fit(samples.X, samples.y)
     model = surrogate_of(fitted, law, samples)
     force = model.bind(body, law, ForceSettings(precision=precision))
     assert force.learned_thickness
@@ -250,7 +302,9 @@ def test_thickness_from_the_learned_force(law, precision, random):
 
 @dataclass(frozen=True)
 class Exponential(InvariantLaw):
-    """W = mu/(2 b) (exp(b (I1bar - 3)) - 1), as a user would write it (Demiray, J. Biomech. 5 (1972) 309)."""
+    """W = mu/(2 b) (exp(b (I1bar - 3)) - 1), as a user would write it (Demiray, J. Biomech. 5
+    (1972) 309).
+    """
 
     name: ClassVar[str] = "exponential"
     reference: ClassVar[str] = "Demiray 1972"
@@ -302,7 +356,9 @@ def test_wrong_volumetric_and_principal_stretch_derivatives_are_refused():
             U, dU, ddU = pds.materials.NeoHookean.volumetric(J3, parameters)
             return U, dU, ddU / 2
 
-    with pytest.raises(ValueError, match="neo-hookean: U'' is 50 at J3 = 1, but by finite differences 100"):
+    with pytest.raises(
+        ValueError, match="neo-hookean: U'' is 50 at J3 = 1, but by finite differences 100"
+    ):
         plane_stress.volume_ratio(Volume(), 2.0, 1.0)
     for row, name in enumerate(("g1", "g2", "g3", "h"), start=1):
 
@@ -333,6 +389,8 @@ def test_the_check_of_a_law_lets_sound_ones_pass():
 
 
 def test_a_law_whose_limit_lies_at_a_checked_state_is_consistent():
-    """At I1bar - 3 = 8.638 a step passes the limit, so that there is no difference to compare with."""
+    """At I1bar - 3 = 8.638 a step passes the limit, so that there is no difference to compare
+    with.
+    """
     for limit in np.linspace(8.639, 8.66, 8):
         check_consistency(pds.materials.Gent(chain_limit=limit))

@@ -1,4 +1,6 @@
-"""The dictionary of polyconvex energies: its derivatives, its convexity, and the laws that are sums of its terms."""
+"""The dictionary of polyconvex energies: its derivatives, its convexity, and the laws that are
+sums of its terms.
+"""
 
 from unittest.mock import patch
 
@@ -7,7 +9,14 @@ import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.materials import plane_stress
-from pdsurrogate.materials.dictionary import KINDS, Term, checked_dictionary, derivatives, line_curvatures, wave_margin
+from pdsurrogate.materials.dictionary import (
+    KINDS,
+    Term,
+    checked_dictionary,
+    derivatives,
+    line_curvatures,
+    wave_margin,
+)
 from pdsurrogate.materials.polyconvex import law_of
 
 TERMS = [Term("stretches", exponent) for exponent in (-6.0, -1.0, 1.0, 2.0, 3.25, 12.0)]
@@ -31,7 +40,11 @@ def energy_of(term, F):
         return -number / 2 * np.log(1 - x / number) if x < end else continued
     if term.kind == "second_logarithm":
         return np.log(second / 3)
-    return {"first": x**number, "second": y**number, "roots": np.sqrt((first, second)[int(number) % 2 - 1]) - np.sqrt(3)}[term.kind]
+    return {
+        "first": x**number,
+        "second": y**number,
+        "roots": np.sqrt((first, second)[int(number) % 2 - 1]) - np.sqrt(3),
+    }[term.kind]
 
 
 def test_every_kind_is_tried():
@@ -48,12 +61,16 @@ def test_energies_and_slopes_of_terms(random):
     np.testing.assert_allclose(energies, expected, rtol=1e-9, atol=1e-11)
     step = 1e-5
     for along in np.array([[1, -1, 0], [1, 1, -2], [0, 1, -1]]):
-        differences = (derivatives(TERMS, logs + step * along)[0] - derivatives(TERMS, logs - step * along)[0]) / (2 * step)
+        differences = (
+            derivatives(TERMS, logs + step * along)[0] - derivatives(TERMS, logs - step * along)[0]
+        ) / (2 * step)
         np.testing.assert_allclose(slopes @ along, differences, rtol=1e-6, atol=1e-8)
 
 
 def curvature(energy, F, a, n):
-    """Second difference of an energy along a change of rank one that keeps the volume, by the size of the energy."""
+    """Second difference of an energy along a change of rank one that keeps the volume, by the
+    size of the energy.
+    """
     step = 1e-3 * F @ np.outer(a, n)
     middle = energy(F)
     return (energy(F + step) - 2 * middle + energy(F - step)) / max(1.0, abs(middle))
@@ -62,31 +79,42 @@ def curvature(energy, F, a, n):
 @pytest.mark.parametrize("term", POLYCONVEX, ids=str)
 def test_terms_are_convex_along_every_change_of_rank_one_that_keeps_the_volume(term, random):
     for _ in range(200):
-        F = np.linalg.qr(random.standard_normal((3, 3)))[0] @ np.diag(np.exp(random.uniform(-1, 1, 3)))
+        F = np.linalg.qr(random.standard_normal((3, 3)))[0] @ np.diag(
+            np.exp(random.uniform(-1, 1, 3))
+        )
         F /= np.cbrt(np.linalg.det(F))
         a, n, _ = np.linalg.qr(random.standard_normal((3, 3)))[0].T
         assert curvature(lambda F: energy_of(term, F), F, a, n) > -1e-12
 
 
 def test_a_logarithm_of_the_second_invariant_is_not_convex():
-    """In simple shear log(I2bar/3) is log(1 + shear^2/3), which is concave beyond a shear of sqrt 3."""
+    """In simple shear log(I2bar/3) is log(1 + shear^2/3), which is concave beyond a shear of
+    sqrt 3.
+    """
     a, n, _ = np.eye(3)
     for shear, sign in ((1.0, 1), (3.0, -1)):
         F = np.eye(3) + shear * np.outer(a, n)
-        assert sign * curvature(lambda F: energy_of(Term("second_logarithm", 1.0), F), F, a, n) > 1e-9
+        assert (
+            sign * curvature(lambda F: energy_of(Term("second_logarithm", 1.0), F), F, a, n) > 1e-9
+        )
 
 
 def test_curvatures_tell_where_a_sum_with_the_logarithm_is_stable():
     """I1bar has the curvature 2 along lines of unit vectors.
 
-    In simple shear s, log(1 + s^2/3) has the least curvature, -1/12, at s = 3, so that with less than 1/24 of I1bar - 3 the sum is
-    unstable there, at a greatest stretch of 3.3; other states need more. The terms of the dictionary that are polyconvex are stable in all.
+    In simple shear s, log(1 + s^2/3) has the least curvature, -1/12, at s = 3, so that with less
+    than 1/24 of I1bar - 3 the sum is unstable there, at a greatest stretch of 3.3; other states
+    need more. The terms of the dictionary that are polyconvex are stable in all.
     """
-    curvatures = line_curvatures([*POLYCONVEX, Term("second_logarithm", 1.0), Term("first", 1.0)], 3.4)
+    curvatures = line_curvatures(
+        [*POLYCONVEX, Term("second_logarithm", 1.0), Term("first", 1.0)], 3.4
+    )
     assert curvatures[:, : len(POLYCONVEX)].min() > -1e-6
     assert curvatures[:, -1] == pytest.approx(2.0, rel=1e-6)
     logarithm = curvatures[:, -2]
-    assert (logarithm + curvatures[:, -1] / 26).min() < 0 < (logarithm + curvatures[:, -1] / 2).min()
+    assert (
+        (logarithm + curvatures[:, -1] / 26).min() < 0 < (logarithm + curvatures[:, -1] / 2).min()
+    )
 
 
 def test_sums_of_polyconvex_terms_are_stable_by_form_and_others_are_checked():
@@ -111,13 +139,37 @@ def test_sums_of_polyconvex_terms_are_stable_by_form_and_others_are_checked():
         ([("frist", 1)], ValueError, "dictionary: unknown kind 'frist'; did you mean first"),
         ([("first", 5)], ValueError, "dictionary: first has powers from 1 to 4, not 5"),
         ([("first", "2")], ValueError, "dictionary: first has powers from 1 to 4, not '2'"),
-        ([("stretches", -0.5)], ValueError, "dictionary: stretches has exponents of magnitude 1 to 50, not -0.5"),
-        ([("logarithms", 0)], ValueError, "dictionary: logarithms has limits from 0.001 to 1e[+]06, not 0"),
-        ([("stretches", 200)], ValueError, "dictionary: stretches has exponents of magnitude 1 to 50, not 200"),
-        ([("logarithms", 1e30)], ValueError, "dictionary: logarithms has limits from 0.001 to 1e[+]06, not 1e[+]30"),
+        (
+            [("stretches", -0.5)],
+            ValueError,
+            "dictionary: stretches has exponents of magnitude 1 to 50, not -0.5",
+        ),
+        (
+            [("logarithms", 0)],
+            ValueError,
+            "dictionary: logarithms has limits from 0.001 to 1e[+]06, not 0",
+        ),
+        (
+            [("stretches", 200)],
+            ValueError,
+            "dictionary: stretches has exponents of magnitude 1 to 50, not 200",
+        ),
+        (
+            [("logarithms", 1e30)],
+            ValueError,
+            "dictionary: logarithms has limits from 0.001 to 1e[+]06, not 1e[+]30",
+        ),
         ([("first", True)], ValueError, "dictionary: first has powers from 1 to 4, not True"),
-        ([("first", 1), ("first", 1.0)], ValueError, r"dictionary: \('first', 1.0\) and \('first', 1.0\) are the same function up to a"),
-        ([("stretches", 2), ("roots", 2), ("first", 1)], ValueError, r"\('stretches', 2.0\) and \('first', 1.0\) are the same function"),
+        (
+            [("first", 1), ("first", 1.0)],
+            ValueError,
+            r"dictionary: \('first', 1.0\) and \('first', 1.0\) are the same function up to a",
+        ),
+        (
+            [("stretches", 2), ("roots", 2), ("first", 1)],
+            ValueError,
+            r"\('stretches', 2.0\) and \('first', 1.0\) are the same function",
+        ),
         (
             [("stretches", a) for a in range(1, 10)],
             ValueError,
@@ -135,19 +187,25 @@ def test_a_dictionary_of_other_things_is_refused(terms, error, message):
 def test_the_shear_modulus_is_that_of_small_shear(term):
     F = np.eye(3)
     F[0, 1] = 1e-3
-    assert 2 * energy_of(term, F) / 1e-6 == pytest.approx(term.shear_modulus, abs=1e-4 * max(1.0, term.shear_modulus))
+    assert 2 * energy_of(term, F) / 1e-6 == pytest.approx(
+        term.shear_modulus, abs=1e-4 * max(1.0, term.shear_modulus)
+    )
 
 
 def test_the_law_of_a_combination_has_its_energy(random):
     coefficients = random.uniform(0.1, 1.0, len(TERMS)) * 10.0 ** -np.arange(len(TERMS)).clip(max=3)
     law = law_of(TERMS, coefficients, 500.0)
     assert law.combination == pytest.approx(dict(zip(TERMS, coefficients, strict=True)))
-    assert law.shear_modulus == pytest.approx(sum(size * term.shear_modulus for term, size in law.combination.items()))
+    assert law.shear_modulus == pytest.approx(
+        sum(size * term.shear_modulus for term, size in law.combination.items())
+    )
     first, second = np.exp(random.uniform(-0.4, 0.6, (2, 10)))
     *_, W = plane_stress.response(law, first**2 + second**2, first * second, np.ones(10))
     energies, _ = derivatives(TERMS, np.log(np.column_stack([first, second, 1 / (first * second)])))
     np.testing.assert_allclose(law.shear_modulus * W, energies @ coefficients, rtol=1e-10)
-    assert law.scaled(2.0).combination == pytest.approx({term: 2 * size for term, size in law.combination.items()})
+    assert law.scaled(2.0).combination == pytest.approx(
+        {term: 2 * size for term, size in law.combination.items()}
+    )
     assert type(law_of(TERMS[:3], [0.0, 1.0, 2.0], 100.0)) is pds.materials.Ogden
 
 
@@ -156,7 +214,9 @@ def test_a_logarithm_is_gents_law_below_its_limit_and_ends_nowhere():
     law = pds.materials.Polyconvex(first=(), logarithms=(1.0,), limits=(20.0,))
     stretch = np.array([1.5, 2.0, 3.0, 4.0])  # I1bar - 3 = 13.5 at most
     state = stretch**2 + 1 / stretch, stretch**0.5, np.ones(4)
-    for found, expected in zip(plane_stress.response(law, *state)[:2], plane_stress.response(gent, *state)[:2], strict=True):
+    for found, expected in zip(
+        plane_stress.response(law, *state)[:2], plane_stress.response(gent, *state)[:2], strict=True
+    ):
         np.testing.assert_allclose(found, expected, rtol=1e-12)
     far = np.array([6.0, 12.0])
     assert np.isfinite(plane_stress.response(law, far**2 + 1 / far, far**0.5, np.ones(2))).all()
@@ -167,7 +227,9 @@ def test_coefficients_that_are_no_polyconvex_energy_are_refused():
         law_of([Term("first", 1.0), Term("first", 2.0)], [1.0, -0.1], 100.0)
     with pytest.raises(ValueError, match="the stiffness at rest is zero"):
         law_of([Term("first", 2.0)], [1.0], 100.0)
-    with pytest.raises(ValueError, match="limits must be positive numbers, one for each of logarithms"):
+    with pytest.raises(
+        ValueError, match="limits must be positive numbers, one for each of logarithms"
+    ):
         pds.materials.Polyconvex(logarithms=(1.0,))
     with pytest.raises(ValueError, match="roots must be at most 2 finite numbers, none negative"):
         pds.materials.Polyconvex(roots=(1.0, -1.0))

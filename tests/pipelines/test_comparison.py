@@ -1,4 +1,6 @@
-"""The reports that measure: what they find must not depend on who else uses the machine more than they say."""
+"""The reports that measure: what they find must not depend on who else uses the machine more
+than they say.
+"""
 
 import clock
 import comparison
@@ -13,17 +15,21 @@ LAW = pds.materials.NeoHookean()
 def test_costs_are_ordered_as_the_work_is():
     body = pds.Body.rectangle(1.0, 1.0, 0.05, 0.1575)
     told = []
-    cases = [clock.TimedModel(pds.forces.NOSBForce(), "float64", body), clock.TimedModel(pds.forces.BANOSBForce(), "float64", body)]
+    cases = [
+        clock.TimedModel(pds.forces.NOSBForce(), "float64", body),
+        clock.TimedModel(pds.forces.BANOSBForce(), "float64", body),
+    ]
     with listening(lambda stage, done, total, **numbers: told.append(stage)):
         nosb, rival = clock.measure_speed(cases, LAW, 0.0)
     assert set(told) == {"timing"}
     for row in (nosb, rival):
-        # The bond pass is part of the evaluation; the factor is for a core that is taken away between the two.
+        # The bond pass is part of the evaluation; the factor is for a core that is taken away
+        # between the two.
         assert 0 < row["ns_bond_pass_1"] < 2 * row["ns_per_directed_bond_1"]
         assert row["disturbance_1"] >= 1
         assert row["disturbance_all"] >= 1
-    # A bond-associated gradient for each bond, of some 15 common neighbors: five to nine times the work, of which a load of nine programs
-    # to a core has been seen to leave 1.8.
+    # A bond-associated gradient for each bond, of some 15 common neighbors: five to nine times the
+    # work, of which a load of nine programs to a core has been seen to leave 1.8.
     assert rival["ns_per_directed_bond_1"] > nosb["ns_per_directed_bond_1"]
 
 
@@ -50,7 +56,9 @@ def test_those_clock_count_beside_which_arithmetic_was_fastest(monkeypatch):
         return seconds
 
     monkeypatch.setattr(clock, "_arithmetic_on", arithmetic_on)
-    monkeypatch.setattr(clock, "_seconds", lambda function: (function() or 1.0) * (3.0 if state["slow"] else 1.0))
+    monkeypatch.setattr(
+        clock, "_seconds", lambda function: (function() or 1.0) * (3.0 if state["slow"] else 1.0)
+    )
     body = pds.Body.rectangle(1.0, 1.0, 0.1, 0.315)
     (row,) = clock.measure_speed([clock.TimedModel(Force(), "float64", body)], LAW, 60.0)
     assert row["disturbance_1"] == 1
@@ -72,7 +80,8 @@ def test_a_comparison_is_exact_for_neo_hookean_rubber():
     assert rival["speedup_over_ba_nosb"] == 1
     for title in comparison.TABLES:
         assert len(comparison.table(report, title)[1]) == len(report["models"])
-    # Both are exact for a law whose response is a constant of the isochoric features, but for single precision.
+    # Both are exact for a law whose response is a constant of the isochoric features, but for
+    # single precision.
     for row in report["models"]:
         if "isochoric" in row["force"]:
             assert row["rms_off_surface"] < 1e-6

@@ -25,10 +25,14 @@ from hard_cases import (
 from pdsurrogate.forces import InternalForce
 
 BOND_FORCES = {"symmetry", "undamped_steps", "slender"}
-"""What a force made of averaged features does not pass (theory, section 10), nor with a bar of four points across."""
+"""What a force made of averaged features does not pass (theory, section 10), nor with a bar of
+four points across.
+"""
 
 CONTRASTS = {"sheared_layer", "confined_layer"}
-"""What bond forces do not pass at all; energies are beyond the limit in a confined layer, and in space in a sheared one."""
+"""What bond forces do not pass at all; energies are beyond the limit in a confined layer, and in
+space in a sheared one.
+"""
 
 MODES = {
     "single_point",
@@ -53,7 +57,9 @@ QUICK_SHEETS = ("neo-hookean", "nosb")
 
 
 def test_a_surrogate_passes_what_physics_allows_and_nosb_does_not():
-    """The shipped surrogate lacks conservation only; NOSB's zero-energy modes show wherever they can."""
+    """The shipped surrogate lacks conservation only; NOSB's zero-energy modes show wherever they
+    can.
+    """
     surrogate, nosb = (results_of(under_test(name)) for name in QUICK_SHEETS)
     assert weak(surrogate) <= BOND_FORCES | CONTRASTS
     assert "symmetry" in weak(surrogate)
@@ -66,7 +72,16 @@ def test_a_surrogate_passes_what_physics_allows_and_nosb_does_not():
             assert (outcome.weakness in WEAKNESSES) == (outcome.verdict == WEAK)
 
 
-QUICK_IN_SPACE = ("single_point", "checkerboard", "least_eigenvalue", "rigid_motions", "symmetry", "simple_shear", "mesh", "loose_points")
+QUICK_IN_SPACE = (
+    "single_point",
+    "checkerboard",
+    "least_eigenvalue",
+    "rigid_motions",
+    "symmetry",
+    "simple_shear",
+    "mesh",
+    "loose_points",
+)
 """Cases of a few seconds."""
 
 
@@ -74,7 +89,9 @@ QUICK_IN_SPACE = ("single_point", "checkerboard", "least_eigenvalue", "rigid_mot
 def test_in_space_a_learned_energy_passes_and_nosb_shows_its_modes():
     keys = (*QUICK_IN_SPACE, "beyond_the_domain", "sudden_load", "time_step")
     cases = [case for case in CASES if case.key in keys]
-    learned, nosb = (results_of(under_test(name, "space"), cases) for name in ("neo-hookean-isochoric", "nosb"))
+    learned, nosb = (
+        results_of(under_test(name, "space"), cases) for name in ("neo-hookean-isochoric", "nosb")
+    )
     assert weak(learned) == set()
     # One point by itself, among 26 neighbors, is no such mode; NOSB stands at the limit there.
     assert weak(nosb) - {"single_point"} == MODES & set(keys) - {"single_point"}
@@ -83,24 +100,36 @@ def test_in_space_a_learned_energy_passes_and_nosb_shows_its_modes():
 @pytest.mark.slow
 @pytest.mark.parametrize("plane", ["stress", "space"])
 def test_every_model_on_every_case(plane):
-    """Surrogates on symmetric features and energies pass all that physics allows; the exact bond force does as well.
+    """Surrogates on symmetric features and energies pass all that physics allows; the exact bond
+    force does as well.
 
-    With a fiftieth of the steps of dynamics; without the two models of sheets that the quick test above holds to the same, and in space
-    without the two energies whose exact laws take as long as all others together; `pipelines/hard_cases.py --full` takes them all.
+    With a fiftieth of the steps of dynamics; without the two models of sheets that the quick test
+    above holds to the same, and in space without the two energies whose exact laws take as long as
+    all others together; `pipelines/hard_cases.py --full` takes them all.
 
-    The error of the torque by Ogden's law changes by 2.2 % from 10 to 180 degrees, 9.0 to 6.8 %, by the exact energy too (allowed 2).
+    The error of the torque by Ogden's law changes by 2.2 % from 10 to 180 degrees, 9.0 to 6.8 %, by
+    the exact energy too (allowed 2).
     """
-    left_out = {"stress": QUICK_SHEETS, "space": ("arruda-boyce-isochoric", "full-network-isochoric")}[plane]
+    left_out = {
+        "stress": QUICK_SHEETS,
+        "space": ("arruda-boyce-isochoric", "full-network-isochoric"),
+    }[plane]
     for name in all_models(plane):
         if name not in (*left_out, "nosb", "ba-nosb", "neo-hookean-paper"):
             torsion = {"torsion"} if name == "ogden-isochoric" else set()
             found = weak(results_of(under_test(name, plane)))
-            assert found <= (BOND_FORCES | CONTRASTS if plane == "stress" else CONTRASTS | torsion), name
+            assert found <= (
+                BOND_FORCES | CONTRASTS if plane == "stress" else CONTRASTS | torsion
+            ), name
 
 
 def test_a_sheared_layer_is_soft_for_an_energy_alone():
-    """At a contrast of 10 the energy was 60 % too stiff, and 6000 times at 10^5, as bond forces still are; others refuse with a reason."""
-    energy, bond_force, single = (sheared_layer(under_test(name)) for name in ("bond-energy", "analytic", "ba-nosb"))
+    """At a contrast of 10 the energy was 60 % too stiff, and 6000 times at 10^5, as bond forces
+    still are; others refuse with a reason.
+    """
+    energy, bond_force, single = (
+        sheared_layer(under_test(name)) for name in ("bond-energy", "analytic", "ba-nosb")
+    )
     assert energy.verdict == PASS
     assert energy.value < 0.02
     assert bond_force.weakness == "stiff contrasts"
@@ -110,8 +139,12 @@ def test_a_sheared_layer_is_soft_for_an_energy_alone():
 
 
 def test_every_force_model_takes_part():
-    assert {"analytic", "nosb", "ba-nosb", "neo-hookean", "neo-hookean-paper", "gent"} <= set(all_models("stress"))
-    assert {"bond-energy", "nosb", "neo-hookean-isochoric", "full-network-isochoric"} <= set(all_models("space"))
+    assert {"analytic", "nosb", "ba-nosb", "neo-hookean", "neo-hookean-paper", "gent"} <= set(
+        all_models("stress")
+    )
+    assert {"bond-energy", "nosb", "neo-hookean-isochoric", "full-network-isochoric"} <= set(
+        all_models("space")
+    )
     assert "analytic" not in all_models("space")
 
 
@@ -127,7 +160,9 @@ def test_tables_have_a_row_for_every_case_and_a_column_for_every_model():
 
 
 def test_the_tangent_of_springs_is_what_it_is():
-    """Springs of one stiffness between all neighbors: their tangent at rest is the stiffness matrix, to differences."""
+    """Springs of one stiffness between all neighbors: their tangent at rest is the stiffness
+    matrix, to differences.
+    """
     body = regular(2, 5)
 
     class Springs:
@@ -151,7 +186,8 @@ def test_the_tangent_of_springs_is_what_it_is():
     assert formed.matrix.shape == (18, 18)
     assert formed.asymmetry < 1e-8
     assert np.linalg.eigvalsh(formed.symmetric)[0] > 0
-    # The diagonal of the middle point: sum of n (x) n over its 20 neighbors within 3.15 spacings in a 5 x 5 sheet.
+    # The diagonal of the middle point: sum of n (x) n over its 20 neighbors within 3.15 spacings in
+    # a 5 x 5 sheet.
     bonds = body.points - body.points[12]
     near = [k for k in range(25) if 0 < (bonds[k] ** 2).sum() ** 0.5 <= 0.315]
     block = sum(bonds[k][:, None] * bonds[k] / (bonds[k] ** 2).sum() for k in near)
@@ -159,7 +195,9 @@ def test_the_tangent_of_springs_is_what_it_is():
 
 
 def test_spring_stiffness_by_hand():
-    """4 mu V^2 sum(w)/kappa with kappa = pi delta^4/3 and w = delta/l, over the 28 neighbors within 3.15 spacings."""
+    """4 mu V^2 sum(w)/kappa with kappa = pi delta^4/3 and w = delta/l, over the 28 neighbors
+    within 3.15 spacings.
+    """
     distances = [1] * 4 + [2**0.5] * 4 + [2] * 4 + [5**0.5] * 8 + [8**0.5] * 4 + [3] * 4
     kappa = 3.141592653589793 / 3 * 3.15**4
     by_hand = 4 * 2.5 * sum(3.15 / distance for distance in distances) / kappa
@@ -167,7 +205,9 @@ def test_spring_stiffness_by_hand():
 
 
 def test_springs_in_space_by_hand():
-    """4 mu V^2 sum(w)/kappa with kappa = pi delta^5/3 and w = delta/l, over the 18 neighbors within 1.5 spacings."""
+    """4 mu V^2 sum(w)/kappa with kappa = pi delta^5/3 and w = delta/l, over the 18 neighbors
+    within 1.5 spacings.
+    """
     by_hand = 4 * 2.5 * 1.5 * (6 + 12 / 2**0.5) / (3.141592653589793 / 3 * 1.5**5) * 0.1
     assert spring_stiffness(regular(3, 3, 1.5), 2.5) == pytest.approx(by_hand)
 
@@ -187,7 +227,9 @@ def test_a_sheet_in_space_has_no_stress_across():
     F = subject.gradient(np.array([[1.5, 0.3], [0.0, 0.9]]))
     assert np.abs(subject.exact_stress(F)[2]).max() < 1e-9
     plane = under_test("bond-energy")
-    np.testing.assert_allclose(subject.exact_stress(F)[:2, :2], plane.exact_stress(F[:2, :2]), rtol=1e-9)
+    np.testing.assert_allclose(
+        subject.exact_stress(F)[:2, :2], plane.exact_stress(F[:2, :2]), rtol=1e-9
+    )
 
 
 def test_outcomes_and_cells():

@@ -1,4 +1,6 @@
-"""Prescribed displacements: planes and points, what they exert, and what is said about those that make no sense."""
+"""Prescribed displacements: planes and points, what they exert, and what is said about those
+that make no sense.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,13 @@ CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.
 
 
 def scene_of(prescribed=ROLLERS, **changes):
-    described = {"name": "block", "spacing": 0.1, "body": pds.shapes.Rectangle(size=(1.2, 1.0)), "material": "neo-hookean", "steps": (1.0,)}
+    described = {
+        "name": "block",
+        "spacing": 0.1,
+        "body": pds.shapes.Rectangle(size=(1.2, 1.0)),
+        "material": "neo-hookean",
+        "steps": (1.0,),
+    }
     return pds.Scene(**described | {"prescribed": prescribed} | changes)
 
 
@@ -28,7 +36,10 @@ def test_rollers_on_four_edges_give_homogeneous_biaxial_tension():
     """To 1e-6 of the exact stress and, as neither corner nor edge shows, of the displacement."""
     result = simulate(scene_of(), "analytic")
     law = pds.materials.NeoHookean()
-    exact = homogeneous.biaxial(law, 1.5, 1.2).nominal_stress, homogeneous.biaxial(law, 1.2, 1.5).nominal_stress
+    exact = (
+        homogeneous.biaxial(law, 1.5, 1.2).nominal_stress,
+        homogeneous.biaxial(law, 1.2, 1.5).nominal_stress,
+    )
     forces = result.levels[0]["forces"]
     for low, high, axis, length in (("left", "right", 0, 1.0), ("bottom", "top", 1, 1.2)):
         assert forces[high][axis] / length == pytest.approx(exact[axis], rel=1e-6)
@@ -60,28 +71,56 @@ def test_torsion_turns_without_force_and_its_moments_balance():
 
 
 def test_conditions_that_agree_may_share_points():
-    scene = scene_of((*CLAMPS, {"region": {"box": [[0.0, 0.0], [0.2, 0.2]]}, "x1": 0.0, "name": "corner"}), support="points")
+    scene = scene_of(
+        (*CLAMPS, {"region": {"box": [[0.0, 0.0], [0.2, 0.2]]}, "x1": 0.0, "name": "corner"}),
+        support="points",
+    )
     assert set(simulate(scene, "analytic").levels[0]["forces"]) == {"left", "right", "corner"}
 
 
 @pytest.mark.parametrize(
     ("prescribed", "message"),
     [
-        ((*CLAMPS, {"region": "left", "x1": 0.1, "name": "left"}), "prescribed.0 and prescribed.2 move point 0 at .* differently along x1"),
         (
-            (*CLAMPS, {"region": "left", "x1": 0.0, "amplitude": "sine"}, {"region": "top", "x1": 0.1}),
+            (*CLAMPS, {"region": "left", "x1": 0.1, "name": "left"}),
+            "prescribed.0 and prescribed.2 move point 0 at .* differently along x1",
+        ),
+        (
+            (
+                *CLAMPS,
+                {"region": "left", "x1": 0.0, "amplitude": "sine"},
+                {"region": "top", "x1": 0.1},
+            ),
             r"prescribed.2 and prescribed.3 move",
         ),
         (
             (*CLAMPS, {"region": {"box": [[0, 0], [0.2, 0.2]]}, "x2": 0.1, "amplitude": "t**2"}),
             r"prescribed.0 and prescribed.2 move point 0 at \(0\.05, 0\.05\) differently along x2",
         ),
-        ((*CLAMPS, {"region": "top", "x2": 0.1, "name": "left"}), "prescribed.0 and prescribed.2 have different regions but the same name"),
-        (({"region": "left", "x1": 0.0},), "nothing keeps the body from moving along x2; prescribe x1 or x2 = 0 on a region"),
-        (({"region": {"near": [0.6, 0.5]}, "x1": 0.0, "x2": 0.0},), "nothing keeps the body from turning"),
-        (({"region": {"near": [0.6, 0.5]}, "x2": 0.0},), "nothing keeps the body from moving along x1 or turning"),
-        ((*CLAMPS, {"region": "top", "x2": 0.1, "amplitude": "cos(t)"}), r"prescribed.2.amplitude: must be 0 at t = 0"),
-        ((*CLAMPS, {"region": {"box": [[3, 3], [4, 4]]}, "x2": 0.1}), "the region contains no point of the body"),
+        (
+            (*CLAMPS, {"region": "top", "x2": 0.1, "name": "left"}),
+            "prescribed.0 and prescribed.2 have different regions but the same name",
+        ),
+        (
+            ({"region": "left", "x1": 0.0},),
+            "nothing keeps the body from moving along x2; prescribe x1 or x2 = 0 on a region",
+        ),
+        (
+            ({"region": {"near": [0.6, 0.5]}, "x1": 0.0, "x2": 0.0},),
+            "nothing keeps the body from turning",
+        ),
+        (
+            ({"region": {"near": [0.6, 0.5]}, "x2": 0.0},),
+            "nothing keeps the body from moving along x1 or turning",
+        ),
+        (
+            (*CLAMPS, {"region": "top", "x2": 0.1, "amplitude": "cos(t)"}),
+            r"prescribed.2.amplitude: must be 0 at t = 0",
+        ),
+        (
+            (*CLAMPS, {"region": {"box": [[3, 3], [4, 4]]}, "x2": 0.1}),
+            "the region contains no point of the body",
+        ),
     ],
 )
 def test_conditions_that_make_no_sense_are_refused(prescribed, message):
@@ -91,8 +130,13 @@ def test_conditions_that_make_no_sense_are_refused(prescribed, message):
 
 def test_a_loose_piece_is_named():
     cut = {"start": [0.0, 0.5], "end": [1.2, 0.5]}
-    with pytest.raises(pds.SceneError, match=r"nothing keeps .*60 points .* \(0\.05, 0\.55\), from moving along x1"):
-        started(scene_of(({"region": "bottom", "x1": 0, "x2": 0},), precuts=[cut], horizon_ratio=1.5), "analytic")
+    with pytest.raises(
+        pds.SceneError, match=r"nothing keeps .*60 points .* \(0\.05, 0\.55\), from moving along x1"
+    ):
+        started(
+            scene_of(({"region": "bottom", "x1": 0, "x2": 0},), precuts=[cut], horizon_ratio=1.5),
+            "analytic",
+        )
 
 
 def test_a_round_end_is_no_plane():
@@ -101,11 +145,15 @@ def test_a_round_end_is_no_plane():
 
 
 @pytest.mark.parametrize("support", ["reflected", "points"])
-@pytest.mark.parametrize("row", [row for row in TABLE if row.plane == "stress"], ids=lambda row: row.name)
+@pytest.mark.parametrize(
+    "row", [row for row in TABLE if row.plane == "stress"], ids=lambda row: row.name
+)
 def test_reactions_and_loads_balance_what_is_left_on_free_points(row, support):
-    """Linear momentum in any state, for every force model: to rounding, some hundreds of sums of doubles.
+    """Linear momentum in any state, for every force model: to rounding, some hundreds of sums of
+    doubles.
 
-    Moments too, of models that have them, where points are held: mirror images of a state out of equilibrium have moments of their own.
+    Moments too, of models that have them, where points are held: mirror images of a state out of
+    equilibrium have moments of their own.
     """
     loads = (
         {"region": "top", "traction": [0.02, 0.05]},
@@ -114,22 +162,37 @@ def test_reactions_and_loads_balance_what_is_left_on_free_points(row, support):
     )
     prescribed = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.1})
     subject = row.subject
-    scene = scene_of(prescribed, support=support, loads=loads, precision="float64", material=subject.law.describe())
+    scene = scene_of(
+        prescribed,
+        support=support,
+        loads=loads,
+        precision="float64",
+        material=subject.law.describe(),
+    )
     run = started(scene, subject.model)
     x1, x2 = run.body.points.T
-    start = run.body.points + 0.02 * np.stack([np.sin(2 * x1 + 3 * x2), np.cos(3 * x1 - 2 * x2)], axis=1)
+    start = run.body.points + 0.02 * np.stack(
+        [np.sin(2 * x1 + 3 * x2), np.cos(3 * x1 - 2 * x2)], axis=1
+    )
     out, loading = np.empty_like(start), run.loading
     loading.apply(0.5, run.loaded, start)
     run.loaded(start, out)
     reactions, left = loading.reactions(run.loaded), out * loading.free
     applied = sum(run.loads.by_name(start).values())
     scale = np.abs(run.force.pair_forces()).sum()
-    # Along a roller the forces of a bond and of its image cancel, if the model knows mirror symmetry.
+    # Along a roller the forces of a bond and of its image cancel, if the model knows mirror
+    # symmetry.
     kept = [0] if support == "reflected" and "mirror" in row.departures else [0, 1]
-    np.testing.assert_allclose((reactions.forces.sum(axis=0) + applied)[kept], left.sum(axis=0)[kept], atol=1e-13 * scale)
+    np.testing.assert_allclose(
+        (reactions.forces.sum(axis=0) + applied)[kept], left.sum(axis=0)[kept], atol=1e-13 * scale
+    )
     if support == "points" and "angular_momentum" not in row.departures:
-        moments = loading.moments(run.loaded, reactions).sum() + sum(run.loads.moments(start, np.zeros(2)).values())
-        assert moments == pytest.approx((start[:, 0] * left[:, 1] - start[:, 1] * left[:, 0]).sum(), abs=1e-13 * scale)
+        moments = loading.moments(run.loaded, reactions).sum() + sum(
+            run.loads.moments(start, np.zeros(2)).values()
+        )
+        assert moments == pytest.approx(
+            (start[:, 0] * left[:, 1] - start[:, 1] * left[:, 0]).sum(), abs=1e-13 * scale
+        )
 
 
 @pytest.mark.parametrize("second", [{"and": ["right"]}, {"box": [[0.7, -1], [2, 2]]}])
@@ -137,7 +200,22 @@ def test_what_later_entries_hold_too_is_not_reported_as_zero(second):
     """The force on the first entry was zero, without a word."""
     body = {"shape": "rectangle", "size": (1.0, 1.0)}
     support = "reflected" if "and" in second else "points"
-    held = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.3}, {"region": second, "x1": 0.3})
-    scene = pds.Scene(name="twice", spacing=0.25, body=body, material="neo-hookean", prescribed=held, support=support, steps=(1.0,))
-    with pytest.raises(pds.SceneError, match=r"prescribed\.1: later entries hold .* x1 as well; remove one of the entries"):
+    held = (
+        {"region": "left", "x1": 0.0, "x2": 0.0},
+        {"region": "right", "x1": 0.3},
+        {"region": second, "x1": 0.3},
+    )
+    scene = pds.Scene(
+        name="twice",
+        spacing=0.25,
+        body=body,
+        material="neo-hookean",
+        prescribed=held,
+        support=support,
+        steps=(1.0,),
+    )
+    with pytest.raises(
+        pds.SceneError,
+        match=r"prescribed\.1: later entries hold .* x1 as well; remove one of the entries",
+    ):
         pds.simulate(scene)

@@ -1,4 +1,6 @@
-"""Conditions and loads of bodies in space: faces held by reflection, also while they turn, reactions, moments, and loads on triangles."""
+"""Conditions and loads of bodies in space: faces held by reflection, also while they turn,
+reactions, moments, and loads on triangles.
+"""
 
 import numpy as np
 import pytest
@@ -8,12 +10,23 @@ import pdsurrogate as pds
 from pdsurrogate.scenes import Box
 
 AXIS = (1.0, 2.0, 0.5)
-CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0}, {"region": "right", "x1": 0.3, "x2": 0.0, "x3": 0.1})
+CLAMPS = (
+    {"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0},
+    {"region": "right", "x1": 0.3, "x2": 0.0, "x3": 0.1},
+)
 
 
 def scene_of(prescribed=CLAMPS, count=5, **changes):
-    described = {"name": "cube", "spacing": 1 / count, "body": Box(size=(1.0, 1.0, 1.0)), "material": "neo-hookean", "steps": (1.0,)}
-    return pds.Scene(**described | {"prescribed": prescribed, "solver": {"method": "relaxation"}} | changes)
+    described = {
+        "name": "cube",
+        "spacing": 1 / count,
+        "body": Box(size=(1.0, 1.0, 1.0)),
+        "material": "neo-hookean",
+        "steps": (1.0,),
+    }
+    return pds.Scene(
+        **described | {"prescribed": prescribed, "solver": {"method": "relaxation"}} | changes
+    )
 
 
 def run_of(force="bond-energy", **changes):
@@ -31,7 +44,9 @@ def rotation(axis, degrees):
 def wavy(points):
     """Positions of a state without symmetry."""
     x1, x2, x3 = points.T
-    return points + 0.02 * np.stack([np.sin(2 * x1 + 3 * x2), np.cos(3 * x1 - 2 * x3), np.sin(2 * x2 + x3)], axis=1)
+    return points + 0.02 * np.stack(
+        [np.sin(2 * x1 + 3 * x2), np.cos(3 * x1 - 2 * x3), np.sin(2 * x2 + x3)], axis=1
+    )
 
 
 def moment(places, forces):
@@ -41,15 +56,24 @@ def moment(places, forces):
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_forces_and_moments_of_turned_planes_are_virtual_work(plane, dimension):
-    """Derivatives of the energy by further displacement and turning of a plane, in a state without symmetry."""
+    """Derivatives of the energy by further displacement and turning of a plane, in a state
+    without symmetry.
+    """
     if dimension == 3 and plane == "strain":
         pytest.skip("space has one plane")
     turned = {"region": "right", "rotation": 40.0, "about": (1.0, 0.5, 0.5)[:dimension], "x1": 0.1}
-    body, axis = (Box(size=(1.0, 1.0, 1.0)), {"axis": AXIS}) if dimension == 3 else (pds.shapes.Rectangle(size=(1.0, 1.0)), {})
+    body, axis = (
+        (Box(size=(1.0, 1.0, 1.0)), {"axis": AXIS})
+        if dimension == 3
+        else (pds.shapes.Rectangle(size=(1.0, 1.0)), {})
+    )
     about_nothing = {"plane": plane} if dimension == 2 else {}
     prescribed = (turned | axis, turned | axis | {"region": "left"})
     run = started(scene_of(prescribed, body=body, horizon_ratio=1.75, **about_nothing))
-    loading, Q = run.loading, rotation(AXIS, 20.0) if dimension == 3 else rotation((0, 0, 1), 20.0)[:2, :2]
+    loading, Q = (
+        run.loading,
+        (rotation(AXIS, 20.0) if dimension == 3 else rotation((0, 0, 1), 20.0)[:2, :2]),
+    )
     center = np.array(turned["about"])
     start = center + (run.body.points - center) @ Q.T + 0.01 * np.sin(3 * run.body.points[:, ::-1])
     start[:, 0] += 0.05
@@ -65,25 +89,38 @@ def test_forces_and_moments_of_turned_planes_are_virtual_work(plane, dimension):
 
     def energy(number, spin, shift):
         turn, displacement = motions[number][:, :-1], motions[number][:, -1]
-        turn, displacement = turn + spin @ (np.eye(dimension) + turn), displacement + spin @ displacement + shift
+        turn, displacement = (
+            turn + spin @ (np.eye(dimension) + turn),
+            displacement + spin @ displacement + shift,
+        )
         run.force.move_plane(number, displacement, turn)
         run.force(start, out)
         run.force.move_plane(number, motions[number][:, -1], motions[number][:, :-1])
         return run.force.energy()
 
     h = 1e-5
-    spins = [np.array([[0.0, -1.0], [1.0, 0.0]])] if dimension == 2 else [np.cross(np.eye(3), np.eye(3)[c]) for c in range(3)]
+    spins = (
+        [np.array([[0.0, -1.0], [1.0, 0.0]])]
+        if dimension == 2
+        else [np.cross(np.eye(3), np.eye(3)[c]) for c in range(3)]
+    )
     for number in (0, 1):
         for component, shift in enumerate(np.eye(dimension)):
-            numeric = (energy(number, 0 * spins[0], h * shift) - energy(number, 0 * spins[0], -h * shift)) / (2 * h)
+            numeric = (
+                energy(number, 0 * spins[0], h * shift) - energy(number, 0 * spins[0], -h * shift)
+            ) / (2 * h)
             assert reactions.forces[number][component] == pytest.approx(numeric, rel=1e-6, abs=1e-7)
         for component, spin in enumerate(spins):
             numeric = (energy(number, h * spin, 0.0) - energy(number, -h * spin, 0.0)) / (2 * h)
-            assert np.atleast_1d(moments[number])[component] == pytest.approx(numeric, rel=1e-6, abs=1e-7)
+            assert np.atleast_1d(moments[number])[component] == pytest.approx(
+                numeric, rel=1e-6, abs=1e-7
+            )
 
 
 def test_pressure_on_a_closed_surface_has_the_volume_it_sweeps_as_potential():
-    run = run_of(prescribed=CLAMPS, support="points", loads=({"region": "outline", "pressure": 0.7},))
+    run = run_of(
+        prescribed=CLAMPS, support="points", loads=({"region": "outline", "pressure": 0.7},)
+    )
     loads, start = run.loads, wavy(run.body.points)
     loads.set(1.0)
     assert loads.no_potential_because is None
@@ -92,7 +129,9 @@ def test_pressure_on_a_closed_surface_has_the_volume_it_sweeps_as_potential():
     np.testing.assert_allclose(forces.sum(axis=0), 0, atol=1e-14)
     np.testing.assert_allclose(moment(start, forces), 0, atol=1e-14)
     direction, h = np.cos(3 * start), 1e-6
-    numeric = (loads.potential(start + h * direction) - loads.potential(start - h * direction)) / (2 * h)
+    numeric = (loads.potential(start + h * direction) - loads.potential(start - h * direction)) / (
+        2 * h
+    )
     assert (forces * direction).sum() == pytest.approx(-numeric, rel=1e-8)
     stretched = run.body.points * [1.1, 1.2, 0.9]
     assert loads.potential(stretched) == pytest.approx(0.7 * (1.1 * 1.2 * 0.9 - 1), rel=1e-12)
@@ -105,13 +144,29 @@ def test_pressure_on_a_closed_surface_has_the_volume_it_sweeps_as_potential():
             ({"region": "left", "rotation": 10.0, "about": (0, 0, 0)},),
             "prescribed.0.axis: a rotation of a solid needs",
         ),
-        (({"region": "left", "x1": 0.0, "axis": (1, 0, 0)},), "axis, the direction of the axis of a rotation, needs rotation"),
+        (
+            ({"region": "left", "x1": 0.0, "axis": (1, 0, 0)},),
+            "axis, the direction of the axis of a rotation, needs rotation",
+        ),
         (
             ({"region": "left", "x1": 0.0},),
-            "nothing keeps the body from moving along x2 or moving along x3 or turning; prescribe x1, x2 or x3",
+            (
+                "nothing keeps the body from moving along x2 or moving along x3 or turning;"
+                " prescribe x1, x2 or x3"
+            ),
         ),
-        (({"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}, {"region": "back", "x3": 0.0}), None),
-        ((*CLAMPS, {"region": "top", "x2": 0.1}), r"prescribed.0 and prescribed.2 move point .* differently along x2"),
+        (
+            (
+                {"region": "left", "x1": 0.0},
+                {"region": "bottom", "x2": 0.0},
+                {"region": "back", "x3": 0.0},
+            ),
+            None,
+        ),
+        (
+            (*CLAMPS, {"region": "top", "x2": 0.1}),
+            r"prescribed.0 and prescribed.2 move point .* differently along x2",
+        ),
     ],
 )
 def test_conditions_that_make_no_sense_are_refused(prescribed, message):
@@ -123,5 +178,9 @@ def test_conditions_that_make_no_sense_are_refused(prescribed, message):
 
 
 def test_a_sheet_has_no_third_component():
-    with pytest.raises(pds.SceneError, match=r"prescribed\.0\.x3: a 2D body has no x3, only x1 and x2$"):
-        scene_of(({"region": "left", "x1": 0.0, "x3": 0.0},), body=pds.shapes.Rectangle(size=(1.0, 1.0)))
+    with pytest.raises(
+        pds.SceneError, match=r"prescribed\.0\.x3: a 2D body has no x3, only x1 and x2$"
+    ):
+        scene_of(
+            ({"region": "left", "x1": 0.0, "x3": 0.0},), body=pds.shapes.Rectangle(size=(1.0, 1.0))
+        )

@@ -1,4 +1,6 @@
-"""Loads: their resultants, work and potentials, against what is known of them without any force model; and a bar pulled by tractions."""
+"""Loads: their resultants, work and potentials, against what is known of them without any force
+model; and a bar pulled by tractions.
+"""
 
 import numpy as np
 import pytest
@@ -22,9 +24,11 @@ ABOUT = np.array([0.3, -0.7])
 
 
 def interpolation(body, nodes):
-    """Rows of a linear fit to the points within five cells, nearer ones counting more: they follow affine motions exactly.
+    """Rows of a linear fit to the points within five cells, nearer ones counting more: they follow
+    affine motions exactly.
 
-    In homogeneous stress the forces beside a straight edge reach two horizons deep; rows that do so too disturb it least.
+    In homogeneous stress the forces beside a straight edge reach two horizons deep; rows that do so
+    too disturb it least.
     """
     points, rows = body.points, np.zeros((len(nodes), len(body)))
     near = cKDTree(points).query_ball_point(nodes, 5 * body.spacing)
@@ -36,7 +40,9 @@ def interpolation(body, nodes):
 
 
 def surface_of(body, loops):
-    """A surface of closed loops of nodes, given with the body on the left, each with the part that its facets belong to."""
+    """A surface of closed loops of nodes, given with the body on the left, each with the part
+    that its facets belong to.
+    """
     nodes, facets, parts, begin = [], [], [], 0
     for loop, names in loops:
         numbers = begin + np.arange(len(loop))
@@ -57,11 +63,15 @@ def outline_of_sheet(spacing=0.1):
         "top": np.stack([WIDTH - x, 0 * x + HEIGHT], axis=1),
         "left": np.stack([0 * y, HEIGHT - y], axis=1),
     }
-    return np.concatenate(list(sides.values())), [name for name, side in sides.items() for _ in side]
+    return np.concatenate(list(sides.values())), [
+        name for name, side in sides.items() for _ in side
+    ]
 
 
 class Regions:
-    """What loads ask of the regions of a body: edges and holes by the parts of a surface, points by a list, or all of them."""
+    """What loads ask of the regions of a body: edges and holes by the parts of a surface, points
+    by a list, or all of them.
+    """
 
     def __init__(self, body, surface):
         self._body, self._surface = body, surface
@@ -77,15 +87,29 @@ class Regions:
         return np.flatnonzero(parts != "holes" if reference == "outline" else parts == reference)
 
     def edge(self, reference):
-        return reference if isinstance(reference, str) and reference in self._surface.parts else None
+        return (
+            reference if isinstance(reference, str) and reference in self._surface.parts else None
+        )
 
     def label(self, reference, otherwise):
         return reference if isinstance(reference, str) else otherwise
 
 
 def scene_of(*loads, steps=1, **options):
-    body, hole = pds.shapes.Rectangle(size=(WIDTH, HEIGHT)), pds.shapes.Circle(radius=0.2, center=(WIDTH / 2, HEIGHT / 2))
-    return pds.Scene(name="loads", spacing=0.1, body=body, holes=(hole,), material="neo-hookean", loads=loads, steps=steps, **options)
+    body, hole = (
+        pds.shapes.Rectangle(size=(WIDTH, HEIGHT)),
+        pds.shapes.Circle(radius=0.2, center=(WIDTH / 2, HEIGHT / 2)),
+    )
+    return pds.Scene(
+        name="loads",
+        spacing=0.1,
+        body=body,
+        holes=(hole,),
+        material="neo-hookean",
+        loads=loads,
+        steps=steps,
+        **options,
+    )
 
 
 def holed_sheet():
@@ -121,11 +145,15 @@ def point_forces(loads, positions, thickness=None):
 
 
 def totals(loads, positions, thickness=None):
-    """Resultant and moment of the forces on the points; those that the loads report must be the same."""
+    """Resultant and moment of the forces on the points; those that the loads report must be the
+    same.
+    """
     out = point_forces(loads, positions, thickness)
     total, moment = out.sum(axis=0), cross(positions - ABOUT, out).sum()
     np.testing.assert_allclose(sum(loads.by_name(positions, thickness).values()), total, atol=1e-13)
-    assert sum(loads.moments(positions, ABOUT, thickness).values()) == pytest.approx(moment, abs=1e-13)
+    assert sum(loads.moments(positions, ABOUT, thickness).values()) == pytest.approx(
+        moment, abs=1e-13
+    )
     return total, moment
 
 
@@ -133,7 +161,9 @@ def test_resultant_and_moment_of_a_traction():
     """In a deformed state those of forces at the middles of the deformed facets."""
     body, surface = plain_sheet()
     y = wavy(body.points)
-    loads = loads_on(body, surface, {"region": "right", "traction": (0.3, -0.2), "amplitude": "2*t"}, t=0.75)
+    loads = loads_on(
+        body, surface, {"region": "right", "traction": (0.3, -0.2), "amplitude": "2*t"}, t=0.75
+    )
     total, moment = totals(loads, y)
     force = 1.5 * np.array([0.3, -0.2])
     np.testing.assert_allclose(total, force * HEIGHT, atol=1e-13)
@@ -148,13 +178,17 @@ def test_resultant_and_moment_of_body_and_point_forces(random):
     np.testing.assert_allclose(total, np.array([0.5, -2.0]) * WIDTH * HEIGHT, atol=1e-13)
     assert moment == pytest.approx(cross(y.mean(axis=0) - ABOUT, total), abs=1e-13)
     chosen = random.choice(len(body), 7, replace=False)
-    total, moment = totals(loads_on(body, surface, {"region": {"points": chosen.tolist()}, "force": (0.1, 0.4)}), y)
+    total, moment = totals(
+        loads_on(body, surface, {"region": {"points": chosen.tolist()}, "force": (0.1, 0.4)}), y
+    )
     np.testing.assert_allclose(total, [0.1, 0.4], atol=1e-15)
     assert moment == pytest.approx(cross(y[chosen].mean(axis=0) - ABOUT, total), abs=1e-14)
 
 
 def test_resultant_and_moment_of_a_pressure_on_a_deformed_edge():
-    """-p times the turned vector between the ends of the edge, whatever lies between; its moment from the distances of the ends."""
+    """-p times the turned vector between the ends of the edge, whatever lies between; its moment
+    from the distances of the ends.
+    """
     body, surface = plain_sheet()
     y, p = wavy(body.points), 0.4
     loads = loads_on(body, surface, {"region": "right", "pressure": p, "thickness": "undeformed"})
@@ -165,18 +199,28 @@ def test_resultant_and_moment_of_a_pressure_on_a_deformed_edge():
     low, high = nodes[order[0]], nodes[order[-1]]
     along = high - low
     np.testing.assert_allclose(total, -p * np.array([along[1], -along[0]]), atol=1e-13)
-    assert moment == pytest.approx(p / 2 * (((high - ABOUT) ** 2).sum() - ((low - ABOUT) ** 2).sum()), abs=1e-13)
+    assert moment == pytest.approx(
+        p / 2 * (((high - ABOUT) ** 2).sum() - ((low - ABOUT) ** 2).sum()), abs=1e-13
+    )
 
 
 def test_a_pressure_turns_with_the_body():
     body, surface = plain_sheet()
-    loads, y, Q = loads_on(body, surface, {"region": "top", "pressure": 1.0}), wavy(body.points), rotation(2.0)
+    loads, y, Q = (
+        loads_on(body, surface, {"region": "top", "pressure": 1.0}),
+        wavy(body.points),
+        rotation(2.0),
+    )
     thickness = 1 + 0.1 * np.sin(5 * body.points[:, 0])
-    np.testing.assert_allclose(point_forces(loads, y @ Q.T, thickness), point_forces(loads, y, thickness) @ Q.T, atol=1e-14)
+    np.testing.assert_allclose(
+        point_forces(loads, y @ Q.T, thickness), point_forces(loads, y, thickness) @ Q.T, atol=1e-14
+    )
 
 
 def test_work_is_done_at_the_boundary():
-    """In affine deformation the work of a traction is traction times length times the displacement of the middle of the edge itself."""
+    """In affine deformation the work of a traction is traction times length times the
+    displacement of the middle of the edge itself.
+    """
     body, surface = plain_sheet()
     H, traction = np.array([[0.4, -0.2], [0.3, 0.15]]), np.array([0.7, -0.4])
     middles = {"left": (0, 0.5), "right": (WIDTH, 0.5), "bottom": (0.6, 0), "top": (0.6, HEIGHT)}
@@ -198,7 +242,9 @@ ALL_KINDS = (
 
 
 def test_forces_are_the_derivative_of_the_potential(random):
-    """The potential is of second order in the positions: central differences of any step are exact but for rounding."""
+    """The potential is of second order in the positions: central differences of any step are
+    exact but for rounding.
+    """
     body, surface = holed_sheet()
     loads = loads_on(body, surface, *ALL_KINDS, t=0.6)
     assert loads.no_potential_because is None
@@ -217,12 +263,16 @@ def test_the_potential_of_a_pressure_is_the_area_of_the_hole():
     loads = loads_on(body, surface, {"region": "holes", "pressure": 2.0, "thickness": "undeformed"})
     polygon = 16 / 2 * 0.2**2 * np.sin(2 * np.pi / 16)
     F = np.array([[1.3, 0.2], [-0.1, 1.1]])
-    assert loads.potential(body.points @ F.T + 100) == pytest.approx(-2.0 * polygon * (np.linalg.det(F) - 1), abs=1e-11)
+    assert loads.potential(body.points @ F.T + 100) == pytest.approx(
+        -2.0 * polygon * (np.linalg.det(F) - 1), abs=1e-11
+    )
 
 
 @pytest.mark.parametrize("name", sorted(FORCES))
 def test_a_pressure_acts_on_the_thickness_that_every_model_has(name):
-    """In affine deformation all models have the thickness of the law; the force on an edge is -p lambda_3 cof F N L (Nanson)."""
+    """In affine deformation all models have the thickness of the law; the force on an edge is -p
+    lambda_3 cof F N L (Nanson).
+    """
     body, surface = plain_sheet()
     p, F = 0.3, np.array([[1.5, 0.3], [-0.1, 0.82]])
     traction = {"region": "top", "traction": (0.0, 0.25), "name": "pull"}
@@ -236,11 +286,14 @@ def test_a_pressure_acts_on_the_thickness_that_every_model_has(name):
     trace, J = plane_stress.invariants(F)
     thickness = plane_stress.volume_ratio(LAW, trace, J) / J
     pressure = -p * thickness * J * np.linalg.inv(F).T @ [1, 0] * HEIGHT
-    # The thickness is found to 1e-9 or better in double, the forces to 1e-7 of themselves in single precision.
+    # The thickness is found to 1e-9 or better in double, the forces to 1e-7 of themselves in single
+    # precision.
     found = loads.by_name(y, loaded.thickness())
     np.testing.assert_allclose(found["right"], pressure, rtol=1e-7)
     np.testing.assert_allclose(found["pull"], [0, 0.25 * WIDTH], atol=1e-15)
-    np.testing.assert_allclose((out - internal).sum(axis=0), found["right"] + found["pull"], atol=1e-13)
+    np.testing.assert_allclose(
+        (out - internal).sum(axis=0), found["right"] + found["pull"], atol=1e-13
+    )
 
 
 def test_loads_of_one_name_are_summed():
@@ -263,7 +316,10 @@ def test_pressures_without_a_potential_say_why():
     body, surface = holed_sheet()
     force = FORCES["bond-energy"]().bind(body, LAW, DOUBLE)
     deformed = {"region": "holes", "pressure": 1.0}
-    for load, why in ((deformed, "deformed thickness"), ({**deformed, "region": "right", "thickness": "undeformed"}, "is not closed")):
+    for load, why in (
+        (deformed, "deformed thickness"),
+        ({**deformed, "region": "right", "thickness": "undeformed"}, "is not closed"),
+    ):
         loaded = LoadedForce(force, loads_on(body, surface, load))
         assert not loaded.has_energy
         assert why in loaded.no_energy_because
@@ -273,7 +329,9 @@ def test_pressures_without_a_potential_say_why():
 
 def test_states_without_a_load_are_invalid():
     body, surface = plain_sheet()
-    loads = loads_on(body, surface, {"region": "right", "pressure": 1.0, "amplitude": "1 / (t - 0.5)"})
+    loads = loads_on(
+        body, surface, {"region": "right", "pressure": 1.0, "amplitude": "1 / (t - 0.5)"}
+    )
     for thickness in (np.full(len(body), np.nan), np.full(len(body), -1.0)):
         with pytest.raises(InvalidState, match="thickness"):
             loads.forces(body.points, thickness, np.zeros_like(body.points))
@@ -290,7 +348,9 @@ def test_wrong_loads_are_refused():
     with pytest.raises(ValueError, match=r"loads\.0\.thickness: under plane strain"):
         scene_of({"region": "right", "pressure": 1.0, "thickness": "deformed"}, plane="strain")
     with pytest.raises(ValueError, match=r"loads\.1\.amplitude: .*no value at t = 2"):
-        scene_of({"body_force": (1, 0)}, {"body_force": (1, 0), "amplitude": "1 / (t - 2)"}, steps=2)
+        scene_of(
+            {"body_force": (1, 0)}, {"body_force": (1, 0), "amplitude": "1 / (t - 2)"}, steps=2
+        )
     body = sheet(planes=(ReflectionPlane(0, 0.0, -1, (-1, -1)),))
     surface = surface_of(body, [outline_of_sheet()])
     with pytest.raises(ValueError, match=r"loads\.0\.region: the region contains the left edge"):
@@ -299,7 +359,9 @@ def test_wrong_loads_are_refused():
 
 
 def test_a_force_on_an_edge_that_is_held_by_reflection_is_refused():
-    """It pulled at the free points half a cell inside the edge, and changed what the other edge holds by 3 %."""
+    """It pulled at the free points half a cell inside the edge, and changed what the other edge
+    holds by 3 %.
+    """
     scene = pds.Scene(
         name="held",
         spacing=0.1,
@@ -309,5 +371,7 @@ def test_a_force_on_an_edge_that_is_held_by_reflection_is_refused():
         loads=({"region": "right", "force": (0.3, 0)},),
         steps=1,
     )
-    with pytest.raises(pds.SceneError, match=r"loads\.0\.region: the right edge is held by reflection"):
+    with pytest.raises(
+        pds.SceneError, match=r"loads\.0\.region: the right edge is held by reflection"
+    ):
         pds.simulate(scene, "analytic")

@@ -1,4 +1,6 @@
-"""Obstacles: the energy of their penetration, homogeneous states, contact in dynamics, what results report, and scenes that are refused."""
+"""Obstacles: the energy of their penetration, homogeneous states, contact in dynamics, what
+results report, and scenes that are refused.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,10 @@ def pressed(*obstacles, **changes):
         "spacing": 0.125,
         "body": pds.shapes.Rectangle(size=(1.0, 1.0)),
         "material": RUBBER,
-        "prescribed": (pds.Prescribed(region="bottom", x2=0.0), pds.Prescribed(region="left", x1=0.0)),
+        "prescribed": (
+            pds.Prescribed(region="bottom", x2=0.0),
+            pds.Prescribed(region="left", x1=0.0),
+        ),
         "obstacles": obstacles or (PLATE,),
         "steps": 1.0,
     }
@@ -29,7 +34,13 @@ def pressed(*obstacles, **changes):
 
 def box(*obstacles, **changes):
     held = (pds.Prescribed(region="back", x1=0.0, x2=0.0, x3=0.0),)
-    return pressed(*obstacles, body=pds.shapes.Box(size=(1.0, 1.0, 0.5)), prescribed=held, spacing=0.25, **changes)
+    return pressed(
+        *obstacles,
+        body=pds.shapes.Box(size=(1.0, 1.0, 0.5)),
+        prescribed=held,
+        spacing=0.25,
+        **changes,
+    )
 
 
 ROUND = {"disc": {"center": (0.6, 1.5), "radius": 0.5}, "x2": -0.1, "x1": 0.05}
@@ -44,7 +55,9 @@ CLOUD = pds.shapes.Rectangle(size=(1.0, 1.0), arrangement="relaxed", seed=1)
 
 
 @pytest.mark.parametrize(
-    "scene", [pressed(PLATE, ROUND), box(*SPATIAL), pressed(PLATE, ROUND, body=CLOUD)], ids=["sheet", "solid", "relaxed sheet"]
+    "scene",
+    [pressed(PLATE, ROUND), box(*SPATIAL), pressed(PLATE, ROUND, body=CLOUD)],
+    ids=["sheet", "solid", "relaxed sheet"],
 )
 def test_forces_are_minus_the_gradient_of_the_energy_and_balance_those_of_the_obstacles(scene):
     problem = compile_scene(scene, [pds.BondEnergyForce()])
@@ -58,29 +71,43 @@ def test_forces_are_minus_the_gradient_of_the_energy_and_balance_those_of_the_ob
     assert len(by_name) == len(scene.obstacles)
     assert all(np.linalg.norm(force) > 0.01 for force in by_name.values())
     np.testing.assert_allclose(forces.sum(axis=0), sum(by_name.values()), atol=1e-11)
-    moments = sum(np.atleast_1d(moment) for moment in loads.moments(positions, np.zeros(points.shape[1])).values())
-    turning = np.cross(positions, forces).sum(axis=0) if points.shape[1] == 3 else [np.linalg.det(np.stack([positions, forces], 1)).sum()]
+    moments = sum(
+        np.atleast_1d(moment)
+        for moment in loads.moments(positions, np.zeros(points.shape[1])).values()
+    )
+    turning = (
+        np.cross(positions, forces).sum(axis=0)
+        if points.shape[1] == 3
+        else [np.linalg.det(np.stack([positions, forces], 1)).sum()]
+    )
     np.testing.assert_allclose(moments, turning, atol=1e-10)
     way, step = rng.standard_normal(points.shape), 1e-6
-    slope = (loads.potential(positions + step * way) - loads.potential(positions - step * way)) / (2 * step)
+    slope = (loads.potential(positions + step * way) - loads.potential(positions - step * way)) / (
+        2 * step
+    )
     assert slope == pytest.approx(-(forces * way).sum(), rel=1e-8)
 
 
 @pytest.mark.parametrize("model", ["bond-energy", "analytic"])
 @pytest.mark.parametrize("body", [pressed().body, CLOUD], ids=["lattice", "relaxed"])
 def test_a_plate_without_friction_leaves_the_body_in_the_homogeneous_state(body, model):
-    """The face of the body stands off the plate by the penetration alone; its force was off by 0.8 % (lattice) and 1.8 % (relaxed)."""
+    """The face of the body stands off the plate by the penetration alone; its force was off by
+    0.8 % (lattice) and 1.8 % (relaxed).
+    """
     result = pds.simulate(pressed(body=body, solver={"tolerance": 1e-6}), model)
     level = result.levels[-1]
     depth = level["contact"]["plate"]["penetration"]
     exact = uniaxial(pds.materials.NeoHookean(1.0, 10.0), 0.8 + depth)
     assert -level["forces"]["plate"][1] == pytest.approx(-exact.nominal_stress, rel=1e-4)
-    # The contact is a layer of a twentieth of a spacing of the material, which cannot bulge in the plane.
+    # The contact is a layer of a twentieth of a spacing of the material, which cannot bulge in the
+    # plane.
     modulus = 4 * 31 / 34
     assert depth == pytest.approx(-exact.nominal_stress * 0.125 / (20 * modulus), rel=1e-3)
     # Of the free side the part counts that is nearer than 0.01 spacings.
     side = depth + 0.01 * 0.125
-    assert level["contact"]["plate"]["area"] == pytest.approx(exact.lateral_stretch + side, abs=1e-4)
+    assert level["contact"]["plate"]["area"] == pytest.approx(
+        exact.lateral_stretch + side, abs=1e-4
+    )
     assert level["displacements"]["plate"] == pytest.approx([0, -0.2])
     row = result.history[-1]
     assert row["contact_area_plate"] == level["contact"]["plate"]["area"]
@@ -96,7 +123,8 @@ def test_a_plate_that_moves_away_leaves_the_body_undeformed():
     assert np.abs(result.displacement()).max() < 1e-6
 
 
-# The reference of docs/validation/obstacles.md at 30 %: finite elements, see `pipelines/obstacles.py`.
+# The reference of docs/validation/obstacles.md at 30 %: finite elements, see
+# `pipelines/obstacles.py`.
 BLOCK = 5.0372
 
 
@@ -104,9 +132,22 @@ def test_a_bonded_block_whose_sides_roll_over_the_plate_has_the_force_of_finite_
     rubber = {**RUBBER, "bulk_modulus": 100.0}
     base = {"half_plane": {"point": (0.0, 0.0), "normal": (0.0, -1.0)}, "name": "base"}
     held = (pds.Prescribed(region="bottom", x1=0.0, x2=0.0),)
-    fields = {"body": pds.shapes.Rectangle(size=(2.0, 1.0)), "plane": "strain", "horizon_ratio": 1.75, "material": rubber, "spacing": 0.05}
+    fields = {
+        "body": pds.shapes.Rectangle(size=(2.0, 1.0)),
+        "plane": "strain",
+        "horizon_ratio": 1.75,
+        "material": rubber,
+        "spacing": 0.05,
+    }
     result = pds.simulate(
-        pressed({**PLATE, "x2": -0.3}, base, prescribed=held, steps=[pds.Step(to=1.0, outputs=2)], **fields), "bond-energy"
+        pressed(
+            {**PLATE, "x2": -0.3},
+            base,
+            prescribed=held,
+            steps=[pds.Step(to=1.0, outputs=2)],
+            **fields,
+        ),
+        "bond-energy",
     )
     level = result.levels[-1]
     assert -level["forces"]["plate"][1] == pytest.approx(BLOCK, rel=0.01)
@@ -116,9 +157,16 @@ def test_a_bonded_block_whose_sides_roll_over_the_plate_has_the_force_of_finite_
 
 
 def test_a_body_thrown_at_a_wall_bounces_and_keeps_its_energy():
-    """A wall pushes a bar, which flies away: the account of energies closes, and contact that begins later does not upset the time step."""
+    """A wall pushes a bar, which flies away: the account of energies closes, and contact that
+    begins later does not upset the time step.
+    """
     there_and_back = "max(0, 0.5 - 0.5 * cos(pi * t))"
-    wall = {"half_plane": {"point": (0.0, 1.02), "normal": (0.0, 1.0)}, "x2": -0.1, "amplitude": there_and_back, "name": "wall"}
+    wall = {
+        "half_plane": {"point": (0.0, 1.02), "normal": (0.0, 1.0)},
+        "x2": -0.1,
+        "amplitude": there_and_back,
+        "name": "wall",
+    }
     step = pds.Step(to=2.0, outputs=40, dynamics=pds.StepDynamics(duration=4.0, density=1.0))
     result = pds.simulate(pressed(wall, steps=[step], prescribed=()), "bond-energy")
     pushes = [level["forces"]["wall"][1] for level in result.levels]
@@ -126,21 +174,32 @@ def test_a_body_thrown_at_a_wall_bounces_and_keeps_its_energy():
     assert pushes[0] == pushes[-1] == 0
     assert max(level["contact"]["wall"]["penetration"] for level in result.levels) < 0.1 * 0.125
     assert abs(result.summary["dynamics"][0]["greatest_energy_gap"]) < 1
-    # Without friction and supports the body moves along x2 alone, as a whole, by the momentum that the wall has given it.
+    # Without friction and supports the body moves along x2 alone, as a whole, by the momentum that
+    # the wall has given it.
     last, before = (result.displacement(number).mean(axis=0) for number in (-1, -2))
     momentum = (last - before) / 0.1
     assert abs(momentum[0]) < 1e-6 < 0.1 < -momentum[1]
     assert result.history[-1]["kinetic_energy"] >= momentum[1] ** 2 / 2
-    assert result.history[-1]["work"] == pytest.approx(result.history[-1]["kinetic_energy"] + result.history[-1]["strain_energy"], rel=0.01)
+    assert result.history[-1]["work"] == pytest.approx(
+        result.history[-1]["kinetic_energy"] + result.history[-1]["strain_energy"], rel=0.01
+    )
 
 
 def test_a_scene_without_obstacles_carries_nothing_of_them():
-    scene = pressed(prescribed=(pds.Prescribed(region="bottom", x1=0, x2=0), pds.Prescribed(region="top", x2=-0.1)), obstacles=())
+    scene = pressed(
+        prescribed=(
+            pds.Prescribed(region="bottom", x1=0, x2=0),
+            pds.Prescribed(region="top", x2=-0.1),
+        ),
+        obstacles=(),
+    )
     problem = compile_scene(scene, [pds.BondEnergyForce()])
     _, loaded = problem.bind()
     assert problem.loading.loads.obstacles == []
     assert len(problem.loading.loads) == 0
-    assert preconditioner_of(loaded, problem.loading.free).solve.__qualname__.startswith(("spring_solver_of", "_inverse_here"))
+    assert preconditioner_of(loaded, problem.loading.free).solve.__qualname__.startswith(
+        ("spring_solver_of", "_inverse_here")
+    )
     level = pds.simulate(scene, "bond-energy").levels[-1]
     assert "contact" not in level
 
@@ -171,17 +230,56 @@ TOO_SMALL = {"disc": {"center": (0.5, 1.2), "radius": 0.2}, "x2": -0.1}
 INSIDE = {"disc": {"center": (0.5, 0.5), "radius": 0.25}}
 TURNED = {"half_plane": {"point": (0.0, 1.0), "normal": (0.0, -1.0)}, "x2": -0.2}
 REFUSED = [
-    ((TOO_SMALL,), {}, r"obstacles.0.disc.radius: 0.2 is less than 2 spacings \(0.25\), .*; use a smaller spacing"),
-    ((INSIDE,), {}, r"obstacles.0.disc: at t = 0 the obstacle overlaps the body, by 0.\d+ at \(.*\); begin outside"),
-    ((PLATE, TURNED), {}, r"obstacles.1.half_plane: at t = 0 .*, or turn its normal, which points into the obstacle"),
+    (
+        (TOO_SMALL,),
+        {},
+        r"obstacles.0.disc.radius: 0.2 is less than 2 spacings \(0.25\), .*; use a smaller spacing",
+    ),
+    (
+        (INSIDE,),
+        {},
+        (
+            r"obstacles.0.disc: at t = 0 the obstacle overlaps the body, by 0.\d+ at \(.*\); begin"
+            r" outside"
+        ),
+    ),
+    (
+        (PLATE, TURNED),
+        {},
+        r"obstacles.1.half_plane: at t = 0 .*, or turn its normal, which points into the obstacle",
+    ),
     ((PLATE, PLATE | {"x1": 1.0}), {}, "obstacles.0 and obstacles.1 .* the same name 'plate'"),
-    ((PLATE,), {"prescribed": ()}, "nothing keeps the body from moving along x1 or moving along x2"),
-    ((PLATE,), {"steps": (2.0,), "obstacles": (PLATE | {"amplitude": {"t": (0, 1), "value": (0, 1)}},)}, "obstacles.0.amplitude: "),
-    (({"ball": {"center": (0, 0, 3.0), "radius": 1.0}},), {}, "obstacles.0.ball: this obstacle is 3D, but .* use half_plane or disc"),
+    (
+        (PLATE,),
+        {"prescribed": ()},
+        "nothing keeps the body from moving along x1 or moving along x2",
+    ),
+    (
+        (PLATE,),
+        {"steps": (2.0,), "obstacles": (PLATE | {"amplitude": {"t": (0, 1), "value": (0, 1)}},)},
+        "obstacles.0.amplitude: ",
+    ),
+    (
+        ({"ball": {"center": (0, 0, 3.0), "radius": 1.0}},),
+        {},
+        "obstacles.0.ball: this obstacle is 3D, but .* use half_plane or disc",
+    ),
     ((PLATE | {"x3": 1.0},), {}, r"obstacles.0.x3: a 2D body has no x3, only x1 and x2$"),
-    ((PLATE | {"disc": {"center": (0.5, 3.0), "radius": 1.0}},), {}, "an obstacle needs exactly one shape: half_plane, disc"),
-    (({"disc": {"center": (0.5, 3.0, 0.0), "radius": 1.0}},), {}, "disc.center: needs 2 entries, not 3; this shape is 2D"),
-    (({"ball": {"center": (0.5, 3.0, 0.0, 0.0), "radius": 1.0}},), {}, "ball.center: needs 3 entries, not 4"),
+    (
+        (PLATE | {"disc": {"center": (0.5, 3.0), "radius": 1.0}},),
+        {},
+        "an obstacle needs exactly one shape: half_plane, disc",
+    ),
+    (
+        ({"disc": {"center": (0.5, 3.0, 0.0), "radius": 1.0}},),
+        {},
+        "disc.center: needs 2 entries, not 3; this shape is 2D",
+    ),
+    (
+        ({"ball": {"center": (0.5, 3.0, 0.0, 0.0), "radius": 1.0}},),
+        {},
+        "ball.center: needs 3 entries, not 4",
+    ),
     (({"x2": 1.0},), {}, "an obstacle needs exactly one shape"),
     ((PLATE,), {"steps": (), "prescribed": ()}, "obstacles: needs steps"),
 ]
@@ -201,7 +299,9 @@ def test_an_obstacle_that_jumps_into_the_body_is_told():
     force, loaded = problem.bind()
     positions = problem.body.points.copy()
     problem.loading.apply(1.0, loaded, positions)
-    with pytest.raises(pds.forces.InvalidState, match="the obstacle pin, which has passed the boundary of the body"):
+    with pytest.raises(
+        pds.forces.InvalidState, match="the obstacle pin, which has passed the boundary of the body"
+    ):
         problem.loading.check_inside(1.0, force, positions)
 
 
@@ -210,10 +310,14 @@ ALONG = {"disc": {"center": (1.6, 0.5), "radius": 0.25}, "x1": -3.0, "name": "pi
 
 
 @pytest.mark.parametrize(
-    "obstacle", [THROUGH, ALONG, {**THROUGH, "amplitude": ((0.0, 0.0), (0.5, 1.0), (1.0, 0.0))}], ids=["down", "along", "to and fro"]
+    "obstacle",
+    [THROUGH, ALONG, {**THROUGH, "amplitude": ((0.0, 0.0), (0.5, 1.0), (1.0, 0.0))}],
+    ids=["down", "along", "to and fro"],
 )
 def test_an_obstacle_does_not_pass_through_the_body_in_one_increment(obstacle):
-    """It touches the body neither at the beginning nor at the end of the step; such runs once ended well, without any force."""
+    """It touches the body neither at the beginning nor at the end of the step; such runs once
+    ended well, without any force.
+    """
     with pytest.raises(pds.SimulationFailed, match=r"\(pin moved by \(") as failed:
         pds.simulate(pressed(obstacle), "bond-energy")
     for level in failed.value.result.levels:  # the pin presses on the body
@@ -227,31 +331,57 @@ LID = {"region": {"box": ((0.0, 0.6), (1.0, 1.0))}, "material": "rigid"}
 def test_an_obstacle_in_the_way_of_which_a_rigid_region_is_refused(obstacle):
     """A rigid lid on one place of a disc slid off it, so that no increment was short enough."""
     held = {"region": "bottom", "x1": 0.0, "x2": 0.0}
-    with pytest.raises(pds.SceneError, match=r"obstacles.0: the obstacle plate reaches the rigid region lid; .*: prescribe"):
-        compile_scene(pressed(obstacle, prescribed=(held,), regions={"lid": LID["region"]}, materials=({**LID, "region": "lid"},)), MODELS)
+    with pytest.raises(
+        pds.SceneError,
+        match=r"obstacles.0: the obstacle plate reaches the rigid region lid; .*: prescribe",
+    ):
+        compile_scene(
+            pressed(
+                obstacle,
+                prescribed=(held,),
+                regions={"lid": LID["region"]},
+                materials=({**LID, "region": "lid"},),
+            ),
+            MODELS,
+        )
 
 
 def test_a_rigid_region_that_the_body_pushes_into_an_obstacle_ends_the_run():
     wall = {"half_plane": {"point": (1.02, 0.0), "normal": (1.0, 0.0)}, "name": "wall"}
     held = ({"region": "left", "x1": 0.1, "x2": 0.0}, {"region": "bottom", "x2": 0.0})
     stud = {"region": {"box": ((0.7, 0.3), (1.0, 0.7))}, "material": "rigid"}
-    with pytest.raises(pds.SimulationFailed, match=r"obstacle wall touches the rigid region materials.0, .*\(prescribed.0 to x1 = \S+\);"):
+    with pytest.raises(
+        pds.SimulationFailed,
+        match=(
+            r"obstacle wall touches the rigid region materials.0, .*\(prescribed.0 to x1 = \S+\);"
+        ),
+    ):
         pds.simulate(pressed(wall, prescribed=held, materials=(stud,)), "bond-energy")
 
 
 def test_an_obstacle_presses_rubber_on_a_rigid_base():
     base = {"region": {"box": ((0.0, 0.0), (1.0, 0.3))}, "material": "rigid"}
     held = ({"region": "bottom", "x1": 0.0, "x2": 0.0},)
-    level = pds.simulate(pressed({**PLATE, "x2": -0.05}, prescribed=held, materials=(base,)), "bond-energy").levels[-1]
+    level = pds.simulate(
+        pressed({**PLATE, "x2": -0.05}, prescribed=held, materials=(base,)), "bond-energy"
+    ).levels[-1]
     assert level["forces"]["plate"][1] == pytest.approx(-level["forces"]["bottom"][1], rel=1e-4)
     assert level["contact"]["plate"]["area"] == pytest.approx(1.0, rel=0.05)
 
 
 @pytest.mark.parametrize("up", [True, False], ids=["top", "bottom"])
 def test_an_obstacle_cannot_enter_a_held_edge(up):
-    plate = {"half_plane": {"point": (0.0, float(up)), "normal": (0.0, 1.0 if up else -1.0)}, "x2": -0.2 if up else 0.2, "name": "plate"}
+    plate = {
+        "half_plane": {"point": (0.0, float(up)), "normal": (0.0, 1.0 if up else -1.0)},
+        "x2": -0.2 if up else 0.2,
+        "name": "plate",
+    }
     held = tuple({"region": name, "x1": 0.0, "x2": 0.0} for name in ("bottom", "top"))
     with pytest.raises(
-        pds.SimulationFailed, match=rf"the obstacle plate lies .* inside the {'top' if up else 'bottom'} .*not into held parts"
+        pds.SimulationFailed,
+        match=(
+            rf"the obstacle plate lies .* inside the {'top' if up else 'bottom'} .*not into held"
+            r" parts"
+        ),
     ):
         pds.simulate(pressed(plate, prescribed=held), "bond-energy")

@@ -1,4 +1,6 @@
-"""Cases that `served.py` runs: the command line, with what happens in the midst of a run; scenes; a script; and errors."""
+"""Cases that `served.py` runs: the command line, with what happens in the midst of a run;
+scenes; a script; and errors.
+"""
 
 import os
 import resource
@@ -28,7 +30,9 @@ def command(*arguments):
 
 def not_under_mpi(*arguments):
     """Run as one of two processes that a launcher has started without mpi4py."""
-    known = {name: sys.modules.pop(name) for name in ("mpi4py.run", "mpi4py.MPI") if name in sys.modules}
+    known = {
+        name: sys.modules.pop(name) for name in ("mpi4py.run", "mpi4py.MPI") if name in sys.modules
+    }
     os.environ["PMI_SIZE"], size = "2", os.environ.get("PMI_SIZE")
     try:
         command(*arguments)
@@ -62,24 +66,37 @@ def command_of_few(points, *arguments):
 
 
 def error_of_few(points, limit):
-    """The error of a run whose first rank works alone, as every rank finds it: type, message, and number of its levels."""
+    """The error of a run whose first rank works alone, as every rank finds it: type, message,
+    and number of its levels.
+    """
     with few(points):
         try:
-            pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.1, 1.5]), Rubber(limit, rank=0))
+            pds.simulate(
+                pds.load_scene("uniaxial", spacing=0.25, stretches=[1.1, 1.5]),
+                Rubber(limit, rank=0),
+            )
         except pds.SimulationFailed as error:
             return str(error), len(error.result.levels), error.result.status
     return None
 
 
 def result_of_few(points):
-    """What a script finds on every rank of a run in which some wait: history, points, and whether fields are there."""
+    """What a script finds on every rank of a run in which some wait: history, points, and
+    whether fields are there.
+    """
     with few(points):
         result = pds.simulate(pds.load_scene("hole", spacing=0.25, stretches=1.05), "analytic")
     try:
         shown = result.displacement().shape
     except RuntimeError as error:
         shown = str(error)
-    return result.history, result.summary["ranks"], result.summary["ranks_waiting"], result.body.points, shown
+    return (
+        result.history,
+        result.summary["ranks"],
+        result.summary["ranks_waiting"],
+        result.body.points,
+        shown,
+    )
 
 
 def seconds_of_waiting(seconds):
@@ -96,7 +113,9 @@ def seconds_of_waiting(seconds):
 
 
 def told_at_rest(happened, *arguments):
-    """Run on the first rank alone; once it is under way, the last rank, which waits, receives Ctrl-C."""
+    """Run on the first rank alone; once it is under way, the last rank, which waits, receives
+    Ctrl-C.
+    """
 
     def interrupt():
         while not os.path.exists(happened):
@@ -145,7 +164,9 @@ def levels(scene, force, changes):
 
 
 def pressed(dynamics):
-    """A bonded block pressed by a plate and a disc that overlap the parts of several ranks: its last level, and the displacements."""
+    """A bonded block pressed by a plate and a disc that overlap the parts of several ranks: its
+    last level, and the displacements.
+    """
     plate = {"half_plane": {"point": (0, 1), "normal": (0, 1)}, "x2": -0.2, "name": "plate"}
     disc = {"disc": {"center": (1.3, 0.5), "radius": 0.25}, "x1": -0.1, "name": "disc"}
     step = {"to": 1.0} | ({"dynamics": {"duration": 0.5, "density": 1.0}} if dynamics else {})
@@ -163,9 +184,21 @@ def pressed(dynamics):
 
 
 def inverse_by_multigrid():
-    """What the preconditioner of a block of 6,240 points, held at one end and rolling on one side, makes of forces; on the first rank."""
-    scene = pds.load_scene("bonded-block", {"spacing": 0.05, "body.size": [0.65, 1.2, 1.0], "body.lower": [0.0, -0.6, -0.5], "probes": []})
-    problem = compile_scene(scene, checked_models(scene, pds.load_surrogate("bond-energy")), communicator())
+    """What the preconditioner of a block of 6,240 points, held at one end and rolling on one
+    side, makes of forces; on the first rank.
+    """
+    scene = pds.load_scene(
+        "bonded-block",
+        {
+            "spacing": 0.05,
+            "body.size": [0.65, 1.2, 1.0],
+            "body.lower": [0.0, -0.6, -0.5],
+            "probes": [],
+        },
+    )
+    problem = compile_scene(
+        scene, checked_models(scene, pds.load_surrogate("bond-energy")), communicator()
+    )
     body, share = problem.body, problem.body.share
     free = share.own[:, None] * np.ones(3)
     free[body.points[:, 0] < 0.05] = 0

@@ -13,7 +13,9 @@ DEFORMED = Deformation(1.02, 0.99, 0.0, 0.0, 0.0003, 1)
 
 
 LONGEST = 0.02
-"""Time of a step: shorter than the stable one of `ba-nosb`, which rounding changes by more than it changes forces."""
+"""Time of a step: shorter than the stable one of `ba-nosb`, which rounding changes by more than
+it changes forces.
+"""
 
 
 def cut(starts, ends):
@@ -33,7 +35,9 @@ def measured(row, steps, ranks, outward=None, torn=None, **settings):
     share = body.share
     if outward is not None:
         vars(body)["outward"] = outward(whole)[share.numbers]
-    force = subject.model.bind(body, subject.law, ForceSettings(plane=row.plane, breakable=torn is not None, **settings))
+    force = subject.model.bind(
+        body, subject.law, ForceSettings(plane=row.plane, breakable=torn is not None, **settings)
+    )
     positions = DEFORMED(body.points)
     forces = np.empty_like(positions)
     force(positions, forces)
@@ -43,7 +47,9 @@ def measured(row, steps, ranks, outward=None, torn=None, **settings):
     body.share.clear(free)
     still = lambda positions, ahead: None  # noqa: E731
     damped = {"damping": 0.5, "viscosity": 0.0, "safety": 0.3}
-    integrator = ExplicitDynamics(force, still, positions, np.zeros_like(positions), free, body.volumes.copy(), **damped)
+    integrator = ExplicitDynamics(
+        force, still, positions, np.zeros_like(positions), free, body.volumes.copy(), **damped
+    )
     integrator.longest = LONGEST
     integrator.begin()
     for number in range(steps):
@@ -56,16 +62,23 @@ def measured(row, steps, ranks, outward=None, torn=None, **settings):
 
 
 def arrays(steps, names=(), **settings):
-    """What is measured of models given by their names, or of all, by the model's name and what it is."""
+    """What is measured of models given by their names, or of all, by the model's name and what
+    it is.
+    """
     ranks, found = communicator(), {}
     for row in TABLE:
         if not names or row.name in names:
-            found |= {f"{row.name}: {key}": values for key, values in measured(row, steps, ranks, **settings).items()}
+            found |= {
+                f"{row.name}: {key}": values
+                for key, values in measured(row, steps, ranks, **settings).items()
+            }
     return found
 
 
 def pulled(body):
-    """Loads of a uniform tension on the outermost layers, which the weights of gradients are changed for."""
+    """Loads of a uniform tension on the outermost layers, which the weights of gradients are
+    changed for.
+    """
     places = body.points - body.points.mean(axis=0)
     outermost = np.abs(places) > np.abs(places).max(axis=0) - 0.6 * body.spacing
     outermost[places[:, 0] < 0, 0] = False
@@ -73,12 +86,18 @@ def pulled(body):
 
 
 def crossing(body):
-    """Flags of the pairs across a line near the upper edge, from the right, of which not all are at changed gradients."""
+    """Flags of the pairs across a line near the upper edge, from the right, of which not all are
+    at changed gradients.
+    """
     ends = body.all_points[body.bonds.first], body.all_points[body.bonds.second]
     height = body.share.greatest(body.points[:, 1].max()) - 1.2 * body.spacing
-    return ((ends[0][:, 1] > height) != (ends[1][:, 1] > height)) & (np.minimum(ends[0][:, 0], ends[1][:, 0]) > 0.4)
+    return ((ends[0][:, 1] > height) != (ends[1][:, 1] > height)) & (
+        np.minimum(ends[0][:, 0], ends[1][:, 0]) > 0.4
+    )
 
 
 def balanced(steps, names, breaks=False):
-    """What is measured of models with balanced gradients or pairs, of which some bonds break if `breaks`."""
+    """What is measured of models with balanced gradients or pairs, of which some bonds break if
+    `breaks`.
+    """
     return arrays(steps, names, outward=pulled, torn=crossing if breaks else None)

@@ -30,7 +30,10 @@ def names(body, numbers, total):
 def check():
     ranks = communicator()
     for d in (2, 3):
-        planes = (ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]), ReflectionPlane(1, 0.0, -1, (1, -1, 1)[:d]))
+        planes = (
+            ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),
+            ReflectionPlane(1, 0.0, -1, (1, -1, 1)[:d]),
+        )
         whole = notched(d, planes=planes, separates=cut)
         expected = names(whole, np.arange(len(whole)), len(whole))
         body = divided(notched(d, planes=planes, separates=cut), ranks)

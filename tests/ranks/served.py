@@ -1,4 +1,6 @@
-"""Run by `several_ranks.Ranks` on several ranks: cases one after another, each on the first ranks, in one start of the processes."""
+"""Run by `several_ranks.Ranks` on several ranks: cases one after another, each on the first
+ranks, in one start of the processes.
+"""
 
 import base64
 import contextlib
@@ -20,7 +22,9 @@ WORLD = MPI.COMM_WORLD
 
 
 def orders():
-    """What the first rank reads from its standard input, on every rank; none of them takes processor time while it waits."""
+    """What the first rank reads from its standard input, on every rank; none of them takes
+    processor time while it waits.
+    """
     while True:
         line = sys.stdin.readline() if WORLD.rank == 0 else None
         arrival = WORLD.Ibarrier()
@@ -33,12 +37,18 @@ def orders():
 
 
 def done(communicator, folder, module, function, arguments):
-    """What a function returns or how it ends, and what it prints, as of a process that does nothing else."""
+    """What a function returns or how it ends, and what it prints, as of a process that does
+    nothing else.
+    """
     vars(sys.modules["pdsurrogate.ranks.communicator"])["_world"] = communicator
     os.chdir(folder)
     found = {"value": None, "error": None, "status": 0, "compiled": False}
     compiles = lambda: found.update(compiled=True)  # noqa: E731
-    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err, compilation_clock(compiles):
+    with (
+        contextlib.redirect_stdout(io.StringIO()) as out,
+        contextlib.redirect_stderr(io.StringIO()) as err,
+        compilation_clock(compiles),
+    ):
         try:
             found["value"] = getattr(importlib.import_module(module), function)(*arguments)
         except SystemExit as exit:
@@ -53,7 +63,12 @@ def main():
     waiting.POINTS_PER_RANK = 0  # all ranks work on the small bodies of the tests
     for ranks, *case in orders():
         takes_part = WORLD.rank < ranks
-        mpi = SimpleNamespace(COMM_WORLD=WORLD.Split(not takes_part), BYTE=MPI.BYTE, Request=MPI.Request, Finalize=lambda: None)
+        mpi = SimpleNamespace(
+            COMM_WORLD=WORLD.Split(not takes_part),
+            BYTE=MPI.BYTE,
+            Request=MPI.Request,
+            Finalize=lambda: None,
+        )
         found = done(Communicator(mpi) if ranks > 1 else ALONE, *case) if takes_part else None
         arrival = WORLD.Ibarrier()
         while not arrival.Test():

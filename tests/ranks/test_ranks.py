@@ -1,4 +1,6 @@
-"""Runs on several ranks: who takes part, that they find, say and leave what one process does, and how they end when something fails."""
+"""Runs on several ranks: who takes part, that they find, say and leave what one process does,
+and how they end when something fails.
+"""
 
 import json
 import os
@@ -48,7 +50,8 @@ def test_parts_have_as_many_bonds_and_each_point_once(parts):
     part = bisected(points, bonds, parts)
     assert set(part) == set(range(parts))
     of_parts = np.bincount(part, bonds)
-    # A cut goes between points: it may be off by one at each of the levels, and one has 30 of some 400 bonds.
+    # A cut goes between points: it may be off by one at each of the levels, and one has 30 of some
+    # 400 bonds.
     assert of_parts.max() / of_parts.mean() < 1.1
 
 
@@ -72,9 +75,15 @@ def test_bonds_are_counted_with_the_point_itself():
 
 @several
 def test_processes_that_do_not_know_of_each_other_are_refused(ranks, monkeypatch):
-    """The launcher tells each of them that there are two, and the command says in one line what to start in its place."""
-    asks = on_ranks(2, "-c", "from pdsurrogate.ranks import communicator; communicator()", mpi4py=False)
-    done = subprocess.run(asks, capture_output=True, text=True, timeout=TIMEOUT, env=environment(), check=False)
+    """The launcher tells each of them that there are two, and the command says in one line what
+    to start in its place.
+    """
+    asks = on_ranks(
+        2, "-c", "from pdsurrogate.ranks import communicator; communicator()", mpi4py=False
+    )
+    done = subprocess.run(
+        asks, capture_output=True, text=True, timeout=TIMEOUT, env=environment(), check=False
+    )
     assert done.returncode != 0
     assert done.stderr.count("NotUnderMPI: 2 processes were started") == 2, done.stderr
     (reply,) = ranks(1, "not_under_mpi", "run", "hole")
@@ -84,19 +93,30 @@ def test_processes_that_do_not_know_of_each_other_are_refused(ranks, monkeypatch
 
 @several
 def test_worlds_of_one_rank_each_are_told_in_one_line():
-    """The launcher of another MPI starts processes that mpi4py takes for one rank each: every one ran the whole scene."""
+    """The launcher of another MPI starts processes that mpi4py takes for one rank each: every
+    one ran the whole scene.
+    """
     asks = [sys.executable, "-m", "mpi4py", "-m", "pdsurrogate", "run", "hole"]
     others = environment() | {"OMPI_COMM_WORLD_SIZE": "2"}
-    done = subprocess.run(asks, capture_output=True, text=True, timeout=TIMEOUT, env=others, check=False)
+    done = subprocess.run(
+        asks, capture_output=True, text=True, timeout=TIMEOUT, env=others, check=False
+    )
     assert done.returncode == 2
-    (line,) = [line for line in done.stderr.splitlines() if line.startswith("pdsurrogate: ")]  # mpi4py and MPI add lines of their own
-    assert "2 processes were started, but each would run the whole scene by itself: the launcher is not that of mpi4py" in line
+    (line,) = [
+        line for line in done.stderr.splitlines() if line.startswith("pdsurrogate: ")
+    ]  # mpi4py and MPI add lines of their own
+    assert (
+        "2 processes were started, but each would run the whole scene by itself: the launcher is"
+        " not that of mpi4py" in line
+    )
 
 
 def test_where_mpi4py_is_missing_the_refusal_says_what_to_install(monkeypatch):
     monkeypatch.setenv("PMI_SIZE", "2")
     monkeypatch.setitem(sys.modules, "mpi4py", None)  # as where it is not installed
-    with pytest.raises(NotUnderMPI, match=r'pip install "pdsurrogate\[mpi\]" && mpiexec -n 2 python -m mpi4py'):
+    with pytest.raises(
+        NotUnderMPI, match=r'pip install "pdsurrogate\[mpi\]" && mpiexec -n 2 python -m mpi4py'
+    ):
         communicator()
 
 
@@ -114,13 +134,18 @@ def test_forces_and_steps_have_the_same_bits(ranks):
 @several
 def test_balanced_gradients_have_the_same_bits(ranks):
     models = "bond-energy", "bond-energy of solids"
-    found = [ranks.loaded(1, *asked, module="every_model")[0]["value"] for asked in (("arrays", 30, models), ("balanced", 30, models))]
+    found = [
+        ranks.loaded(1, *asked, module="every_model")[0]["value"]
+        for asked in (("arrays", 30, models), ("balanced", 30, models))
+    ]
     torn = ranks.loaded(1, "balanced", 30, models, True, module="every_model")[0]["value"]
     for one, other, what in ((*found, "forces"), (found[1], torn, "positions")):
         for model in models:
             assert np.abs(one[f"{model}: {what}"] - other[f"{model}: {what}"]).max() > 1e-6
     check_bits(found[1], ranks(2, "balanced", 30, models, module="every_model")[0]["value"], models)
-    check_bits(torn, ranks(2, "balanced", 30, models, True, module="every_model")[0]["value"], models)
+    check_bits(
+        torn, ranks(2, "balanced", 30, models, True, module="every_model")[0]["value"], models
+    )
 
 
 @several
@@ -138,7 +163,9 @@ def test_balanced_pairs_have_the_same_bits(ranks):
     plain = ranks.loaded(1, "arrays", 30, models, module="every_model")[0]["value"]
     for model in models:
         assert np.abs(alone[f"{model}: forces"] - plain[f"{model}: forces"]).max() > 1e-6
-    check_bits(alone, ranks(2, "balanced", 30, models, True, module="every_model")[0]["value"], models)
+    check_bits(
+        alone, ranks(2, "balanced", 30, models, True, module="every_model")[0]["value"], models
+    )
 
 
 @several
@@ -154,22 +181,38 @@ def check_bits(alone, shared, models):
     assert list(alone) == list(shared) == [f"{model}: {what}" for model in models for what in kinds]
     for name, values in alone.items():
         model, what = name.split(": ")
-        # `ba-nosb` takes bonds in blocks of a part's own, and the last of a block by other instructions, which round differently.  Such
-        # forces of 0.6 a mass move points by 1e-14 in a time of 2, and rounding of a hundred positions by as much.  The stable time step
-        # follows from differences of forces over a strain of `FORWARD`.
-        close = {"forces": 1e-14 * np.abs(values).max(), "positions": 1e-13, "time step": np.finfo(float).eps / FORWARD * np.max(values)}
+        # `ba-nosb` takes bonds in blocks of a part's own, and the last of a block by other
+        # instructions, which round differently.  Such forces of 0.6 a mass move points by 1e-14 in
+        # a time of 2, and rounding of a hundred positions by as much.  The stable time step follows
+        # from differences of forces over a strain of `FORWARD`.
+        close = {
+            "forces": 1e-14 * np.abs(values).max(),
+            "positions": 1e-13,
+            "time step": np.finfo(float).eps / FORWARD * np.max(values),
+        }
         if what == "energy":
             np.testing.assert_allclose(shared[name], values, rtol=1e-12, err_msg=name)
         else:
-            np.testing.assert_allclose(shared[name], values, rtol=0, atol=close[what] if model == "ba-nosb" else 0, err_msg=name)
-    assert "ba-nosb" not in models or min(found["ba-nosb: time step"] for found in (alone, shared)) > LONGEST
+            np.testing.assert_allclose(
+                shared[name],
+                values,
+                rtol=0,
+                atol=close[what] if model == "ba-nosb" else 0,
+                err_msg=name,
+            )
+    assert (
+        "ba-nosb" not in models
+        or min(found["ba-nosb: time step"] for found in (alone, shared)) > LONGEST
+    )
 
 
 @several
 def test_forces_of_two_materials_have_the_same_bits(ranks):
-    """Bond forces and energies, in sheets and space, beside a slanted interface that reaches over parts, whole and torn, and beside a disc.
+    """Bond forces and energies, in sheets and space, beside a slanted interface that reaches over
+    parts, whole and torn, and beside a disc.
 
-    Two of them are balanced for loads. Energies but for rounding."""
+    Two of them are balanced for loads. Energies but for rounding.
+    """
     alone = ranks.loaded(1, "digests_of_cases", module="two_materials")[0]["value"]
     shared = ranks(2, "digests_of_cases", module="two_materials")[0]["value"]
     assert len(alone) == 11
@@ -182,23 +225,36 @@ def test_forces_of_two_materials_have_the_same_bits(ranks):
 
 @several
 def test_bodies_of_two_materials_tear_in_the_same_way(ranks):
-    """The crack runs along their interface from the part of one rank, left of x1 = 2, into that of the other."""
-    crack, displacement, number, steps = ranks.loaded(1, "torn_layers", module="two_materials")[0]["value"]
+    """The crack runs along their interface from the part of one rank, left of x1 = 2, into that
+    of the other.
+    """
+    crack, displacement, number, steps = ranks.loaded(1, "torn_layers", module="two_materials")[0][
+        "value"
+    ]
     assert number is None
     assert crack["start"]["x"][0] < 1.9
     assert crack["tips"][-1]["tip"][0] > 2.1
-    assert ranks(2, "torn_layers", module="two_materials")[0]["value"] == (crack, displacement, 2, steps)
+    assert ranks(2, "torn_layers", module="two_materials")[0]["value"] == (
+        crack,
+        displacement,
+        2,
+        steps,
+    )
 
 
 @several
 def test_forces_between_held_boundaries_have_the_same_bits(ranks):
-    """A ring whose outline and hole mirrored points hold, clouds also with broken bonds; sums of bonds across them but for rounding."""
+    """A ring whose outline and hole mirrored points hold, clouds also with broken bonds; sums of
+    bonds across them but for rounding.
+    """
     alone = ranks.loaded(1, "digests_of_cases", module="held_ring")[0]["value"]
     shared = ranks(2, "digests_of_cases", module="held_ring")[0]["value"]
     for one, other in zip(alone, shared, strict=True):
         assert one["bonds"] > 1000
         assert one["broken"] != one["forces"]
-        np.testing.assert_allclose(other.pop("reaction"), one.pop("reaction"), rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(
+            other.pop("reaction"), one.pop("reaction"), rtol=1e-10, atol=1e-10
+        )
         assert one == other
 
 
@@ -215,7 +271,9 @@ def test_equilibrium_with_obstacles_within_the_tolerance(ranks):
     assert shared["evaluations"] <= 1.6 * alone["evaluations"]
     for name in ("plate", "disc"):
         np.testing.assert_allclose(shared["forces"][name], alone["forces"][name], rtol=0, atol=1e-5)
-        assert shared["contact"][name]["area"] == pytest.approx(alone["contact"][name]["area"], rel=1e-4)
+        assert shared["contact"][name]["area"] == pytest.approx(
+            alone["contact"][name]["area"], rel=1e-4
+        )
 
 
 SMALL = ("hole", "analytic", {"spacing": 0.1}, 2)
@@ -229,12 +287,18 @@ LARGER = [
 
 
 @several
-@pytest.mark.parametrize("case", [SMALL, *(pytest.param(case, marks=pytest.mark.slow) for case in LARGER)], ids=lambda case: case[0])
+@pytest.mark.parametrize(
+    "case",
+    [SMALL, *(pytest.param(case, marks=pytest.mark.slow) for case in LARGER)],
+    ids=lambda case: case[0],
+)
 def test_equilibrium_within_the_tolerance(ranks, case):
-    """Results agree as well as residuals of 1e-6 let them, and several ranks take at most 1.6 times the evaluations of one factor.
+    """Results agree as well as residuals of 1e-6 let them, and several ranks take at most 1.6 times
+    the evaluations of one factor.
 
-    Three parts of a ring touch one another all around; little but its planes of symmetry holds it.  The bulk modulus of blocks is 100 or
-    1000 times the shear modulus: without a preconditioner that knows it they take ten times the evaluations.
+    Three parts of a ring touch one another all around; little but its planes of symmetry holds it.
+    The bulk modulus of blocks is 100 or 1000 times the shear modulus: without a preconditioner that
+    knows it they take ten times the evaluations.
     """
     *scene, number = case
     levels = [ranks(some, "levels", *scene)[0]["value"] for some in (1, number)]
@@ -245,14 +309,22 @@ def test_equilibrium_within_the_tolerance(ranks, case):
             if key in alone:
                 assert shared[key] == pytest.approx(alone[key], rel=1e-5)
         for name, probe in alone.get("probes", {}).items():
-            # The ring is soft: with residuals of 1e-6 one rank's own displacements across a plane of symmetry are 5e-5 of those along.
+            # The ring is soft: with residuals of 1e-6 one rank's own displacements across a plane
+            # of symmetry are 5e-5 of those along.
             moved = np.array(probe["displacement"])
-            np.testing.assert_allclose(shared["probes"][name]["displacement"], moved, rtol=0, atol=1e-4 * np.abs(moved).max())
+            np.testing.assert_allclose(
+                shared["probes"][name]["displacement"],
+                moved,
+                rtol=0,
+                atol=1e-4 * np.abs(moved).max(),
+            )
 
 
 @several
 def test_a_multigrid_cycle_is_that_of_one_process(ranks):
-    """The cycle is in single precision, and its sums over ranks have another order: a few times 1e-7 of the greatest displacement."""
+    """The cycle is in single precision, and its sums over ranks have another order: a few times
+    1e-7 of the greatest displacement.
+    """
     alone, shared = (ranks(some, "inverse_by_multigrid")[0]["value"] for some in (1, 3))
     assert np.abs(alone).max() > 0.01
     np.testing.assert_allclose(shared, alone, rtol=0, atol=1e-5 * np.abs(alone).max())
@@ -289,7 +361,18 @@ edge = "top"
 travel = 1.0
 """
 
-HOLE = ["run", "hole", "--force", "analytic", "--set", "spacing=0.25", "--set", "stretches=1.05", "--threads", "1"]
+HOLE = [
+    "run",
+    "hole",
+    "--force",
+    "analytic",
+    "--set",
+    "spacing=0.25",
+    "--set",
+    "stretches=1.05",
+    "--threads",
+    "1",
+]
 
 
 @several
@@ -297,53 +380,96 @@ def test_a_run_writes_what_one_process_writes(ranks, tmp_path):
     scene = tmp_path / "wave.toml"
     scene.write_text(WAVE)
     for number in (1, 2):
-        done = ranks(number, "command", "run", scene, "--force", "analytic", "--out", tmp_path / str(number))
+        done = ranks(
+            number, "command", "run", scene, "--force", "analytic", "--out", tmp_path / str(number)
+        )
         assert all(reply["status"] == 0 for reply in done), done
     one, two = (files(tmp_path / name) for name in "12")
     assert one == two
-    assert (tmp_path / "1" / "wave-001.vtu").read_bytes() == (tmp_path / "2" / "wave-001.vtu").read_bytes()
+    assert (tmp_path / "1" / "wave-001.vtu").read_bytes() == (
+        tmp_path / "2" / "wave-001.vtu"
+    ).read_bytes()
     alone, shared = (json.loads((tmp_path / name / "summary.json").read_text()) for name in "12")
     assert shared.pop("ranks") == 2
-    for key in ("n_points", "n_bonds", "n_directed_bonds", "n_ghost_points", "n_force_evaluations", "n_steps", "converged"):
+    for key in (
+        "n_points",
+        "n_bonds",
+        "n_directed_bonds",
+        "n_ghost_points",
+        "n_force_evaluations",
+        "n_steps",
+        "converged",
+    ):
         assert shared[key] == alone[key], key
     assert shared["peak_nominal_stress"] == pytest.approx(alone["peak_nominal_stress"], rel=1e-12)
 
 
 def files(home):
-    return sorted(str(path.relative_to(home)) for path in home.rglob("*") if path.name != "checkpoint.npz")
+    return sorted(
+        str(path.relative_to(home)) for path in home.rglob("*") if path.name != "checkpoint.npz"
+    )
 
 
-SAID = re.compile(r"[\d.]+ ns per|[\d.]+ s(?= in total| of it compilation)|\d+(?= force evaluations)")
+SAID = re.compile(
+    r"[\d.]+ ns per|[\d.]+ s(?= in total| of it compilation)|\d+(?= force evaluations)"
+)
 """Times, and evaluations, in what a run says."""
 
 CASES = {
     "good": ([], 0),
     "setting that the scene does not take": (["--set", "spacing=-1"], 2),
     "body that cannot be made": (["--set", "body.size=[0.3,0.3]"], 2),
-    "solver that fails": (["--set", "solver.method=relaxation", "--set", "solver.most_evaluations=60"], 1),
+    "solver that fails": (
+        ["--set", "solver.method=relaxation", "--set", "solver.most_evaluations=60"],
+        1,
+    ),
 }
 
 
 @several
 @pytest.mark.parametrize(
-    "case", [case if status != 1 else pytest.param(case, marks=pytest.mark.slow) for case, (_, status) in CASES.items()]
+    "case",
+    [
+        case if status != 1 else pytest.param(case, marks=pytest.mark.slow)
+        for case, (_, status) in CASES.items()
+    ],
 )
 def test_three_ranks_say_what_one_says(ranks, case, tmp_path):
-    """Line by line but for times, counts of evaluations and of ranks, with one exit status, and with the same files left behind."""
+    """Line by line but for times, counts of evaluations and of ranks, with one exit status, and
+    with the same files left behind.
+    """
     settings, expected = CASES[case]
-    command, homes, said = [*HOLE, "--out", "out/hole", *settings], (tmp_path / "one", tmp_path / "three"), []
+    command, homes, said = (
+        [*HOLE, "--out", "out/hole", *settings],
+        (tmp_path / "one", tmp_path / "three"),
+        [],
+    )
     for number, home in zip((1, 3), homes, strict=True):
         home.mkdir()
         if number == 3 and expected == 1:  # by the command that a user types
             command = on_ranks(3, "-m", "pdsurrogate", *command)
-            done = subprocess.run(command, cwd=home, capture_output=True, text=True, timeout=TIMEOUT, env=environment(), check=False)
+            done = subprocess.run(
+                command,
+                cwd=home,
+                capture_output=True,
+                text=True,
+                timeout=TIMEOUT,
+                env=environment(),
+                check=False,
+            )
             statuses, streams = {done.returncode}, (done.stdout, done.stderr)
         else:
             replies = ranks(number, "command", *command, folder=home)
-            statuses, streams = {reply["status"] for reply in replies}, ("".join(reply[key] for reply in replies) for key in ("out", "err"))
-        said.append([SAID.sub("*", stream.replace("3 ranks of ", "")).splitlines() for stream in streams])
+            statuses, streams = (
+                {reply["status"] for reply in replies},
+                ("".join(reply[key] for reply in replies) for key in ("out", "err")),
+            )
+        said.append(
+            [SAID.sub("*", stream.replace("3 ranks of ", "")).splitlines() for stream in streams]
+        )
         assert statuses == {expected}, said
-        # What one rank has no reason to say, and three only on fewer cores; and what whoever comes first says of the cache.
+        # What one rank has no reason to say, and three only on fewer cores; and what whoever comes
+        # first says of the cache.
         of_machine = "do not start more ranks than cores", "Compiling kernels", "ranks works on"
         said[-1][1] = [text for text in said[-1][1] if not any(part in text for part in of_machine)]
     assert said[0] == said[1]
@@ -355,11 +481,17 @@ def test_three_ranks_say_what_one_says(ranks, case, tmp_path):
 @pytest.mark.slow
 def test_a_script_asks_who_takes_part(ranks, tmp_path):
     """The guide's own script."""
-    block = re.search(r"^```python\n(.*?)^```", (HERE.parent / "docs" / "guide" / "ranks.md").read_text(), re.MULTILINE | re.DOTALL)[1]
+    block = re.search(
+        r"^```python\n(.*?)^```",
+        (HERE.parent / "docs" / "guide" / "ranks.md").read_text(),
+        re.MULTILINE | re.DOTALL,
+    )[1]
     (tmp_path / "script.py").write_text(block)
     stresses = []
     for number in (1, 2):
-        printed = "".join(reply["out"] for reply in ranks(number, "script", "script.py", folder=tmp_path))
+        printed = "".join(
+            reply["out"] for reply in ranks(number, "script", "script.py", folder=tmp_path)
+        )
         (found,) = re.findall(rf"^([\d.]+) on {number} ranks$", printed, re.MULTILINE)
         stresses.append(float(found))
         assert (tmp_path / "stress.png").stat().st_size > 5000
@@ -375,7 +507,9 @@ def test_large_bodies_are_written_in_pieces(ranks, tmp_path):
     assert "no picture is drawn" in done["err"]
     states = sorted(path.name for path in (tmp_path / "pieces").glob("*vtu"))
     assert states == ["hole-000.piece0.vtu", "hole-000.piece1.vtu", "hole-000.pvtu"]
-    whole, pieces = (StatesInFiles.saved(tmp_path / name, "hole")[0][1] for name in ("whole", "pieces"))
+    whole, pieces = (
+        StatesInFiles.saved(tmp_path / name, "hole")[0][1] for name in ("whole", "pieces")
+    )
     assert list(whole) == list(pieces)
     for name, values in whole.items():
         np.testing.assert_array_equal(pieces[name], values)
@@ -386,14 +520,18 @@ def test_large_bodies_are_written_in_pieces(ranks, tmp_path):
 
 @several
 def test_a_small_body_is_left_to_fewer_ranks(ranks, tmp_path):
-    """Three ranks, of which two work on 188 points: the files are those of so many ranks, and the user is told."""
+    """Three ranks, of which two work on 188 points: the files are those of so many ranks, and
+    the user is told.
+    """
     replies = ranks(3, "command_of_few", 80, *HOLE, "--out", tmp_path / "three")
     assert [reply["status"] for reply in replies] == [0, 0, 0], replies
     assert "2 of 3 ranks work on 188 points" in replies[0]["err"]
     assert not any(reply["out"] or reply["err"] for reply in replies[1:])
     assert ranks(2, "command", *HOLE, "--out", tmp_path / "fewer")[0]["status"] == 0
     assert files(tmp_path / "three") == files(tmp_path / "fewer")
-    assert (tmp_path / "three" / "hole-000.vtu").read_bytes() == (tmp_path / "fewer" / "hole-000.vtu").read_bytes()
+    assert (tmp_path / "three" / "hole-000.vtu").read_bytes() == (
+        tmp_path / "fewer" / "hole-000.vtu"
+    ).read_bytes()
     summary = json.loads((tmp_path / "three" / "summary.json").read_text())
     assert (summary["ranks"], summary["ranks_waiting"]) == (2, 1)
 
@@ -428,7 +566,9 @@ def test_ranks_that_wait_are_told_of_bad_input(ranks):
 
 @several
 def test_ranks_that_wait_sleep(ranks):
-    """A check takes microseconds and comes every 10 ms: a thousandth of the time; a rank that loops takes all of it."""
+    """A check takes microseconds and comes every 10 ms: a thousandth of the time; a rank that
+    loops takes all of it.
+    """
     for reply in ranks(3, "seconds_of_waiting", 3.0):
         assert reply["value"] < 1.0
 
@@ -437,7 +577,9 @@ def test_ranks_that_wait_sleep(ranks):
 def test_ctrl_c_on_a_rank_that_waits_ends_all_with_results_and_a_checkpoint(tmp_path):
     slower = [argument.replace("safety=0.1", "safety=0.01") for argument in MOVING]
     happened = tmp_path / "out.happened"
-    command = on_ranks(2, HERE / "ranks" / "cases.py", "told at rest", happened, *slower, "--out", tmp_path / "out")
+    command = on_ranks(
+        2, HERE / "ranks" / "cases.py", "told at rest", happened, *slower, "--out", tmp_path / "out"
+    )
     told = ends(command, 130, happened)
     assert "interrupted; to resume from the checkpoint in" in told, told
     assert (tmp_path / "out" / "checkpoint.npz").exists()
@@ -448,20 +590,50 @@ def test_ctrl_c_on_a_rank_that_waits_ends_all_with_results_and_a_checkpoint(tmp_
 
 @several
 def test_arrays_of_parts_come_in_the_order_of_the_whole_body_and_go_back(ranks):
-    """Of points, images, directed bonds and pairs, in the plane and in space, between two planes of reflection and beside a cut."""
+    """Of points, images, directed bonds and pairs, in the plane and in space, between two planes
+    of reflection and beside a cut.
+    """
     assert [reply["error"] for reply in ranks(3, "check", module="orders")] == [None] * 3
 
 
-TEAR = ["run", "tear", "--force", "analytic", "--threads", "1", "--set", "spacing=0.25", "--set", "stretches=1.1"]
-TEAR += ["--set", "body.size=[4.0, 3.0]", "--set", "precuts=[{start=[0.0, 1.5], end=[1.5, 1.5]}]", "--set", "dynamics.stretch=1.3"]
-TEAR += ["--set", "fracture.critical_stretch=1.5", "--set", "dynamics.outputs=4", "--set", "dynamics.stretch_rate=40.0"]
-"""A sheet of 192 points, whose crack begins at step 39 and has run through half of it at step 75."""
+TEAR = [
+    "run",
+    "tear",
+    "--force",
+    "analytic",
+    "--threads",
+    "1",
+    "--set",
+    "spacing=0.25",
+    "--set",
+    "stretches=1.1",
+]
+TEAR += [
+    "--set",
+    "body.size=[4.0, 3.0]",
+    "--set",
+    "precuts=[{start=[0.0, 1.5], end=[1.5, 1.5]}]",
+    "--set",
+    "dynamics.stretch=1.3",
+]
+TEAR += [
+    "--set",
+    "fracture.critical_stretch=1.5",
+    "--set",
+    "dynamics.outputs=4",
+    "--set",
+    "dynamics.stretch_rate=40.0",
+]
+"""A sheet of 192 points, whose crack begins at step 39 and has run through half of it at step
+75.
+"""
 
 
 @several
 @pytest.mark.slow
 def test_a_run_checkpointed_on_two_ranks_goes_on_on_three_and_on_one(ranks, tmp_path):
-    # An uninterrupted run of as many ranks: its equilibrium before the tear is the same to the last bit.
+    # An uninterrupted run of as many ranks: its equilibrium before the tear is the same to the last
+    # bit.
     folders = {number: tmp_path / str(number) for number in (1, 2, 3)}
     whole = ranks.loaded(2, "command", *TEAR, "--out", tmp_path / "whole")[0]
     (told,) = [line for line in whole["out"].splitlines() if "bonds broken" in line]
@@ -475,11 +647,15 @@ def test_a_run_checkpointed_on_two_ranks_goes_on_on_three_and_on_one(ranks, tmp_
     for number, folder in folders.items():
         done = ranks(number, "command", *TEAR, "--out", folder, "--resume")[0]
         assert told in done["out"], done
-    # Explicit steps are the same on any number of ranks to the last bit, and so are the pairs that break.
+    # Explicit steps are the same on any number of ranks to the last bit, and so are the pairs that
+    # break.
     expected, *displacements = map(last_displacement, (tmp_path / "whole", *folders.values()))
     for displacement in displacements:
         assert np.array_equal(displacement, expected)
-    cracks = [json.loads((folder / "summary.json").read_text())["crack"] for folder in (tmp_path / "whole", *folders.values())]
+    cracks = [
+        json.loads((folder / "summary.json").read_text())["crack"]
+        for folder in (tmp_path / "whole", *folders.values())
+    ]
     # The forces of grips are summed rank by rank.
     stresses = [crack["peak"].pop("nominal_stress") for crack in cracks]
     assert stresses == pytest.approx(stresses[:1] * 4, rel=1e-12)
@@ -488,17 +664,37 @@ def test_a_run_checkpointed_on_two_ranks_goes_on_on_three_and_on_one(ranks, tmp_
 
 def last_displacement(folder):
     """Displacements of the last state, which are written in double precision."""
-    return StatesInFiles.saved(folder, json.loads((folder / "summary.json").read_text())["scene"])[-1][1]["displacement"]
+    return StatesInFiles.saved(folder, json.loads((folder / "summary.json").read_text())["scene"])[
+        -1
+    ][1]["displacement"]
 
 
 @several
 def test_a_force_with_state_at_the_bonds_of_images_writes_checkpoints(ranks, tmp_path):
-    """Two ranks ended in an error at the first checkpoint of `ba-nosb`; the residual is held to 1e-6 of a shear modulus over a spacing."""
-    scene, stresses = ["run", "uniaxial", "--force", "ba-nosb", "--set", "spacing=0.25", "--set", "stretches=1.05"], []
+    """Two ranks ended in an error at the first checkpoint of `ba-nosb`; the residual is held to
+    1e-6 of a shear modulus over a spacing.
+    """
+    scene, stresses = (
+        [
+            "run",
+            "uniaxial",
+            "--force",
+            "ba-nosb",
+            "--set",
+            "spacing=0.25",
+            "--set",
+            "stretches=1.05",
+        ],
+        [],
+    )
     for number in (1, 2):
         done = ranks(number, "command", *scene, "--out", tmp_path / str(number))
         assert all(reply["status"] == 0 for reply in done), done
-        stresses.append(json.loads((tmp_path / str(number) / "summary.json").read_text())["levels"][0]["nominal_stress"])
+        stresses.append(
+            json.loads((tmp_path / str(number) / "summary.json").read_text())["levels"][0][
+                "nominal_stress"
+            ]
+        )
     assert stresses[1] == pytest.approx(stresses[0], rel=1e-5)
 
 
@@ -506,7 +702,11 @@ def test_a_force_with_state_at_the_bonds_of_images_writes_checkpoints(ranks, tmp
 
 
 @several
-@pytest.mark.parametrize(("limit", "error"), [(1.35, "SimulationFailed"), (1.25, "SceneError")], ids=["on the way", "tried before the run"])
+@pytest.mark.parametrize(
+    ("limit", "error"),
+    [(1.35, "SimulationFailed"), (1.25, "SceneError")],
+    ids=["on the way", "tried before the run"],
+)
 def test_what_one_rank_raises_reaches_all(ranks, limit, error):
     for reply in ranks(2, "with_an_error", limit):
         assert reply["error"].startswith(error), reply
@@ -519,14 +719,22 @@ def test_different_scenes_are_refused_on_all_ranks(ranks):
         assert "the ranks have different arguments (scene)" in reply["error"]
 
 
-MOVING = [*HOLE, "--set", "dynamics={stretch=1.2, stretch_rate=0.5, density=0.01, outputs=3, safety=0.1}"]
-"""A sheet of 188 points in some hundred steps, with three outputs, to which something happens in the second third."""
+MOVING = [
+    *HOLE,
+    "--set",
+    "dynamics={stretch=1.2, stretch_rate=0.5, density=0.01, outputs=3, safety=0.1}",
+]
+"""A sheet of 188 points in some hundred steps, with three outputs, to which something happens in
+the second third.
+"""
 
 
 def check_soon(happened):
     """All ranks have ended within ten seconds of what happens to one."""
     # On a machine with more work than cores all takes longer.
-    assert time.time() - happened.stat().st_mtime < 10 * max(1.0, os.getloadavg()[0] / os.cpu_count())
+    assert time.time() - happened.stat().st_mtime < 10 * max(
+        1.0, os.getloadavg()[0] / os.cpu_count()
+    )
 
 
 @several
@@ -550,8 +758,12 @@ def check_kept(folder):
 
 
 def ends(command, status, happened, interrupt=False):
-    """Output of processes of their own that have to end, all of them and with a status, soon after what happens to them."""
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment())
+    """Output of processes of their own that have to end, all of them and with a status, soon
+    after what happens to them.
+    """
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment()
+    )
     try:
         if interrupt:
             until = time.monotonic() + TIMEOUT
@@ -569,7 +781,11 @@ def ends(command, status, happened, interrupt=False):
 
 @several
 def test_a_full_disk_ends_all_with_its_message(tmp_path):
-    told = ends(on_ranks(2, HERE / "ranks" / "cases.py", "full", 60, *MOVING, "--out", tmp_path / "out"), 1, tmp_path / "out.happened")
+    told = ends(
+        on_ranks(2, HERE / "ranks" / "cases.py", "full", 60, *MOVING, "--out", tmp_path / "out"),
+        1,
+        tmp_path / "out.happened",
+    )
     assert "could not write" in told
     assert "File too large" in told
     check_kept(tmp_path / "out")
@@ -578,15 +794,23 @@ def test_a_full_disk_ends_all_with_its_message(tmp_path):
 @several
 @pytest.mark.slow
 def test_a_rank_that_is_killed_ends_all_and_leaves_a_checkpoint(tmp_path):
-    ends(on_ranks(2, HERE / "ranks" / "cases.py", "killed", 60, *MOVING, "--out", tmp_path / "out"), 9, tmp_path / "out.happened")
+    ends(
+        on_ranks(2, HERE / "ranks" / "cases.py", "killed", 60, *MOVING, "--out", tmp_path / "out"),
+        9,
+        tmp_path / "out.happened",
+    )
     check_kept(tmp_path / "out")
 
 
 @several
 def test_ctrl_c_ends_all_with_results_and_a_checkpoint(tmp_path):
     slower = [argument.replace("safety=0.1", "safety=0.01") for argument in MOVING]
-    command = on_ranks(2, HERE / "ranks" / "cases.py", "told", 60, *slower, "--out", tmp_path / "out")
+    command = on_ranks(
+        2, HERE / "ranks" / "cases.py", "told", 60, *slower, "--out", tmp_path / "out"
+    )
     told = ends(command, 130, tmp_path / "out.happened", interrupt=True)
     assert "interrupted; to resume from the checkpoint in" in told, told
     assert (tmp_path / "out" / "checkpoint.npz").exists()
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["failure"].endswith("interrupted")
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["failure"].endswith(
+        "interrupted"
+    )

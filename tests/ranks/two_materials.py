@@ -1,4 +1,6 @@
-"""Digests of the forces on bodies of two materials, and of what they found them with, on one rank or several."""
+"""Digests of the forces on bodies of two materials, and of what they found them with, on one
+rank or several.
+"""
 
 import hashlib
 
@@ -14,7 +16,12 @@ from pdsurrogate.ranks import communicator
 from pdsurrogate.solvers.nearest_bonds import random_vector
 from pdsurrogate.testing.bodies import Deformation
 
-CASES = ("analytic", "stress"), ("bond-energy", "stress"), ("bond-energy", "strain"), ("bond-energy", "space")
+CASES = (
+    ("analytic", "stress"),
+    ("bond-energy", "stress"),
+    ("bond-energy", "strain"),
+    ("bond-energy", "space"),
+)
 LAYERS = {
     "name": "layers",
     "spacing": 0.1,
@@ -23,29 +30,56 @@ LAYERS = {
     "precuts": [{"start": [-1.0, 0.5], "end": [1.6, 0.5]}],
     "regions": {"upper": {"box": [[-1, 0.5], [5, 2]]}},
     "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
-    "materials": [{"region": "upper", "material": {"law": "neo-hookean", "shear_modulus": 3.0, "bulk_modulus": 60.0}}],
-    "prescribed": [{"region": "bottom", "x1": 0.0, "x2": 0.0}, {"region": "top", "x1": 0.0, "x2": 0.3}],
+    "materials": [
+        {
+            "region": "upper",
+            "material": {"law": "neo-hookean", "shear_modulus": 3.0, "bulk_modulus": 60.0},
+        }
+    ],
+    "prescribed": [
+        {"region": "bottom", "x1": 0.0, "x2": 0.0},
+        {"region": "top", "x1": 0.0, "x2": 0.3},
+    ],
     "steps": [{"to": 1.0, "outputs": 2, "dynamics": {"duration": 1.2, "density": 1.0}}],
-    "fracture": {"critical_stretch": 1.4, "interfaces": [{"between": ["rest", "upper"], "critical_stretch": 1.2}]},
+    "fracture": {
+        "critical_stretch": 1.4,
+        "interfaces": [{"between": ["rest", "upper"], "critical_stretch": 1.2}],
+    },
 }
-"""Strip of two layers, the upper one three times as stiff, that tears along their interface, without an equilibrium before: sums over ranks
-decide where its iterations end."""
+"""Strip of two layers, the upper one three times as stiff, that tears along their interface,
+without an equilibrium before: sums over ranks decide where its iterations end.
+"""
 
 DISC = Round((1.3, 0.3), 0.25)
 
 
 def strip(d):
-    """Points off a grid in a strip so long that no part has all of them in its halo, mirrored at its left."""
+    """Points off a grid in a strip so long that no part has all of them in its halo, mirrored at
+    its left.
+    """
     counts, horizon = ((40, 7), 2.15) if d == 2 else ((24, 4, 4), 1.75)
-    points = (np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, d) + 0.5) * 0.1
+    points = (
+        np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, d) + 0.5
+    ) * 0.1
     points += np.random.default_rng(1).uniform(-0.01, 0.01, points.shape)
     planes = (ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),)
-    return Body(points, np.full(len(points), 0.1**d), horizon * 0.1, 0.1, planes=planes, rounds=(DISC,) if d == 2 else ())
+    return Body(
+        points,
+        np.full(len(points), 0.1**d),
+        horizon * 0.1,
+        0.1,
+        planes=planes,
+        rounds=(DISC,) if d == 2 else (),
+    )
 
 
 def torn_pairs(body, across, middle):
-    """Numbers of the pairs across the interface in the lower half, and of those through a line in the upper half of the stiff part."""
-    first, second = (body.all_points[ends] - middle for ends in (body.bonds.first, body.bonds.second))
+    """Numbers of the pairs across the interface in the lower half, and of those through a line
+    in the upper half of the stiff part.
+    """
+    first, second = (
+        body.all_points[ends] - middle for ends in (body.bonds.first, body.bonds.second)
+    )
     through = (first[:, 0] < 0.25) != (second[:, 0] < 0.25)
     return np.flatnonzero(np.where(first[:, 1] < 0, across, through))
 
@@ -53,8 +87,8 @@ def torn_pairs(body, across, middle):
 def digests(name, plane, ranks, disc=False, torn=False, loaded=False):
     """Of forces and volume ratios in a strip whose right part, or a disc, is five times as stiff.
 
-    If `torn`, the interface has parted in the lower half of the strip, and a crack has grown through the stiff part. If `loaded`, gradients
-    are balanced for a tension on the sides.
+    If `torn`, the interface has parted in the lower half of the strip, and a crack has grown
+    through the stiff part. If `loaded`, gradients are balanced for a tension on the sides.
     """
     d = 3 if plane == "space" else 2
     body = strip(d)
@@ -70,7 +104,10 @@ def digests(name, plane, ranks, disc=False, torn=False, loaded=False):
     if disc:
         stiff = DISC.distances(body.points) < 0
     model = FORCES[name]()
-    portions = [Portion(NeoHookean(mu, 100 * mu), model, np.flatnonzero(where)) for mu, where in ((1.0, ~stiff), (5.0, stiff))]
+    portions = [
+        Portion(NeoHookean(mu, 100 * mu), model, np.flatnonzero(where))
+        for mu, where in ((1.0, ~stiff), (5.0, stiff))
+    ]
     force = bind_portions(body, portions, ForceSettings(plane=plane, breakable=torn))
     bonds, within = body.bonds, body.bonds.second < len(body)
     across = within & (stiff[bonds.first] != stiff[np.where(within, bonds.second, bonds.first)])
@@ -81,13 +118,20 @@ def digests(name, plane, ranks, disc=False, torn=False, loaded=False):
     force(positions, forces)
     energy = body.share.total(force.energy()) if force.has_energy else None
     jumps = int(body.share.total(int((across * body.share.own[bonds.first]).sum())))
-    found = {"case": f"{name}, {plane}, {disc}, {torn}, {loaded}", "energy": energy, "beside": jumps}
+    found = {
+        "case": f"{name}, {plane}, {disc}, {torn}, {loaded}",
+        "energy": energy,
+        "beside": jumps,
+    }
     fields = {"forces": forces, "ratios": force.volume_ratios()}
     if force.nearly_incompressible:
         dilatation = force.linearized_dilatation()
         dilatation.take()
         displacements = random_vector(body.share, np.ones_like(positions))
-        fields |= {"changes": dilatation.changes(displacements), "pulls": dilatation.forces(displacements[:, 0])}
+        fields |= {
+            "changes": dilatation.changes(displacements),
+            "pulls": dilatation.forces(displacements[:, 0]),
+        }
     for what, values in fields.items():
         whole = body.share.gather(np.ascontiguousarray(values))
         found[what] = None if whole is None else hashlib.sha256(whole.tobytes()).hexdigest()
@@ -97,11 +141,22 @@ def digests(name, plane, ranks, disc=False, torn=False, loaded=False):
 def digests_of_cases():
     ranks = communicator()
     whole = [digests(*case, ranks, torn=torn) for case in CASES for torn in (False, True)]
-    return [*whole, digests(*CASES[1], ranks, disc=True), *(digests(*case, ranks, torn=True, loaded=True) for case in CASES[2:])]
+    return [
+        *whole,
+        digests(*CASES[1], ranks, disc=True),
+        *(digests(*case, ranks, torn=True, loaded=True) for case in CASES[2:]),
+    ]
 
 
 def torn_layers():
-    """Crack, digest of the displacements, number of ranks and number of steps of a run of `LAYERS`."""
+    """Crack, digest of the displacements, number of ranks and number of steps of a run of
+    `LAYERS`.
+    """
     result = pds.simulate(pds.Scene.model_validate(LAYERS), "bond-energy")
     whole = result.displacement() if communicator().rank == 0 else np.zeros(0)
-    return result.summary["crack"], hashlib.sha256(whole.tobytes()).hexdigest(), result.summary.get("ranks"), result.summary["n_steps"]
+    return (
+        result.summary["crack"],
+        hashlib.sha256(whole.tobytes()).hexdigest(),
+        result.summary.get("ranks"),
+        result.summary["n_steps"],
+    )

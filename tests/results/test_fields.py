@@ -1,4 +1,6 @@
-"""Fields on the points against tensors of homogeneous states, and the cells that pictures and files show."""
+"""Fields on the points against tensors of homogeneous states, and the cells that pictures and
+files show.
+"""
 
 import re
 
@@ -30,17 +32,31 @@ def cube(count=6):
 
 
 def fields_of(name, body, positions, plane):
-    force = pds.load_surrogate(name).bind(body, LAW, pds.ForceSettings(plane=plane, precision="float64"))
+    force = pds.load_surrogate(name).bind(
+        body, LAW, pds.ForceSettings(plane=plane, precision="float64")
+    )
     return measures.point_fields(measures.PointState(force, positions))
 
 
-CASES = [("analytic", "stress"), ("bond-energy", "stress"), ("nosb", "strain"), ("bond-energy", "strain"), ("nosb", "space")]
+CASES = [
+    ("analytic", "stress"),
+    ("bond-energy", "stress"),
+    ("nosb", "strain"),
+    ("bond-energy", "strain"),
+    ("nosb", "space"),
+]
 
 
 @pytest.mark.parametrize(("name", "plane"), [*CASES, ("bond-energy", "space")])
 def test_fields_of_a_homogeneous_state(name, plane):
-    """Whatever the force, all fields are those of one F, to rounding: stresses by the definition of each from the law's own."""
-    body, F, module = (cube(), F3, solid) if plane == "space" else (sheet(), F2, {"stress": plane_stress, "strain": plane_strain}[plane])
+    """Whatever the force, all fields are those of one F, to rounding: stresses by the definition
+    of each from the law's own.
+    """
+    body, F, module = (
+        (cube(), F3, solid)
+        if plane == "space"
+        else (sheet(), F2, {"stress": plane_stress, "strain": plane_strain}[plane])
+    )
     fields = fields_of(name, body, body.points @ F.T, plane)
     full = np.eye(3)
     full[: len(F), : len(F)] = F
@@ -62,19 +78,30 @@ def test_fields_of_a_homogeneous_state(name, plane):
         "volume": body.volumes,
     } | ({} if plane == "space" else {"C33": full[2, 2] ** 2})
     for key, value in expected.items():
-        np.testing.assert_allclose(fields[key], np.broadcast_to(value, fields[key].shape), atol=2e-9, err_msg=key)
+        np.testing.assert_allclose(
+            fields[key], np.broadcast_to(value, fields[key].shape), atol=2e-9, err_msg=key
+        )
     np.testing.assert_array_equal(fields["position"][:, : len(F)], body.points)
     assert set(fields) == {*expected, "position", "displacement"}
 
 
 def test_stress_and_energy_are_those_of_the_learned_energy_that_ran():
-    """Its card states errors of some 1e-5: closer to its own derivative than to the law; far outside, the exact energy has the word."""
+    """Its card states errors of some 1e-5: closer to its own derivative than to the law; far
+    outside, the exact energy has the word.
+    """
     body, model = sheet(), pds.load_surrogate("neo-hookean-energy")
     trace, J = (np.array([value]) for value in plane_stress.invariants(F2))
     own = model.energy_derivatives(LAW, trace, J)
     fields = fields_of(model.name, body, body.points @ F2.T, "stress")
-    P = LAW.shear_modulus * plane_stress.in_plane_stress(F2[None], 2 * own.by_trace, J * own.by_area)[0]
-    np.testing.assert_allclose(fields["stress"].reshape(-1, 3, 3)[:, :2, :2], np.broadcast_to(P, (len(body), 2, 2)), atol=1e-10)
+    P = (
+        LAW.shear_modulus
+        * plane_stress.in_plane_stress(F2[None], 2 * own.by_trace, J * own.by_area)[0]
+    )
+    np.testing.assert_allclose(
+        fields["stress"].reshape(-1, 3, 3)[:, :2, :2],
+        np.broadcast_to(P, (len(body), 2, 2)),
+        atol=1e-10,
+    )
     np.testing.assert_allclose(fields["energy_density"], LAW.shear_modulus * own.psi[0], rtol=1e-11)
     assert (fields["energy_density"] != plane_stress.energy_density(LAW, F2)).all()
     assert fields["domain_deviation"].max() < 0
@@ -83,7 +110,9 @@ def test_stress_and_energy_are_those_of_the_learned_energy_that_ran():
     far = np.diag([1.1 * greatest, 1.0])
     fields = fields_of(model.name, body, body.points @ far.T, "stress")
     np.testing.assert_allclose(fields["domain_deviation"], np.log(1.1), rtol=1e-9)
-    np.testing.assert_allclose(fields["energy_density"], plane_stress.energy_density(LAW, far), rtol=1e-9)
+    np.testing.assert_allclose(
+        fields["energy_density"], plane_stress.energy_density(LAW, far), rtol=1e-9
+    )
 
 
 def anywhere(one, other):
@@ -100,15 +129,22 @@ def test_corners_of_cells_follow_an_affine_motion(body):
     assert cells.torn(*state, anywhere) is cells
     np.testing.assert_allclose(cells.nodes[cells.blocks[0]].mean(axis=1), body.points, atol=1e-13)
     np.testing.assert_allclose(
-        [cells.nodes.min(), cells.nodes.max(axis=0)[-1]], [0, body.points[:, -1].max() + body.cell[-1] / 2], atol=1e-13
+        [cells.nodes.min(), cells.nodes.max(axis=0)[-1]],
+        [0, body.points[:, -1].max() + body.cell[-1] / 2],
+        atol=1e-13,
     )
 
 
 def test_an_open_crack_has_two_flanks():
-    """A block in the corner of a cube moves up and aside: nodes on its inner sides are double, on the edges of the crack as well."""
+    """A block in the corner of a cube moves up and aside: nodes on its inner sides are double,
+    on the edges of the crack as well.
+    """
     body = cube(6)
     moving = (body.points < 0.5).all(axis=1)
-    displacement, gradients = np.where(moving[:, None], -0.2, 0.0) * np.ones(3), np.broadcast_to(np.eye(3), (len(body), 3, 3))
+    displacement, gradients = (
+        np.where(moving[:, None], -0.2, 0.0) * np.ones(3),
+        np.broadcast_to(np.eye(3), (len(body), 3, 3)),
+    )
     state = body.points, displacement, gradients
     assert body.cells.torn(*state, lambda one, other: one < 0) is body.cells
     cells = body.cells.torn(*state, anywhere)
@@ -129,8 +165,12 @@ def test_a_file_holds_cells_and_gives_the_fields_back(tmp_path, body):
         assert found[name].dtype == (np.float64 if name in vtk.EXACT else np.float32)
         np.testing.assert_allclose(found[name], values, rtol=1e-6, atol=1e-6)
     mesh = meshio.read(tmp_path / "state.vtu")
-    assert [(block.type, len(block)) for block in mesh.cells] == [("quad" if d == 2 else "hexahedron", len(body))]
-    np.testing.assert_allclose((mesh.points + mesh.point_data["displacement"])[:, :d], mesh.points[:, :d] @ F.T, atol=1e-6)
+    assert [(block.type, len(block)) for block in mesh.cells] == [
+        ("quad" if d == 2 else "hexahedron", len(body))
+    ]
+    np.testing.assert_allclose(
+        (mesh.points + mesh.point_data["displacement"])[:, :d], mesh.points[:, :d] @ F.T, atol=1e-6
+    )
 
 
 def test_a_cut_through_the_middle_is_a_section_of_the_body():
@@ -138,11 +178,19 @@ def test_a_cut_through_the_middle_is_a_section_of_the_body():
     body = cube(5)
     cells = body.cells
     split = ((0, 1, 3, 4), (1, 2, 3, 6), (1, 4, 5, 6), (3, 4, 6, 7), (1, 3, 4, 6))
-    tetrahedra = CellMesh(cells.nodes, (np.concatenate([cells.blocks[0][:, list(corners)] for corners in split]),))
+    tetrahedra = CellMesh(
+        cells.nodes, (np.concatenate([cells.blocks[0][:, list(corners)] for corners in split]),)
+    )
     for mesh in (cells, tetrahedra):
         polygons, owners, rim = section(mesh, 2.0 * mesh.nodes, 2, 0.47)
         assert len(polygons) == len(owners)
-        areas = [0.5 * np.linalg.norm(sum(np.cross(a, b) for a, b in zip(p, np.roll(p, -1, axis=0), strict=True))[2]) for p in polygons]
+        areas = [
+            0.5
+            * np.linalg.norm(
+                sum(np.cross(a, b) for a, b in zip(p, np.roll(p, -1, axis=0), strict=True))[2]
+            )
+            for p in polygons
+        ]
         assert sum(areas) == pytest.approx(4.0)
         assert all(np.allclose(polygon[:, 2], 0.94) for polygon in polygons)
         if mesh is not cells:  # tetrahedra of neighbors that do not share their sides
@@ -158,8 +206,7 @@ def test_a_scene_in_space_has_files_pictures_and_tables(tmp_path):
     split = ((0, 1, 3, 4), (1, 2, 3, 6), (1, 4, 5, 6), (3, 4, 6, 7), (1, 3, 4, 6))
     blocks = [("tetra", np.concatenate([cells.blocks[0][:, list(corners)] for corners in split]))]
     meshio.write(tmp_path / "cube.vtu", meshio.Mesh(cells.nodes, blocks))
-    (tmp_path / "pulled.toml").write_text(
-        """
+    (tmp_path / "pulled.toml").write_text("""
         name = "pulled"
         spacing = 0.2
         probes = [{ name = "middle", at = [0.5, 0.5, 0.5] }]
@@ -180,13 +227,16 @@ def test_a_scene_in_space_has_files_pictures_and_tables(tmp_path):
         x3 = 0.0
         [[steps]]
         to = 1.0
-        """
+        """)
+    ended = CliRunner().invoke(
+        app, ["run", str(tmp_path / "pulled.toml"), "--out", str(tmp_path / "out")]
     )
-    ended = CliRunner().invoke(app, ["run", str(tmp_path / "pulled.toml"), "--out", str(tmp_path / "out")])
     assert ended.exit_code == 0, ended.output
     assert re.search(r"\nmiddle +1( +\S+){3}\n", ended.output)
     header = (tmp_path / "out" / "history.csv").read_text().splitlines()[0]
-    assert {"force_right_3", "moment_right_3", "middle_displacement_3"} <= {column.split(" [")[0] for column in header.split(",")}
+    assert {"force_right_3", "moment_right_3", "middle_displacement_3"} <= {
+        column.split(" [")[0] for column in header.split(",")
+    }
     mesh = meshio.read(tmp_path / "out" / "pulled-000.vtu")
     assert [(block.type, len(block)) for block in mesh.cells] == [("tetra", 135)]
     assert mesh.cell_data["stress"][0].shape == (135, 9)

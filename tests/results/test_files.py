@@ -39,7 +39,9 @@ while True:
 
 def killed(program: str, delay: float, *arguments) -> None:
     """Run a program that writes without end, and kill it without warning."""
-    process = subprocess.Popen([sys.executable, "-c", program, *map(str, arguments)], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, *map(str, arguments)], stdout=subprocess.PIPE, text=True
+    )
     assert process.stdout.readline() == "ready\n"
     time.sleep(delay)
     process.send_signal(signal.SIGKILL)
@@ -102,7 +104,9 @@ def test_a_full_disk_is_reported_by_fit(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr("joblib.dump", fail)
-    done = CliRunner().invoke(app, ["fit", "mine", "--samples", "300", "--degree", "4", "--out", str(tmp_path / "a")])
+    done = CliRunner().invoke(
+        app, ["fit", "mine", "--samples", "300", "--degree", "4", "--out", str(tmp_path / "a")]
+    )
     assert_one_clear_line(done, "could not write", "No space left")
     assert not list((tmp_path / "a").iterdir())
 
@@ -111,14 +115,23 @@ def test_a_full_disk_is_reported_by_fit(tmp_path, monkeypatch):
 @pytest.mark.parametrize("command", [["materials"], ["artifacts", "gent"]])
 def test_standard_output_on_a_full_disk(command):
     with open("/dev/full", "w") as full:
-        done = subprocess.run([sys.executable, "-m", "pdsurrogate", *command], stdout=full, stderr=subprocess.PIPE, text=True)
+        done = subprocess.run(
+            [sys.executable, "-m", "pdsurrogate", *command],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
     assert done.returncode == 1
     assert done.stderr == "pdsurrogate: standard output: No space left on device\n"
 
 
 def test_a_version_that_exists_is_told_from_a_disk_that_fails(tmp_path, monkeypatch):
     source = SHIPPED / "neo-hookean" / "1"
-    card = {key: value for key, value in load_card(source).model_dump().items() if key not in ("format", "schema_version", "payloads")}
+    card = {
+        key: value
+        for key, value in load_card(source).model_dump().items()
+        if key not in ("format", "schema_version", "payloads")
+    }
     surrogate = load_surrogate(source)
 
     def fail(*arguments):
@@ -131,7 +144,8 @@ def test_a_version_that_exists_is_told_from_a_disk_that_fails(tmp_path, monkeypa
     monkeypatch.undo()
     found = load_surrogate(save_artifact(tmp_path, {**card, "name": "mine"}, surrogate))
     np.testing.assert_array_equal(
-        found.bond_force([1.2], [0.1], [0.5], [0.9], [1.1]), surrogate.bond_force([1.2], [0.1], [0.5], [0.9], [1.1])
+        found.bond_force([1.2], [0.1], [0.5], [0.9], [1.1]),
+        surrogate.bond_force([1.2], [0.1], [0.5], [0.9], [1.1]),
     )
 
 
@@ -143,7 +157,9 @@ TEAR = [
 
 
 def in_dynamics(share):
-    """Context that interrupts a run once, at a share of a stage in dynamics after two in equilibrium."""
+    """Context that interrupts a run once, at a share of a stage in dynamics after two in
+    equilibrium.
+    """
     left = [2 + share]
 
     def listener(stage, done, total, **numbers):
@@ -160,7 +176,9 @@ def tear():
 
 @pytest.fixture
 def heeds_interrupts():
-    """A shell that starts the tests in the background has them ignore Ctrl-C, and what they start as well."""
+    """A shell that starts the tests in the background has them ignore Ctrl-C, and what they
+    start as well.
+    """
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -180,8 +198,20 @@ def test_an_interrupt_saves_a_checkpoint_that_resumes_to_the_same_bits(tmp_path)
 
 @pytest.mark.usefixtures("heeds_interrupts")
 def test_ctrl_c_on_the_command_line(tmp_path):
-    """Exit status 130, results of what was reached, one line that says how to go on; and going on works."""
-    command = [sys.executable, "-m", "pdsurrogate", "run", "tear", "--force", "analytic", "--out", str(tmp_path)]
+    """Exit status 130, results of what was reached, one line that says how to go on; and going
+    on works.
+    """
+    command = [
+        sys.executable,
+        "-m",
+        "pdsurrogate",
+        "run",
+        "tear",
+        "--force",
+        "analytic",
+        "--out",
+        str(tmp_path),
+    ]
     command += [word for change in TEAR for word in ("--set", change)]
     slow = [*command, "--set", "dynamics.stretch_rate=0.5"]
     process = subprocess.Popen(slow, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -210,5 +240,7 @@ def test_nothing_to_resume_is_said_too(tmp_path):
 def test_a_disk_that_fills_during_a_run_is_reported(tmp_path, monkeypatch):
     full_disk(monkeypatch)
     changes = [word for change in TEAR for word in ("--set", change)]
-    done = CliRunner().invoke(app, ["run", "tear", "--force", "analytic", *changes, "--out", str(tmp_path)])
+    done = CliRunner().invoke(
+        app, ["run", "tear", "--force", "analytic", *changes, "--out", str(tmp_path)]
+    )
     assert_one_clear_line(done, "could not write", "No space left")

@@ -1,4 +1,6 @@
-"""What runs write, and the tables of the reference of results: all that is written is in them, and all that is in them is written."""
+"""What runs write, and the tables of the reference of results: all that is written is in them,
+and all that is in them is written.
+"""
 
 import csv
 import itertools
@@ -71,7 +73,15 @@ def _program() -> pds.Scene:
 
 
 def _in_space() -> pds.Scene:
-    held, pulled = {"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0}, {"region": "right", "x1": 0.1, "x2": 0.0, "x3": 0.0}
+    held, pulled = (
+        {"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0},
+        {
+            "region": "right",
+            "x1": 0.1,
+            "x2": 0.0,
+            "x3": 0.0,
+        },
+    )
     return pds.Scene(
         name="block",
         spacing=0.25,
@@ -86,7 +96,15 @@ def _in_space() -> pds.Scene:
 def _pulled(material) -> pds.Scene:
     held, pulled = {"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.5}
     body = pds.shapes.Rectangle(size=(1.0, 0.5))
-    return pds.Scene(name="pulled", spacing=0.125, units=UNITS, body=body, material=material, prescribed=(held, pulled), steps=(1.0,))
+    return pds.Scene(
+        name="pulled",
+        spacing=0.125,
+        units=UNITS,
+        body=body,
+        material=material,
+        prescribed=(held, pulled),
+        steps=(1.0,),
+    )
 
 
 def _far() -> pds.Scene:
@@ -108,18 +126,31 @@ def _committee(folder: Path) -> Path:
     data = pds.load_test_data("treloar").up_to(3.0)
 
     def fitted(rows) -> tuple:
-        energy = pds.identification.EnergyRegressor().fit(data.stretches[rows], data.nominal_stress[rows])
+        energy = pds.identification.EnergyRegressor().fit(
+            data.stretches[rows], data.nominal_stress[rows]
+        )
         samples = pds.training_samples(energy.law_, 1500, (0.5, 3.0), random_state=0)
         samples.design["hull"] = energy.domain_hull()
         return (
-            pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y),
+            pds.surrogate_pipeline(
+                pds.learning.ChebyshevRegressor((10, 5)), features="isochoric"
+            ).fit(samples.X, samples.y),
             samples,
             energy.law_,
         )
 
     everything = np.arange(len(data.nominal_stress))
     model, samples, law = fitted(everything)
-    return pds.store(model, samples, law, folder, "tested", "1", "a test", members=[fitted(everything[start::2]) for start in (0, 1)])
+    return pds.store(
+        model,
+        samples,
+        law,
+        folder,
+        "tested",
+        "1",
+        "a test",
+        members=[fitted(everything[start::2]) for start in (0, 1)],
+    )
 
 
 def _plate() -> pds.Scene:
@@ -149,14 +180,22 @@ def folders(tmp_path_factory):
         runs = {
             "plane": (pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean"),
             "pushed": (pds.load_scene("uniaxial", spacing=0.25, stretches=0.98), "bond-energy"),
-            "committee": (pds.load_scene("uniaxial", spacing=0.25, stretches=2.0, material=law), f"{committee}#all"),
+            "committee": (
+                pds.load_scene("uniaxial", spacing=0.25, stretches=2.0, material=law),
+                f"{committee}#all",
+            ),
             "pulled": (_pulled(law), committee),
             "program": (_program(), "bond-energy"),
             "far": (_far(), "bond-energy"),
             "tear": (pds.load_scene("tear", TEAR), "bond-energy"),
             "space": (_in_space(), "bond-energy"),
             "plated": (_plate(), "bond-energy"),
-            "turned": (pds.load_scene("disc-torsion", {"spacing": 0.2, "holes.0.radius": 0.35, "steps": [0.1]}), "nosb"),
+            "turned": (
+                pds.load_scene(
+                    "disc-torsion", {"spacing": 0.2, "holes.0.radius": 0.35, "steps": [0.1]}
+                ),
+                "nosb",
+            ),
         }
         for name, (scene, force) in runs.items():
             pds.simulate(scene, force, folder=place / name)
@@ -164,12 +203,16 @@ def folders(tmp_path_factory):
 
 
 def table_under(header: str) -> dict[str, tuple[str, str]]:
-    """Names in the first column of a table of the page, with the cell of their unit and the comment that names their tests."""
+    """Names in the first column of a table of the page, with the cell of their unit and the
+    comment that names their tests.
+    """
     text = PAGE.split(f"\n| {header} |", 1)[1].split("\n\n", 1)[0]
     found = {}
     for line in text.splitlines()[2:]:
         names, *_, unit, meaning = (cell.strip() for cell in line.strip("|").split("|"))
-        found |= dict.fromkeys(re.findall(r"`([^`]+)`", names), (unit, re.search(r"<!-- (.*) -->$", meaning)[1]))
+        found |= dict.fromkeys(
+            re.findall(r"`([^`]+)`", names), (unit, re.search(r"<!-- (.*) -->$", meaning)[1])
+        )
     return found
 
 
@@ -182,9 +225,14 @@ def columns_of(folders, file: str) -> dict[str, str | None]:
         with (path / file).open(encoding="utf-8", newline="") as lines:
             for title in next(csv.reader(lines)):
                 column, _, unit = title.removesuffix("]").partition(" [")
-                of_name = r"^(force|moment|displacement|contact_area|contact_penetration)_[a-z]+(_rigid)?(_\d)?$"
-                column = re.sub(of_name, lambda m: f"{m[1]}_NAME{m[2] or ''}{'_I' if m[3] else ''}", column)
-                found[re.sub(r"^[a-z]+_displacement_\d$", "PROBE_displacement_I", column)] = unit or None
+                kinds = "force|moment|displacement|contact_area|contact_penetration"
+                of_name = rf"^({kinds})_[a-z]+(_rigid)?(_\d)?$"
+                column = re.sub(
+                    of_name, lambda m: f"{m[1]}_NAME{m[2] or ''}{'_I' if m[3] else ''}", column
+                )
+                found[re.sub(r"^[a-z]+_displacement_\d$", "PROBE_displacement_I", column)] = (
+                    unit or None
+                )
     return found
 
 
@@ -192,7 +240,9 @@ def keys_of(value: dict, prefix: str = "") -> set[str]:
     """Keys of a summary, with those of tables in it behind a dot."""
     found = set()
     for key, inner in value.items():
-        rows = [row for row in (inner if isinstance(inner, list) else [inner]) if isinstance(row, dict)]
+        rows = [
+            row for row in (inner if isinstance(inner, list) else [inner]) if isinstance(row, dict)
+        ]
         if rows and key not in BY_NAME and not prefix:
             found |= set().union(*(keys_of(row, f"{key}.") for row in rows))
         else:
@@ -203,7 +253,9 @@ def keys_of(value: dict, prefix: str = "") -> set[str]:
 def test_every_column_of_the_history_is_in_its_table(folders):
     written = columns_of(folders, "history.csv")
     described = table_under("column")
-    assert set(written) == set(described) - {"moment_NAME_rigid_I"}  # the rigid region is in the plane
+    assert set(written) == set(described) - {
+        "moment_NAME_rigid_I"
+    }  # the rigid region is in the plane
     # Of bodies in the plane forces, areas and energies are those per thickness.
     names = {
         "cm": ("length", "area"),
@@ -217,27 +269,41 @@ def test_every_column_of_the_history_is_in_its_table(folders):
         "MPa": ("stress",),
         None: ("",),
     }
-    assert {column for column, unit in written.items() if described[column][0] not in names[unit]} == set()
+    assert {
+        column for column, unit in written.items() if described[column][0] not in names[unit]
+    } == set()
 
 
 def test_every_column_of_the_convergence_is_in_its_table(folders):
-    assert set(columns_of(folders, "convergence.csv")) == set(table_under("column of the convergence"))
+    assert set(columns_of(folders, "convergence.csv")) == set(
+        table_under("column of the convergence")
+    )
 
 
-OF_TORN_MATERIALS = ("materials.critical_stretch", "interfaces.between", "interfaces.critical_stretch")
+OF_TORN_MATERIALS = (
+    "materials.critical_stretch",
+    "interfaces.between",
+    "interfaces.critical_stretch",
+)
 
 
 def test_every_key_of_the_summary_is_in_its_table(folders):
     summaries = [json.loads((path / "summary.json").read_text()) for path in folders.values()]
-    assert set().union(*map(keys_of, summaries)) - {f"levels.{key}" for key in table_under("key in `levels`")} - {"levels"} == set(
-        table_under("key of `summary.json`")
-    ) - {"levels", "ranks", "ranks_waiting"} - set(OF_TORN_MATERIALS)  # of several ranks, and of fracture in several materials
+    assert set().union(*map(keys_of, summaries)) - {
+        f"levels.{key}" for key in table_under("key in `levels`")
+    } - {"levels"} == set(table_under("key of `summary.json`")) - {
+        "levels",
+        "ranks",
+        "ranks_waiting",
+    } - set(OF_TORN_MATERIALS)  # of several ranks, and of fracture in several materials
     levels = set().union(*(level for summary in summaries for level in summary["levels"]))
     assert levels == set(table_under("key in `levels`"))
 
 
 def test_studies_take_every_key_as_a_quantity():
-    assert {key.partition(".")[0] for key in table_under("key of `summary.json`")} == set(KEYS_OF_RUNS)
+    assert {key.partition(".")[0] for key in table_under("key of `summary.json`")} == set(
+        KEYS_OF_RUNS
+    )
     assert set(table_under("key in `levels`")) == set(KEYS_OF_LEVELS)
 
 
@@ -245,7 +311,11 @@ def test_every_field_of_a_state_is_in_its_table(folders):
     """Of every state of every run, on cells and on nodes, and the single values beside them."""
     states = [path for folder in folders.values() for path in folder.glob("*.vtu")]
     read = [meshio.read(path) for path in states]
-    assert set().union(*(mesh.cell_data for mesh in read)) == set(table_under("field")) == set(POINT_FIELDS)
+    assert (
+        set().union(*(mesh.cell_data for mesh in read))
+        == set(table_under("field"))
+        == set(POINT_FIELDS)
+    )
     assert {name for mesh in read for name in mesh.point_data} == {"displacement"}
     beside = PAGE.split("Files of states also hold", 1)[1].split("\n\n", 1)[0]
     values = set().union(*(vtk.read_values(path) for path in states))
@@ -253,17 +323,30 @@ def test_every_field_of_a_state_is_in_its_table(folders):
 
 
 def test_what_is_said_to_be_tested_is_named_in_the_test():
-    for header in ("field", "column", "column of the convergence", "key of `summary.json`", "key in `levels`"):
+    for header in (
+        "field",
+        "column",
+        "column of the convergence",
+        "key of `summary.json`",
+        "key in `levels`",
+    ):
         for name, (_, tests) in table_under(header).items():
             files = tests.split()
-            # A name with the scene's own in it by the rest of it; references and errors by the quantity.
-            word = re.sub(r"^PROBE_|(_NAME)?(_rigid)?(_I)?$|_(reference|error)$", "", name.rpartition(".")[2])
+            # A name with the scene's own in it by the rest of it; references and errors by the
+            # quantity.
+            word = re.sub(
+                r"^PROBE_|(_NAME)?(_rigid)?(_I)?$|_(reference|error)$", "", name.rpartition(".")[2]
+            )
             assert files, name
-            assert any(re.search(rf"\b{word}", (ROOT / file).read_text()) for file in files), f"{name} is not tested in {tests}"
+            assert any(re.search(rf"\b{word}", (ROOT / file).read_text()) for file in files), (
+                f"{name} is not tested in {tests}"
+            )
 
 
 def test_points_without_support_and_bonds_are_those_of_the_history(folders):
-    """Of a tear: what the summary says of its end is what the last row says, and a body that is whole has none of it."""
+    """Of a tear: what the summary says of its end is what the last row says, and a body that is
+    whole has none of it.
+    """
     torn, whole = (pds.load_result(folders[name]) for name in ("tear", "plane"))
     last = torn.history[-1]
     assert torn.summary["unsupported_points"] == last["free_points"]
@@ -297,22 +380,30 @@ def test_what_is_beyond_the_data_has_its_state(folders):
     assert (result.field("member_deviation") >= 0).all()
 
 
-@pytest.mark.parametrize("quantity", ["nominal_stress", "lateral_displacement", "greatest_lateral_displacement"])
+@pytest.mark.parametrize(
+    "quantity", ["nominal_stress", "lateral_displacement", "greatest_lateral_displacement"]
+)
 def test_errors_are_those_against_the_reference(folders, quantity):
     (level,) = pds.load_result(folders["plane"]).levels
     reference = level[f"{quantity}_reference"]
     assert level[f"{quantity}_error"] == pytest.approx(level[quantity] / reference - 1, abs=1e-12)
     exact = pds.materials.homogeneous.uniaxial(pds.materials.NeoHookean(), 1.5)
-    assert reference == pytest.approx(exact.nominal_stress if quantity == "nominal_stress" else 0.5 * (1 - exact.lateral_stretch))
+    assert reference == pytest.approx(
+        exact.nominal_stress if quantity == "nominal_stress" else 0.5 * (1 - exact.lateral_stretch)
+    )
 
 
 def test_versions_are_those_of_what_runs(folders):
     found = pds.load_result(folders["plane"]).summary["provenance"]
     assert found["python"] == platform.python_version()
-    assert [found[name] for name in ("version", "numpy", "scipy", "numba")] == [module.__version__ for module in (pds, np, scipy, numba)]
+    assert [found[name] for name in ("version", "numpy", "scipy", "numba")] == [
+        module.__version__ for module in (pds, np, scipy, numba)
+    ]
 
 
 def test_a_field_of_another_shape_is_named(monkeypatch):
     monkeypatch.setitem(POINT_FIELDS, "short", PointField(lambda state: np.ones(3)))
-    with pytest.raises(ValueError, match=r"the field short has values of shape \(3,\) at a state, not \(48,\)"):
+    with pytest.raises(
+        ValueError, match=r"the field short has values of shape \(3,\) at a state, not \(48,\)"
+    ):
         pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.25, "stretches": [1.1]}), "analytic")

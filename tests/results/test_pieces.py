@@ -39,7 +39,13 @@ def parts_of(body, bounds, reach):
         x = body.points[:, 0]
         numbers = np.flatnonzero((x > low - reach) & (x < high + reach))
         cells = body.cells.only(np.isin(np.arange(len(body)), numbers))[0]
-        part = Body(body.points[numbers], body.volumes[numbers], body.horizon, body.spacing, mesh_cells=cells)
+        part = Body(
+            body.points[numbers],
+            body.volumes[numbers],
+            body.horizon,
+            body.spacing,
+            mesh_cells=cells,
+        )
         own = (x[numbers] > low) & (x[numbers] < high)
         object.__setattr__(part, "share", SomePoints(rank, len(bounds) - 1, numbers, own))
         yield numbers, part
@@ -52,14 +58,18 @@ def result():
 
 @pytest.fixture
 def written(result, tmp_path):
-    """The same state whole, and in three pieces of unequal size; the first rank writes last, as it may."""
+    """The same state whole, and in three pieces of unequal size; the first rank writes last, as
+    it may.
+    """
     moment, fields = result.states[0]
     (tmp_path / "whole").mkdir()
     (tmp_path / "pieces").mkdir()
     StatesInFiles(tmp_path / "whole", "hole", result.body).append(moment, fields)
     parts = list(parts_of(result.body, [-1.5, -0.75, 0.0, 1.5], 2 * result.body.spacing))
     for numbers, part in reversed(parts):
-        StatesInFiles(tmp_path / "pieces", "hole", part).append(moment, {name: values[numbers] for name, values in fields.items()})
+        StatesInFiles(tmp_path / "pieces", "hole", part).append(
+            moment, {name: values[numbers] for name, values in fields.items()}
+        )
     return tmp_path
 
 
@@ -77,19 +87,30 @@ def test_paraview_s_reader_finds_them(result, written):
     grid = pyvista.read(written / "pieces" / "hole-000.pvtu")
     assert grid.n_cells == len(result.body)
     order = np.argsort(grid.cell_data[vtk.NUMBER])
-    np.testing.assert_array_equal(grid.cell_data["displacement"][order], result.states[0][1]["displacement"])
+    np.testing.assert_array_equal(
+        grid.cell_data["displacement"][order], result.states[0][1]["displacement"]
+    )
     assert set(grid.cell_data) - {vtk.NUMBER} >= set(result.states[0][1])
 
 
 def test_a_rank_that_cannot_write_leaves_the_states_before(result, written, monkeypatch):
-    monkeypatch.setattr(vtk, "write_state", lambda *arguments: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    monkeypatch.setattr(
+        vtk,
+        "write_state",
+        lambda *arguments: (_ for _ in ()).throw(OSError(28, "No space left on device")),
+    )
     numbers, part = next(parts_of(result.body, [-1.5, 1.5], 1.0))
     states = StatesInFiles(written / "pieces", "hole", part, [result.states.moments[0]])
     with pytest.raises(OSError, match="No space left"):
-        states.append(Moment(2.0, 1.3, 0.0), {name: values[numbers] for name, values in result.states[0][1].items()})
+        states.append(
+            Moment(2.0, 1.3, 0.0),
+            {name: values[numbers] for name, values in result.states[0][1].items()},
+        )
     assert len(states.moments) == len(StatesInFiles.saved(written / "pieces", "hole").moments) == 1
 
 
 def test_a_new_run_takes_the_place_of_pieces(result, written):
-    make_room(written / "pieces", contents_in(result.summary), overwrite=True)  # they have no summary
+    make_room(
+        written / "pieces", contents_in(result.summary), overwrite=True
+    )  # they have no summary
     assert not list((written / "pieces").iterdir())

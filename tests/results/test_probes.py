@@ -26,8 +26,12 @@ def test_an_affine_motion_is_read_exactly_within_the_body_and_on_its_boundary(st
     found = Probes(body, (Probe(name="here", at=place),)).read(state)["here"]
     np.testing.assert_allclose(found["displacement"], (F - np.eye(2)) @ place, atol=1e-13)
     np.testing.assert_allclose(np.array(found["F"])[:2, :2], F, atol=1e-12)
-    np.testing.assert_allclose(np.array(found["stress"])[:2, :2], plane_stress.first_piola_stress(law, F), atol=1e-10)
-    assert np.array(found["F"])[2, 2] == pytest.approx(plane_stress.volume_ratio(law, (F * F).sum(), np.linalg.det(F)) / np.linalg.det(F))
+    np.testing.assert_allclose(
+        np.array(found["stress"])[:2, :2], plane_stress.first_piola_stress(law, F), atol=1e-10
+    )
+    assert np.array(found["F"])[2, 2] == pytest.approx(
+        plane_stress.volume_ratio(law, (F * F).sum(), np.linalg.det(F)) / np.linalg.det(F)
+    )
 
 
 def test_a_place_outside_is_told_with_its_key_and_what_is_nearest(stretched):
@@ -37,9 +41,11 @@ def test_a_place_outside_is_told_with_its_key_and_what_is_nearest(stretched):
 
 
 def test_probes_in_planes_of_symmetry_read_from_points_and_images():
-    """A motion and a tensor that are symmetric about the planes of an eighth, where the points on one side tell 4 % too much.
+    """A motion and a tensor that are symmetric about the planes of an eighth, where the points on
+    one side tell 4 % too much.
 
-    Inside the wall a quadratic fit with both sides has the third derivative left along the radius, h^2 24/R^2 u/6 at most.
+    Inside the wall a quadratic fit with both sides has the third derivative left along the radius,
+    h^2 24/R^2 u/6 at most.
     """
     spacing, planes = 1 / 16, enumerate(("left", "bottom", "back"), 1)
     scene = pds.Scene(
@@ -58,12 +64,21 @@ def test_probes_in_planes_of_symmetry_read_from_points_and_images():
     def motion(X):
         return X / np.linalg.norm(X, axis=1)[:, None] ** 3
 
-    found = np.stack([rows @ motion(body.points)[:, axis] for axis, rows in enumerate(moved)], axis=1)
+    found = np.stack(
+        [rows @ motion(body.points)[:, axis] for axis, rows in enumerate(moved)], axis=1
+    )
     size = np.linalg.norm(motion(places), axis=1)
-    assert (np.linalg.norm(found - motion(places), axis=1) < 4 * spacing**2 / (places**2).sum(axis=1) * size).all()
+    assert (
+        np.linalg.norm(found - motion(places), axis=1)
+        < 4 * spacing**2 / (places**2).sum(axis=1) * size
+    ).all()
     squares = (body.points[:, :, None] * body.points[:, None]).reshape(-1, 9)
-    found = np.stack([rows @ squares[:, entry] for entry, rows in enumerate(tensors)], axis=1).reshape(-1, 3, 3)
+    found = np.stack(
+        [rows @ squares[:, entry] for entry, rows in enumerate(tensors)], axis=1
+    ).reshape(-1, 3, 3)
     np.testing.assert_allclose(found, places[:, :, None] * places[:, None], atol=1e-2)
     for place, tensor in zip(places, found, strict=True):
         on_plane = place == 0
-        np.testing.assert_allclose(tensor[on_plane[:, None] ^ on_plane], 0, atol=1e-12)  # what changes its sign across is none
+        np.testing.assert_allclose(
+            tensor[on_plane[:, None] ^ on_plane], 0, atol=1e-12
+        )  # what changes its sign across is none

@@ -39,7 +39,9 @@ def test_files(saved):
         "uniaxial.png",
         "uniaxial.pvd",
     ]
-    assert json.loads((folder / "summary.json").read_text()) == json.loads(json.dumps(result.summary))
+    assert json.loads((folder / "summary.json").read_text()) == json.loads(
+        json.dumps(result.summary)
+    )
     rows = list(csv.DictReader((folder / "convergence.csv").read_text().splitlines()))
     assert {"stretch", "evaluation", "residual"} <= set(rows[0])
     assert [float(row["stretch"]) for row in rows] == sorted(float(row["stretch"]) for row in rows)
@@ -55,7 +57,9 @@ def test_vtu_with_meshio(saved):
     np.testing.assert_array_equal(fields["displacement"][:, :2], result.displacement())
     stress = fields["stress"].reshape(-1, 3, 3)
     # Corners move with what is around them: those of the grips as far as the grips.
-    assert np.ptp((mesh.points + mesh.point_data["displacement"])[:, 0]) == pytest.approx(1.5 * 3, rel=1e-4)
+    assert np.ptp((mesh.points + mesh.point_data["displacement"])[:, 0]) == pytest.approx(
+        1.5 * 3, rel=1e-4
+    )
     assert stress[:, 0, 0] == pytest.approx(result.levels[1]["nominal_stress"], rel=1e-3)
     assert np.abs(stress[:, 1, 1]).max() < 1e-3
     assert fields["principal_stretch"] == pytest.approx(1.5, rel=1e-3)
@@ -69,7 +73,11 @@ def test_series_with_pyvista(saved):
     assert list(reader.time_values) == [1.2, 1.5]
     reader.set_active_time_value(1.5)
     block = reader.read()[0]
-    assert (block.field_data["stretch"], block.field_data["time"], block.field_data["run_time"]) == (1.5, 0.0, 2.0)
+    assert (
+        block.field_data["stretch"],
+        block.field_data["time"],
+        block.field_data["run_time"],
+    ) == (1.5, 0.0, 2.0)
     assert block.n_cells == len(result.body)
     warped = block.warp_by_vector("displacement")
     assert np.ptp(warped.bounds[:2]) == pytest.approx(1.5 * 3, rel=1e-4)
@@ -93,22 +101,40 @@ def names_in(folder):
 
 @pytest.mark.parametrize("streamed", [True, False])
 def test_a_run_clears_the_files_of_an_earlier_one_and_nothing_else(saved, tmp_path, streamed):
-    """`pdsurrogate run uniaxial --out x` with three levels, then with one, left `uniaxial-001.vtu` beside a PVD of one entry.
+    """`pdsurrogate run uniaxial --out x` with three levels, then with one, left `uniaxial-001.vtu`
+    beside a PVD of one entry.
 
     Before a run begins, so that it stands for itself however it ends; what is not a run's stays.
     """
     simulate(uniaxial(1.1), "analytic").save(tmp_path)
-    for name in ("uniaxial-001.vtu", "uniaxial-007.vtu", "uniaxial-loading.png"):  # as of an earlier version of the scene
-        (tmp_path / name).write_bytes((tmp_path / ("uniaxial.png" if name.endswith("png") else "uniaxial-000.vtu")).read_bytes())
+    for name in (
+        "uniaxial-001.vtu",
+        "uniaxial-007.vtu",
+        "uniaxial-loading.png",
+    ):  # as of an earlier version of the scene
+        (tmp_path / name).write_bytes(
+            (
+                tmp_path / ("uniaxial.png" if name.endswith("png") else "uniaxial-000.vtu")
+            ).read_bytes()
+        )
     mine = ["notes.txt", "uniaxial-final.vtu", "uniaxial-1.vtu", "other-000.vtu", "picture.png"]
     for name in mine:
         (tmp_path / name).write_text("mine")
     result = simulate(uniaxial(1.1), "analytic", folder=tmp_path if streamed else None)
     if streamed:
         tables = ["convergence.csv", "history.csv", "summary.json"]
-        assert names_in(tmp_path) == sorted([*mine, *tables, "checkpoint.npz", "uniaxial-000.vtu", "uniaxial.pvd"])
+        assert names_in(tmp_path) == sorted(
+            [*mine, *tables, "checkpoint.npz", "uniaxial-000.vtu", "uniaxial.pvd"]
+        )
     result.save(tmp_path)
-    ours = ["convergence.csv", "history.csv", "summary.json", "uniaxial-000.vtu", "uniaxial.png", "uniaxial.pvd"]
+    ours = [
+        "convergence.csv",
+        "history.csv",
+        "summary.json",
+        "uniaxial-000.vtu",
+        "uniaxial.png",
+        "uniaxial.pvd",
+    ]
     ours += ["checkpoint.npz"] * streamed
     assert names_in(tmp_path) == sorted(mine + ours)
     assert all((tmp_path / name).read_text() == "mine" for name in mine)
@@ -119,16 +145,25 @@ def test_a_run_clears_the_files_of_an_earlier_one_and_nothing_else(saved, tmp_pa
 
 
 def test_results_of_another_run_of_the_scene_are_not_replaced_unasked(tmp_path):
-    """`pdsurrogate run uniaxial --set stretches=[1.3] --out x` took the place of a run to 1.1 without a word: names alone were compared."""
+    """`pdsurrogate run uniaxial --set stretches=[1.3] --out x` took the place of a run to 1.1
+    without a word: names alone were compared.
+    """
     found = simulate(uniaxial(1.1), "analytic", folder=tmp_path)
     found.save(tmp_path)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     for scene, force, difference in (
         (uniaxial(1.3), "analytic", r"stretches is \[1.1\] there and \[1.3\] here"),
         (uniaxial(1.1), "neo-hookean", "force is analytic there and neo-hookean@2 here"),
-        (uniaxial(1.1, **{"material.bulk_modulus": 50.0}), "analytic", "material.bulk_modulus is 100.0 there and 50.0 here"),
+        (
+            uniaxial(1.1, **{"material.bulk_modulus": 50.0}),
+            "analytic",
+            "material.bulk_modulus is 100.0 there and 50.0 here",
+        ),
     ):
-        refused = rf"contains the results of another run of uniaxial \({difference}\); use another folder, or --overwrite"
+        refused = (
+            rf"contains the results of another run of uniaxial \({difference}\); use another"
+            r" folder, or --overwrite"
+        )
         with pytest.raises(FolderTaken, match=refused):
             simulate(scene, force, folder=tmp_path)
         with pytest.raises(FolderTaken, match=refused):
@@ -150,17 +185,28 @@ def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
     for summary in (False, True):  # killed, and stopped by Ctrl-C
         if summary:
             stopped.value.result.save(tmp_path)
-        with pytest.raises(FolderTaken, match="continue it with --resume, or start again with --overwrite"):
+        with pytest.raises(
+            FolderTaken, match="continue it with --resume, or start again with --overwrite"
+        ):
             simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path)
-        with pytest.raises(FolderTaken, match=r"uniaxial \(stretches is \[1.1, 1.2\] there and \[1.1\] here"):
+        with pytest.raises(
+            FolderTaken, match=r"uniaxial \(stretches is \[1.1, 1.2\] there and \[1.1\] here"
+        ):
             simulate(uniaxial(1.1), "analytic", folder=tmp_path)
     simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, resume=True).save(tmp_path)
-    assert len(simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path).states) == 2  # now that it has come to its end
+    assert (
+        len(simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path).states) == 2
+    )  # now that it has come to its end
 
 
 @pytest.mark.parametrize(
     ("name", "content"),
-    [("summary.json", "{}"), ("summary.json", '{"scene": "../x", "levels": []}'), ("history.csv", "year,price\n"), ("checkpoint.npz", "x")],
+    [
+        ("summary.json", "{}"),
+        ("summary.json", '{"scene": "../x", "levels": []}'),
+        ("history.csv", "year,price\n"),
+        ("checkpoint.npz", "x"),
+    ],
 )
 def test_files_that_no_run_wrote_are_not_replaced(saved, tmp_path, name, content):
     (tmp_path / name).write_text(content)
@@ -182,11 +228,21 @@ def drawn(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "name", ["uniaxial-007.vtu", "uniaxial.gif", "uniaxial.png", "uniaxial-loading.png", "uniaxial.pvd", "history.csv"]
+    "name",
+    [
+        "uniaxial-007.vtu",
+        "uniaxial.gif",
+        "uniaxial.png",
+        "uniaxial-loading.png",
+        "uniaxial.pvd",
+        "history.csv",
+    ],
 )
 @pytest.mark.parametrize("there", ["nothing", "a run", "an interrupted run"])
 def test_files_that_have_names_of_a_runs_own_are_left_and_refused(drawn, tmp_path, name, there):
-    """They were deleted, without a word and without --overwrite; a table of somebody's that begins with t is none of a run's either."""
+    """They were deleted, without a word and without --overwrite; a table of somebody's that
+    begins with t is none of a run's either.
+    """
     scene = uniaxial(1.1)
     if there != "nothing":
         shutil.copytree(drawn, tmp_path, dirs_exist_ok=True)
@@ -196,7 +252,9 @@ def test_files_that_have_names_of_a_runs_own_are_left_and_refused(drawn, tmp_pat
     (tmp_path / name).write_text("t,price\n1,2\n")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     for options in ({}, {"overwrite": True}, {"resume": True}):
-        with pytest.raises(FolderTaken, match=f"{name} was not written by a run and would be overwritten"):
+        with pytest.raises(
+            FolderTaken, match=f"{name} was not written by a run and would be overwritten"
+        ):
             simulate(scene, "analytic", folder=tmp_path, **options)
     with pytest.raises(FolderTaken, match=f"{name} was not written by a run"):
         simulate(scene, "analytic").save(tmp_path, overwrite=True)
@@ -208,19 +266,29 @@ def test_all_that_a_run_writes_is_known_again(tmp_path):
     scene = pds.load_scene(
         "tear",
         {
-            **{"spacing": 0.25, "body.size": [2.0, 1.0], "precuts": [], "stretches": [1.1], "fracture.critical_stretch": 3.0},
+            **{
+                "spacing": 0.25,
+                "body.size": [2.0, 1.0],
+                "precuts": [],
+                "stretches": [1.1],
+                "fracture.critical_stretch": 3.0,
+            },
             **{"dynamics.stretch": 1.15, "dynamics.stretch_rate": 60.0, "dynamics.outputs": 2},
         },
     )
     for _ in range(2):
         simulate(scene, "analytic", folder=tmp_path).save(tmp_path)
-    assert {"tear.gif", "tear.png", "tear-loading.png", "tear.pvd", "tear-002.vtu"} <= set(names_in(tmp_path))
+    assert {"tear.gif", "tear.png", "tear-loading.png", "tear.pvd", "tear-002.vtu"} <= set(
+        names_in(tmp_path)
+    )
     assert all(is_marked(path) for path in tmp_path.glob("tear*"))
     meshio.read(tmp_path / "tear-002.vtu")
 
 
 def test_the_same_folder_by_another_path_is_not_cleared(tmp_path, monkeypatch):
-    """States that were written as they were reached are read from their files: they must not be removed to make room for themselves."""
+    """States that were written as they were reached are read from their files: they must not be
+    removed to make room for themselves.
+    """
     monkeypatch.chdir(tmp_path)
     result = simulate(uniaxial(1.1), "analytic", folder="out")
     result.save(tmp_path / "out")
@@ -234,9 +302,13 @@ def test_a_folder_holds_one_run_at_a_time(tmp_path):
         own, host, *_ = lock.read_text().split()
         assert own == str(os.getpid())
     lock.write_text(f"{os.getppid()}\n{host}\n")
-    with pytest.raises(FolderTaken, match=f"process {os.getppid()} on .* is writing a run to this folder"):
+    with pytest.raises(
+        FolderTaken, match=f"process {os.getppid()} on .* is writing a run to this folder"
+    ):
         simulate(uniaxial(1.2), "neo-hookean", folder=tmp_path)
-    ended = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path)])
+    ended = CliRunner().invoke(
+        app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path)]
+    )
     assert (ended.exit_code, names_in(tmp_path)) == (2, [LOCK])
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
@@ -258,9 +330,13 @@ def test_a_folder_that_cannot_be_made_is_named(monkeypatch, tmp_path):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), f"{options['dir']}/tmpabc")
 
     monkeypatch.setattr("tempfile.NamedTemporaryFile", refused)
-    ended = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path / "some" / "where")])
+    ended = CliRunner().invoke(
+        app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path / "some" / "where")]
+    )
     assert ended.exit_code == 2
-    assert f"{tmp_path / 'some' / 'where'}: files cannot be created here ({tmp_path}" in ended.stderr
+    assert (
+        f"{tmp_path / 'some' / 'where'}: files cannot be created here ({tmp_path}" in ended.stderr
+    )
     assert "tmpabc" not in ended.output
 
 

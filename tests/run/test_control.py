@@ -1,4 +1,6 @@
-"""Steps that control the displacement of a probe and find the factor of the loads, beyond its maximum."""
+"""Steps that control the displacement of a probe and find the factor of the loads, beyond its
+maximum.
+"""
 
 import numpy as np
 import pytest
@@ -39,14 +41,18 @@ def snapped(**keys):
 
 
 def stresses(stretches):
-    """Nominal stresses of the neo-Hookean law of the scene, mu = 1, at three principal stretches."""
+    """Nominal stresses of the neo-Hookean law of the scene, mu = 1, at three principal
+    stretches.
+    """
     x = np.asarray(stretches)
     J = x.prod()
     return (J ** (-2 / 3) * (x**2 - (x**2).sum() / 3) + K / 4 * (J - 1 / J) * (1 + J**-2) * J) / x
 
 
 def pressure(displacement, deformed):
-    """Pressure on a ring in plane stress at a displacement of its inner boundary: d(P_R)/dR = (P_theta - P_R)/R, shot to P_R = 0."""
+    """Pressure on a ring in plane stress at a displacement of its inner boundary: d(P_R)/dR =
+    (P_theta - P_R)/R, shot to P_R = 0.
+    """
     hoop = 1 + displacement / INNER
 
     def left_over(load):
@@ -73,7 +79,9 @@ def pressure(displacement, deformed):
 
 
 def test_an_arch_snaps_through_as_under_a_prescribed_displacement():
-    """The two runs have the same discrete equilibria: the force that one finds is the reaction of the other."""
+    """The two runs have the same discrete equilibria: the force that one finds is the reaction
+    of the other.
+    """
     result = simulate(snapped(**NEWTON), "bond-energy")
     factors = [level["t"] for level in result.levels]
     assert max(factors) > 2 * factors[3]  # beyond the maximum, before the load grows again
@@ -81,23 +89,38 @@ def test_an_arch_snaps_through_as_under_a_prescribed_displacement():
     for level in (result.levels[2], result.levels[5]):
         assert level["method"] == "displacement-control"
         top = {"region": NEAR, "x2": level["displacements"]["top"][1], "name": "top"}
-        other = simulate(arch(prescribed=[*HELD, top], steps=(0.25, 0.5, 0.75, 1.0), **NEWTON), "bond-energy").levels[-1]
+        other = simulate(
+            arch(prescribed=[*HELD, top], steps=(0.25, 0.5, 0.75, 1.0), **NEWTON), "bond-energy"
+        ).levels[-1]
         assert level["t"] == pytest.approx(-other["forces"]["top"][1], rel=1e-5)
-        assert other["probes"]["tip"]["displacement"] == pytest.approx(level["probes"]["tip"]["displacement"], rel=1e-5)
+        assert other["probes"]["tip"]["displacement"] == pytest.approx(
+            level["probes"]["tip"]["displacement"], rel=1e-5
+        )
     assert [row["t"] for row in result.history] == factors
-    assert [row["tip_displacement_2"] for row in result.history] == pytest.approx(np.linspace(-0.1, -0.6, 6), abs=1e-12)
+    assert [row["tip_displacement_2"] for row in result.history] == pytest.approx(
+        np.linspace(-0.1, -0.6, 6), abs=1e-12
+    )
 
 
 @pytest.mark.parametrize(("thickness", "greatest"), [("deformed", 3.5), ("undeformed", 4.0)])
 def test_a_ring_is_followed_beyond_its_greatest_pressure(thickness, greatest):
     """The exact maxima are 0.7164 and 0.6634, at displacements of about 3.5 and 4 inner radii."""
-    steps = [{"to": to, "control": "probes.inner.displacement.0"} for to in (1.0, 3.0, greatest, 6.0)]
-    scene = pds.load_scene("ring-pressure", {"spacing": 0.2, "steps": steps, "loads.0.thickness": thickness})
+    steps = [
+        {"to": to, "control": "probes.inner.displacement.0"} for to in (1.0, 3.0, greatest, 6.0)
+    ]
+    scene = pds.load_scene(
+        "ring-pressure", {"spacing": 0.2, "steps": steps, "loads.0.thickness": thickness}
+    )
     levels = simulate(scene, "bond-energy").levels
     assert levels[2]["t"] > levels[3]["t"]
     for level in levels:
-        along = level["probes"]["inner"]["displacement"][0], np.hypot(*level["probes"]["inner-diagonal"]["displacement"][:2])
-        assert level["t"] == pytest.approx(pressure(np.mean(along), thickness == "deformed"), rel=5e-3)
+        along = (
+            level["probes"]["inner"]["displacement"][0],
+            np.hypot(*level["probes"]["inner-diagonal"]["displacement"][:2]),
+        )
+        assert level["t"] == pytest.approx(
+            pressure(np.mean(along), thickness == "deformed"), rel=5e-3
+        )
 
 
 def test_a_step_of_t_can_follow_and_resumes_to_the_same_bits(tmp_path):
@@ -117,18 +140,28 @@ INWARD = "probes.inner.displacement.0"
 
 
 def test_derivatives_keep_the_controlled_displacement_before_at_and_beyond_the_maximum():
-    """The load answers. At the maximum, where dt/dU = 0, derivatives at a given load do not exist. The reference is Richardson's
-    extrapolation from four equilibria with a residual of 1e-10, over 1e-3 of the parameter, and 2e-2 of the bulk modulus, which matters
-    little: errors of 1e-7 by the residual, and of 1e-7 by curvature."""
+    """The load answers. At the maximum, where dt/dU = 0, derivatives at a given load do not exist.
+    The reference is Richardson's extrapolation from four equilibria with a residual of 1e-10, over
+    1e-3 of the parameter, and 2e-2 of the bulk modulus, which matters little: errors of 1e-7 by the
+    residual, and of 1e-7 by curvature.
+    """
     values = (2.0, 3.0, 3.6, 4.2, 5.0)
     steps = [{"to": to, "control": INWARD} for to in values]
-    keys = {"spacing": 0.25, "steps": steps, "loads.0.thickness": "undeformed", "material.bulk_modulus": 100.0}
+    keys = {
+        "spacing": 0.25,
+        "steps": steps,
+        "loads.0.thickness": "undeformed",
+        "material.bulk_modulus": 100.0,
+    }
     result = simulate(pds.load_scene("ring-pressure", keys), "bond-energy")
     levels = [0, int(np.argmax([level["t"] for level in result.levels])), 4]
     assert levels[1] in (1, 2, 3)
     parameters = ["material.shear_modulus", "material.bulk_modulus", "loads.0.pressure", INWARD]
     outputs = ["t", "probes", "displacements", "energy"]
-    body, slopes = Differentiated(result.scene, checked_models(result.scene, load_surrogate("bond-energy"))), []
+    body, slopes = (
+        Differentiated(result.scene, checked_models(result.scene, load_surrogate("bond-energy"))),
+        [],
+    )
     for level in levels:
         found = result.sensitivity(outputs, parameters, level)
         at, start = result.levels[level]["t"], result.displacement(level)
@@ -137,12 +170,17 @@ def test_derivatives_keep_the_controlled_displacement_before_at_and_beyond_the_m
             step = (1e-2 if parameter.endswith("bulk_modulus") else 5e-4) * value
             sides = {}
             for way in (-2, -1, 1, 2):
-                beside = body if parameter == INWARD else body.changed({parameter: value + way * step})
+                beside = (
+                    body if parameter == INWARD else body.changed({parameter: value + way * step})
+                )
                 moved = start + way * step * found.displacements[number] * (parameter == INWARD)
                 sides[way] = beside.jacobian(at, moved, outputs, [], INWARD).values
             near, far = (sides[1] - sides[-1]) / (2 * step), (sides[2] - sides[-2]) / (4 * step)
             expected = (4 * near - far) / 3
-            assert np.abs(found.derivatives[:, number] - expected).max() < 1e-6 * np.abs(expected).max(), (level, parameter)
+            assert (
+                np.abs(found.derivatives[:, number] - expected).max()
+                < 1e-6 * np.abs(expected).max()
+            ), (level, parameter)
         column = found.outputs.index(INWARD)
         assert found.derivatives[column] == pytest.approx([0.0, 0.0, 0.0, 1.0], abs=1e-9)
         assert found.displacements.shape == (4, *result.body.points.shape)
@@ -152,8 +190,16 @@ def test_derivatives_keep_the_controlled_displacement_before_at_and_beyond_the_m
 
 
 def test_derivatives_of_controlled_steps_are_by_the_displacement_and_not_by_t():
-    result = simulate(arch(loads=PUSHED, steps=[{"to": -0.1, "control": DOWN}, 0.001]), "bond-energy")
-    with pytest.raises(ValueError, match=r"t is an unknown of a step that controls probes.tip.displacement.1: differentiate by 'probes"):
+    result = simulate(
+        arch(loads=PUSHED, steps=[{"to": -0.1, "control": DOWN}, 0.001]), "bond-energy"
+    )
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"t is an unknown of a step that controls probes.tip.displacement.1: differentiate by"
+            r" 'probes"
+        ),
+    ):
         result.sensitivity(["t"], ["t"], 0)
     with pytest.raises(ValueError, match=r"there is no number 'prescribed.0.x1'"):
         result.sensitivity(["t"], ["prescribed.0.x1"], 0)
@@ -166,14 +212,31 @@ def test_derivatives_of_controlled_steps_are_by_the_displacement_and_not_by_t():
     ("changes", "message"),
     [
         ({"probes": []}, "steps.0.control: there is no probe 'tip'; add one to probes"),
-        ({"loads": [], "prescribed": [*HELD, {"region": NEAR, "x2": 0}]}, "steps.0.control: needs loads"),
-        ({"loads": [{**PUSHED[0], "amplitude": "sine"}]}, r"must be proportional to t: remove loads.0.amplitude"),
-        ({"prescribed": [*HELD, {"region": "bottom", "x2": 0.1}]}, r"prescribed.2 moves with t: prescribe 0 there"),
+        (
+            {"loads": [], "prescribed": [*HELD, {"region": NEAR, "x2": 0}]},
+            "steps.0.control: needs loads",
+        ),
+        (
+            {"loads": [{**PUSHED[0], "amplitude": "sine"}]},
+            r"must be proportional to t: remove loads.0.amplitude",
+        ),
+        (
+            {"prescribed": [*HELD, {"region": "bottom", "x2": 0.1}]},
+            r"prescribed.2 moves with t: prescribe 0 there",
+        ),
         ({"steps": [{"to": 1, "control": "probes.tip.displacement.2"}]}, "1 is the last one here"),
         ({"steps": [{"to": 1, "control": "tip.displacement"}]}, "steps.0.control"),
-        ({"fracture": {"critical_stretch": 2.0}, "steps": [{"to": 1, "control": DOWN}]}, "fracture"),
         (
-            {"steps": [{"to": 1, "control": DOWN}, {"to": 1, "dynamics": {"duration": 1, "density": 1}}]},
+            {"fracture": {"critical_stretch": 2.0}, "steps": [{"to": 1, "control": DOWN}]},
+            "fracture",
+        ),
+        (
+            {
+                "steps": [
+                    {"to": 1, "control": DOWN},
+                    {"to": 1, "dynamics": {"duration": 1, "density": 1}},
+                ]
+            },
             "no step of the scene may be in dynamics",
         ),
     ],
@@ -185,7 +248,13 @@ def test_what_cannot_be_controlled_is_refused(changes, message):
 
 
 def test_solvers_and_precisions_that_cannot_control_are_refused():
-    with pytest.raises(pds.SceneError, match=r"steps\.0\.control needs solver\.method=automatic or newton, not relaxation"):
+    with pytest.raises(
+        pds.SceneError,
+        match=r"steps\.0\.control needs solver\.method=automatic or newton, not relaxation",
+    ):
         simulate(snapped(solver={"method": "relaxation"}), "bond-energy")
-    with pytest.raises(pds.SceneError, match=r"needs forces in double precision, but the scene sets precision=float32"):
+    with pytest.raises(
+        pds.SceneError,
+        match=r"needs forces in double precision, but the scene sets precision=float32",
+    ):
         simulate(snapped(precision="float32"), "bond-energy")

@@ -1,4 +1,6 @@
-"""Bonds that break in bodies in space: energy account, resuming, tips and damage; the trouser tear and the disc crack."""
+"""Bonds that break in bodies in space: energy account, resuming, tips and damage; the trouser
+tear and the disc crack.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,14 @@ STRIP = {
     "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
     "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
     "fracture": {"critical_stretch": 2.0},
-    "dynamics": {"stretch": 1.75, "stretch_rate": 0.01, "density": 1.0, "damping": 0.02, "viscosity": 0.1, "outputs": 6},
+    "dynamics": {
+        "stretch": 1.75,
+        "stretch_rate": 0.01,
+        "density": 1.0,
+        "damping": 0.02,
+        "viscosity": 0.1,
+        "outputs": 6,
+    },
 }
 """Lengths in spacings, the speed of shear waves 1."""
 
@@ -27,7 +36,14 @@ def account(rows):
     """What the energies of the last row miss of what was put in, over that."""
     first, last = rows[0], rows[-1]
     put_in = first["kinetic_energy"] + first["strain_energy"] + last["work"]
-    return sum(last[key] for key in ("kinetic_energy", "strain_energy", "damped_energy", "released_energy")) / put_in - 1
+    return (
+        sum(
+            last[key]
+            for key in ("kinetic_energy", "strain_energy", "damped_energy", "released_energy")
+        )
+        / put_in
+        - 1
+    )
 
 
 def in_dynamics(result):
@@ -42,9 +58,10 @@ def torn(tmp_path_factory):
 def test_a_crack_in_space(torn):
     """The tip starts at the precut's end and goes on along its plane.
 
-    The energy account has no error of the time step but where forces are not linear within one.  Until a bond breaks the power that the
-    viscosity takes is summed over rows of 20 steps by the trapezoidal rule, 0.07 % while the motion begins; with most of so small a strip
-    torn it is 0.1 %.
+    The energy account has no error of the time step but where forces are not linear within one.
+    Until a bond breaks the power that the viscosity takes is summed over rows of 20 steps by the
+    trapezoidal rule, 0.07 % while the motion begins; with most of so small a strip torn it is 0.1
+    %.
     """
     crack, points = torn.summary["crack"], torn.body.points
     start, tip = crack["start"]["x"], crack["tips"][-1]["tip"]
@@ -61,10 +78,18 @@ def test_a_crack_in_space(torn):
 
 
 def test_the_account_of_a_strip_has_no_error_of_the_time_step(monkeypatch):
-    """With what viscosity takes found in every step; the grips' part of it and the end of the stage within a step are in it."""
+    """With what viscosity takes found in every step; the grips' part of it and the end of the
+    stage within a step are in it.
+    """
     monkeypatch.setattr(transient, "STEPS_PER_ROW", 1)
     pulled = {**STRIP["dynamics"], "stretch": 1.34, "outputs": 1}
-    rows = in_dynamics(simulate(Scene.model_validate({**STRIP, "fracture": {"critical_stretch": 9.0}, "dynamics": pulled})))
+    rows = in_dynamics(
+        simulate(
+            Scene.model_validate(
+                {**STRIP, "fracture": {"critical_stretch": 9.0}, "dynamics": pulled}
+            )
+        )
+    )
     assert len(rows) > 50
     assert rows[-1]["damped_energy"] > 0.05
     assert abs(account(rows)) < 1e-6
@@ -90,8 +115,13 @@ def test_cuts_of_scenes_in_space():
 
 @pytest.mark.slow
 def test_a_small_trouser_tear():
-    """Legs of 4 mm, torn by 6 mm. The diameter is that of strips; trouser tears need 3 to 9 % less, and the crack strays: 25 %."""
-    legs = {name: {"box": [[0.0, low, 0.66], [0.46, low + 4, 1.01]]} for name, low in (("one", 0.0), ("two", 4.0))}
+    """Legs of 4 mm, torn by 6 mm. The diameter is that of strips; trouser tears need 3 to 9 %
+    less, and the crack strays: 25 %.
+    """
+    legs = {
+        name: {"box": [[0.0, low, 0.66], [0.46, low + 4, 1.01]]}
+        for name, low in (("one", 0.0), ("two", 4.0))
+    }
     dynamics = {"duration": 14.0, "density": 1e-3, "damping": 0.1, "viscosity": 0.002}
     changes = {
         "body.size": [18.0, 8.0, 2.0],
@@ -103,6 +133,8 @@ def test_a_small_trouser_tear():
     result = simulate(load_scene("trousers", changes))
     rows = in_dynamics(result)[:-1]  # in the last row the legs come to a halt
     force = np.mean([row["force_one_3"] for row in rows if row["t"] > 11])
-    assert pds.tearing_energy(result.scene.material.build(), force, 4.0, 2.0) == pytest.approx(1.0, rel=0.25)
+    assert pds.tearing_energy(result.scene.material.build(), force, 4.0, 2.0) == pytest.approx(
+        1.0, rel=0.25
+    )
     assert abs(account(rows)) < 0.01
     assert result.summary["crack"]["tips"][-1]["tip"][0] > 13

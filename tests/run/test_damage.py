@@ -1,4 +1,6 @@
-"""Bonds that break: what leaves with them, what stays exact, and what the critical stretch should be."""
+"""Bonds that break: what leaves with them, what stays exact, and what the critical stretch
+should be.
+"""
 
 import numpy as np
 import pytest
@@ -36,7 +38,13 @@ def test_images_lose_the_bonds_of_the_points_they_mirror():
     """A bond broken across a symmetry plane leaves the half model as it leaves the whole."""
     from pdsurrogate.body import ReflectionPlane
 
-    half = Body(grid((0.0, 0.0), (0.6, 1.0), 0.1), np.full(60, 0.01), 0.315, 0.1, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)),))
+    half = Body(
+        grid((0.0, 0.0), (0.6, 1.0), 0.1),
+        np.full(60, 0.01),
+        0.315,
+        0.1,
+        planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)),),
+    )
     full = Body(grid((-0.6, 0.0), (0.6, 1.0), 0.1), np.full(120, 0.01), 0.315, 0.1)
     cut = Precut(start=(-0.22, 0.5), end=(0.22, 0.5))
 
@@ -55,7 +63,9 @@ def test_images_lose_the_bonds_of_the_points_they_mirror():
 
 @pytest.mark.parametrize("name", ["analytic", "neo-hookean"])
 def test_a_cracked_body_is_still_exact_in_affine_deformation(name):
-    """Stress-free faces aside, the tensor correction passes the homogeneous test around a crack: interior forces vanish beside it."""
+    """Stress-free faces aside, the tensor correction passes the homogeneous test around a crack:
+    interior forces vanish beside it.
+    """
     whole = sheet()
     force, out = bound(name, whole, precision="float64"), np.empty_like(whole.points)
     force.break_bonds(crossing(whole))
@@ -68,7 +78,9 @@ def test_a_cracked_body_is_still_exact_in_affine_deformation(name):
 
 
 def test_points_without_support_are_carried_as_free_particles():
-    """All bonds of a point broken, or all but those on one line: no force, no NaN, and it is counted."""
+    """All bonds of a point broken, or all but those on one line: no force, no NaN, and it is
+    counted.
+    """
     body = sheet(0.1)
     force, out = bound("neo-hookean", body), np.empty_like(body.points)
     bonds = body.bonds
@@ -96,17 +108,25 @@ def test_bonds_break_beyond_the_critical_stretch_and_only_once():
     damage.break_bonds(pairs)
     assert len(damage.overstretched(stretched)) == 0
     assert np.isnan(body.points * np.nan).all()
-    assert len(damage.overstretched(body.points * np.nan)) == 0  # a lost state is for the force to report
+    assert (
+        len(damage.overstretched(body.points * np.nan)) == 0
+    )  # a lost state is for the force to report
 
 
 def test_damage_is_the_share_of_weight_that_is_lost():
-    """Half of a horizon cut off by a straight crack: bonds from the first row to the other side, by (31), summed by hand."""
+    """Half of a horizon cut off by a straight crack: bonds from the first row to the other side,
+    by (31), summed by hand.
+    """
     spacing = 0.05
     points = grid((0.0, 0.0), (1.0, 1.0), spacing)
     cut = Precut(start=(-1.0, 0.5), end=(2.0, 0.5))
-    body = Body(points, np.full(len(points), spacing**2), 3.15 * spacing, spacing, separates=cut.crosses)
+    body = Body(
+        points, np.full(len(points), spacing**2), 3.15 * spacing, spacing, separates=cut.crosses
+    )
     found = Damage(body, 2.0).at_points()
-    offsets = np.array([(i, j) for i in range(-3, 4) for j in range(-3, 4) if 0 < i * i + j * j <= 3.15**2])
+    offsets = np.array(
+        [(i, j) for i in range(-3, 4) for j in range(-3, 4) if 0 < i * i + j * j <= 3.15**2]
+    )
     shares = 1 / np.linalg.norm(offsets, axis=1)
     beside = np.argmin(np.linalg.norm(points - [0.525, 0.525], axis=1))
     assert found[beside] == pytest.approx(shares[offsets[:, 1] < 0].sum() / shares.sum(), rel=1e-12)
@@ -114,8 +134,13 @@ def test_damage_is_the_share_of_weight_that_is_lost():
 
 
 def test_critical_stretch_from_a_fracture_energy():
-    """Energy density at the critical stretch times the tip's diameter is the fracture energy: half the horizon, twice the density."""
-    densities = [homogeneous.uniaxial(LAW, critical_stretch_of(LAW, 2.0, horizon)).energy_density for horizon in (0.3, 0.15)]
+    """Energy density at the critical stretch times the tip's diameter is the fracture energy:
+    half the horizon, twice the density.
+    """
+    densities = [
+        homogeneous.uniaxial(LAW, critical_stretch_of(LAW, 2.0, horizon)).energy_density
+        for horizon in (0.3, 0.15)
+    ]
     assert densities[0] * TIP_DIAMETER * 0.3 == pytest.approx(2.0, rel=1e-9)
     assert densities[1] == pytest.approx(2 * densities[0], rel=1e-9)
     with pytest.raises(ValueError, match="gent reaches its limit"):
@@ -124,27 +149,37 @@ def test_critical_stretch_from_a_fracture_energy():
 
 def test_a_critical_stretch_takes_the_diameter_of_the_tip():
     stretch = critical_stretch_of(LAW, 2.0, 0.3, 0.83)
-    assert homogeneous.uniaxial(LAW, stretch).energy_density * 0.83 * 0.3 == pytest.approx(2.0, rel=1e-9)
-    with pytest.raises(ValueError, match="the diameter of the tip must be positive and finite, not 0"):
+    assert homogeneous.uniaxial(LAW, stretch).energy_density * 0.83 * 0.3 == pytest.approx(
+        2.0, rel=1e-9
+    )
+    with pytest.raises(
+        ValueError, match="the diameter of the tip must be positive and finite, not 0"
+    ):
         critical_stretch_of(LAW, 2.0, 0.3, 0.0)
 
 
 def test_energy_of_a_trouser_tear():
-    """Of Neo-Hookean legs that keep their volume nearly: P = mu (l - l^-2), psi = mu/2 (l^2 + 2/l - 3)."""
+    """Of Neo-Hookean legs that keep their volume nearly: P = mu (l - l^-2), psi = mu/2 (l^2 +
+    2/l - 3).
+    """
     stretch, width, thickness = 1.3, 8.0, 2.0
     law = NeoHookean(shear_modulus=0.7, bulk_modulus=7e4)
     force = 0.7 * (stretch - stretch**-2) * width * thickness
     density = 0.35 * (stretch**2 + 2 / stretch - 3)
     expected = 2 * force * stretch / thickness - 2 * width * density
     assert tearing_energy(law, force, width, thickness) == pytest.approx(expected, rel=1e-4)
-    assert tearing_energy(law, 1e-4, width, thickness) == pytest.approx(1e-4, rel=1e-4)  # stiff legs: 2 F/h
+    assert tearing_energy(law, 1e-4, width, thickness) == pytest.approx(
+        1e-4, rel=1e-4
+    )  # stiff legs: 2 F/h
     with pytest.raises(ValueError, match="the leg's width must be positive and finite"):
         tearing_energy(law, force, 0.0, thickness)
     with pytest.raises(ValueError, match="gent reaches its limit at the stretch"):
         tearing_energy(Gent(chain_limit=5.0), 1e6, width, thickness)
 
 
-@pytest.mark.parametrize(("energy", "horizon"), [(-1.0, 0.1), (np.nan, 0.1), (1.0, 0.0), (np.inf, 0.1)])
+@pytest.mark.parametrize(
+    ("energy", "horizon"), [(-1.0, 0.1), (np.nan, 0.1), (1.0, 0.0), (np.inf, 0.1)]
+)
 def test_impossible_fracture_energies(energy, horizon):
     with pytest.raises(ValueError, match="must be positive and finite"):
         critical_stretch_of(LAW, energy, horizon)

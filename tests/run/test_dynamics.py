@@ -52,11 +52,14 @@ def free_bar(viscosity=0.0, damping=0.0, safety=0.5):
     force = AnalyticBondForce(LAW).bind(body, LAW, ForceSettings())
     velocities = np.zeros_like(body.points)
     velocities[:, 0] = 0.01 * np.cos(np.pi * body.points[:, 0] / 2.0)
-    return nothing_held(force, body, velocities, damping=damping, viscosity=viscosity, safety=safety)
+    return nothing_held(
+        force, body, velocities, damping=damping, viscosity=viscosity, safety=safety
+    )
 
 
 def test_a_bar_swings_at_its_frequency():
-    """First longitudinal mode of a free bar: half a wave over its length, speed sqrt(E/rho), E of K = 100 mu.
+    """First longitudinal mode of a free bar: half a wave over its length, speed sqrt(E/rho), E of K
+    = 100 mu.
 
     The nonlocal bar is softer for short waves and at its ends: 3 % at 20 points.
     """
@@ -71,12 +74,16 @@ def test_a_bar_swings_at_its_frequency():
         times.append(bar.steps * bar.time_step)
     # Kinetic energy is greatest again after half a period.
     late = np.array(times) > 0.25 * period
-    back = np.array(times)[late][np.argmax(np.where(np.array(times)[late] < 0.75 * period, np.array(energies)[late], 0))]
+    back = np.array(times)[late][
+        np.argmax(np.where(np.array(times)[late] < 0.75 * period, np.array(energies)[late], 0))
+    ]
     assert back == pytest.approx(period / 2, rel=0.03)
 
 
 def test_damping_takes_its_rate():
-    """c M v decays a mode of low frequency with exp(-c t/2): the energy of a whole period with exp(-c t)."""
+    """c M v decays a mode of low frequency with exp(-c t/2): the energy of a whole period with
+    exp(-c t).
+    """
     damped = free_bar(damping=0.5)
     start = damped.kept_energy()[1]
     period = 2 * 2.0 / np.sqrt(9 * 100.0 / 301)
@@ -92,7 +99,9 @@ def test_damping_takes_its_rate():
 
 
 def test_the_step_is_stable_up_to_the_critical_one():
-    """At safety 1, which is 3 % below critical, the energy stays bounded over many periods; with a step a tenth longer it does not."""
+    """At safety 1, which is 3 % below critical, the energy stays bounded over many periods; with
+    a step a tenth longer it does not.
+    """
     for factor, stable in ((1.0, True), (1.1, False)):
         bar = free_bar(safety=1.0)
         bar.time_step *= factor
@@ -116,14 +125,25 @@ def torn(tmp_path_factory):
 
 
 def test_grips_faster_than_shear_waves_are_refused():
-    """At rates of 100 and 1e6 the motion that the dynamics start with was energy out of nothing, and the run "converged"."""
-    with pytest.raises(pds.SceneError, match=r"dynamics.stretch_rate: .* the greatest possible rate is 2683"):
+    """At rates of 100 and 1e6 the motion that the dynamics start with was energy out of nothing,
+    and the run "converged".
+    """
+    with pytest.raises(
+        pds.SceneError, match=r"dynamics.stretch_rate: .* the greatest possible rate is 2683"
+    ):
         simulate(small(**{"dynamics.stretch_rate": 1e6}), "neo-hookean")
 
 
 def test_the_history_ends_at_the_last_state():
-    """Rows come every 20 steps, and what came after the last of them was in no row, and not in the peak stress."""
-    result = simulate(small(**{"fracture.critical_stretch": 5.0, "dynamics.stretch": 1.203, "dynamics.outputs": 1}), "neo-hookean")
+    """Rows come every 20 steps, and what came after the last of them was in no row, and not in
+    the peak stress.
+    """
+    result = simulate(
+        small(
+            **{"fracture.critical_stretch": 5.0, "dynamics.stretch": 1.203, "dynamics.outputs": 1}
+        ),
+        "neo-hookean",
+    )
     last = result.history[-1]
     assert result.summary["n_steps"] % transient.STEPS_PER_ROW
     assert (last["time"], last["stretch"]) == (result.states.moments[-1].time, pytest.approx(1.203))
@@ -142,13 +162,20 @@ def test_the_crack_runs_straight_through(torn):
     assert abs(crack["path"]["direction"]) < 3
     assert crack["path"]["stray"] < 0.1
     assert (np.diff(tips[:, 0]) > -0.1).all()
-    assert result.summary["peak_nominal_stress"] > max(level["nominal_stress"] for level in result.levels)
+    assert result.summary["peak_nominal_stress"] > max(
+        level["nominal_stress"] for level in result.levels
+    )
     assert [level["stretch"] for level in result.levels] == [1.1, 1.2]
 
 
 def test_the_path_of_a_crack_is_the_line_through_its_tips():
-    """Tips on a line at 150 degrees to x1, which is -30, and one beside it; the tip stands still at first, or is not there."""
-    along, beside = np.array([np.cos(np.radians(150)), np.sin(np.radians(150))]), np.array([0.5, np.sqrt(0.75)])
+    """Tips on a line at 150 degrees to x1, which is -30, and one beside it; the tip stands still
+    at first, or is not there.
+    """
+    along, beside = (
+        np.array([np.cos(np.radians(150)), np.sin(np.radians(150))]),
+        np.array([0.5, np.sqrt(0.75)]),
+    )
     places = [[3.0, 1.0] + step * along for step in (0.0, 0.0, 1.0, 2.0, 3.0, 4.0)]
     outputs = [{"tip": None}, *({"tip": place.tolist()} for place in places)]
     found = crack_path(outputs)
@@ -157,27 +184,42 @@ def test_the_path_of_a_crack_is_the_line_through_its_tips():
     aside = {"tip": ([3.0, 1.0] + 2 * along + 0.5 * beside).tolist()}
     moved = crack_path([*outputs, aside])
     assert moved["direction"] == pytest.approx(-30, abs=1e-9)
-    assert moved["stray"] == pytest.approx(0.5 * 5 / 6, rel=1e-12)  # the line moves by a sixth toward it
+    assert moved["stray"] == pytest.approx(
+        0.5 * 5 / 6, rel=1e-12
+    )  # the line moves by a sixth toward it
     assert crack_path(outputs[:4]) is None
 
 
 @pytest.mark.parametrize("angle", [0.0, 89.0, -89.0])
 def test_directions_of_cracks_lie_between_minus_and_plus_90_degrees(angle):
-    tips = [{"tip": [step * np.cos(np.radians(angle)), step * np.sin(np.radians(angle)), 0.0]} for step in range(3)]
+    tips = [
+        {"tip": [step * np.cos(np.radians(angle)), step * np.sin(np.radians(angle)), 0.0]}
+        for step in range(3)
+    ]
     assert crack_path(tips)["direction"] == pytest.approx(angle, abs=1e-9)
 
 
 def test_files_of_a_crack_scene(torn):
     result, folder = torn
     names = {path.name for path in folder.iterdir()}
-    assert {"summary.json", "history.csv", "tear.pvd", "tear.png", "tear-loading.png", "tear.gif", NAME} <= names
+    assert {
+        "summary.json",
+        "history.csv",
+        "tear.pvd",
+        "tear.png",
+        "tear-loading.png",
+        "tear.gif",
+        NAME,
+    } <= names
     last = meshio.read(folder / f"tear-{len(result.states) - 1:03d}.vtu")
     damage = last.cell_data["damage"][0]
     assert damage.min() >= 0
     assert 0.3 < damage.max() <= 1
     rows = list(csv.DictReader((folder / "history.csv").read_text().splitlines()))
     energies = {f"{name} [kPa cm^2]" for name in ("work", "kinetic_energy", "damped_energy")}
-    assert {"time [s]", "nominal_stress [kPa]", *energies, "broken_bonds", "free_points"} <= set(rows[0])
+    assert {"time [s]", "nominal_stress [kPa]", *energies, "broken_bonds", "free_points"} <= set(
+        rows[0]
+    )
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["crack"]["broken_bonds"] == int(rows[-1]["broken_bonds"])
     from PIL import Image
@@ -187,7 +229,9 @@ def test_files_of_a_crack_scene(torn):
 
 
 def test_one_axis_of_time_for_the_whole_run(torn):
-    """`tear.pvd` had stretches (1.1, 1.2, ...) and times (0.001, ...) in one column, so that ParaView played the intact sheet last."""
+    """`tear.pvd` had stretches (1.1, 1.2, ...) and times (0.001, ...) in one column, so that
+    ParaView played the intact sheet last.
+    """
     pyvista = pytest.importorskip("pyvista")
     result, folder = torn
     reader = pyvista.PVDReader(str(folder / "tear.pvd"))
@@ -199,31 +243,52 @@ def test_one_axis_of_time_for_the_whole_run(torn):
         reader.set_active_time_value(value)
         block = reader.read()[0]
         moment = result.states.moments[number]
-        assert (block.field_data["stretch"], block.field_data["time"]) == (moment.stretch, moment.time)
-        np.testing.assert_array_equal(block.cell_data["displacement"], result.states[number][1]["displacement"])
+        assert (block.field_data["stretch"], block.field_data["time"]) == (
+            moment.stretch,
+            moment.time,
+        )
+        np.testing.assert_array_equal(
+            block.cell_data["displacement"], result.states[number][1]["displacement"]
+        )
         stretches.append(moment.stretch)
         damage.append(block.cell_data["damage"].max())
     assert stretches[: len(result.levels)] == [1.1, 1.2]
     assert (np.diff(stretches) > 0).all()
     # In equilibrium that of the cut, which takes about half of the bonds of the points beside it.
-    assert damage[0] == damage[1] == result.field("damage", level=0).max() == pytest.approx(0.4, abs=0.1)
+    assert (
+        damage[0]
+        == damage[1]
+        == result.field("damage", level=0).max()
+        == pytest.approx(0.4, abs=0.1)
+    )
     assert result.field("damage", level=0).min() == 0
     assert (np.diff(damage) >= 0).all()
     assert title_of(result, 0) == "stretch 1.1"
     last = result.summary["crack"]["tips"][-1]
-    assert title_of(result, len(times) - 1) == f"stretch {last['stretch']:.3f}, {last['time']:.4g} s"
+    assert (
+        title_of(result, len(times) - 1) == f"stretch {last['stretch']:.3f}, {last['time']:.4g} s"
+    )
 
 
 def test_the_history_has_the_forces_of_the_grips(torn):
-    """The top grip is the one that travels: its pull over the width is the nominal stress, at levels and in rows alike."""
+    """The top grip is the one that travels: its pull over the width is the nominal stress, at
+    levels and in rows alike.
+    """
     result, _ = torn
     rows = [row for row in result.history if "time" in row]
     for row in rows:
         assert row["nominal_stress"] == row["force_top_2"] / 3.0
         assert {"force_top_1", "force_bottom_1", "force_bottom_2"} <= set(row)
-    # Motion begins with the force of the last level and a viscous part: tau times the rate, by a modulus of at most 4 mu, by the width.
+    # Motion begins with the force of the last level and a viscous part: tau times the rate, by a
+    # modulus of at most 4 mu, by the width.
     dynamics = result.scene.dynamics
-    viscous = dynamics.viscosity * dynamics.stretch_rate * 4 * result.scene.material.build().shear_modulus * 3.0
+    viscous = (
+        dynamics.viscosity
+        * dynamics.stretch_rate
+        * 4
+        * result.scene.material.build().shear_modulus
+        * 3.0
+    )
     assert 0 < rows[0]["force_top_2"] - result.levels[-1]["forces"]["top"][1] < viscous
 
 
@@ -237,7 +302,9 @@ def test_work_is_the_force_times_the_travel_of_the_grip_that_moves(monkeypatch):
 
 
 def test_a_bond_is_undirected_wherever_it_is_counted(torn):
-    """`n_bonds` counted directed bonds within the body, `broken_bonds` undirected ones including those across the grips."""
+    """`n_bonds` counted directed bonds within the body, `broken_bonds` undirected ones including
+    those across the grips.
+    """
     result, _ = torn
     summary, bonds = result.summary, result.body.bonds
     assert summary["n_bonds"] == len(bonds.first)
@@ -250,7 +317,9 @@ def test_a_bond_is_undirected_wherever_it_is_counted(torn):
 
 @pytest.mark.parametrize("kill", [at_level(1), while_bonds_break()], ids=["levels", "dynamics"])
 def test_a_killed_run_resumes_to_the_same_bits(torn, tmp_path, monkeypatch, kill):
-    """Killed after a level, or between two outputs of the dynamics; a checkpoint after every row makes the kill fall anywhere."""
+    """Killed after a level, or between two outputs of the dynamics; a checkpoint after every row
+    makes the kill fall anywhere.
+    """
     whole, _ = torn
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
     with pytest.raises(Killed), kill:
@@ -269,8 +338,19 @@ def test_a_killed_run_resumes_to_the_same_bits(torn, tmp_path, monkeypatch, kill
 def test_checkpoints_that_cannot_be_resumed_from(torn, tmp_path):
     _, folder = torn
     for scene, force, message in (
-        (small(), "analytic", "belongs to another run: force is neo-hookean@2 there and analytic here; start again with --overwrite"),
-        (small(spacing=0.05), "neo-hookean", "belongs to another run: spacing is 0.1 there and 0.05 here"),
+        (
+            small(),
+            "analytic",
+            (
+                "belongs to another run: force is neo-hookean@2 there and analytic here; start"
+                " again with --overwrite"
+            ),
+        ),
+        (
+            small(spacing=0.05),
+            "neo-hookean",
+            "belongs to another run: spacing is 0.1 there and 0.05 here",
+        ),
     ):
         with pytest.raises(CheckpointError, match=message):
             simulate(scene, force, folder=folder, resume=True)
@@ -295,20 +375,28 @@ def test_resume_on_the_command_line(torn):
     _, folder = torn
     runner = CliRunner()
     assert runner.invoke(app, ["run", "tear", "--resume"]).exit_code == 2
-    other = runner.invoke(app, ["run", "tear", "--set", "spacing=0.1", "--out", str(folder), "--resume"])
+    other = runner.invoke(
+        app, ["run", "tear", "--set", "spacing=0.1", "--out", str(folder), "--resume"]
+    )
     assert other.exit_code == 2
     assert "belongs to another run: " in other.stderr
 
 
 def test_scenes_without_fracture_have_dynamics_without_damage(tmp_path):
-    result = simulate(small(fracture=None, **{"dynamics.stretch": 1.45, "dynamics.outputs": 2}), "neo-hookean", folder=tmp_path)
+    result = simulate(
+        small(fracture=None, **{"dynamics.stretch": 1.45, "dynamics.outputs": 2}),
+        "neo-hookean",
+        folder=tmp_path,
+    )
     assert "crack" not in result.summary
     assert "damage" not in result.states[-1][1]
     result.save(tmp_path)
 
 
 def test_bodies_that_cannot_break_refuse(tmp_path):
-    with pytest.raises(pds.SceneError, match=r"ba-nosb does not support bonds that break \(fracture\)"):
+    with pytest.raises(
+        pds.SceneError, match=r"ba-nosb does not support bonds that break \(fracture\)"
+    ):
         simulate(small(), "ba-nosb")
 
 
@@ -316,7 +404,9 @@ def test_a_fracture_energy_sets_the_critical_stretch():
     scene = small(fracture={"energy": 200.0}, **{"dynamics.stretch": 1.45, "dynamics.outputs": 1})
     summary = simulate(scene, "neo-hookean").summary
     found, diameters = summary["critical_stretch"], tip_diameters("stress", 3.15, "bond force")
-    expected = pds.critical_stretch_of(scene.material.build(), 200.0, 3.15 * scene.spacing, diameters.at(found))
+    expected = pds.critical_stretch_of(
+        scene.material.build(), 200.0, 3.15 * scene.spacing, diameters.at(found)
+    )
     assert found == pytest.approx(expected, rel=1e-9)
     assert summary["fracture_remarks"] == []
 
@@ -336,9 +426,11 @@ UNDAMPED = {
 
 @pytest.mark.parametrize("check", ["inversion", "energy"])
 def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, monkeypatch, check):
-    """BA-NOSB is not conservative (a wave at its edges grows by 2 % a step): undamped, the run must fail and say what to change.
+    """BA-NOSB is not conservative (a wave at its edges grows by 2 % a step): undamped, the run must
+    fail and say what to change.
 
-    Either the energy is found to be more than was put in, or a point is turned inside out; the state before is kept.
+    Either the energy is found to be more than was put in, or a point is turned inside out; the
+    state before is kept.
     """
     if check == "inversion":
         monkeypatch.setattr(account, "MOST_ENERGY", np.inf)
@@ -354,36 +446,52 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
     # The whole program takes some 20,000 steps.
     assert caught.value.result.summary["n_steps"] < 1000
     states = caught.value.result.states
-    # Rounding decides whether the growing wave turns a bond inside out before a point, whose state has no energy and is not recorded.
+    # Rounding decides whether the growing wave turns a bond inside out before a point, whose state
+    # has no energy and is not recorded.
     assert len(states) >= 1
     for _, fields in states:
         assert all(np.isfinite(values).all() for values in fields.values())
 
 
 def test_a_point_that_passes_through_a_grip_ends_the_run_with_its_last_good_state(monkeypatch):
-    rollers = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]
-    scene, take_step = pds.load_scene("tear", UNDAMPED | {"grips": rollers}), transient.Transient.step
+    rollers = [
+        {"edge": "bottom", "holds": "normal"},
+        {"edge": "top", "holds": "normal", "travel": 1.0},
+    ]
+    scene, take_step = (
+        pds.load_scene("tear", UNDAMPED | {"grips": rollers}),
+        transient.Transient.step,
+    )
     monkeypatch.setattr(transient, "STEPS_PER_ROW", 1)
-    # Without this the account stops the run, since the velocity below has an energy that nobody put in.
+    # Without this the account stops the run, since the velocity below has an energy that nobody put
+    # in.
     monkeypatch.setattr(account, "MOST_ENERGY", np.inf)
 
     def step(motion):
         integrator = motion.integrator
-        if integrator.steps == 20:  # the point next to the middle of the bottom grip, half a spacing from it, moves by a spacing
+        if (
+            integrator.steps == 20
+            # the point next to the middle of the bottom grip, half a spacing from it, moves by a
+            # spacing
+        ):
             points = motion.run.body.points
             fastest = np.linalg.norm(points - [points[:, 0].mean(), 0.0], axis=1).argmin()
             integrator.velocities[fastest, 1] = -scene.spacing / integrator.last_step
         take_step(motion)
 
     monkeypatch.setattr(transient.Transient, "step", step)
-    with pytest.raises(pds.SimulationFailed, match=r"time .*: point \d+ at .* beyond the bottom edge") as caught:
+    with pytest.raises(
+        pds.SimulationFailed, match=r"time .*: point \d+ at .* beyond the bottom edge"
+    ) as caught:
         simulate(scene, "nosb")
     assert "dynamics.safety" in str(caught.value)
     result = caught.value.result
     assert 20 <= result.summary["n_steps"] <= 22
     # The states are the output in equilibrium and the one before the step.
     assert len(result.states) == 2
-    assert all(np.isfinite(values).all() for _, fields in result.states for values in fields.values())
+    assert all(
+        np.isfinite(values).all() for _, fields in result.states for values in fields.values()
+    )
 
 
 def test_a_step_beyond_the_critical_one_is_refused():
@@ -393,12 +501,22 @@ def test_a_step_beyond_the_critical_one_is_refused():
 
 
 def test_dynamics_without_a_time_step_are_refused():
-    """Nothing free to move made the step infinite and the positions NaN; a density of 1e-300 made a run that never ends."""
+    """Nothing free to move made the step infinite and the positions NaN; a density of 1e-300
+    made a run that never ends.
+    """
     body = sheet(0.1, 2.0, 0.4)
     force = AnalyticBondForce(LAW).bind(body, LAW, ForceSettings())
     still = np.zeros_like(body.points)
     settings = {"damping": 0.0, "viscosity": 0.0, "safety": 0.5}
-    integrator = ExplicitDynamics(force, lambda positions, ahead: None, body.points.copy(), still, still, body.volumes, **settings)
+    integrator = ExplicitDynamics(
+        force,
+        lambda positions, ahead: None,
+        body.points.copy(),
+        still,
+        still,
+        body.volumes,
+        **settings,
+    )
     with pytest.raises(Diverging, match="there is no time step"):
         integrator.begin()
 
@@ -406,28 +524,51 @@ def test_dynamics_without_a_time_step_are_refused():
 @pytest.mark.parametrize("changes", [{"density": 1e-40}, {"viscosity": 1e4}, {"safety": 1e-10}])
 def test_too_many_time_steps_are_refused_before_the_equilibrium(changes, tmp_path):
     with pytest.raises(
-        pds.SceneError, match=r"dynamics: a duration of .* more than 1e\+09 steps; check dynamics\.density, .*dynamics\.safety"
+        pds.SceneError,
+        match=(
+            r"dynamics: a duration of .* more than 1e\+09 steps; check dynamics\.density,"
+            r" .*dynamics\.safety"
+        ),
     ):
-        simulate(small(**{f"dynamics.{key}": value for key, value in changes.items()}), "analytic", folder=tmp_path / "out")
+        simulate(
+            small(**{f"dynamics.{key}": value for key, value in changes.items()}),
+            "analytic",
+            folder=tmp_path / "out",
+        )
     assert not (tmp_path / "out").exists()
 
 
 def test_more_time_steps_than_estimated_are_refused_where_the_dynamics_start(monkeypatch):
-    """The estimate before the run takes a longer step than the critical one, so that it refuses nothing that could run."""
+    """The estimate before the run takes a longer step than the critical one, so that it refuses
+    nothing that could run.
+    """
     monkeypatch.setattr(transient, "MOST_STEPS", 10)
-    with pytest.raises(pds.SimulationFailed, match=r"more than 1e\+01 steps; check the units of dynamics\.density"):
+    with pytest.raises(
+        pds.SimulationFailed, match=r"more than 1e\+01 steps; check the units of dynamics\.density"
+    ):
         simulate(small(), "analytic")
 
 
 def test_a_level_at_which_a_bond_would_break_is_missed_aloud():
     """The motion began at the level before, without a word."""
-    with pytest.warns(UserWarning, match=r"between stretch 1\.1 and stretch 1\.6: the dynamics start at stretch 1\.1, .*add outputs"):
-        result = pds.simulate(small(**{"stretches": [1.1, 1.6], "dynamics.outputs": 1, "dynamics.stretch": 1.7}), "analytic")
+    with pytest.warns(
+        UserWarning,
+        match=(
+            r"between stretch 1\.1 and stretch 1\.6: the dynamics start at stretch 1\.1, .*add"
+            r" outputs"
+        ),
+    ):
+        result = pds.simulate(
+            small(**{"stretches": [1.1, 1.6], "dynamics.outputs": 1, "dynamics.stretch": 1.7}),
+            "analytic",
+        )
     assert [level["stretch"] for level in result.levels] == [1.1]
 
 
 def slit(across, rows=20):
-    """A sheet that is stretched by `across`, with a slit of 0.3 that opens at once (`pipelines/running_cracks.py`)."""
+    """A sheet that is stretched by `across`, with a slit of 0.3 that opens at once
+    (`pipelines/running_cracks.py`).
+    """
     height, rubber = 2.4, {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
     beside = {"material": rubber, "fracture": {"critical_stretch": 3.0}}
     duration = 1.5 / (0.45 * across - 0.08)
@@ -437,12 +578,17 @@ def slit(across, rows=20):
             "name": "slit",
             "spacing": 1 / rows,
             "body": {"shape": "rectangle", "size": [2.0, height]},
-            "regions": {"above": {"box": [[0, height / 2], [0.3, height]]}, "below": {"box": [[0, 0], [0.3, height / 2]]}},
+            "regions": {
+                "above": {"box": [[0, height / 2], [0.3, height]]},
+                "below": {"box": [[0, 0], [0.3, height / 2]]},
+            },
             "material": rubber,
             "materials": [{"region": "above"} | beside, {"region": "below"} | beside],
             "fracture": {
                 "critical_stretch": 3.0,
-                "interfaces": [{"between": ["above", "below"], "critical_stretch": across * 1.00005}],
+                "interfaces": [
+                    {"between": ["above", "below"], "critical_stretch": across * 1.00005}
+                ],
             },
             "prescribed": [
                 {"region": "left", "x1": 0.0},
@@ -452,21 +598,33 @@ def slit(across, rows=20):
             ],
             "steps": [
                 1.0,
-                {"to": 2.0, "outputs": 24, "dynamics": {"duration": duration, "density": 1.0, "viscosity": 0.3 * 3.15 / rows}},
+                {
+                    "to": 2.0,
+                    "outputs": 24,
+                    "dynamics": {
+                        "duration": duration,
+                        "density": 1.0,
+                        "viscosity": 0.3 * 3.15 / rows,
+                    },
+                },
             ],
         }
     )
 
 
 def test_the_time_step_follows_rubber_that_retracts_beside_a_fast_crack():
-    """The critical step fell to a third within six steps and was estimated every 500: three of five such sheets were turned inside out."""
+    """The critical step fell to a third within six steps and was estimated every 500: three of
+    five such sheets were turned inside out.
+    """
     result = simulate(slit(2.0), "bond-energy")
     assert abs(result.summary["dynamics"][-1]["greatest_energy_gap"]) < 0.05
     assert result.summary["crack"]["failed_points"] == 0
 
 
 def test_a_body_that_is_torn_through_ends_there():
-    """The run went on to its end with two loose parts, and failed where one of them was turned inside out."""
+    """The run went on to its end with two loose parts, and failed where one of them was turned
+    inside out.
+    """
     result = simulate(small(**{"dynamics.outputs": 1, "dynamics.stretch": 2.6}), "neo-hookean")
     rows = [row for row in result.history if "time" in row]
     last_break = max(row["time"] for row in rows if row["broken_bonds"] < rows[-1]["broken_bonds"])
@@ -478,7 +636,9 @@ def test_a_body_that_is_torn_through_ends_there():
 
 @pytest.mark.parametrize("separated", [True, False])
 def test_a_failure_after_the_last_bond_ends_the_run_with_its_result(separated, monkeypatch):
-    """Loose parts may leave the states for which the material is defined: the result is then complete, and else the run has failed."""
+    """Loose parts may leave the states for which the material is defined: the result is then
+    complete, and else the run has failed.
+    """
 
     def fails_at_last(cracks):
         if next(evaluations) > 100 and cracks.separated() == separated:
@@ -497,13 +657,22 @@ def test_a_failure_after_the_last_bond_ends_the_run_with_its_result(separated, m
             simulate(small(), "neo-hookean")
 
 
-@pytest.mark.parametrize(("arrangement", "model"), [("relaxed", "bond-energy"), ("lattice", "analytic")])
-def test_a_square_pulled_slowly_on_two_sides_comes_to_rest_at_the_exact_displacement(arrangement, model):
-    """Balanced gradients and pairs act in dynamics as in equilibrium: the motion ends in the homogeneous state of the tractions."""
+@pytest.mark.parametrize(
+    ("arrangement", "model"), [("relaxed", "bond-energy"), ("lattice", "analytic")]
+)
+def test_a_square_pulled_slowly_on_two_sides_comes_to_rest_at_the_exact_displacement(
+    arrangement, model
+):
+    """Balanced gradients and pairs act in dynamics as in equilibrium: the motion ends in the
+    homogeneous state of the tractions.
+    """
     law, tension = pds.materials.NeoHookean(1.0, 10.0), 0.5
     held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}]
     course = [[0.0, 0.0], [0.5, 1.0], [1.0, 1.0]]
-    loads = [{"region": "right", "traction": [tension, 0.0]}, {"region": "top", "traction": [0.0, tension]}]
+    loads = [
+        {"region": "right", "traction": [tension, 0.0]},
+        {"region": "top", "traction": [0.0, tension]},
+    ]
     dynamics = pds.StepDynamics(duration=20.0, density=1.0, damping=2.5)
     scene = pds.Scene(
         name="pulled",
@@ -518,17 +687,38 @@ def test_a_square_pulled_slowly_on_two_sides_comes_to_rest_at_the_exact_displace
     result = simulate(scene, model)
 
     def excess(stretch):
-        return pds.materials.PLANES["stress"].first_piola_stress(law, stretch * np.eye(2)[None])[0][0, 0] - tension
+        return (
+            pds.materials.PLANES["stress"].first_piola_stress(law, stretch * np.eye(2)[None])[0][
+                0, 0
+            ]
+            - tension
+        )
 
     exact = scipy.optimize.brentq(excess, 1.0, 1.6) - 1
-    # What is left of the slowest motion, of damping rate 1.25 at least in a time of 10, is below 1e-5.
-    np.testing.assert_allclose(result.states[-1][1]["displacement"][:, :2], exact * result.body.points, atol=1e-5 * exact)
+    # What is left of the slowest motion, of damping rate 1.25 at least in a time of 10, is below
+    # 1e-5.
+    np.testing.assert_allclose(
+        result.states[-1][1]["displacement"][:, :2], exact * result.body.points, atol=1e-5 * exact
+    )
 
 
 def test_the_estimate_of_the_highest_frequency_sees_balanced_weights():
-    """It is that of a dense matrix of the force as bound; with balanced gradients the square on relaxed points is 13 % greater."""
-    model, held = pds.BondEnergyForce(), [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}]
-    keys = {"body": {"size": (0.8, 0.8), "arrangement": "relaxed"}, "prescribed": held, "steps": 1.0, "material": LAW.describe()}
+    """It is that of a dense matrix of the force as bound; with balanced gradients the square on
+    relaxed points is 13 % greater.
+    """
+    model, held = (
+        pds.BondEnergyForce(),
+        [
+            {"region": "left", "x1": 0.0},
+            {"region": "bottom", "x2": 0.0},
+        ],
+    )
+    keys = {
+        "body": {"size": (0.8, 0.8), "arrangement": "relaxed"},
+        "prescribed": held,
+        "steps": 1.0,
+        "material": LAW.describe(),
+    }
     body = compile_scene(pds.Scene(name="free", spacing=0.1, **keys), [model]).body
     force = model.bind(body, LAW, ForceSettings(precision="float64"))
     estimate = FrequencyEstimate(body.volumes, np.ones_like(body.points))(force, body.points)

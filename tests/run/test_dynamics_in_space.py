@@ -1,4 +1,6 @@
-"""Explicit dynamics of bodies in space: what a free block keeps, what viscosity takes, and runs that are killed."""
+"""Explicit dynamics of bodies in space: what a free block keeps, what viscosity takes, and runs
+that are killed.
+"""
 
 import numpy as np
 import pytest
@@ -18,13 +20,17 @@ def free_block(counts, velocities, viscosity=0.0, damping=0.0, safety=0.7):
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     body = Body(points, np.full(len(points), SPACING**3), 1.75 * SPACING, SPACING)
     force = FORCES["bond-energy"]().bind(body, LAW, ForceSettings(plane="space"))
-    integrator = nothing_held(force, body, velocities(points), damping=damping, viscosity=viscosity, safety=safety)
+    integrator = nothing_held(
+        force, body, velocities(points), damping=damping, viscosity=viscosity, safety=safety
+    )
     integrator.center()
     return integrator
 
 
 def thrown(points):
-    """Translation, a spin about a skew axis of some 8 degrees per unit time, and stretching along x1."""
+    """Translation, a spin about a skew axis of some 8 degrees per unit time, and stretching
+    along x1.
+    """
     arms = points - points.mean(axis=0)
     velocities = np.array([0.3, -0.2, 0.5]) + np.cross([0.1, 0.08, -0.06], arms)
     velocities[:, 0] += 0.2 * np.sin(np.pi * arms[:, 0] / np.ptp(points[:, 0]))
@@ -32,7 +38,9 @@ def thrown(points):
 
 
 def energies(block):
-    """Of motion and of strain, at the positions; their forces are found again, so that a next step is as it would have been."""
+    """Of motion and of strain, at the positions; their forces are found again, so that a next
+    step is as it would have been.
+    """
     kinetic = block.kept_energy()[1]
     forces = np.empty_like(block.forces)
     block.force(block.positions, forces)
@@ -42,8 +50,9 @@ def energies(block):
 def test_a_free_block_keeps_its_momenta_and_its_energy():
     """Over three swings of its length.
 
-    Central differences keep both momenta to rounding, sum m y x v with the velocities of the half step after.  The energy is kept but for
-    what is not linear within a step, of the second order in it: no drift, a ninth with a third of the step.
+    Central differences keep both momenta to rounding, sum m y x v with the velocities of the half
+    step after.  The energy is kept but for what is not linear within a step, of the second order in
+    it: no drift, a ninth with a third of the step.
     """
     strayed = {}
     for safety, steps in ((0.6, 200), (0.2, 600)):
@@ -53,13 +62,21 @@ def test_a_free_block_keeps_its_momenta_and_its_energy():
         for _ in range(steps):
             before = block.positions.copy()
             block.move()
-            linear, angular = (mass * block.velocities).sum(axis=0), (mass * np.cross(before, block.velocities)).sum(axis=0)
+            linear, angular = (
+                (mass * block.velocities).sum(axis=0),
+                (mass * np.cross(before, block.velocities)).sum(axis=0),
+            )
             block.evaluate()
             found.append([*linear, *angular, sum(energies(block))])
         found = np.array(found)
         for start in (0, 3):
             momenta = found[:, start : start + 3]
-            np.testing.assert_allclose(momenta, momenta[:1].repeat(len(momenta), axis=0), rtol=0, atol=1e-12 * np.abs(momenta).max())
+            np.testing.assert_allclose(
+                momenta,
+                momenta[:1].repeat(len(momenta), axis=0),
+                rtol=0,
+                atol=1e-12 * np.abs(momenta).max(),
+            )
         # Of the energy of the swing, which is what the translation and the spin do not have.
         swing = 0.5 * 0.2**2 * 0.5 * mass.sum()
         strayed[safety] = np.abs(found[:, 6] - found[0, 6]).max() / swing
@@ -70,10 +87,12 @@ def test_a_free_block_keeps_its_momenta_and_its_energy():
 
 
 def test_viscosity_in_space_takes_short_waves_and_leaves_long_ones():
-    """Of the first longitudinal mode of a bar exp(-tau omega^2 t) is left, of a checkerboard 1 %; what is gone is in the account.
+    """Of the first longitudinal mode of a bar exp(-tau omega^2 t) is left, of a checkerboard 1 %;
+    what is gone is in the account.
 
-    omega is pi over the length times the speed of a bar's waves, sqrt(E/rho): 6 % for the nonlocal bar, 10 points long.  The elastic forces
-    that are followed from step to step are exact but for what is not linear: strains of a hundredth, of the second order in them.
+    omega is pi over the length times the speed of a bar's waves, sqrt(E/rho): 6 % for the nonlocal
+    bar, 10 points long.  The elastic forces that are followed from step to step are exact but for
+    what is not linear: strains of a hundredth, of the second order in them.
     """
     viscosity, young = 0.02, 9 * 20.0 / 61
     omega = np.pi / (10 * SPACING) * np.sqrt(young)
@@ -99,5 +118,7 @@ def test_viscosity_in_space_takes_short_waves_and_leaves_long_ones():
         left[wave] = sum(energies(bar))
         assert left[wave] + taken == pytest.approx(start, rel=1e-4)
         left[wave] /= start
-    assert left[long] == pytest.approx(np.exp(-viscosity * omega**2 * steps * bar.time_step), rel=0.06)
+    assert left[long] == pytest.approx(
+        np.exp(-viscosity * omega**2 * steps * bar.time_step), rel=0.06
+    )
     assert left[short] < 0.02

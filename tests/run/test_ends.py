@@ -1,4 +1,6 @@
-"""Runs that end before their time: killed, interrupted, or out of time; what they leave, and how it goes on."""
+"""Runs that end before their time: killed, interrupted, or out of time; what they leave, and how
+it goes on.
+"""
 
 import csv
 import json
@@ -87,7 +89,9 @@ SHEET = ["--force", "analytic", "--set", "spacing=0.25"]
 
 @pytest.fixture(autouse=True)
 def heeds_interrupts():
-    """A shell that starts the tests in the background has them ignore Ctrl-C, and what they start as well."""
+    """A shell that starts the tests in the background has them ignore Ctrl-C, and what they
+    start as well.
+    """
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -95,7 +99,9 @@ def heeds_interrupts():
 
 def begun(program, *arguments, **options):
     command = [sys.executable, "-c", program, *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options)
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options
+    )
 
 
 def wait(condition, process):
@@ -122,7 +128,10 @@ def test_a_run_that_is_killed_leaves_its_history_and_goes_on(tmp_path):
     wait(lambda: len(told(tmp_path)["levels"]) > 1, process)
     process.kill()
     process.communicate(timeout=PATIENCE)
-    read, rows = pds.load_result(tmp_path), len(list(csv.DictReader((tmp_path / "history.csv").read_text().splitlines())))
+    read, rows = (
+        pds.load_result(tmp_path),
+        len(list(csv.DictReader((tmp_path / "history.csv").read_text().splitlines()))),
+    )
     assert told(tmp_path)["status"] == read.status == "running"
     assert not read.summary["converged"]
     assert len(STRETCHES) > rows >= len(read.levels) == len(read.states)
@@ -155,13 +164,19 @@ def test_a_run_that_was_killed_before_its_first_checkpoint_is_begun_anew(tmp_pat
     assert pds.load_result(tmp_path).status == "running"
     assert not pds.load_result(tmp_path).states
     with pytest.raises(FolderTaken, match=r"another run of uniaxial \(stretches"):
-        simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.3]), "analytic", folder=tmp_path)
+        simulate(
+            pds.load_scene("uniaxial", spacing=0.25, stretches=[1.3]), "analytic", folder=tmp_path
+        )
     assert simulate(scene, "analytic", folder=tmp_path).status == "done"
 
 
 @pytest.mark.parametrize(("share", "outputs"), [(1e9, 0), (1e9, 1), (0.0, 2)])
-def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(share, outputs, tmp_path, monkeypatch):
-    """The summary was written once a second at most, and `show` denied a state whose file lay there."""
+def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(
+    share, outputs, tmp_path, monkeypatch
+):
+    """The summary was written once a second at most, and `show` denied a state whose file lay
+    there.
+    """
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_TABLES", 1e9)
     monkeypatch.setattr(checkpoints, "PAUSE_SHARE", share)
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.1, 1.2, 1.3])
@@ -171,7 +186,10 @@ def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(share, outp
     assert len(read.states) == len(read.levels) == len(list(tmp_path.glob("*.vtu"))) == outputs
     shown = CliRunner().invoke(app, ["show", str(tmp_path), "--out", str(tmp_path)])
     assert shown.exit_code == 0, shown.output
-    assert ("there is no output to draw: the run has not finished; resume it with --resume" in shown.stderr) == (not outputs)
+    assert (
+        "there is no output to draw: the run has not finished; resume it with --resume"
+        in shown.stderr
+    ) == (not outputs)
     assert (tmp_path / "uniaxial-displacement.png").exists() == bool(outputs)
 
 
@@ -196,7 +214,9 @@ SCENES = {
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_first_equilibrium_goes_on_from_within(tmp_path, name):
-    """A run that was ended in its first equilibrium, which of a large body takes hours, had no checkpoint."""
+    """A run that was ended in its first equilibrium, which of a large body takes hours, had no
+    checkpoint.
+    """
     scene, force = SCENES[name]
     with pytest.raises(SimulationInterrupted) as stopped, after_reports(8):
         simulate(scene, force, folder=tmp_path)
@@ -207,11 +227,18 @@ def test_the_first_equilibrium_goes_on_from_within(tmp_path, name):
     resumed, whole = simulate(scene, force, folder=tmp_path, resume=True), simulate(scene, force)
     first, other = resumed.levels[-1], whole.levels[-1]
     assert len(resumed.levels) == len(whole.levels)
-    # Both are within the solver's tolerance of the equilibrium, 1e-6 of a shear modulus over a spacing, and not at the same place.
-    np.testing.assert_allclose(resumed.displacement(), whole.displacement(), atol=1e-4 * scene.spacing)
-    assert math.isclose(first["energy"], other["energy"], rel_tol=1e-6) if "energy" in first else True
+    # Both are within the solver's tolerance of the equilibrium, 1e-6 of a shear modulus over a
+    # spacing, and not at the same place.
+    np.testing.assert_allclose(
+        resumed.displacement(), whole.displacement(), atol=1e-4 * scene.spacing
+    )
+    assert (
+        math.isclose(first["energy"], other["energy"], rel_tol=1e-6) if "energy" in first else True
+    )
     # What was done before is not done again.
-    spent, left, all_of_it = (result.summary["n_force_evaluations"] for result in (stopped.value.result, resumed, whole))
+    spent, left, all_of_it = (
+        result.summary["n_force_evaluations"] for result in (stopped.value.result, resumed, whole)
+    )
     assert left - spent < all_of_it
 
 
@@ -248,19 +275,32 @@ def test_a_run_ends_when_its_time_is_over_and_goes_on(tmp_path):
 
 
 def test_every_run_of_a_study_ends_when_its_time_is_over(tmp_path):
-    keys = {"scene": "uniaxial", "force": "analytic", "set": {"spacing": 0.25}, "parameters": {"stretches": [1.2, 1.5]}}
+    keys = {
+        "scene": "uniaxial",
+        "force": "analytic",
+        "set": {"spacing": 0.25},
+        "parameters": {"stretches": [1.2, 1.5]},
+    }
     stopped = pds.study(keys, tmp_path, jobs=1, threads=1, max_time=1e-6)
     assert len(stopped.not_done) == 2
     assert len(list(tmp_path.glob("runs/*/checkpoint.npz"))) == 2
     done = pds.study(keys, tmp_path, jobs=1, threads=1)
     assert [row["failure"] for row in done.rows] == [None, None]
     with pytest.raises(ValueError, match="max_time: a fit cannot be resumed"):
-        pds.study({"fit": {"material": "gent"}, "parameters": {"degree": [3]}}, tmp_path / "fits", max_time=1.0)
+        pds.study(
+            {"fit": {"material": "gent"}, "parameters": {"degree": [3]}},
+            tmp_path / "fits",
+            max_time=1.0,
+        )
 
 
 def interrupted_where_held_up(code, where, folder):
-    """Interrupt a run that a program holds up, check that it ends with status 130 and without a traceback, and return what it printed."""
-    process = begun(code, where, "run", "uniaxial", *SHEET, "--set", "stretches=1.5", "--out", folder)
+    """Interrupt a run that a program holds up, check that it ends with status 130 and without a
+    traceback, and return what it printed.
+    """
+    process = begun(
+        code, where, "run", "uniaxial", *SHEET, "--set", "stretches=1.5", "--out", folder
+    )
     while process.stdout.readline().strip() != "held up":
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
@@ -274,7 +314,9 @@ def interrupted_where_held_up(code, where, folder):
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 @pytest.mark.parametrize("how", ["Python", "C"])
 def test_ctrl_c_ends_what_does_not_hear_it(tmp_path, how):
-    """While a preconditioner was set up, or a kernel compiled, an interrupt was noted and nothing happened for minutes."""
+    """While a preconditioner was set up, or a kernel compiled, an interrupt was noted and
+    nothing happened for minutes.
+    """
     interrupted_where_held_up(HELD_UP, how, tmp_path)
     assert pds.load_result(tmp_path).status in ("interrupted", "running")
 
@@ -282,7 +324,9 @@ def test_ctrl_c_ends_what_does_not_hear_it(tmp_path, how):
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 @pytest.mark.parametrize("what", ["checkpoint", "picture"])
 def test_ctrl_c_while_a_file_is_written_ends_with_one_line(tmp_path, what):
-    """An archive left open made the command end with status 2 and "Can't close the ZIP file", or print "Exception ignored"."""
+    """An archive left open made the command end with status 2 and "Can't close the ZIP file", or
+    print "Exception ignored".
+    """
     told = interrupted_where_held_up(HELD_UP_WRITING, what, tmp_path)
     for words in ("Exception ignored", "ZIP file"):
         assert words not in told

@@ -1,4 +1,6 @@
-"""The account of energy of runs in dynamics: what it closes to, what is said where it does not, and what cracks need for it."""
+"""The account of energy of runs in dynamics: what it closes to, what is said where it does not,
+and what cracks need for it.
+"""
 
 import warnings
 
@@ -22,7 +24,9 @@ CLAMP = {"region": "left", "x1": 0.0, "x2": 0.0}
 
 
 def pulled(duration, **dynamics):
-    """A sheet clamped on the left, and pulled on the right by a traction that is there from one moment to the next."""
+    """A sheet clamped on the left, and pulled on the right by a traction that is there from one
+    moment to the next.
+    """
     pull = {"region": "right", "traction": [0.5, 0.0], "amplitude": [[0.0, 0.0], [1e-9, 1.0]]}
     dynamics = {"duration": duration, "density": 1.0, **dynamics}
     return pds.Scene(
@@ -61,7 +65,13 @@ def strip(size=(2.0, 1.0), cuts=((0.0, 0.8),), stretch=3.0, **dynamics):
         stretches=[1.1, 1.3],
         material=RUBBER,
         fracture={"critical_stretch": 2.0},
-        dynamics={"stretch": stretch, "stretch_rate": 0.02, "density": 1.0, "outputs": 20, **dynamics},
+        dynamics={
+            "stretch": stretch,
+            "stretch_rate": 0.02,
+            "density": 1.0,
+            "outputs": 20,
+            **dynamics,
+        },
         grips=[{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
     )
 
@@ -72,11 +82,16 @@ def account(result):
 
 
 def test_what_viscosity_takes_is_summed_in_every_step():
-    """Summed from row to row it was 11 % less than with a seventh of the step, and 5 % of the work was missing.
+    """Summed from row to row it was 11 % less than with a seventh of the step, and 5 % of the work
+    was missing.
 
-    The trapezoidal rule in every step is of the second order in it: a fiftieth of the error with a seventh of the step.  0.09 % was found.
+    The trapezoidal rule in every step is of the second order in it: a fiftieth of the error with a
+    seventh of the step.  0.09 % was found.
     """
-    coarse, fine = (pds.simulate(pulled(2.0, damping=2.0, viscosity=0.01, safety=safety), "bond-energy") for safety in (0.7, 0.1))
+    coarse, fine = (
+        pds.simulate(pulled(2.0, damping=2.0, viscosity=0.01, safety=safety), "bond-energy")
+        for safety in (0.7, 0.1)
+    )
     damped, expected = (result.history[-1]["damped_energy"] for result in (coarse, fine))
     assert damped == pytest.approx(expected, rel=5e-3)
     assert abs(account(coarse)["greatest_energy_gap"]) < 0.2
@@ -84,11 +99,16 @@ def test_what_viscosity_takes_is_summed_in_every_step():
 
 
 def test_motion_that_fine_steps_alone_keep_is_warned_of():
-    """Undamped, energy goes over into waves as short as a bond, within a period of which forces are not linear: 1.3 % in 480 steps, unsaid.
+    """Undamped, energy goes over into waves as short as a bond, within a period of which forces are
+    not linear: 1.3 % in 480 steps, unsaid.
 
-    The scheme is of the second order: a quarter with half the step.  The gap varies by 3 % with 1 % of the pulse: it is not chance.
+    The scheme is of the second order: a quarter with half the step.  The gap varies by 3 % with 1 %
+    of the pulse: it is not chance.
     """
-    with pytest.warns(UserWarning, match=r"energy balance has an error of 1\.\d %: .*; use a smaller dynamics.safety"):
+    with pytest.warns(
+        UserWarning,
+        match=r"energy balance has an error of 1\.\d %: .*; use a smaller dynamics.safety",
+    ):
         coarse = pds.simulate(kicked(0.7))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -101,21 +121,32 @@ def test_motion_that_fine_steps_alone_keep_is_warned_of():
 
 
 def test_a_crack_that_makes_energy_is_a_failure():
-    """Without viscosity the last bonds of a ligament gave the strip half as much again as was put in: "converged", without a word.
+    """Without viscosity the last bonds of a ligament gave the strip half as much again as was put
+    in: "converged", without a word.
 
-    With 0.9 of the longest step; with 0.7 its account closes. The motion is chaotic: by rounding its energy is found first, its frequency,
-    or a side that it throws over a grip.
+    With 0.9 of the longest step; with 0.7 its account closes. The motion is chaotic: by rounding
+    its energy is found first, its frequency, or a side that it throws over a grip.
     """
-    with pytest.raises(pds.SimulationFailed, match=r"energy balance has an error of|the motion is unstable|bulges over") as caught:
+    with pytest.raises(
+        pds.SimulationFailed,
+        match=r"energy balance has an error of|the motion is unstable|bulges over",
+    ) as caught:
         pds.simulate(strip(viscosity=0.0, safety=0.9), "bond-energy")
     summary = caught.value.result.summary
     assert "more dynamics.viscosity" in summary["failure"]
     assert not summary["converged"]
-    assert set(account(caught.value.result)) >= {"energy_gap", "greatest_energy_gap", "energy_put_in", "viscosity"}
+    assert set(account(caught.value.result)) >= {
+        "energy_gap",
+        "greatest_energy_gap",
+        "energy_put_in",
+        "viscosity",
+    }
 
 
 def test_what_cracks_need_is_the_default():
-    """0.7 spacings over the speed of shear waves: the account of the strip above closes, within 1e-4 as it was found."""
+    """0.7 spacings over the speed of shear waves: the account of the strip above closes, within
+    1e-4 as it was found.
+    """
     result = pds.simulate(strip(safety=0.9), "bond-energy")
     assert result.summary["crack"]["through"]
     assert account(result)["viscosity"] == pytest.approx(0.07, rel=1e-12)
@@ -123,19 +154,27 @@ def test_what_cracks_need_is_the_default():
     rows = [row for row in result.history if "time" in row]
     first, last = rows[0], rows[-1]
     put_in = first["kinetic_energy"] + first["strain_energy"] + last["work"]
-    held = sum(last[key] for key in ("kinetic_energy", "strain_energy", "damped_energy", "released_energy"))
-    assert account(result)["energy_gap"] == pytest.approx(100 * (held - put_in) / account(result)["energy_put_in"], abs=1e-9)
+    held = sum(
+        last[key] for key in ("kinetic_energy", "strain_energy", "damped_energy", "released_energy")
+    )
+    assert account(result)["energy_gap"] == pytest.approx(
+        100 * (held - put_in) / account(result)["energy_put_in"], abs=1e-9
+    )
 
 
 def viscosity_of(scene):
     run = started(scene, "analytic")
     run.state.stage = len(run.stages) - 1
-    run.damage = None if scene.fracture is None else Damage(run.body, scene.fracture.critical_stretch)
+    run.damage = (
+        None if scene.fracture is None else Damage(run.body, scene.fracture.critical_stretch)
+    )
     return transient.Transient(run, run.stages[run.state.stage], Checkpoints(run)).viscosity
 
 
 def test_viscosity_where_none_is_said():
-    """0.7 spacings over the speed of shear waves with fracture, none without, and what a scene says always."""
+    """0.7 spacings over the speed of shear waves with fracture, none without, and what a scene
+    says always.
+    """
     assert viscosity_of(strip(density=4.0)) == pytest.approx(0.7 * 0.1 * 2.0)
     assert viscosity_of(strip(viscosity=0.0)) == 0
     assert viscosity_of(pulled(1.0)) == 0
@@ -146,9 +185,16 @@ def test_forces_without_an_energy_have_no_account_and_say_so(tmp_path):
     scene = strip(stretch=1.32)
     told = account(pds.simulate(scene, "analytic"))
     assert told["energy_gap"] is None
-    assert told["remark"] == "analytic defines no energy, so energy conservation cannot be checked, and broken bonds release none"
+    assert (
+        told["remark"]
+        == "analytic defines no energy, so energy conservation cannot be checked, and broken bonds"
+        " release none"
+    )
     options = ["--set", "spacing=0.25", "--set", "stretches=1.1", "--set", "dynamics.stretch=1.11"]
-    for force, said in (("analytic", "Energy balance: analytic defines no energy"), ("bond-energy", "Energy balance: closed to")):
+    for force, said in (
+        ("analytic", "Energy balance: analytic defines no energy"),
+        ("bond-energy", "Energy balance: closed to"),
+    ):
         done = CliRunner().invoke(app, ["run", "tear", "--force", force, *options])
         assert done.exit_code == 0, done.output
         assert said in done.output
@@ -161,29 +207,40 @@ RESTING = [[0.0, 0.0], [0.3, 0.0], [0.6, 0.5], [0.7, 0.5], [1.0, 0.0]]
 @pytest.mark.parametrize("amplitude", ["sin(6*t)", RESTING], ids=["sine", "resting"])
 @pytest.mark.parametrize("support", ["reflected", "points"])
 def test_what_viscosity_takes_of_the_work_of_holders_is_counted(support, amplitude):
-    """Ends that move to and fro: their forces are followed between rows as those of the points are, also after an end has rested."""
-    scene = pulled(2.0, viscosity=0.05).model_dump(by_alias=True, exclude_unset=True) | {"loads": [], "support": support}
+    """Ends that move to and fro: their forces are followed between rows as those of the points
+    are, also after an end has rested.
+    """
+    scene = pulled(2.0, viscosity=0.05).model_dump(by_alias=True, exclude_unset=True) | {
+        "loads": [],
+        "support": support,
+    }
     scene["prescribed"] = [CLAMP, {"region": "right", "x1": 0.1, "x2": 0.0, "amplitude": amplitude}]
     told = account(pds.simulate(pds.Scene.model_validate(scene), "bond-energy"))
     assert abs(told["greatest_energy_gap"]) < 0.5
 
 
-@pytest.mark.parametrize("scene", [pulled(0.5, viscosity=0.01), strip(stretch=1.31, outputs=50)], ids=["steps", "grips"])
+@pytest.mark.parametrize(
+    "scene", [pulled(0.5, viscosity=0.01), strip(stretch=1.31, outputs=50)], ids=["steps", "grips"]
+)
 @pytest.mark.parametrize("force", ["analytic", "bond-energy"])
 def test_the_history_has_a_row_at_every_output(scene, force):
     """There was one for every twenty steps alone: 11 for 100 outputs."""
     result = pds.simulate(scene, force)
     moving = {row["time"] for row in result.history if "time" in row}
-    outputs = [moment.time for number, moment in enumerate(result.states.moments) if number in in_dynamics(result)] or [
-        level["time"] for level in result.levels
-    ]
+    outputs = [
+        moment.time
+        for number, moment in enumerate(result.states.moments)
+        if number in in_dynamics(result)
+    ] or [level["time"] for level in result.levels]
     assert len(outputs) >= 5
     assert set(outputs) <= moving
 
 
 @pytest.mark.parametrize("force", ["analytic", "bond-energy"])
 def test_more_outputs_than_steps_end_where_the_program_does(force):
-    """Every step had one output at most, so that 50 of them went on to a time of 0.69, with work counted at grips that stood still."""
+    """Every step had one output at most, so that 50 of them went on to a time of 0.69, with work
+    counted at grips that stood still.
+    """
     result = pds.simulate(strip(stretch=1.31, outputs=50), force)
     times = [moment.time for moment in result.states.moments[len(result.levels) :]]
     assert len(times) == 50
@@ -192,13 +249,22 @@ def test_more_outputs_than_steps_end_where_the_program_does(force):
 
 def test_a_crack_starts_where_bonds_broke_at_each_tip():
     """Of two notches, whose first bonds break together, it said the middle of the sheet."""
-    result = pds.simulate(strip(size=(3.0, 1.0), cuts=((0.0, 0.81), (2.19, 3.0)), stretch=1.6, outputs=2), "bond-energy")
+    result = pds.simulate(
+        strip(size=(3.0, 1.0), cuts=((0.0, 0.81), (2.19, 3.0)), stretch=1.6, outputs=2),
+        "bond-energy",
+    )
     crack = result.summary["crack"]
     start, horizon = crack["start"], result.body.horizon
     assert start["event"] == "first bond broken"
     assert start["x"] == start["tips"][0]
-    assert sorted(tip[0] for tip in start["tips"]) == [pytest.approx(0.81, abs=horizon), pytest.approx(2.19, abs=horizon)]
-    ends = result.body.all_points[result.body.bonds.first], result.body.all_points[result.body.bonds.second]
+    assert sorted(tip[0] for tip in start["tips"]) == [
+        pytest.approx(0.81, abs=horizon),
+        pytest.approx(2.19, abs=horizon),
+    ]
+    ends = (
+        result.body.all_points[result.body.bonds.first],
+        result.body.all_points[result.body.bonds.second],
+    )
     for tip in start["tips"]:
         assert np.abs(sum(ends) / 2 - tip).sum(axis=1).min() == 0  # the middle of a bond
     assert crack["peak"]["nominal_stress"] == max(row["nominal_stress"] for row in result.history)
@@ -212,10 +278,12 @@ def test_groups_of_first_bonds():
 
 
 def test_the_account_closes_after_the_last_ligament_has_snapped(monkeypatch):
-    """The halves of a notched sheet retract for some 200 steps after the last bond has broken: 0.3 % were lost from the account there.
+    """The halves of a notched sheet retract for some 200 steps after the last bond has broken: 0.3
+    % were lost from the account there.
 
-    `MOST_DRIFT` allows approximated elastic forces to change the account by 0.2 %. With the elastic forces of every step 0.003 % was found.
-    The run goes on as that of a body whose parts still hang together elsewhere.
+    `MOST_DRIFT` allows approximated elastic forces to change the account by 0.2 %. With the elastic
+    forces of every step 0.003 % was found. The run goes on as that of a body whose parts still hang
+    together elsewhere.
     """
     monkeypatch.setattr(Cracks, "separated", lambda cracks: False)
     scene = pds.Scene(
@@ -229,11 +297,20 @@ def test_the_account_closes_after_the_last_ligament_has_snapped(monkeypatch):
             {"region": "top", "x1": 0.0, "x2": 1.0},
             {"region": "right", "x1": 0.0},
         ],
-        steps=[{"to": 8.0, "outputs": 2}, {"to": 24.0, "outputs": 5, "dynamics": {"duration": 160.0, "density": 1.0, "safety": 0.4}}],
+        steps=[
+            {"to": 8.0, "outputs": 2},
+            {
+                "to": 24.0,
+                "outputs": 5,
+                "dynamics": {"duration": 160.0, "density": 1.0, "safety": 0.4},
+            },
+        ],
         fracture={"critical_stretch": 2.5},
     )
     result = pds.simulate(scene, "bond-energy")
     crack, rows = result.summary["crack"], [row for row in result.history if "time" in row]
     last_break = max(row["time"] for row in rows if row["broken_bonds"] < crack["broken_bonds"])
-    assert result.history[-1]["time"] - last_break > 10  # times in which shear waves cross a spacing
+    assert (
+        result.history[-1]["time"] - last_break > 10
+    )  # times in which shear waves cross a spacing
     assert abs(account(result)["greatest_energy_gap"]) < 0.2

@@ -1,4 +1,6 @@
-"""Fracture energies: the table of crack-tip diameters, the cases that it does not have, and G at the peak of the load of torn strips."""
+"""Fracture energies: the table of crack-tip diameters, the cases that it does not have, and G at
+the peak of the load of torn strips.
+"""
 
 import importlib.util
 import json
@@ -26,7 +28,13 @@ STRIP = {
     "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
     "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
     "fracture": {"energy": 0.35},
-    "dynamics": {"stretch": 1.8, "stretch_rate": 0.02, "density": 1.0, "damping": 0.02, "outputs": 8},
+    "dynamics": {
+        "stretch": 1.8,
+        "stretch_rate": 0.02,
+        "density": 1.0,
+        "damping": 0.02,
+        "outputs": 8,
+    },
 }
 """Strip in pure shear, of 16 rows, whose G is that of an infinite strip within a percent."""
 
@@ -48,30 +56,46 @@ def test_the_table_is_that_of_the_stored_tears(pipeline):
 def test_diameters_are_those_of_tears_within_seven_percent():
     """Along a row each spacing: by so much G at the peak misses the prescribed one."""
     for entry in measured_diameters():
-        np.testing.assert_allclose([*entry.get("rows", {}).values()], entry["diameter"], rtol=0.07, err_msg=f"{entry}")
+        np.testing.assert_allclose(
+            [*entry.get("rows", {}).values()], entry["diameter"], rtol=0.07, err_msg=f"{entry}"
+        )
 
 
 def test_a_fracture_energy_is_refused_with_weights_that_were_not_measured():
     pds.Scene.model_validate({**STRIP, "weight": "inverse"})
     pds.Scene.model_validate({**STRIP, "weight": "constant", "fracture": {"critical_stretch": 2.0}})
-    with pytest.raises(ValueError, match=r"\(weight=inverse\), not for weight=constant; set fracture.critical_stretch instead"):
+    with pytest.raises(
+        ValueError,
+        match=r"\(weight=inverse\), not for weight=constant; set fracture.critical_stretch instead",
+    ):
         pds.Scene.model_validate({**STRIP, "weight": "constant"})
 
 
 def test_diameters_are_interpolated_in_the_horizon_and_the_critical_stretch():
     known = {}
     for entry in measured_diameters():
-        if entry["family"] == "bond energy" and entry["plane"] == "stress" and entry["arrangement"] == "lattice":
-            known.setdefault(entry["horizon_ratio"], {})[entry["critical_stretch"]] = entry["diameter"]
+        if (
+            entry["family"] == "bond energy"
+            and entry["plane"] == "stress"
+            and entry["arrangement"] == "lattice"
+        ):
+            known.setdefault(entry["horizon_ratio"], {})[entry["critical_stretch"]] = entry[
+                "diameter"
+            ]
     low, high = sorted(known)[:2]
     first, second = sorted(known[low].keys() & known[high].keys())[:2]
     for share in (0.0, 0.25, 1.0):
         ratio = (1 - share) * low + share * high
         tip = tip_diameters("stress", ratio, "bond energy")
         parts = (1 - share) * low / ratio, share * high / ratio
-        expected = [parts[0] * known[low][stretch] + parts[1] * known[high][stretch] for stretch in (first, second)]
+        expected = [
+            parts[0] * known[low][stretch] + parts[1] * known[high][stretch]
+            for stretch in (first, second)
+        ]
         assert tip.at(first) == pytest.approx(expected[0], rel=1e-12)
-        assert tip.at(0.3 * first + 0.7 * second) == pytest.approx(0.3 * expected[0] + 0.7 * expected[1], rel=1e-12)
+        assert tip.at(0.3 * first + 0.7 * second) == pytest.approx(
+            0.3 * expected[0] + 0.7 * expected[1], rel=1e-12
+        )
 
 
 def critical_stretches(scene, force):
@@ -86,7 +110,9 @@ def test_a_scene_has_the_critical_stretch_of_its_diameter(force, energy):
     law, tip = scene.material.build(), tip_diameters("stress", 2.2, force)
     critical = critical_stretches(scene, force)
     (found,) = critical.of_materials
-    assert homogeneous.uniaxial(law, found).energy_density * tip.at(found) * 0.1375 == pytest.approx(energy, rel=1e-9)
+    assert homogeneous.uniaxial(law, found).energy_density * tip.at(
+        found
+    ) * 0.1375 == pytest.approx(energy, rel=1e-9)
     assert tip.stretches[0] < found < tip.stretches[-1]
     assert critical.summary["fracture_remarks"] == []
 
@@ -101,10 +127,19 @@ def test_a_scene_has_the_critical_stretch_of_its_diameter(force, energy):
     ],
 )
 def test_a_cloud_has_the_diameter_of_clouds(name, changes):
-    """Clouds need more energy than a row of the lattice at the same critical stretch, along which bonds break together."""
-    lattice, cloud = (pds.load_scene(name, changes | points) for points in ({}, {"body.arrangement": "relaxed", "body.seed": 1}))
+    """Clouds need more energy than a row of the lattice at the same critical stretch, along
+    which bonds break together.
+    """
+    lattice, cloud = (
+        pds.load_scene(name, changes | points)
+        for points in ({}, {"body.arrangement": "relaxed", "body.seed": 1})
+    )
     straight, relaxed = (tip_diameters_in(scene, "bond energy") for scene in (lattice, cloud))
-    shared = [stretch for stretch in relaxed.stretches if straight.stretches[0] <= stretch <= straight.stretches[-1]]
+    shared = [
+        stretch
+        for stretch in relaxed.stretches
+        if straight.stretches[0] <= stretch <= straight.stretches[-1]
+    ]
     assert len(shared) >= 2
     for stretch in shared:
         assert 1.0 < relaxed.at(stretch) / straight.at(stretch) < 1.6
@@ -112,14 +147,26 @@ def test_a_cloud_has_the_diameter_of_clouds(name, changes):
 
 @pytest.mark.parametrize("energy", [0.005, 10.0])
 def test_a_critical_stretch_at_which_no_tip_was_measured_is_remarked(energy):
-    scene, tip = pds.Scene.model_validate(STRIP | {"fracture": {"energy": energy}}), tip_diameters("stress", 2.2, "bond energy")
-    measured = rf"measured for critical stretches from {tip.stretches[0]:g} to {tip.stretches[-1]:g}: the diameter at "
+    scene, tip = (
+        pds.Scene.model_validate(STRIP | {"fracture": {"energy": energy}}),
+        tip_diameters("stress", 2.2, "bond energy"),
+    )
+    measured = (
+        rf"measured for critical stretches from {tip.stretches[0]:g} to {tip.stretches[-1]:g}: the"
+        r" diameter at "
+    )
     with pytest.warns(
-        UserWarning, match=rf"scene strip: fracture\.energy gives a critical stretch of .* {measured}.*; .*set critical_stretch"
+        UserWarning,
+        match=(
+            rf"scene strip: fracture\.energy gives a critical stretch of .* {measured}.*; .*set"
+            r" critical_stretch"
+        ),
     ):
         critical = critical_stretches(scene, "bond energy")
     (remark,) = critical.summary["fracture_remarks"]
-    assert remark.startswith(f"fracture.energy gives a critical stretch of {critical.of_materials[0]:.3g}, ")
+    assert remark.startswith(
+        f"fracture.energy gives a critical stretch of {critical.of_materials[0]:.3g}, "
+    )
     end = 0 if energy < 1 else -1
     density = homogeneous.uniaxial(scene.material.build(), critical.of_materials[0]).energy_density
     assert density * tip.diameters[end] * 0.1375 == pytest.approx(energy, rel=1e-9)
@@ -131,55 +178,109 @@ def test_a_critical_stretch_at_which_no_tip_was_measured_is_remarked(energy):
         ("tear", {}, "nosb", "nosb, plane=stress, horizon_ratio 3.15"),
         ("tear", {"horizon_ratio": 6.0}, "analytic", "plane=stress, horizon_ratio 6"),
         ("tear", {"horizon_ratio": 2.0}, "bond-energy", "plane=stress, horizon_ratio 2"),
-        ("tear", {"plane": "strain", "horizon_ratio": 6.0}, "bond-energy", "plane=strain, horizon_ratio 6"),
+        (
+            "tear",
+            {"plane": "strain", "horizon_ratio": 6.0},
+            "bond-energy",
+            "plane=strain, horizon_ratio 6",
+        ),
         ("trousers", {"horizon_ratio": 3.2}, "bond-energy", "plane=space, horizon_ratio 3.2"),
         ("trousers", {}, "nosb", "nosb, plane=space, horizon_ratio 2.2"),
     ],
 )
 def test_a_fracture_energy_is_refused_where_the_tip_was_not_measured(scene, changes, force, here):
     known = r"\(bond energy, plane=.*; bond force, plane=stress, horizon_ratio 2.2 to 5.*\)"
-    with pytest.raises(pds.SceneError, match=rf"fracture\.energy .*{known}, not for {here}; set fracture\.critical_stretch"):
+    with pytest.raises(
+        pds.SceneError,
+        match=rf"fracture\.energy .*{known}, not for {here}; set fracture\.critical_stretch",
+    ):
         pds.simulate(pds.load_scene(scene, {"fracture": {"energy": 274.0}} | changes), force)
 
 
 @pytest.mark.parametrize("points", [{}, {"arrangement": "relaxed", "seed": 1}])
 @pytest.mark.parametrize(
-    ("height", "fin", "layers"), [(0.4, True, 3), (0.7, True, 2), (0.3, False, 3), (0.2, False, 2), (0.4, False, None), (0.7, False, None)]
+    ("height", "fin", "layers"),
+    [
+        (0.4, True, 3),
+        (0.7, True, 2),
+        (0.3, False, 3),
+        (0.2, False, 2),
+        (0.4, False, None),
+        (0.7, False, None),
+    ],
 )
-def test_a_fracture_energy_is_refused_in_walls_whose_bonds_reach_one_layer(points, height, fin, layers):
-    """A plate of three layers was refused, with a fin (here two points thick) a warning: points of the middle one can hold a crack."""
-    holes = [{"shape": "box", "lower": [-0.1, -0.1, 0.3], "size": [1.9, 1.2, height]}] if fin else []
+def test_a_fracture_energy_is_refused_in_walls_whose_bonds_reach_one_layer(
+    points, height, fin, layers
+):
+    """A plate of three layers was refused, with a fin (here two points thick) a warning: points
+    of the middle one can hold a crack.
+    """
+    holes = (
+        [{"shape": "box", "lower": [-0.1, -0.1, 0.3], "size": [1.9, 1.2, height]}] if fin else []
+    )
     body = {"shape": "box", "size": [2.0, 1.0, height], **points}
-    changes = {"body": body, "holes": holes, "plane": "space", "horizon_ratio": 1.75, "spacing": 0.1, "precuts": []}
+    changes = {
+        "body": body,
+        "holes": holes,
+        "plane": "space",
+        "horizon_ratio": 1.75,
+        "spacing": 0.1,
+        "precuts": [],
+    }
     model = pds.load_surrogate("bond-energy")
     if layers is not None:
         mended = f"horizon_ratio to 2.2 or 3, or spacing to {layers / 40:.3g} or less"
-        with pytest.raises(pds.SceneError, match=rf"fracture\.energy needs walls .* thinner ones, down to {layers}: .*; set {mended}"):
+        with pytest.raises(
+            pds.SceneError,
+            match=(
+                rf"fracture\.energy needs walls .* thinner ones, down to {layers}: .*; set {mended}"
+            ),
+        ):
             compile_scene(pds.Scene.model_validate(STRIP | changes), [model])
         changes["fracture"] = {"critical_stretch": 2.0}
-    assert compile_scene(pds.Scene.model_validate(STRIP | changes), [model]).critical_stretches is not None
+    assert (
+        compile_scene(pds.Scene.model_validate(STRIP | changes), [model]).critical_stretches
+        is not None
+    )
 
 
 def test_walls_beside_a_plane_of_symmetry_are_as_thick_as_with_their_image():
-    body = {"body": {"shape": "box", "size": [1.0, 1.0, 0.2]}, "plane": "space", "horizon_ratio": 1.75, "spacing": 0.1}
+    body = {
+        "body": {"shape": "box", "size": [1.0, 1.0, 0.2]},
+        "plane": "space",
+        "horizon_ratio": 1.75,
+        "spacing": 0.1,
+    }
     ends = [{"region": "bottom", "x1": 0.0, "x2": 0.0}, {"region": "top", "x1": 0.0, "x2": 0.2}]
-    motion = {"prescribed": [{"region": "back", "x3": 0.0}, *ends], "steps": [{"to": 1.0, "dynamics": {"duration": 9.0, "density": 1.0}}]}
-    scene = pds.Scene.model_validate({key: STRIP[key] for key in ("name", "material", "fracture")} | body | motion)
+    motion = {
+        "prescribed": [{"region": "back", "x3": 0.0}, *ends],
+        "steps": [{"to": 1.0, "dynamics": {"duration": 9.0, "density": 1.0}}],
+    }
+    scene = pds.Scene.model_validate(
+        {key: STRIP[key] for key in ("name", "material", "fracture")} | body | motion
+    )
     assert compile_scene(scene, [pds.load_surrogate("bond-energy")]).critical_stretches is not None
 
 
 def test_an_arrangement_that_was_not_measured_is_refused():
-    with pytest.raises(ValueError, match=r"not for bond energy, plane=stress, arrangement=hexagonal, horizon_ratio 3\.15"):
+    with pytest.raises(
+        ValueError,
+        match=r"not for bond energy, plane=stress, arrangement=hexagonal, horizon_ratio 3\.15",
+    ):
         tip_diameters("stress", 3.15, "bond energy", "hexagonal")
 
 
 @pytest.mark.slow  # 5 and 2 seconds each
 @pytest.mark.parametrize(("force", "energy"), [("bond-energy", 0.35), ("neo-hookean", 0.18)])
 def test_at_the_peak_of_the_load_a_strip_has_its_fracture_energy(force, energy):
-    """G = W h of pure shear at the peak. The table is the mean over spacings, of which this is one: 7 %.
+    """G = W h of pure shear at the peak. The table is the mean over spacings, of which this is one:
+    7 %.
 
-    The energies are between those of the tears of the table, whose critical stretches are 2.2 and 2.8.
+    The energies are between those of the tears of the table, whose critical stretches are 2.2 and
+    2.8.
     """
     result = pds.simulate(pds.Scene.model_validate(STRIP | {"fracture": {"energy": energy}}), force)
     peak = result.summary["crack"]["peak"]["stretch"]
-    assert homogeneous.pure_shear(result.scene.material.build(), peak).energy_density == pytest.approx(energy, rel=0.07)
+    assert homogeneous.pure_shear(
+        result.scene.material.build(), peak
+    ).energy_density == pytest.approx(energy, rel=0.07)

@@ -1,4 +1,6 @@
-"""Scenes of several materials that tear: limits of each material and interface, equal materials, energy, resuming."""
+"""Scenes of several materials that tear: limits of each material and interface, equal materials,
+energy, resuming.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,12 @@ LAYERS = {
     "precuts": [{"start": [-1.0, 0.5], "end": [0.9, 0.5]}],
     "regions": {"upper": {"box": [[-1, 0.5], [5, 2]]}},
     "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
-    "materials": [{"region": "upper", "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}}],
+    "materials": [
+        {
+            "region": "upper",
+            "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
+        }
+    ],
     "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
     "fracture": {"critical_stretch": 2.0},
     "dynamics": {"stretch": 1.5, "stretch_rate": 0.05, "density": 1.0, "outputs": 6},
@@ -29,14 +36,23 @@ LAYERS = {
 
 
 def scene(stiffer=None, upper=None, interface=None, **changes):
-    """The strip, with another shear modulus and fracture of the upper layer, and an entry for the interface."""
+    """The strip, with another shear modulus and fracture of the upper layer, and an entry for
+    the interface.
+    """
     data = {**LAYERS, **changes}
     part = {**LAYERS["materials"][0], **({"fracture": upper} if upper else {})}
     if stiffer:
-        part["material"] = {"law": "neo-hookean", "shear_modulus": stiffer, "bulk_modulus": 20.0 * stiffer}
+        part["material"] = {
+            "law": "neo-hookean",
+            "shear_modulus": stiffer,
+            "bulk_modulus": 20.0 * stiffer,
+        }
     data["materials"] = [part]
     if interface:
-        data["fracture"] = {**data["fracture"], "interfaces": [{"between": ["rest", "upper"], **interface}]}
+        data["fracture"] = {
+            **data["fracture"],
+            "interfaces": [{"between": ["rest", "upper"], **interface}],
+        }
     return pds.Scene.model_validate(data)
 
 
@@ -46,13 +62,17 @@ def told(result):
 
 
 def test_equal_materials_break_as_one():
-    """Two entries for one rubber, and an interface as strong as it: the figures of one material, to the last bit."""
+    """Two entries for one rubber, and an interface as strong as it: the figures of one material,
+    to the last bit.
+    """
     faster = {"dynamics": {**LAYERS["dynamics"], "stretch_rate": 0.1}}
     data = {key: value for key, value in LAYERS.items() if key != "materials"} | faster
     expected = told(pds.simulate(pds.Scene.model_validate(data), "bond-energy"))
     assert expected[0] > 0
     same = {"critical_stretch": 2.0}
-    assert told(pds.simulate(scene(upper=same, interface=same, **faster), "bond-energy")) == expected
+    assert (
+        told(pds.simulate(scene(upper=same, interface=same, **faster), "bond-energy")) == expected
+    )
 
 
 def limits(layers, force="bond-energy"):
@@ -60,7 +80,10 @@ def limits(layers, force="bond-energy"):
     run = started(layers, force)
     bonds, points = run.body.bonds, run.body.all_points
     upper = points[:, 1] > 0.5
-    return run.problem.critical_stretches.of_pairs(), upper[bonds.first].astype(int) + upper[bonds.second]
+    return (
+        run.problem.critical_stretches.of_pairs(),
+        upper[bonds.first].astype(int) + upper[bonds.second],
+    )
 
 
 @pytest.mark.parametrize("stiffer", [None, 3.0])
@@ -74,18 +97,30 @@ def test_bonds_have_the_limits_of_their_materials(stiffer):
 
 def test_energies_become_critical_stretches_by_the_law_of_each_material():
     found, ends = limits(scene(3.0, {"energy": 0.9}, fracture={"energy": 0.3}))
-    tip, laws = tip_diameters("stress", 2.2, "bond energy"), [pds.materials.NeoHookean(mu, 20 * mu) for mu in (1.0, 3.0)]
+    tip, laws = (
+        tip_diameters("stress", 2.2, "bond energy"),
+        [pds.materials.NeoHookean(mu, 20 * mu) for mu in (1.0, 3.0)],
+    )
     given = zip(laws, (0.3, 0.9), found[[np.argmax(ends == 0), np.argmax(ends == 2)]], strict=True)
-    expected = [critical_stretch_of(law, energy, 0.22, tip.at(stretch)) for law, energy, stretch in given]
-    np.testing.assert_allclose(found, np.array([expected[0], min(expected), expected[1]])[ends], rtol=1e-12)
+    expected = [
+        critical_stretch_of(law, energy, 0.22, tip.at(stretch)) for law, energy, stretch in given
+    ]
+    np.testing.assert_allclose(
+        found, np.array([expected[0], min(expected), expected[1]])[ends], rtol=1e-12
+    )
     found, ends = limits(scene(interface={"energy": 0.15}, fracture={"energy": 0.3}))
     crossing = found[ends == 1]
-    np.testing.assert_allclose(crossing, critical_stretch_of(laws[0], 0.15, 0.22, tip.at(crossing[0])), rtol=1e-12)
+    np.testing.assert_allclose(
+        crossing, critical_stretch_of(laws[0], 0.15, 0.22, tip.at(crossing[0])), rtol=1e-12
+    )
 
 
 def test_a_summary_has_all_limits():
     layers = scene(
-        3.0, {"critical_stretch": 3.0}, {"critical_stretch": 1.5}, dynamics={**LAYERS["dynamics"], "stretch": 1.21, "outputs": 1}
+        3.0,
+        {"critical_stretch": 3.0},
+        {"critical_stretch": 1.5},
+        dynamics={**LAYERS["dynamics"], "stretch": 1.21, "outputs": 1},
     )
     summary = pds.simulate(layers, "bond-energy").summary
     assert summary["critical_stretch"] == 2.0
@@ -94,27 +129,45 @@ def test_a_summary_has_all_limits():
 
 
 def test_a_crack_runs_along_a_weak_interface():
-    """The precut ends at the interface of equal rubbers: of the rows beside it, both lose the same bonds, and the next but one none."""
-    layers = scene(upper={"critical_stretch": 3.0}, interface={"critical_stretch": 1.7}, fracture={"critical_stretch": 3.0})
+    """The precut ends at the interface of equal rubbers: of the rows beside it, both lose the
+    same bonds, and the next but one none.
+    """
+    layers = scene(
+        upper={"critical_stretch": 3.0},
+        interface={"critical_stretch": 1.7},
+        fracture={"critical_stretch": 3.0},
+    )
     result = pds.simulate(layers, "bond-energy")
     damage, (x1, x2) = result.states[-1][1]["damage"], result.body.points.T
-    rows = [damage[(np.abs(x2 - height) < 1e-6) & (x1 > 1.0)] for height in (0.35, 0.45, 0.55, 0.65, 0.25, 0.75)]
+    rows = [
+        damage[(np.abs(x2 - height) < 1e-6) & (x1 > 1.0)]
+        for height in (0.35, 0.45, 0.55, 0.65, 0.25, 0.75)
+    ]
     assert rows[1].max() > 0.3
     for one, other in ((0, 3), (1, 2)):
         np.testing.assert_allclose(rows[one], rows[other], atol=1e-12)
     assert rows[4].max() == rows[5].max() == 0
 
 
-QUICK = {"stretches": [1.02], "dynamics": {**LAYERS["dynamics"], "stretch": 1.4, "stretch_rate": 0.1}}
+QUICK = {
+    "stretches": [1.02],
+    "dynamics": {**LAYERS["dynamics"], "stretch": 1.4, "stretch_rate": 0.1},
+}
 """Tears of unequal layers in a few thousand steps."""
 
 
 @pytest.mark.parametrize(("plane", "stiffer"), [("stress", 10.0), ("strain", 3.0)])
 def test_the_energy_of_torn_layers_is_accounted_for(plane, stiffer):
-    """A crack along the interface of unequal layers releases what the body loses: the account closes within 0.5 %."""
+    """A crack along the interface of unequal layers releases what the body loses: the account
+    closes within 0.5 %.
+    """
     # In plane strain the free ends bulge over the grips at greater stretches.
-    quick = QUICK | {"dynamics": QUICK["dynamics"] | {"stretch": 1.4 if plane == "stress" else 1.25}}
-    layers = scene(stiffer, {"critical_stretch": 3.0}, {"critical_stretch": 1.4}, plane=plane, **quick)
+    quick = QUICK | {
+        "dynamics": QUICK["dynamics"] | {"stretch": 1.4 if plane == "stress" else 1.25}
+    }
+    layers = scene(
+        stiffer, {"critical_stretch": 3.0}, {"critical_stretch": 1.4}, plane=plane, **quick
+    )
     summary = pds.simulate(layers, "bond-energy").summary
     assert summary["crack"]["broken_bonds"] > 10
     (account,) = summary["dynamics"]
@@ -125,28 +178,53 @@ def test_the_energy_of_torn_layers_is_accounted_for(plane, stiffer):
     ("data", "message"),
     [
         (
-            {"fracture": None, "materials": [{**LAYERS["materials"][0], "fracture": {"energy": 1.0}}]},
+            {
+                "fracture": None,
+                "materials": [{**LAYERS["materials"][0], "fracture": {"energy": 1.0}}],
+            },
             r"materials\.0\.fracture: needs fracture",
         ),
         (
-            {"fracture": {"critical_stretch": 2.0, "interfaces": [{"between": ["uper", "rest"], "energy": 1.0}]}},
+            {
+                "fracture": {
+                    "critical_stretch": 2.0,
+                    "interfaces": [{"between": ["uper", "rest"], "energy": 1.0}],
+                }
+            },
             r"fracture\.interfaces\.0\.between: there is no single material 'uper'; .*upper",
         ),
         (
-            {"fracture": {"critical_stretch": 2.0, "interfaces": [{"between": ["upper", "upper"], "energy": 1.0}]}},
+            {
+                "fracture": {
+                    "critical_stretch": 2.0,
+                    "interfaces": [{"between": ["upper", "upper"], "energy": 1.0}],
+                }
+            },
             "an interface lies between two materials, not within 'upper'",
         ),
         (
             {
                 "fracture": {
                     "critical_stretch": 2.0,
-                    "interfaces": [{"between": pair, "energy": 1.0} for pair in (["upper", "rest"], ["rest", "upper"])],
+                    "interfaces": [
+                        {"between": pair, "energy": 1.0}
+                        for pair in (["upper", "rest"], ["rest", "upper"])
+                    ],
                 }
             },
-            r"fracture\.interfaces\.1\.between: the interface between rest and upper has two entries",
+            (
+                r"fracture\.interfaces\.1\.between: the interface between rest and upper has two"
+                r" entries"
+            ),
         ),
         (
-            {"horizon_ratio": 6.0, "fracture": {"critical_stretch": 2.0, "interfaces": [{"between": ["upper", "rest"], "energy": 1.0}]}},
+            {
+                "horizon_ratio": 6.0,
+                "fracture": {
+                    "critical_stretch": 2.0,
+                    "interfaces": [{"between": ["upper", "rest"], "energy": 1.0}],
+                },
+            },
             "fracture.energy is available only in cases",
         ),
         (
@@ -158,33 +236,56 @@ def test_the_energy_of_torn_layers_is_accounted_for(plane, stiffer):
 def test_limits_that_make_no_sense_are_refused(data, message):
     with pytest.raises(ValueError, match=message):
         pds.Scene.model_validate(
-            {**{key: value for key, value in LAYERS.items() if key not in data}, **{k: v for k, v in data.items() if v}}
+            {
+                **{key: value for key, value in LAYERS.items() if key not in data},
+                **{k: v for k, v in data.items() if v},
+            }
         )
 
 
 @pytest.mark.parametrize(
     ("between", "precut"),
-    [(("upper", "lower"), LAYERS["precuts"]), (("upper", "rest"), [{"start": [-1.0, 0.5], "end": [5.0, 0.5]}])],
+    [
+        (("upper", "lower"), LAYERS["precuts"]),
+        (("upper", "rest"), [{"start": [-1.0, 0.5], "end": [5.0, 0.5]}]),
+    ],
     ids=["apart", "cut"],
 )
 def test_an_interface_that_no_bond_crosses_is_refused(between, precut):
     regions = LAYERS["regions"] | {"lower": {"box": [[-1, -1], [5, 0.2]]}}
     materials = [*LAYERS["materials"], {**LAYERS["materials"][0], "region": "lower"}]
-    fracture = {"critical_stretch": 2.0, "interfaces": [{"between": between, "critical_stretch": 1.5}]}
-    layers = LAYERS | {"regions": regions, "materials": materials, "fracture": fracture, "precuts": precut}
-    with pytest.raises(pds.SceneError, match=r"fracture\.interfaces\.0\.between: no bond crosses from .*leave the entry out"):
+    fracture = {
+        "critical_stretch": 2.0,
+        "interfaces": [{"between": between, "critical_stretch": 1.5}],
+    }
+    layers = LAYERS | {
+        "regions": regions,
+        "materials": materials,
+        "fracture": fracture,
+        "precuts": precut,
+    }
+    with pytest.raises(
+        pds.SceneError,
+        match=r"fracture\.interfaces\.0\.between: no bond crosses from .*leave the entry out",
+    ):
         pds.simulate(pds.Scene.model_validate(layers), "bond-energy")
 
 
 def test_an_energy_between_different_laws_is_refused():
-    with pytest.raises(pds.SceneError, match=r"fracture\.interfaces\.0\.energy: no crack between two different laws was measured"):
+    with pytest.raises(
+        pds.SceneError,
+        match=r"fracture\.interfaces\.0\.energy: no crack between two different laws was measured",
+    ):
         pds.simulate(scene(3.0, interface={"energy": 0.1}), "bond-energy")
 
 
 def test_two_threads_leave_the_same_bits():
     pulled = QUICK | {"dynamics": QUICK["dynamics"] | {"stretch": 1.2}}
     layers = scene(3.0, {"critical_stretch": 3.0}, {"critical_stretch": 1.25}, **pulled)
-    one, two = (pds.simulate(layers, "bond-energy", threads=threads) for threads in (1, min(2, most_threads())))
+    one, two = (
+        pds.simulate(layers, "bond-energy", threads=threads)
+        for threads in (1, min(2, most_threads()))
+    )
     assert told(one)[0] > 10
     assert one.history == two.history
     np.testing.assert_array_equal(one.displacement(), two.displacement())
@@ -206,7 +307,10 @@ def test_resuming_leaves_the_same_bits(tmp_path, monkeypatch):
 RELAXED = {
     "stretches": [1.1],
     "body": {"shape": "rectangle", "size": [2.0, 1.0], "arrangement": "relaxed", "seed": 1},
-    "precuts": [{"start": [-1.0, 0.5], "end": [0.5, 0.5]}, {"start": [1.5, 0.5], "end": [5.0, 0.5]}],
+    "precuts": [
+        {"start": [-1.0, 0.5], "end": [0.5, 0.5]},
+        {"start": [1.5, 0.5], "end": [5.0, 0.5]},
+    ],
     "regions": {"upper": {"box": [[1.0, -1.0], [5.0, 2.0]]}},
     "dynamics": {**LAYERS["dynamics"], "stretch": 1.4, "stretch_rate": 0.1, "outputs": 2},
     "fracture": {"critical_stretch": 1.5},
@@ -217,7 +321,10 @@ SOLID = {
     **RELAXED,
     "spacing": 0.125,
     "body": {"shape": "box", "size": [2.0, 1.0, 0.25]},
-    "precuts": [{"corner": [start, 0.5, -1.0], "sides": [[2.5, 0.0, 0.0], [0.0, 0.0, 2.0]]} for start in (-2.0, 1.5)],
+    "precuts": [
+        {"corner": [start, 0.5, -1.0], "sides": [[2.5, 0.0, 0.0], [0.0, 0.0, 2.0]]}
+        for start in (-2.0, 1.5)
+    ],
     "regions": {"upper": {"box": [[1.0, -1.0, -1.0], [5.0, 2.0, 2.0]]}},
 }
 """The same in space."""
@@ -225,15 +332,26 @@ SOLID = {
 
 @pytest.mark.parametrize("layers", [RELAXED, SOLID], ids=["relaxed", "solid"])
 def test_relaxed_points_and_solids_of_two_materials_tear(layers):
-    """Each material loses bonds by its own limit, and the account closes; two equal materials leave the bits of one."""
+    """Each material loses bonds by its own limit, and the account closes; two equal materials
+    leave the bits of one.
+    """
     torn = pds.simulate(scene(2.0, {"critical_stretch": 1.45}, **layers), "bond-energy")
     (account,), x1 = torn.summary["dynamics"], torn.body.points[:, 0]
     assert abs(account["greatest_energy_gap"]) < 0.5
     lost = torn.states[-1][1]["damage"] - torn.states[0][1]["damage"]
     assert lost[x1 < 0.9].max() > 0.1
     assert lost[x1 > 1.1].max() > 0.1
-    alone = pds.Scene.model_validate({key: value for key, value in (LAYERS | layers).items() if key not in ("materials", "regions")})
-    one, two = (pds.simulate(each, "bond-energy") for each in (alone, scene(upper=layers["fracture"], **layers)))
+    alone = pds.Scene.model_validate(
+        {
+            key: value
+            for key, value in (LAYERS | layers).items()
+            if key not in ("materials", "regions")
+        }
+    )
+    one, two = (
+        pds.simulate(each, "bond-energy")
+        for each in (alone, scene(upper=layers["fracture"], **layers))
+    )
     assert told(one)[0] > 0
     assert told(one) == told(two)
     np.testing.assert_array_equal(one.displacement(), two.displacement())
@@ -241,7 +359,9 @@ def test_relaxed_points_and_solids_of_two_materials_tear(layers):
 
 @pytest.mark.slow
 def test_the_energy_of_a_disc_that_comes_loose_from_relaxed_points_is_accounted_for():
-    """Within 0.1 %, as on the lattice: the time step was that of bonds long broken, and 1.1 % were made."""
+    """Within 0.1 %, as on the lattice: the time step was that of bonds long broken, and 1.1 %
+    were made.
+    """
     disc = {"disc": {"center": [0.6, 0.5], "radius": 0.3}}
     loose = pds.Scene.model_validate(
         {
@@ -253,8 +373,16 @@ def test_the_energy_of_a_disc_that_comes_loose_from_relaxed_points_is_accounted_
             "body": {"shape": "rectangle", "size": [1.2, 1.0], "arrangement": "relaxed", "seed": 1},
             "precuts": [],
             "regions": {"disc": disc},
-            "materials": [{"region": "disc", "material": {"law": "neo-hookean", "shear_modulus": 3.0, "bulk_modulus": 60.0}}],
-            "fracture": {"critical_stretch": 3.0, "interfaces": [{"between": ["rest", "disc"], "critical_stretch": 1.25}]},
+            "materials": [
+                {
+                    "region": "disc",
+                    "material": {"law": "neo-hookean", "shear_modulus": 3.0, "bulk_modulus": 60.0},
+                }
+            ],
+            "fracture": {
+                "critical_stretch": 3.0,
+                "interfaces": [{"between": ["rest", "disc"], "critical_stretch": 1.25}],
+            },
             "dynamics": {"stretch": 1.8, "stretch_rate": 0.1, "density": 1.0, "outputs": 6},
         }
     )

@@ -13,7 +13,9 @@ from pdsurrogate.run.run import Run
 
 
 def pencil(result):
-    """Dense tangent and volumes of the free components in the last state of a result, and which components are free."""
+    """Dense tangent and volumes of the free components in the last state of a result, and which
+    components are free.
+    """
     scene = result.scene
     run = Run(scene, checked_models(scene, load_surrogate("bond-energy")))
     if run.force.precision != "float64":
@@ -23,7 +25,11 @@ def pencil(result):
     run.loading.apply(run.state.parameter, run.loaded, run.positions)
     free = run.loading.free > 0
     tangent = (run.loaded.tangent(run.positions) @ np.eye(free.size)[:, free.ravel()])[free.ravel()]
-    return (tangent + tangent.T) / 2, np.broadcast_to(run.body.volumes[:, None], free.shape)[free], free
+    return (
+        (tangent + tangent.T) / 2,
+        np.broadcast_to(run.body.volumes[:, None], free.shape)[free],
+        free,
+    )
 
 
 @pytest.mark.parametrize(
@@ -33,7 +39,11 @@ def pencil(result):
         ("hole", {"spacing": 0.25, "stretches": [0.95]}, 0),
         ("traction", {"spacing": 0.1}, 0),
         ("bonded-block", {"spacing": 0.25}, 0),  # two equal eigenvalues
-        ("uniaxial", {"spacing": 0.25, "stretches": [1.5]}, 1),  # the grips let the sheet slide along them
+        (
+            "uniaxial",
+            {"spacing": 0.25, "stretches": [1.5]},
+            1,
+        ),  # the grips let the sheet slide along them
     ],
 )
 def test_the_lowest_mode_is_that_of_the_dense_tangent(scene, keys, drifts):
@@ -49,7 +59,9 @@ def test_the_lowest_mode_is_that_of_the_dense_tangent(scene, keys, drifts):
     assert not found.displacements[~free].any()
     if values[drifts + 1] > 1.1 * values[drifts]:
         mode, exact = found.displacements[free], vectors[:, drifts]
-        assert abs(mode @ (volumes * exact)) == pytest.approx(np.sqrt(mode @ (volumes * mode)), rel=1e-3)
+        assert abs(mode @ (volumes * exact)) == pytest.approx(
+            np.sqrt(mode @ (volumes * mode)), rel=1e-3
+        )
         assert found.eigenvalue == pytest.approx(values[drifts], rel=1e-4)
 
 
@@ -61,33 +73,50 @@ def column(length, thick, steps, **keys):
         "body": {"size": [length, thick]},
         "material": "neo-hookean",
         "steps": steps,
-        "prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": -1.0, "x2": 0.0}],
+        "prescribed": [
+            {"region": "left", "x1": 0.0, "x2": 0.0},
+            {"region": "right", "x1": -1.0, "x2": 0.0},
+        ],
     }
     return pds.Scene.model_validate(given | keys)
 
 
 def test_a_column_vibrates_as_a_beam_and_buckles_as_eulers():
-    """Clamped, 20 times as long as thick. By Timoshenko's theory shear lowers the critical strain by 2.9 %, and the eigenvalue, the square
-    of a frequency, by some 3.5 %; the change of the sections under the load raises the critical strain by four times itself, 3.3 %."""
+    """Clamped, 20 times as long as thick. By Timoshenko's theory shear lowers the critical strain
+    by 2.9 %, and the eigenvalue, the square of a frequency, by some 3.5 %; the change of the
+    sections under the load raises the critical strain by four times itself, 3.3 %.
+    """
     length, thick, modulus = 4.0, 0.2, 9 * 100 / (3 * 100 + 1)  # E of K = 100 mu
     critical = np.pi**2 * thick**2 / (3 * length**2)
-    result = pds.simulate(column(length, thick, [share * critical * length for share in (0.01, 0.4, 0.8)]), "bond-energy")
+    result = pds.simulate(
+        column(length, thick, [share * critical * length for share in (0.01, 0.4, 0.8)]),
+        "bond-energy",
+    )
     strains = np.array([level["t"] for level in result.levels]) / length
     eigenvalues = [result.lowest_mode(level).eigenvalue for level in range(3)]
-    assert eigenvalues[0] == pytest.approx(4.730041**4 * modulus * thick**2 / (12 * length**4), rel=0.05)
-    zero = strains[2] + eigenvalues[2] * (strains[2] - strains[1]) / (eigenvalues[1] - eigenvalues[2])
+    assert eigenvalues[0] == pytest.approx(
+        4.730041**4 * modulus * thick**2 / (12 * length**4), rel=0.05
+    )
+    zero = strains[2] + eigenvalues[2] * (strains[2] - strains[1]) / (
+        eigenvalues[1] - eigenvalues[2]
+    )
     assert zero == pytest.approx(critical, rel=0.04)
 
 
 @pytest.mark.parametrize("slender", [8.0, 20.0, 40.0])
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_a_run_finds_that_a_slender_column_buckles(plane, slender):
-    """At Euler's strain, which is the same in plane strain: E/(1 - nu^2) resists both the compression and the bending. Timoshenko's shear
-    lowers it by 3.6 times itself, and the change of the sections raises it by four times itself. The increments are 0.005 of it."""
+    """At Euler's strain, which is the same in plane strain: E/(1 - nu^2) resists both the
+    compression and the bending. Timoshenko's shear lowers it by 3.6 times itself, and the change of
+    the sections raises it by four times itself. The increments are 0.005 of it.
+    """
     thick, share = 0.2, np.pi**2 / (3 * slender**2)
     critical = share * slender * thick
     with pytest.raises(pds.SimulationFailed, match="is not stable, so the body buckles") as caught:
-        pds.simulate(column(slender * thick, thick, [0.9 * critical, 1.2 * critical], plane=plane), "bond-energy")
+        pds.simulate(
+            column(slender * thick, thick, [0.9 * critical, 1.2 * critical], plane=plane),
+            "bond-energy",
+        )
     stable, last = (level["t"] / critical for level in caught.value.result.levels)
     assert stable == pytest.approx(0.9)
     assert last == pytest.approx((1 + 4 * share) / (1 + 3.6 * share), abs=0.05)
@@ -96,12 +125,17 @@ def test_a_run_finds_that_a_slender_column_buckles(plane, slender):
 def test_a_column_buckles_in_single_precision():
     critical = np.pi**2 / (3 * 20**2) * 4.0
     with pytest.raises(pds.SimulationFailed, match="is not stable, so the body buckles") as caught:
-        pds.simulate(column(4.0, 0.2, [0.9 * critical, 1.2 * critical], precision="float32"), "neo-hookean-energy")
+        pds.simulate(
+            column(4.0, 0.2, [0.9 * critical, 1.2 * critical], precision="float32"),
+            "neo-hookean-energy",
+        )
     assert caught.value.result.levels[-1]["t"] == pytest.approx(critical, rel=0.05)
 
 
 def bar(length, **keys):
-    """A solid bar with a square section of the side 1, clamped at its left end, under a force across its right end."""
+    """A solid bar with a square section of the side 1, clamped at its left end, under a force
+    across its right end.
+    """
     given = {
         "name": "bar",
         "spacing": 0.25,
@@ -117,9 +151,11 @@ def bar(length, **keys):
 
 @pytest.mark.parametrize("length", [8.0, 20.0])
 def test_a_slender_solid_cantilever_vibrates_as_a_beam_of_its_own_flexibility(length):
-    """From the static deflection 1/c under a force F = 1 the stiffness against bending is c L^3/3, with which a beam has the eigenvalue
-    1.875104^4/3 c/(L A). Shear and rotary inertia (Timoshenko) lower it by 0.9/L^2; the force acts on the last layer of points, whose
-    middle lies 1/8 within the end, so that the deflection is less by up to 3/2 1/(8 L)."""
+    """From the static deflection 1/c under a force F = 1 the stiffness against bending is c L^3/3,
+    with which a beam has the eigenvalue 1.875104^4/3 c/(L A). Shear and rotary inertia (Timoshenko)
+    lower it by 0.9/L^2; the force acts on the last layer of points, whose middle lies 1/8 within
+    the end, so that the deflection is less by up to 3/2 1/(8 L).
+    """
     result = pds.simulate(bar(length), "bond-energy")
     found = result.lowest_mode()
     deflection = result.levels[-1]["probes"]["end"]["displacement"][1] / 1e-6
@@ -137,15 +173,18 @@ def test_the_lowest_mode_of_a_slender_solid_is_that_of_the_dense_tangent():
     found = result.lowest_mode()
     tangent, volumes, free = pencil(result)
     values, vectors = scipy.linalg.eigh(tangent, np.diag(volumes))
-    assert abs(found.eigenvalue - values[0]) < 1e-5 * values[0]  # rounding, 1e-10 of the greatest eigenvalue
+    assert (
+        abs(found.eigenvalue - values[0]) < 1e-5 * values[0]
+    )  # rounding, 1e-10 of the greatest eigenvalue
     shares = vectors[:, :2].T @ (volumes * found.displacements[free])
     size = found.displacements[free] @ (volumes * found.displacements[free])
     assert shares @ shares == pytest.approx(size, rel=1e-6)
 
 
 def test_a_bent_cantilever_is_stable():
-    """Under a force across its end, which moves by half the length. The preconditioner of the check is an iteration here: with Lanczos'
-    method for a linear one its values are -0.1 and -0.9."""
+    """Under a force across its end, which moves by half the length. The preconditioner of the check
+    is an iteration here: with Lanczos' method for a linear one its values are -0.1 and -0.9.
+    """
     loads = [{"region": "right", "force": [0.0, 0.006, 0.002], "name": "end"}]
     material = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
     result = pds.simulate(bar(8.0, loads=loads, material=material, steps=[1.0, 2.0]), "bond-energy")
@@ -154,21 +193,37 @@ def test_a_bent_cantilever_is_stable():
 
 
 def test_an_arch_is_unstable_between_its_limit_loads():
-    """The eigenvalue vanishes where the load along the path is greatest and least; the outputs are 0.05 apart."""
-    result = pds.simulate(arch(loads=PUSHED, steps=[{"to": -0.6, "outputs": 12, "control": DOWN}], **NEWTON), "bond-energy")
+    """The eigenvalue vanishes where the load along the path is greatest and least; the outputs
+    are 0.05 apart.
+    """
+    result = pds.simulate(
+        arch(loads=PUSHED, steps=[{"to": -0.6, "outputs": 12, "control": DOWN}], **NEWTON),
+        "bond-energy",
+    )
     down = [-level["probes"]["tip"]["displacement"][1] for level in result.levels]
     modes = [result.lowest_mode(number) for number in range(12)]
-    limits = CubicSpline(down, [level["t"] for level in result.levels]).derivative().roots(extrapolate=False)
+    limits = (
+        CubicSpline(down, [level["t"] for level in result.levels])
+        .derivative()
+        .roots(extrapolate=False)
+    )
     zeros = CubicSpline(down, [mode.eigenvalue for mode in modes]).roots(extrapolate=False)
     np.testing.assert_allclose(zeros, limits, atol=1e-3)
     clear = [all(abs(at - limit) > 0.01 for limit in limits) for at in down]
-    assert [mode.stable for mode, far in zip(modes, clear, strict=True) if far] == [True] * 2 + [False] * 5 + [True] * 4
+    assert [mode.stable for mode, far in zip(modes, clear, strict=True) if far] == [True] * 2 + [
+        False
+    ] * 5 + [True] * 4
 
 
 @pytest.mark.parametrize(
     ("scene", "keys", "force", "message"),
     [
-        ("uniaxial", {"spacing": 0.25}, "neo-hookean", r"lowest_mode: neo-hookean@2 is a bond force without energy.*use .*bond-energy"),
+        (
+            "uniaxial",
+            {"spacing": 0.25},
+            "neo-hookean",
+            r"lowest_mode: neo-hookean@2 is a bond force without energy.*use .*bond-energy",
+        ),
         (
             "ring-pressure",
             {"spacing": 0.25, "steps": [0.1]},
@@ -185,6 +240,10 @@ def test_what_has_no_lowest_mode_is_refused(scene, keys, force, message):
 
 
 def test_a_result_from_files_has_no_lowest_mode(tmp_path):
-    pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.1]), "bond-energy").save(tmp_path / "out")
-    with pytest.raises(ValueError, match="lowest_mode: a result that was read from files has no force model"):
+    pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.1]), "bond-energy").save(
+        tmp_path / "out"
+    )
+    with pytest.raises(
+        ValueError, match="lowest_mode: a result that was read from files has no force model"
+    ):
         pds.load_result(tmp_path / "out").lowest_mode()

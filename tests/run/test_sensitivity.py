@@ -17,18 +17,29 @@ from pdsurrogate.scenes.reading import apply_change, leaves
 
 CONVERGED = {"solver.method": "newton", "solver.tolerance": 1e-10, "precision": "float64"}
 CLOSE = 1e-6
-"""Difference of derivatives from central differences of converged runs, relative to the greatest. Residuals of 1e-10 leave 1e-10/1e-4 in
-the differences, and their curvature 1e-8."""
+"""Difference of derivatives from central differences of converged runs, relative to the greatest.
+Residuals of 1e-10 leave 1e-10/1e-4 in the differences, and their curvature 1e-8.
+"""
 
 
 def by_runs(scene, force, outputs, parameter):
-    """Return derivatives of measurements by a parameter, from two runs that are converged to 1e-10."""
+    """Return derivatives of measurements by a parameter, from two runs that are converged to
+    1e-10.
+    """
     found = []
-    value = scene.stretches[-1] if parameter == "stretch" else dict(leaves(scene.model_dump(mode="json")))[parameter]
+    value = (
+        scene.stretches[-1]
+        if parameter == "stretch"
+        else dict(leaves(scene.model_dump(mode="json")))[parameter]
+    )
     step = 1e-4 * (abs(value) or scene.spacing)
     for sign in (1, -1):
         data = scene.model_dump(mode="json")
-        changes = {"stretches": [value + sign * step]} if parameter == "stretch" else {parameter: value + sign * step}
+        changes = (
+            {"stretches": [value + sign * step]}
+            if parameter == "stretch"
+            else {parameter: value + sign * step}
+        )
         for key, number in (CONVERGED | changes).items():
             apply_change(data, key, number)
         row = dict(leaves(pds.simulate(type(scene).model_validate(data), force).levels[-1]))
@@ -40,28 +51,42 @@ def compare(scene, force, outputs, parameters):
     result = pds.simulate(scene, force)
     found = result.sensitivity(outputs, parameters)
     row = dict(leaves(result.levels[-1]))
-    assert found.values == pytest.approx([row[name] for name in found.outputs], rel=1e-4, abs=1e-4 * np.abs(found.values).max())
+    assert found.values == pytest.approx(
+        [row[name] for name in found.outputs], rel=1e-4, abs=1e-4 * np.abs(found.values).max()
+    )
     assert found.displacements.shape == (len(parameters), *result.body.points.shape)
     for number, parameter in enumerate(parameters):
         expected = by_runs(result.scene, force, found.outputs, parameter)
-        assert np.abs(found.derivatives[:, number] - expected).max() < CLOSE * np.abs(expected).max(), parameter
+        assert (
+            np.abs(found.derivatives[:, number] - expected).max() < CLOSE * np.abs(expected).max()
+        ), parameter
 
 
 def test_the_stress_of_a_homogeneous_state_has_the_derivatives_of_its_exact_solution():
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5)
-    found = pds.simulate(scene, "bond-energy").sensitivity(["nominal_stress"], ["material.shear_modulus", "stretch"])
+    found = pds.simulate(scene, "bond-energy").sensitivity(
+        ["nominal_stress"], ["material.shear_modulus", "stretch"]
+    )
 
     def stress(shear, stretch):
         return uniaxial(NeoHookean(shear, 100.0), stretch).nominal_stress
 
     h = 1e-5
-    exact = [(stress(1 + h, 1.5) - stress(1 - h, 1.5)) / (2 * h), (stress(1.0, 1.5 + h) - stress(1.0, 1.5 - h)) / (2 * h)]
+    exact = [
+        (stress(1 + h, 1.5) - stress(1 - h, 1.5)) / (2 * h),
+        (stress(1.0, 1.5 + h) - stress(1.0, 1.5 - h)) / (2 * h),
+    ]
     assert found.derivatives[0] == pytest.approx(exact, rel=1e-6)
 
 
 def test_coefficients_near_zero_have_the_derivatives_of_the_exact_solution():
     """Differences keep the sign of such coefficients, which the law requires."""
-    terms = {"law": "polyconvex", "first": [0.4, 1e-5, 1e-12], "second": [0.05], "bulk_modulus": 100.0}
+    terms = {
+        "law": "polyconvex",
+        "first": [0.4, 1e-5, 1e-12],
+        "second": [0.05],
+        "bulk_modulus": 100.0,
+    }
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material=terms)
     parameters = ["material.first.0", "material.first.1", "material.first.2"]
     found = pds.simulate(scene, "bond-energy").sensitivity(["nominal_stress"], parameters)
@@ -72,23 +97,45 @@ def test_coefficients_near_zero_have_the_derivatives_of_the_exact_solution():
         return uniaxial(type(scene).model_validate(data).law(), 1.5).nominal_stress
 
     h = 1e-4  # one-sided, of second order: the stress is nearly linear in coefficients
-    exact = [(4 * stress(name, h) - 3 * stress(name, 0.0) - stress(name, 2 * h)) / (2 * h) for name in parameters]
+    exact = [
+        (4 * stress(name, h) - 3 * stress(name, 0.0) - stress(name, 2 * h)) / (2 * h)
+        for name in parameters
+    ]
     assert found.derivatives[0] == pytest.approx(exact, rel=1e-6)
 
 
-@pytest.mark.parametrize("law", [law() for law in LAWS.values()] + [MooneyRivlin(second_share=0.0), Yeoh(second=0.0, third=0.0)], ids=str)
+@pytest.mark.parametrize(
+    "law",
+    [law() for law in LAWS.values()]
+    + [MooneyRivlin(second_share=0.0), Yeoh(second=0.0, third=0.0)],
+    ids=str,
+)
 def test_default_numbers_of_a_law_are_parameters(law):
-    """All that are not zero are listed, and all listed ones have the derivatives of the exact stress, at the ends of their ranges, too."""
-    name = law.name if law == type(law)() else {key: value for key, value in law.describe().items() if key != "bulk_modulus"}
+    """All that are not zero are listed, and all listed ones have the derivatives of the exact
+    stress, at the ends of their ranges, too.
+    """
+    name = (
+        law.name
+        if law == type(law)()
+        else {key: value for key, value in law.describe().items() if key != "bulk_modulus"}
+    )
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material=name)
     result = pds.simulate(scene, "bond-energy")
-    parameters = [name for name in numbers_in(scene, checked_models(scene, pds.load_surrogate("bond-energy"))) if "material" in name]
-    assert {name.removeprefix("material.") for name in parameters} >= {name for name, value in numbers_of(law).items() if value}
+    parameters = [
+        name
+        for name in numbers_in(scene, checked_models(scene, pds.load_surrogate("bond-energy")))
+        if "material" in name
+    ]
+    assert {name.removeprefix("material.") for name in parameters} >= {
+        name for name, value in numbers_of(law).items() if value
+    }
     found = result.sensitivity(["nominal_stress"], parameters)
 
     def stress(name, change):
         key = name.removeprefix("material.")
-        return uniaxial(with_numbers_of(law, {key: numbers_of(law)[key] + change}), 1.5).nominal_stress
+        return uniaxial(
+            with_numbers_of(law, {key: numbers_of(law)[key] + change}), 1.5
+        ).nominal_stress
 
     exact = []
     for name in parameters:
@@ -97,13 +144,25 @@ def test_default_numbers_of_a_law_are_parameters(law):
         try:
             exact.append((stress(name, h) - stress(name, -h)) / (2 * h))
         except ValueError:  # one-sided, of second order
-            exact.append((4 * stress(name, h) - 3 * stress(name, 0.0) - stress(name, 2 * h)) / (2 * h))
+            exact.append(
+                (4 * stress(name, h) - 3 * stress(name, 0.0) - stress(name, 2 * h)) / (2 * h)
+            )
     assert found.derivatives[0] == pytest.approx(exact, rel=1e-6, abs=1e-6 * np.abs(exact).max())
 
 
 def test_a_share_of_zero_is_a_parameter_in_any_unit_of_stress():
-    scene = pds.load_scene("uniaxial", material={"law": "mooney-rivlin", "shear_modulus": 400.0, "bulk_modulus": 4e4, "second_share": 0.0})
-    assert "material.second_share" in numbers_in(scene, checked_models(scene, pds.load_surrogate("bond-energy")))
+    scene = pds.load_scene(
+        "uniaxial",
+        material={
+            "law": "mooney-rivlin",
+            "shear_modulus": 400.0,
+            "bulk_modulus": 4e4,
+            "second_share": 0.0,
+        },
+    )
+    assert "material.second_share" in numbers_in(
+        scene, checked_models(scene, pds.load_surrogate("bond-energy"))
+    )
 
 
 def test_numbers_of_which_a_learned_model_knows_one_value_are_no_parameters():
@@ -112,11 +171,21 @@ def test_numbers_of_which_a_learned_model_knows_one_value_are_no_parameters():
     moduli = ["material.shear_modulus", "material.bulk_modulus"]
     assert [name for name in numbers_in(scene, models) if "material" in name] == moduli
     rates = result.sensitivity(["nominal_stress"], moduli).derivatives[0]
-    assert rates @ [1.0, 200.0] == pytest.approx(result.levels[-1]["nominal_stress"], rel=1e-6)  # stresses scale with both
-    with pytest.raises(ValueError, match=r"gent@1 describes one value of chain_limit alone.*run the scene with force=analytic"):
+    assert rates @ [1.0, 200.0] == pytest.approx(
+        result.levels[-1]["nominal_stress"], rel=1e-6
+    )  # stresses scale with both
+    with pytest.raises(
+        ValueError,
+        match=r"gent@1 describes one value of chain_limit alone.*run the scene with force=analytic",
+    ):
         result.sensitivity(["nominal_stress"], ["material.chain_limit"])
-    polyconvex = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material="polyconvex"), "bond-energy")
-    with pytest.raises(ValueError, match=r"material\.second\.1 is 0, so that polyconvex has no such term"):
+    polyconvex = pds.simulate(
+        pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material="polyconvex"),
+        "bond-energy",
+    )
+    with pytest.raises(
+        ValueError, match=r"material\.second\.1 is 0, so that polyconvex has no such term"
+    ):
         polyconvex.sensitivity(["nominal_stress"], ["material.second.1"])
 
 
@@ -124,7 +193,9 @@ def test_components_of_a_probe_have_short_names():
     probe = {"probes": [{"name": "tip", "at": [0.75, 0.25]}]}
     scene = pds.load_scene("uniaxial", {"spacing": 0.25, "stretches": [1.2, 1.5], **probe})
     result = pds.simulate(scene, "bond-energy")
-    found = result.sensitivity(["nominal_stress", "probes.tip.u2", "forces.right.1"], ["material.bulk_modulus"], level=-1)
+    found = result.sensitivity(
+        ["nominal_stress", "probes.tip.u2", "forces.right.1"], ["material.bulk_modulus"], level=-1
+    )
     assert found.outputs == ("nominal_stress", "probes.tip.displacement.1", "forces.right.1")
     whole = result.sensitivity(["probes.tip.displacement"], ["material.bulk_modulus"])
     assert found.derivatives[1, 0] == pytest.approx(whole.derivatives[1, 0], rel=1e-6)
@@ -136,30 +207,54 @@ def test_components_of_a_probe_have_short_names():
 def test_derivatives_of_a_sheet_with_a_hole_are_those_of_converged_runs(force):
     """Bond forces have no energy, so their tangent is not symmetric."""
     scene = pds.load_scene("hole", spacing=0.4)
-    compare(scene, force, ["nominal_stress", "forces.top"], ["material.shear_modulus", "material.bulk_modulus", "stretch"])
+    compare(
+        scene,
+        force,
+        ["nominal_stress", "forces.top"],
+        ["material.shear_modulus", "material.bulk_modulus", "stretch"],
+    )
 
 
 def test_derivatives_of_a_nearly_incompressible_solid_are_those_of_converged_runs():
     scene = pds.load_scene("bonded-block", spacing=0.25)
-    compare(scene, "bond-energy", ["nominal_stress", "energy", "probes.side.displacement"], ["material.shear_modulus"])
+    compare(
+        scene,
+        "bond-energy",
+        ["nominal_stress", "energy", "probes.side.displacement"],
+        ["material.shear_modulus"],
+    )
 
 
 def test_derivatives_by_a_pressure_that_follows_the_boundary_are_those_of_converged_runs():
     scene = pds.load_scene("ring-pressure", {"spacing": 0.2, "steps": [{"to": 0.2}]})
     compare(scene, "bond-energy", ["probes.inner.displacement", "energy"], ["loads.0.pressure"])
     found = pds.simulate(scene, "bond-energy").sensitivity(["energy"], ["loads.0.pressure", "t"])
-    pressure = found.derivatives[0, 0] * scene.loads[0].pressure / 0.2  # the pressure acts with the factor t
+    pressure = (
+        found.derivatives[0, 0] * scene.loads[0].pressure / 0.2
+    )  # the pressure acts with the factor t
     assert found.derivatives[0, 1] == pytest.approx(pressure, rel=1e-6)
 
 
-def test_derivatives_by_a_prescribed_rotation_and_the_modulus_of_an_inclusion_are_those_of_converged_runs():
-    compare(pds.load_scene("disc-torsion", spacing=0.2), "bond-energy", ["moments", "energy"], ["prescribed.1.rotation"])
+def test_derivatives_by_a_rotation_and_the_modulus_of_an_inclusion():
+    compare(
+        pds.load_scene("disc-torsion", spacing=0.2),
+        "bond-energy",
+        ["moments", "energy"],
+        ["prescribed.1.rotation"],
+    )
     scene = pds.load_scene("bimaterial", {"spacing": 0.1, "stretches": [1.2]})
-    compare(scene, "bond-energy", ["nominal_stress", "probes.interface.displacement"], ["materials.0.material.shear_modulus"])
+    compare(
+        scene,
+        "bond-energy",
+        ["nominal_stress", "probes.interface.displacement"],
+        ["materials.0.material.shear_modulus"],
+    )
 
 
 def test_a_body_with_a_precut_has_derivatives_until_a_bond_breaks():
-    """Also of the energy release rate; bonds that the precut has cut are damage, but none that the load has done."""
+    """Also of the energy release rate; bonds that the precut has cut are damage, but none that
+    the load has done.
+    """
     changes = {
         "spacing": 0.2,
         "horizon_ratio": 2.2,
@@ -170,7 +265,12 @@ def test_a_body_with_a_precut_has_derivatives_until_a_bond_breaks():
         "reference": None,
     }
     scene = pds.load_scene("tear", changes)
-    compare(scene, "bond-energy", ["nominal_stress", "cracks.0.energy_release_rate"], ["material.shear_modulus", "stretch"])
+    compare(
+        scene,
+        "bond-energy",
+        ["nominal_stress", "cracks.0.energy_release_rate"],
+        ["material.shear_modulus", "stretch"],
+    )
     torn = pds.simulate(scene, "bond-energy")
     torn.states[0][1]["damage"][0] += 0.05  # as if a bond were broken
     with pytest.raises(ValueError, match="bonds are broken at output 0"):
@@ -178,15 +278,28 @@ def test_a_body_with_a_precut_has_derivatives_until_a_bond_breaks():
 
 
 def by_models(scene, outputs, models, step):
-    """Return derivatives of measurements from two runs, converged to 1e-10, with the force models after and before."""
+    """Return derivatives of measurements from two runs, converged to 1e-10, with the force
+    models after and before.
+    """
     rows = [
-        dict(leaves(pds.simulate(pds.load_scene(scene.name, {**scene_changes(scene), **CONVERGED}), model).levels[-1])) for model in models
+        dict(
+            leaves(
+                pds.simulate(
+                    pds.load_scene(scene.name, {**scene_changes(scene), **CONVERGED}), model
+                ).levels[-1]
+            )
+        )
+        for model in models
     ]
     return np.array([rows[0][name] - rows[1][name] for name in outputs]) / (2 * step)
 
 
 def scene_changes(scene):
-    return {"spacing": scene.spacing, "stretches": list(scene.stretches), "material": scene.material.model_dump(mode="json")}
+    return {
+        "spacing": scene.spacing,
+        "stretches": list(scene.stretches),
+        "material": scene.material.model_dump(mode="json"),
+    }
 
 
 @pytest.mark.parametrize(
@@ -197,10 +310,16 @@ def scene_changes(scene):
         ("hole", 0.5, "gent", "coefficients", (1, 2, 1)),
     ],
 )
-def test_derivatives_by_numbers_of_learned_models_are_those_of_converged_runs(name, spacing, artifact, array, place):
-    """Forces are linear in these numbers, so that the differences can be large; the models then no longer have their stated errors."""
+def test_derivatives_by_numbers_of_learned_models_are_those_of_converged_runs(
+    name, spacing, artifact, array, place
+):
+    """Forces are linear in these numbers, so that the differences can be large; the models then
+    no longer have their stated errors.
+    """
     model = pds.load_surrogate(artifact)
-    law = {"law": model.law} | ({"chain_limit": model.shape["chain_limit"]} if "chain_limit" in model.shape else {})
+    law = {"law": model.law} | (
+        {"chain_limit": model.shape["chain_limit"]} if "chain_limit" in model.shape else {}
+    )
     scene = pds.load_scene(name, {"spacing": spacing, "material": law})
     parameter = ".".join(map(str, ("force", array, *place)))
     found = pds.simulate(scene, model).sensitivity(["nominal_stress", "forces"], [parameter])
@@ -209,36 +328,68 @@ def test_derivatives_by_numbers_of_learned_models_are_those_of_converged_runs(na
     for change in (step, -step):
         changed = values.copy()
         changed[place] += change
-        sides.append(replace(model, stated=model.stated | {"rms": 1.0, "max": 1.0}, **{array: changed}))
+        sides.append(
+            replace(model, stated=model.stated | {"rms": 1.0, "max": 1.0}, **{array: changed})
+        )
     expected = by_models(scene, found.outputs, sides, step)
     assert np.abs(found.derivatives[:, 0] - expected).max() < CLOSE * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("name", ["bonded-block", "disc-torsion"])
 def test_adjoint_solutions_give_the_derivatives_of_forward_ones(name):
-    """With fewer measurements than parameters each measurement has a solution, else each parameter."""
+    """With fewer measurements than parameters each measurement has a solution, else each
+    parameter.
+    """
     scene = pds.load_scene(name, spacing=0.25)
-    body, result = Differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy"))), pds.simulate(scene, "bond-energy")
-    at, start = (result.levels[-1]["stretch"] if scene.stretched else result.levels[-1]["t"]), result.displacement()
-    parameters = ["material.shear_modulus", "material.bulk_modulus", "stretch" if scene.stretched else "t"]
+    body, result = (
+        Differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy"))),
+        pds.simulate(scene, "bond-energy"),
+    )
+    at, start = (
+        (result.levels[-1]["stretch"] if scene.stretched else result.levels[-1]["t"]),
+        result.displacement(),
+    )
+    parameters = [
+        "material.shear_modulus",
+        "material.bulk_modulus",
+        "stretch" if scene.stretched else "t",
+    ]
     holder = next(iter(result.levels[-1]["forces"]))
     forward = body.jacobian(at, start, ["energy", f"forces.{holder}"], parameters)
     for name in ("energy", f"forces.{holder}.0", f"forces.{holder}.1"):
-        adjoint, row = body.jacobian(at, start, [name], parameters), forward.derivatives[forward.names.index(name)]
+        adjoint, row = (
+            body.jacobian(at, start, [name], parameters),
+            forward.derivatives[forward.names.index(name)],
+        )
         assert adjoint.moved is None
-        assert np.abs(adjoint.derivatives[0] - row).max() < CLOSE * np.abs(forward.derivatives).max()
+        assert (
+            np.abs(adjoint.derivatives[0] - row).max() < CLOSE * np.abs(forward.derivatives).max()
+        )
 
 
 def test_jacobians_of_displacements_at_places_are_those_of_changed_equilibria():
     scene = pds.load_scene("hole", spacing=0.25)
     places = np.array([[0.5, 0.3], [0.3, 1.1], [0.9, 0.8]])
     body = Differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy")), places)
-    at, start, outputs, step = scene.stretches[-1], pds.simulate(scene, "bond-energy").displacement(), ["nominal_stress"], 1e-4
+    at, start, outputs, step = (
+        scene.stretches[-1],
+        pds.simulate(scene, "bond-energy").displacement(),
+        ["nominal_stress"],
+        1e-4,
+    )
     found = body.jacobian(at, start, outputs, ["stretch", "material.shear_modulus"])
-    assert found.names == ("nominal_stress", *(f"places.{place}.{axis}" for place in range(3) for axis in range(2)))
-    pulled = [body.jacobian(at + change, found.displacements, outputs, ["stretch"]).values for change in (step, -step)]
+    assert found.names == (
+        "nominal_stress",
+        *(f"places.{place}.{axis}" for place in range(3) for axis in range(2)),
+    )
+    pulled = [
+        body.jacobian(at + change, found.displacements, outputs, ["stretch"]).values
+        for change in (step, -step)
+    ]
     stiffer = [body.changed({"material.shear_modulus": 1 + change}) for change in (step, -step)]
-    stiffer = [side.jacobian(at, found.displacements, outputs, ["stretch"]).values for side in stiffer]
+    stiffer = [
+        side.jacobian(at, found.displacements, outputs, ["stretch"]).values for side in stiffer
+    ]
     expected = np.array([(after - before) / (2 * step) for after, before in (pulled, stiffer)]).T
     assert np.abs(found.derivatives - expected).max() < CLOSE * np.abs(expected[1:]).max()
 
@@ -255,19 +406,31 @@ def test_newton_reaches_ten_digits_in_a_few_iterations(name):
 
 def test_what_has_no_derivative_is_refused(tmp_path):
     result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "bond-energy")
-    with pytest.raises(ValueError, match=r"there is no number 'material.shear_modulos' .* did you mean material.shear_modulus"):
+    with pytest.raises(
+        ValueError,
+        match=r"there is no number 'material.shear_modulos' .* did you mean material.shear_modulus",
+    ):
         result.sensitivity(["energy"], ["material.shear_modulos"])
     with pytest.raises(ValueError, match="there is no number 'spacing'"):
         result.sensitivity(["energy"], ["spacing"])
-    with pytest.raises(ValueError, match="the result has no 'nominal_stres'; did you mean nominal_stress"):
+    with pytest.raises(
+        ValueError, match="the result has no 'nominal_stres'; did you mean nominal_stress"
+    ):
         result.sensitivity(["nominal_stres"], ["stretch"])
-    with pytest.raises(ValueError, match="parameters: name at least one number to differentiate by, such as 'stretch'"):
+    with pytest.raises(
+        ValueError,
+        match="parameters: name at least one number to differentiate by, such as 'stretch'",
+    ):
         result.sensitivity([], [])
-    with pytest.raises(ValueError, match=r"outputs: must be a list of names such as .* not 'energy'"):
+    with pytest.raises(
+        ValueError, match=r"outputs: must be a list of names such as .* not 'energy'"
+    ):
         result.sensitivity("energy", ["stretch"])
     with pytest.raises(ValueError, match=r"parameters: must be a list of names .* not \[1\]"):
         result.sensitivity(["energy"], [1])
-    with pytest.raises(ValueError, match=r"outputs: must be a list of at least one name, .* not \[\]"):
+    with pytest.raises(
+        ValueError, match=r"outputs: must be a list of at least one name, .* not \[\]"
+    ):
         result.standard_errors([])
     with pytest.raises(ValueError, match=r"covariance: must be a LawCovariance, .* not a float"):
         result.standard_errors(["energy"], 1.0)
@@ -282,17 +445,27 @@ def test_what_has_no_derivative_is_refused(tmp_path):
     with pytest.raises(ValueError, match="the forces of ba-nosb have no energy: use bond-energy"):
         soft.sensitivity(["nominal_stress"], ["stretch"])
     with pytest.raises(pds.SceneError, match=r"solver\.method=newton needs precision"):
-        pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.25, "solver.method": "newton"}), "neo-hookean")
+        pds.simulate(
+            pds.load_scene("uniaxial", {"spacing": 0.25, "solver.method": "newton"}), "neo-hookean"
+        )
 
 
 def test_a_kink_of_an_amplitude_has_no_derivative_by_t():
     """The amplitude rises to 1 at t = 1, and then stays there."""
     moved = {"region": "right", "x1": 0.2, "x2": 0.0, "amplitude": [[0, 0], [1, 1], [2, 1]]}
-    scene = {"name": "kink", "spacing": 0.25, "steps": [0.5, 1.0, 2.0], "body": {"size": [1.0, 0.5]}, "material": "neo-hookean"}
+    scene = {
+        "name": "kink",
+        "spacing": 0.25,
+        "steps": [0.5, 1.0, 2.0],
+        "body": {"size": [1.0, 0.5]},
+        "material": "neo-hookean",
+    }
     scene |= {"prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}, moved]}
     result = pds.simulate(pds.Scene.model_validate(scene), "bond-energy")
     assert result.sensitivity(["forces.right.0"], ["t"], level=0).derivatives[0, 0] > 0
-    assert result.sensitivity(["forces.right.0"], ["prescribed.1.x1"], level=1).derivatives[0, 0] > 0
+    assert (
+        result.sensitivity(["forces.right.0"], ["prescribed.1.x1"], level=1).derivatives[0, 0] > 0
+    )
     with pytest.raises(ValueError, match=r"prescribed\.1\.amplitude has a kink at t = 1"):
         result.sensitivity(["forces.right.0"], ["t"], level=1)
 
@@ -307,20 +480,34 @@ def pressed(**keys):
     """A sheet on rollers into which a disc is pressed."""
     rollers = [{"region": "bottom", "x2": 0.0}, {"region": "left", "x1": 0.0}]
     material = RUBBER | {"bulk_modulus": 10.0}
-    given = {"name": "pressed", "spacing": 0.2, "steps": [1.0], "body": {"size": (1.0, 1.0)}, "material": material}
+    given = {
+        "name": "pressed",
+        "spacing": 0.2,
+        "steps": [1.0],
+        "body": {"size": (1.0, 1.0)},
+        "material": material,
+    }
     return pds.Scene.model_validate(given | {"prescribed": rollers, "obstacles": [DISC]} | keys)
 
 
 def cantilever(length, force):
     """A cantilever of the thickness 1 under a force at its end."""
-    end = {"probes": [{"name": "end", "at": (length, 0.5)}], "loads": [{"region": "right", "force": (0.0, force), "name": "end"}]}
+    end = {
+        "probes": [{"name": "end", "at": (length, 0.5)}],
+        "loads": [{"region": "right", "force": (0.0, force), "name": "end"}],
+    }
     given = {"name": "cantilever", "spacing": 0.25, "steps": [1.0], "body": {"size": (length, 1.0)}}
-    held = {"prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}], "material": RUBBER | {"bulk_modulus": 100.0}}
+    held = {
+        "prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}],
+        "material": RUBBER | {"bulk_modulus": 100.0},
+    }
     return pds.Scene.model_validate(given | held | end)
 
 
 def settled(body, at, displacements):
-    """Return the measurements of an equilibrium that Newton's method with the dense tangent has converged to rounding."""
+    """Return the measurements of an equilibrium that Newton's method with the dense tangent has
+    converged to rounding.
+    """
     run = body.run
     run.state.parameter = at
     place(run, run.body.points + displacements)
@@ -337,7 +524,9 @@ def settled(body, at, displacements):
 
 
 def by_settled(body, at, start, names, parameter):
-    """Return derivatives of measurements by Richardson's extrapolation of the differences of four equilibria."""
+    """Return derivatives of measurements by Richardson's extrapolation of the differences of
+    four equilibria.
+    """
     loading = body.run.loading.parameter
     value = at if parameter == loading else body.numbers[parameter]
     # Nearly incompressible bodies hardly depend on their bulk modulus.
@@ -356,15 +545,45 @@ def by_settled(body, at, start, names, parameter):
 @pytest.mark.parametrize(
     ("scene", "outputs", "parameters"),
     [
-        (lambda: pds.load_scene("plane-strain-block", {"spacing": 0.2, "stretches": [1.3], "material": STIFF}), ["forces"], OF_STIFF),
-        (lambda: pds.load_scene("bonded-block", {"spacing": 1 / 3, "stretches": [1.3], "material": STIFF}), ["nominal_stress"], OF_STIFF),
-        (pressed, ["forces"], ["obstacles.0.x1", "obstacles.0.x2", "obstacles.0.disc.radius", "material.shear_modulus", "t"]),
-        (lambda: cantilever(6.0, 6e-3), ["probes.end.displacement", "forces.left"], ["loads.0.force.1", "t"]),
+        (
+            lambda: pds.load_scene(
+                "plane-strain-block", {"spacing": 0.2, "stretches": [1.3], "material": STIFF}
+            ),
+            ["forces"],
+            OF_STIFF,
+        ),
+        (
+            lambda: pds.load_scene(
+                "bonded-block", {"spacing": 1 / 3, "stretches": [1.3], "material": STIFF}
+            ),
+            ["nominal_stress"],
+            OF_STIFF,
+        ),
+        (
+            pressed,
+            ["forces"],
+            [
+                "obstacles.0.x1",
+                "obstacles.0.x2",
+                "obstacles.0.disc.radius",
+                "material.shear_modulus",
+                "t",
+            ],
+        ),
+        (
+            lambda: cantilever(6.0, 6e-3),
+            ["probes.end.displacement", "forces.left"],
+            ["loads.0.force.1", "t"],
+        ),
     ],
     ids=["strain", "solid, adjoint", "disc", "cantilever"],
 )
-def test_derivatives_at_large_bulk_moduli_in_contact_and_of_slender_bodies_are_those_of_converged_equilibria(scene, outputs, parameters):
-    """K/mu is 10,000 in the first two. The equilibria of the reference are converged to rounding."""
+def test_derivatives_at_large_bulk_moduli_in_contact_and_of_slender_bodies(
+    scene, outputs, parameters
+):
+    """K/mu is 10,000 in the first two. The equilibria of the reference are converged to
+    rounding.
+    """
     scene = scene()
     result = pds.simulate(scene, "bond-energy")
     found = result.sensitivity(outputs, parameters)

@@ -27,7 +27,10 @@ from pdsurrogate.solvers.equilibrium import Diverging
 from pdsurrogate.solvers.increments import Increments
 from pdsurrogate.solvers.methods import SOLVERS, QuasiNewton
 
-VERTICAL = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]
+VERTICAL = [
+    {"edge": "bottom", "holds": "normal"},
+    {"edge": "top", "holds": "normal", "travel": 1.0},
+]
 
 
 def run(force, *changes, **options):
@@ -36,7 +39,9 @@ def run(force, *changes, **options):
 
 @pytest.mark.parametrize("force", ["analytic", "neo-hookean"])
 def test_uniaxial_against_the_exact_compressible_solution(force, fem_uniaxial):
-    """The exact answer is homogeneous, so it is found at any spacing: to the tolerance of the residual, or to the error of the fit."""
+    """The exact answer is homogeneous, so it is found at any spacing: to the tolerance of the
+    residual, or to the error of the fit.
+    """
     tolerance = 5e-5 if force == "analytic" else 5e-4
     result = run(force)
     assert result.summary["converged"]
@@ -44,38 +49,62 @@ def test_uniaxial_against_the_exact_compressible_solution(force, fem_uniaxial):
     for level in result.levels:
         exact = fem_uniaxial["results"][f"lambda={level['stretch']:g}"]
         assert level["nominal_stress"] == pytest.approx(exact["nominal_stress_P11"], rel=tolerance)
-        assert level["nominal_stress_work_conjugate"] == pytest.approx(exact["nominal_stress_P11"], rel=tolerance)
-        assert level["lateral_displacement"] == pytest.approx(exact["u2_bottom_edge"], rel=tolerance)
-        assert level["nominal_stress_reference"] == pytest.approx(exact["nominal_stress_P11"], rel=1e-12)
+        assert level["nominal_stress_work_conjugate"] == pytest.approx(
+            exact["nominal_stress_P11"], rel=tolerance
+        )
+        assert level["lateral_displacement"] == pytest.approx(
+            exact["u2_bottom_edge"], rel=tolerance
+        )
+        assert level["nominal_stress_reference"] == pytest.approx(
+            exact["nominal_stress_P11"], rel=1e-12
+        )
         assert level["roughness"] < 1e-6
 
 
 @pytest.mark.parametrize("cells", [3, 4, 5, 6])
 def test_the_stress_of_short_bodies(cells):
-    """`uniaxial --set body.size=0.4,1 --set spacing=0.1 --set stretches=1.5` gave 0.891 kPa: bonds with images were left out."""
-    level = run("analytic", "spacing=0.1", f"body.size={0.1 * cells:g},1.0", "stretches=1.5").levels[0]
+    """`uniaxial --set body.size=0.4,1 --set spacing=0.1 --set stretches=1.5` gave 0.891 kPa:
+    bonds with images were left out.
+    """
+    level = run(
+        "analytic", "spacing=0.1", f"body.size={0.1 * cells:g},1.0", "stretches=1.5"
+    ).levels[0]
     assert level["nominal_stress"] == pytest.approx(1.0495390228, rel=5e-5)
-    assert level["nominal_stress"] == pytest.approx(level["nominal_stress_work_conjugate"], rel=5e-5)
+    assert level["nominal_stress"] == pytest.approx(
+        level["nominal_stress_work_conjugate"], rel=5e-5
+    )
 
 
 @pytest.mark.parametrize("cells", [1, 2])
 def test_bodies_whose_horizons_reach_images_of_images_are_refused(cells):
-    """Two spacings between reflected grips gave 0.218 kPa of 1.050, and a lateral displacement 1 % off: neighbors are missing."""
-    with pytest.raises(SceneError, match=r"too short for reflection: its horizon is 0\.315; use a spacing of 0\.0\d+ or less"):
+    """Two spacings between reflected grips gave 0.218 kPa of 1.050, and a lateral displacement 1
+    % off: neighbors are missing.
+    """
+    with pytest.raises(
+        SceneError,
+        match=r"too short for reflection: its horizon is 0\.315; use a spacing of 0\.0\d+ or less",
+    ):
         run("analytic", "spacing=0.1", f"body.size={0.1 * cells:g},1.0", "stretches=1.5")
 
 
 @pytest.mark.parametrize("force", ["analytic", "neo-hookean", "bond-energy", "nosb", "ba-nosb"])
 @pytest.mark.parametrize("support", ["reflected", "points"])
 def test_forces_of_grips_balance_and_are_those_on_held_points(force, support):
-    """Both components, of clamped grips on a body without symmetry, in a state that is no equilibrium.
+    """Both components, of clamped grips on a body without symmetry, in a state that is no
+    equilibrium.
 
-    Reflected grips exert all force there is on the body, so they balance the sum of the internal forces; held points take what the
-    internal forces leave on them.  To the rounding of single precision, in which one of the models sums.
+    Reflected grips exert all force there is on the body, so they balance the sum of the internal
+    forces; held points take what the internal forces leave on them.  To the rounding of single
+    precision, in which one of the models sums.
     """
-    scene = pds.load_scene("pure-shear", {"spacing": 0.1, "body": {"shape": "polygon", "vertices": LETTER_L}, "support": support})
+    scene = pds.load_scene(
+        "pure-shear",
+        {"spacing": 0.1, "body": {"shape": "polygon", "vertices": LETTER_L}, "support": support},
+    )
     run = started(scene, force)
-    positions = run.loading.course.guesses(run.body.points, 1.0, 1.2, None)[0] + 0.01 * np.sin(3 * run.body.points[:, ::-1] + [0.3, 0.7])
+    positions = run.loading.course.guesses(run.body.points, 1.0, 1.2, None)[0] + 0.01 * np.sin(
+        3 * run.body.points[:, ::-1] + [0.3, 0.7]
+    )
     internal = np.empty_like(positions)
     run.loading.apply(1.2, run.force, positions)
     run.force(positions, internal)
@@ -97,18 +126,28 @@ def test_the_stress_of_an_l_is_that_of_its_leg():
     """It was the force over the width of the bounding box: a third of the leg's stress."""
     grips = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
     body = {"shape": "polygon", "vertices": LETTER_L}
-    scene = pds.load_scene("pure-shear", {"spacing": 0.1, "stretches": [1.1], "body": body, "grips": grips})
+    scene = pds.load_scene(
+        "pure-shear", {"spacing": 0.1, "stretches": [1.1], "body": body, "grips": grips}
+    )
     summary = simulate(scene, "analytic").summary
     level = summary["levels"][0]
     assert summary["grip_areas"] == pytest.approx({"bottom": 3.0, "top": 1.0}, rel=1e-12)
     assert summary["units"]["force"] == "kPa cm"
-    assert (level["nominal_stress_grip"], level["nominal_stress_area"]) == ("top", pytest.approx(1.0, rel=1e-12))
+    assert (level["nominal_stress_grip"], level["nominal_stress_area"]) == (
+        "top",
+        pytest.approx(1.0, rel=1e-12),
+    )
     assert level["nominal_stress"] == level["forces"]["top"][1] / level["nominal_stress_area"]
     # Each grip pulls outwards, and the two balance, also across the load.
     assert level["forces"]["top"][1] > 0 > level["forces"]["bottom"][1]
-    np.testing.assert_allclose(level["forces"]["top"], np.negative(level["forces"]["bottom"]), atol=1e-5 * level["nominal_stress"])
+    np.testing.assert_allclose(
+        level["forces"]["top"],
+        np.negative(level["forces"]["bottom"]),
+        atol=1e-5 * level["nominal_stress"],
+    )
     assert abs(level["forces"]["top"][0]) > 1e-2 * level["nominal_stress"]
-    # The mean stress of the leg's middle, which its ends do not disturb: half of the section is above 2 and below 2.2.
+    # The mean stress of the leg's middle, which its ends do not disturb: half of the section is
+    # above 2 and below 2.2.
     result = simulate(scene, "analytic")
     x2 = result.body.points[:, 1]
     stress = result.states[0][1]["stress"][(x2 > 1.8) & (x2 < 2.2), 4].mean()
@@ -116,13 +155,21 @@ def test_the_stress_of_an_l_is_that_of_its_leg():
 
 
 def test_the_grip_of_the_nominal_stress():
-    """The one that travels further, of two that travel alike the right or top one; whatever their order."""
+    """The one that travels further, of two that travel alike the right or top one; whatever
+    their order.
+    """
     for travels, edge in (((1.0, 0.0), "left"), ((0.0, 1.0), "right"), ((0.5, 0.5), "right")):
         for order in (1, -1):
-            grips = [{"edge": name, "holds": "normal", "travel": travel} for name, travel in zip(("left", "right"), travels, strict=True)]
-            level = simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], "grips": grips[::order]}), "analytic").levels[
-                0
+            grips = [
+                {"edge": name, "holds": "normal", "travel": travel}
+                for name, travel in zip(("left", "right"), travels, strict=True)
             ]
+            level = simulate(
+                pds.load_scene(
+                    "uniaxial", {"spacing": 0.1, "stretches": [1.2], "grips": grips[::order]}
+                ),
+                "analytic",
+            ).levels[0]
             assert level["nominal_stress_grip"] == edge
             assert level["nominal_stress"] > 0
             assert level["forces"]["right"][0] == pytest.approx(level["nominal_stress"], rel=1e-5)
@@ -140,15 +187,27 @@ def test_zero_energy_modes_show_in_nosb_and_not_in_the_surrogate():
 
 def test_solvers_agree():
     methods = ("automatic", "quasi-newton", "relaxation", "explicit")
-    found = [run("neo-hookean", f"solver.method={method}", "stretches=1.5", "support=points").levels[0] for method in methods]
-    assert [level["method"] for level in found] == ["quasi-newton", "quasi-newton", "relaxation", "explicit"]
+    found = [
+        run("neo-hookean", f"solver.method={method}", "stretches=1.5", "support=points").levels[0]
+        for method in methods
+    ]
+    assert [level["method"] for level in found] == [
+        "quasi-newton",
+        "quasi-newton",
+        "relaxation",
+        "explicit",
+    ]
     for level in found[1:]:
         assert level["nominal_stress"] == pytest.approx(found[0]["nominal_stress"], rel=1e-4)
-        assert level["lateral_displacement"] == pytest.approx(found[0]["lateral_displacement"], rel=1e-4)
+        assert level["lateral_displacement"] == pytest.approx(
+            found[0]["lateral_displacement"], rel=1e-4
+        )
 
 
 def test_the_default_method_falls_back_on_relaxation():
-    """NOSB has modes that no stiffness of nearest bonds knows: the quasi-Newton method gives up, and says so if asked for alone."""
+    """NOSB has modes that no stiffness of nearest bonds knows: the quasi-Newton method gives up,
+    and says so if asked for alone.
+    """
     level = run("nosb", "support=points", "stretches=1.5").levels[0]
     assert level["method"] == "relaxation"
     with pytest.raises(SimulationFailed, match="stretch 1"):
@@ -156,10 +215,16 @@ def test_the_default_method_falls_back_on_relaxation():
 
 
 def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
-    """`run uniaxial --set stretches=0.5 --set spacing=0.2` gave 15 % of the stress and `converged: true`.  A cut starts the buckle here."""
+    """`run uniaxial --set stretches=0.5 --set spacing=0.2` gave 15 % of the stress and
+    `converged: true`.  A cut starts the buckle here.
+    """
     described = {"spacing": 0.2, "stretches": [0.5]}
-    cut = pds.load_scene("uniaxial", {**described, "precuts": [{"start": [1.5, 0.85], "end": [1.5, 1.0]}]})
-    with pytest.raises(SimulationFailed, match=r"buckles between the stretches 0\.8.* stretch 0\.8") as caught:
+    cut = pds.load_scene(
+        "uniaxial", {**described, "precuts": [{"start": [1.5, 0.85], "end": [1.5, 1.0]}]}
+    )
+    with pytest.raises(
+        SimulationFailed, match=r"buckles between the stretches 0\.8.* stretch 0\.8"
+    ) as caught:
         simulate(cut, "neo-hookean")
     result = caught.value.result
     assert not result.summary["converged"]
@@ -173,7 +238,9 @@ def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
 
 @pytest.mark.parametrize("force", ["neo-hookean", "analytic"])
 def test_without_a_cut_it_is_compressed_or_refused(force):
-    """It stays straight where forces are symmetric to the last digit, which is up to rounding, and so to the versions of numpy and LLVM."""
+    """It stays straight where forces are symmetric to the last digit, which is up to rounding,
+    and so to the versions of numpy and LLVM.
+    """
     try:
         result = simulate(pds.load_scene("uniaxial", {"spacing": 0.2, "stretches": [0.5]}), force)
     except SimulationFailed as failure:
@@ -185,7 +252,9 @@ def test_without_a_cut_it_is_compressed_or_refused(force):
 
 
 def accepted_before(history):
-    """The stretch that every failed increment started from: the last increment that others followed."""
+    """The stretch that every failed increment started from: the last increment that others
+    followed.
+    """
     reached, current = 1.0, None
     for row in history:
         if current is not None and row["increment"] != current:
@@ -198,9 +267,15 @@ def accepted_before(history):
 
 
 def test_points_beyond_a_grip_are_no_equilibrium():
-    """NOSB folds a compressed sheet through its grips; every force is zero there, and the run said `converged: true`."""
-    scene = pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [0.8, 0.5], "solver.method": "relaxation"})
-    with pytest.raises(SimulationFailed, match=r"point \d+ at \(.*\): .* beyond the (left|right) edge") as caught:
+    """NOSB folds a compressed sheet through its grips; every force is zero there, and the run
+    said `converged: true`.
+    """
+    scene = pds.load_scene(
+        "uniaxial", {"spacing": 0.1, "stretches": [0.8, 0.5], "solver.method": "relaxation"}
+    )
+    with pytest.raises(
+        SimulationFailed, match=r"point \d+ at \(.*\): .* beyond the (left|right) edge"
+    ) as caught:
         simulate(scene, "nosb")
     output, last = (level["stretch"] for level in caught.value.result.levels)
     assert output == 0.8
@@ -209,10 +284,17 @@ def test_points_beyond_a_grip_are_no_equilibrium():
 
 @pytest.mark.parametrize("force", ["bond-energy", "neo-hookean-energy"])
 def test_an_energy_buckles_where_euler_says(force):
-    """A sheet of length l and height h between rollers buckles at a strain of (pi h/l)^2/12, less some percent for its shear."""
-    with pytest.raises(SimulationFailed, match="is not stable, so the body buckles: along one displacement") as caught:
+    """A sheet of length l and height h between rollers buckles at a strain of (pi h/l)^2/12,
+    less some percent for its shear.
+    """
+    with pytest.raises(
+        SimulationFailed, match="is not stable, so the body buckles: along one displacement"
+    ) as caught:
         simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [0.5]}), force)
-    found = re.search(r"found at stretch ([0-9.]+), and none beyond with increments down to ([0-9.]+)", str(caught.value))
+    found = re.search(
+        r"found at stretch ([0-9.]+), and none beyond with increments down to ([0-9.]+)",
+        str(caught.value),
+    )
     reached, increment = map(float, found.groups())
     euler = np.pi**2 / 9 / 12
     # The share of shear in a column's compliance: E/(k G) times the Euler strain, k = 5/6.
@@ -233,14 +315,20 @@ class Picky(QuasiNewton):
 
 
 def test_increments_are_shortened_after_a_failure_and_grow_again(monkeypatch):
-    scene = pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.3, 1.35], "solver.method": "quasi-newton"})
+    scene = pds.load_scene(
+        "uniaxial", {"spacing": 0.1, "stretches": [1.3, 1.35], "solver.method": "quasi-newton"}
+    )
     whole = simulate(scene, "analytic")
     assert not any("failure" in row for row in whole.convergence)
     assert list(dict.fromkeys(row["increment"] for row in whole.convergence)) == [1.3, 1.35]
     monkeypatch.setitem(SOLVERS, "quasi-newton", Picky)
     found = simulate(scene, "analytic")
-    assert [row["increment"] for row in found.convergence if "failure" in row] == pytest.approx([1.3, 1.15, 1.3])
-    taken = list(dict.fromkeys(row["increment"] for row in found.convergence if "failure" not in row))
+    assert [row["increment"] for row in found.convergence if "failure" in row] == pytest.approx(
+        [1.3, 1.15, 1.3]
+    )
+    taken = list(
+        dict.fromkeys(row["increment"] for row in found.convergence if "failure" not in row)
+    )
     assert taken == pytest.approx([1.075, 1.15, 1.225, 1.3, 1.35])
     for level, expected in zip(found.levels, whole.levels, strict=True):
         assert level["nominal_stress"] == pytest.approx(expected["nominal_stress"], rel=1e-5)
@@ -262,10 +350,14 @@ def test_increments_come_back_to_the_planned_values():
 
 
 def test_bond_associated_stress_is_within_its_known_error():
-    """1.5 % at dx = 0.02, and more at 0.05 since the error is that of the horizons along the edges."""
+    """1.5 % at dx = 0.02, and more at 0.05 since the error is that of the horizons along the
+    edges.
+    """
     for level in run("ba-nosb").levels:
         assert abs(level["nominal_stress_error"]) < 0.015 * 2.5
-        assert level["roughness"] < 1e-2  # the edges differ from the interior; NOSB, with the same grips held by points, has 0.7
+        assert (
+            level["roughness"] < 1e-2
+        )  # the edges differ from the interior; NOSB, with the same grips held by points, has 0.7
 
 
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="numba was started with one thread")
@@ -281,12 +373,21 @@ def test_summary_has_what_is_promised():
     summary = run("neo-hookean", "stretches=1.5").summary
     assert summary["scene"] == "uniaxial"
     assert summary["force"] == "neo-hookean@2"
-    assert summary["material"] == {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
+    assert summary["material"] == {
+        "law": "neo-hookean",
+        "shear_modulus": 1.0,
+        "bulk_modulus": 100.0,
+    }
     assert summary["n_points"] == 60 * 20
     assert summary["fallback_fraction"] == 0.0
     # Undirected bonds, those across the grips as well; directed ones within the body alone.
     bonds = build_body(pds.load_scene("uniaxial", ["spacing=0.05"])).bonds
-    assert summary["n_bonds"] == len(bonds.first) > summary["n_directed_bonds"] / 2 == (bonds.second < summary["n_points"]).sum()
+    assert (
+        summary["n_bonds"]
+        == len(bonds.first)
+        > summary["n_directed_bonds"] / 2
+        == (bonds.second < summary["n_points"]).sum()
+    )
     for key in ("threads", "n_force_evaluations", "seconds_total", "ns_per_directed_bond"):
         assert summary[key] > 0
     assert summary["seconds_compile"] >= 0
@@ -296,12 +397,21 @@ def test_summary_has_what_is_promised():
 
 
 def test_surrogate_beyond_its_domain_falls_back(tmp_path):
-    """Trained to stretch 1.5 and run to 2.0: the result is that of the exact force, and the share of bonds that fell back is told."""
+    """Trained to stretch 1.5 and run to 2.0: the result is that of the exact force, and the
+    share of bonds that fell back is told.
+    """
     law = pds.materials.NeoHookean()
     samples = pds.training_samples(law, 3000, (0.75, 1.5), random_state=0)
-    model = pds.surrogate_pipeline(pds.LevenbergMarquardtRegressor((12,), "algebraic", max_iter=300, random_state=0))
-    short = pds.load_surrogate(pds.store(model.fit(samples.X, samples.y), samples, law, tmp_path, "short", "1", "to 1.5"))
-    with pytest.warns(OutsideDomainWarning, match=r"the exact bond force was used instead \(at most \d+ bonds at once\)") as told:
+    model = pds.surrogate_pipeline(
+        pds.LevenbergMarquardtRegressor((12,), "algebraic", max_iter=300, random_state=0)
+    )
+    short = pds.load_surrogate(
+        pds.store(model.fit(samples.X, samples.y), samples, law, tmp_path, "short", "1", "to 1.5")
+    )
+    with pytest.warns(
+        OutsideDomainWarning,
+        match=r"the exact bond force was used instead \(at most \d+ bonds at once\)",
+    ) as told:
         result = run(short, "stretches=2")
     assert len(told) == 1
     assert told[0].filename.endswith("test_simulation.py")
@@ -314,7 +424,9 @@ def test_surrogate_beyond_its_domain_falls_back(tmp_path):
 
 
 def test_failed_runs_keep_what_they_reached(tmp_path):
-    with pytest.raises(SimulationFailed, match=r"stretch 1\.5: the residual is .* after 5 force evaluations"):
+    with pytest.raises(
+        SimulationFailed, match=r"stretch 1\.5: the residual is .* after 5 force evaluations"
+    ):
         run("analytic", "stretches=1.5", "solver.most_evaluations=5")
     with pytest.raises(SimulationFailed, match=r"stretch 5: .* outside the domain") as caught:
         run("neo-hookean", "stretches=1.5,5", "outside=raise")
@@ -328,13 +440,22 @@ def test_failed_runs_keep_what_they_reached(tmp_path):
 def test_holds(tmp_path):
     scene = pds.load_scene(
         "uniaxial",
-        {"holds": [{"box": [[1.4, 0.4], [1.6, 0.6]], "components": ["x2"], "travel": [0.0, 0.05]}], "spacing": 0.1, "stretches": [1.5]},
+        {
+            "holds": [
+                {"box": [[1.4, 0.4], [1.6, 0.6]], "components": ["x2"], "travel": [0.0, 0.05]}
+            ],
+            "spacing": 0.1,
+            "stretches": [1.5],
+        },
     )
     result = simulate(scene, "analytic")
     inside = ((result.body.points > [1.4, 0.4]) & (result.body.points < [1.6, 0.6])).all(axis=1)
     np.testing.assert_allclose(result.displacement()[inside, 1], 0.05 * 0.5 * 3.0)
     for bad, message in (
-        ({"box": [[8, 8], [9, 9]]}, r"holds\.0: the region contains no point of the body; the nearest is point 299"),
+        (
+            {"box": [[8, 8], [9, 9]]},
+            r"holds\.0: the region contains no point of the body; the nearest is point 299",
+        ),
         ({"points": [10_000]}, "there is no point 10000"),
         ({}, "either a box or a list of points"),
     ):
@@ -342,7 +463,10 @@ def test_holds(tmp_path):
             simulate(pds.load_scene("uniaxial", {"holds": [bad], "spacing": 0.1}), "analytic")
 
 
-@pytest.mark.parametrize(("change", "message"), [("spacing=5", "larger than the body"), ("spacing=0.3", "does not divide")])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [("spacing=5", "larger than the body"), ("spacing=0.3", "does not divide")],
+)
 def test_bodies_that_cannot_be_built(change, message):
     with pytest.raises(SceneError, match=message):
         run("analytic", change)
@@ -350,8 +474,12 @@ def test_bodies_that_cannot_be_built(change, message):
 
 @pytest.mark.parametrize("changes", [{}, {"body.size": [1.0, 3.0], "grips": VERTICAL}])
 def test_cells_that_are_no_squares_are_exact_where_the_answer_is_homogeneous(changes):
-    """3 x 1 cm at 0.07: 43 x 14 cells.  To 5e-5, the residual's tolerance of 1e-6 in units of shear modulus/spacing over ten points."""
-    result = simulate(pds.load_scene("uniaxial", {"spacing": 0.07, "stretches": [1.5], **changes}), "analytic")
+    """3 x 1 cm at 0.07: 43 x 14 cells.  To 5e-5, the residual's tolerance of 1e-6 in units of
+    shear modulus/spacing over ten points.
+    """
+    result = simulate(
+        pds.load_scene("uniaxial", {"spacing": 0.07, "stretches": [1.5], **changes}), "analytic"
+    )
     level, cell = result.levels[0], np.array([3 / 43, 1 / 14])
     cell = cell[::-1] if changes else cell
     assert level["nominal_stress_error"] == pytest.approx(0, abs=5e-5)
@@ -363,14 +491,17 @@ def test_cells_that_are_no_squares_are_exact_where_the_answer_is_homogeneous(cha
 
 
 def test_pure_shear_between_spacings_that_divide():
-    """Its errors fall with the spacing: 5 x 1 cm at 0.09 are 56 x 11 cells, with an error between those of 10 and 12 rows of squares.
+    """Its errors fall with the spacing: 5 x 1 cm at 0.09 are 56 x 11 cells, with an error between
+    those of 10 and 12 rows of squares.
 
-    With the horizon measured by the mean or the larger side its stress error is a fifth to a quarter off that line, and its displacement
-    error half as large again.
+    With the horizon measured by the mean or the larger side its stress error is a fifth to a
+    quarter off that line, and its displacement error half as large again.
     """
     errors = []
     for spacing in (0.1, 0.09, 1 / 12):
-        level = simulate(pds.load_scene("pure-shear", {"spacing": spacing, "stretches": [2.0]}), "analytic").levels[0]
+        level = simulate(
+            pds.load_scene("pure-shear", {"spacing": spacing, "stretches": [2.0]}), "analytic"
+        ).levels[0]
         errors.append(abs(level["nominal_stress_error"]))
     assert errors[0] > errors[1] > errors[2]
 
@@ -384,26 +515,48 @@ LOOSE = [{"start": [x1, -1.0], "end": [x1, 2.0]} for x1 in (1.0, 2.0)]
         # "zero-size array to reduction operation maximum which has no identity"
         (
             {"body.size": [3.0, 0.1]},
-            r"the bonds of 30 of its points, the first at \(0.05, 0.05\), lie on one line; it needs",
+            (
+                r"the bonds of 30 of its points, the first at \(0.05, 0.05\), lie on one line; it"
+                r" needs"
+            ),
         ),
         # Converged, with a stress of zero.
         (
             {"precuts": LOOSE},
-            r"grips: nothing keeps a piece of 100 points of the body, at \(1.05, 0.05\), from moving along x1; .* 3 pieces .* add a hold",
+            (
+                r"grips: nothing keeps a piece of 100 points of the body, at \(1.05, 0.05\), from"
+                r" moving along x1; .* 3 pieces .* add a hold"
+            ),
         ),
         ({"precuts": LOOSE, "support": "points"}, "grips: nothing keeps .* consists of 3 pieces"),
         (
-            {"holes": [{"shape": "rectangle", "size": [0.4, 1.0], "lower": [x1, 0.0]} for x1 in (0.5, 1.5)]},
+            {
+                "holes": [
+                    {"shape": "rectangle", "size": [0.4, 1.0], "lower": [x1, 0.0]}
+                    for x1 in (0.5, 1.5)
+                ]
+            },
             "grips: nothing keeps a piece of 60 points",
         ),
-        ({"holes": [{"shape": "rectangle", "size": [0.3, 1.0]}]}, "grips: the body has no straight edge with material at its left end"),
+        (
+            {"holes": [{"shape": "rectangle", "size": [0.3, 1.0]}]},
+            "grips: the body has no straight edge with material at its left end",
+        ),
         # The grip won: converged, 6 % off.
         (
-            {"support": "points", "holds": [{"box": [[0.0, 0.0], [0.1, 1.0]], "travel": [-1.0, 0.0]}]},
+            {
+                "support": "points",
+                "holds": [{"box": [[0.0, 0.0], [0.1, 1.0]], "travel": [-1.0, 0.0]}],
+            },
             r"holds.0 and grips.0 move point 0 at \(0.05, 0.05\) differently along x1",
         ),
         (
-            {"holds": [{"points": [3]}, {"points": [2, 3], "components": ["x2"], "travel": [0.0, 0.5]}]},
+            {
+                "holds": [
+                    {"points": [3]},
+                    {"points": [2, 3], "components": ["x2"], "travel": [0.0, 0.5]},
+                ]
+            },
             "holds.0 and holds.1 move point 3 .* differently along x2",
         ),
     ],
@@ -411,13 +564,20 @@ LOOSE = [{"start": [x1, -1.0], "end": [x1, 2.0]} for x1 in (1.0, 2.0)]
 def test_bodies_and_conditions_without_an_answer(changes, message):
     """What ran through, or ended in the words of NumPy."""
     with pytest.raises(SceneError, match=message):
-        simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], **changes}), "analytic")
+        simulate(
+            pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], **changes}), "analytic"
+        )
 
 
 def test_pieces_that_are_held_have_an_answer():
     """A piece between two cuts that a hold of its own keeps in place, and two rows of points."""
-    for changes in ({"precuts": LOOSE, "holds": [{"box": [[1.4, 0.0], [1.6, 1.0]], "components": ["x1"]}]}, {"body.size": [3.0, 0.2]}):
-        result = simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], **changes}), "analytic")
+    for changes in (
+        {"precuts": LOOSE, "holds": [{"box": [[1.4, 0.0], [1.6, 1.0]], "components": ["x1"]}]},
+        {"body.size": [3.0, 0.2]},
+    ):
+        result = simulate(
+            pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], **changes}), "analytic"
+        )
         assert result.summary["converged"]
 
 
@@ -433,8 +593,15 @@ def test_scenes_by_name_and_file(tmp_path):
     """``pds.simulate("uniaxial")`` ended in an AttributeError."""
     path = tmp_path / "small.toml"
     built_in = (resources.files("pdsurrogate.scenes") / "uniaxial.toml").read_text("utf-8")
-    path.write_text(re.sub(r"(?m)^(spacing|stretches) *=.*$", lambda line: f"{line[1]} = {FAST[line[1]]}", built_in))
-    stress = [pds.simulate(scene).levels[-1]["nominal_stress"] for scene in (path, str(path), pds.load_scene("uniaxial", FAST))]
+    path.write_text(
+        re.sub(
+            r"(?m)^(spacing|stretches) *=.*$", lambda line: f"{line[1]} = {FAST[line[1]]}", built_in
+        )
+    )
+    stress = [
+        pds.simulate(scene).levels[-1]["nominal_stress"]
+        for scene in (path, str(path), pds.load_scene("uniaxial", FAST))
+    ]
     assert stress[0] == stress[1] == stress[2]
     with pytest.raises(SceneError, match="unknown scene 'uniaxal'"):
         pds.simulate("uniaxal")
@@ -449,20 +616,28 @@ def test_fitted_pipelines_are_taken():
         pds.training_samples(law, 3000, (0.8, 1.5), random_state=0),
         pds.training_samples(law, 500, (0.8, 1.5), target="sheet-energy"),
     )
-    bond = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric").fit(samples.X, samples.y)
-    energy = pds.surrogate_pipeline(pds.learning.SobolevRegressor(8, max_iter=300, random_state=0), "sheet-energy").fit(
-        energies.X, energies.y
+    bond = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric").fit(
+        samples.X, samples.y
     )
+    energy = pds.surrogate_pipeline(
+        pds.learning.SobolevRegressor(8, max_iter=300, random_state=0), "sheet-energy"
+    ).fit(energies.X, energies.y)
     for pipeline in (bond, energy):
         result = pds.simulate(scene, pipeline)
         assert result.summary["force"] == "fitted pipeline"
         assert abs(result.levels[-1]["nominal_stress_error"]) < 1e-3
-    # Its domain are the states that it was fitted to: the box of stretches, and as far beyond as bonds off the surface are moved.
+    # Its domain are the states that it was fitted to: the box of stretches, and as far beyond as
+    # bonds off the surface are moved.
     domain = force_model_of(bond, law).domain
     assert 0.8 * np.exp(-0.3) < domain.least_stretch < 0.8
     assert 1.5 < domain.greatest_stretch < 1.5 * np.exp(0.3)
     assert force_model_of(energy, law).domain.greatest_stretch == pytest.approx(1.5, rel=1e-2)
-    assert pds.simulate(pds.load_scene("uniaxial", FAST, stretches=[2.0]), bond).summary["fallback_fraction"] > 0.5
+    assert (
+        pds.simulate(pds.load_scene("uniaxial", FAST, stretches=[2.0]), bond).summary[
+            "fallback_fraction"
+        ]
+        > 0.5
+    )
 
 
 def test_what_is_no_force_says_what_is_taken():
@@ -471,9 +646,13 @@ def test_what_is_no_force_says_what_is_taken():
     pipeline = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric")
     with pytest.raises(ValueError, match="not fitted"):
         pds.simulate(scene, pipeline)
-    with pytest.raises(ValueError, match=r"the stretches to which this LinearRegression was fitted are unknown"):
+    with pytest.raises(
+        ValueError, match=r"the stretches to which this LinearRegression was fitted are unknown"
+    ):
         pds.simulate(scene, LinearRegression().fit(samples.X, samples.y))
-    with pytest.raises(ValueError, match="the stretches to which a pipeline from a file was fitted are unknown"):
+    with pytest.raises(
+        ValueError, match="the stretches to which a pipeline from a file was fitted are unknown"
+    ):
         pds.simulate(scene, pickle.loads(pickle.dumps(pipeline.fit(samples.X, samples.y))))
     for force in (3, pds.AnalyticBondForce, samples):
         with pytest.raises(TypeError, match="force must be a force model, its name or path"):
@@ -481,13 +660,16 @@ def test_what_is_no_force_says_what_is_taken():
 
 
 def test_a_simulation_has_what_its_scene_needs():
-    """The imports of a run with a learned force, without scikit-learn and torch; neither arrays nor kernels of damage."""
+    """The imports of a run with a learned force, without scikit-learn and torch; neither arrays
+    nor kernels of damage.
+    """
     code = """
 import sys
 import pdsurrogate as pds
 result = pds.simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2]), sys.argv[1])
 assert result.summary["converged"]
-loaded = [name for name in ("sklearn", "torch", "skorch", "matplotlib", "meshio") if name in sys.modules]
+optional = {"sklearn", "torch", "skorch", "matplotlib", "meshio"}
+loaded = optional & {*sys.modules}
 assert not loaded, loaded
 assert "crack" not in result.summary and "damage" not in result.states[0][1]
 from pdsurrogate.kernels.damage import find_overstretched
@@ -497,7 +679,9 @@ assert not find_overstretched
 
 
 def test_a_small_run_loads_neither_the_compiler_nor_what_it_does_not_use():
-    """A run of 300 points whose kernels are in the cache; it knows its boundary, which takes shapely and parts of SciPy."""
+    """A run of 300 points whose kernels are in the cache; it knows its boundary, which takes
+    shapely and parts of SciPy.
+    """
     code = """
 import sys
 import pdsurrogate as pds
@@ -512,7 +696,9 @@ if sys.argv[1] == "cached":
 
 
 def test_compression_says_whether_stability_was_checked():
-    """A force map has no energy whose curvature could be looked at; levels under tension need none."""
+    """A force map has no energy whose curvature could be looked at; levels under tension need
+    none.
+    """
     for force, expected in (("analytic", "not checked"), ("bond-energy", "checked")):
         pulled, pushed = run(force, "spacing=0.1", "stretches=1.05,0.95").levels
         assert "stability" not in pulled
@@ -528,11 +714,15 @@ def test_compression_says_whether_stability_was_checked():
         ("hole", {"spacing": 0.1}),
         ("bimaterial", {"spacing": 0.25}),
         ("ring-pressure", {"spacing": 0.1}),
-        ("tear", {"spacing": 0.25, "stretches": [1.02], "dynamics.stretch": 1.03, "dynamics.outputs": 2}),
+        (
+            "tear",
+            {"spacing": 0.25, "stretches": [1.02], "dynamics.stretch": 1.03, "dynamics.outputs": 2},
+        ),
     ],
 )
 def test_a_result_that_nobody_keeps_leaves_no_body_in_memory(scene, changes):
-    # The garbage collector counts objects, not bytes: bodies that only it can free would fill the memory during a study.
+    # The garbage collector counts objects, not bytes: bodies that only it can free would fill the
+    # memory during a study.
     gc.collect()
     gc.disable()
     try:

@@ -1,4 +1,6 @@
-"""Bodies in space: shapes, holes, cuts, meshes and regions, and what is said about those that make no sense."""
+"""Bodies in space: shapes, holes, cuts, meshes and regions, and what is said about those that
+make no sense.
+"""
 
 import meshio
 import numpy as np
@@ -17,12 +19,21 @@ def scene_of(body=None, spacing=0.1, **changes):
     """Gripped along x3 unless it is loaded otherwise."""
     loading = {} if {"loads", "prescribed"} & changes.keys() else {"grips": GRIPS, "stretches": 1.5}
     return Scene(
-        **{"name": "solid", "body": BOX if body is None else body, "spacing": spacing, "material": "neo-hookean", **loading, **changes}
+        **{
+            "name": "solid",
+            "body": BOX if body is None else body,
+            "spacing": spacing,
+            "material": "neo-hookean",
+            **loading,
+            **changes,
+        }
     )
 
 
 def test_a_box_is_filled_with_cells_and_continued_beyond_its_grips():
-    """Of 10 by 8 by 6 cubes, each with its 26 neighbors, images among them: those beyond x3 move with the grips in all components."""
+    """Of 10 by 8 by 6 cubes, each with its 26 neighbors, images among them: those beyond x3 move
+    with the grips in all components.
+    """
     scene = scene_of()
     assert (scene.dimension, scene.plane, scene.horizon_ratio) == (3, "space", 1.75)
     body, lower, upper = discretize(scene)
@@ -41,37 +52,94 @@ def test_a_box_is_filled_with_cells_and_continued_beyond_its_grips():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"plane": "stress"}, "plane: must be space, which is also the default, not stress: the body, a box, is 3D"),
+        (
+            {"plane": "stress"},
+            "plane: must be space, which is also the default, not stress: the body, a box, is 3D",
+        ),
         (
             {"body": {"shape": "circle", "radius": 1.0}, "plane": "space"},
             "plane: must be stress or strain, not space: the body, a circle, is 2D",
         ),
-        ({"holes": [{"shape": "circle", "radius": 0.1}]}, "holes.0: a circle is 2D, but the body, a box, is 3D"),
-        ({"precuts": [{"start": [0, 0], "end": [1, 0]}]}, "precuts.0: this cut is 2D, but the body, a box, is 3D"),
-        ({"body": {"shape": "cube", "size": [1, 1, 1]}}, "body: unknown shape 'cube'; there are rectangle, circle"),
-        ({"body": {"shape": "box", "size": [1, 1]}}, "body.size: needs 3 entries, not 2; this shape is 3D"),
-        ({"body": {"shape": "box", "size": [1, 1, -1]}}, "body.size.2: Input should be greater than 0"),
-        ({"body": {"shape": "cylinder", "radius": 1, "length": 1, "axis": "z"}}, "body.axis: Input should be 'x1', 'x2' or 'x3'"),
+        (
+            {"holes": [{"shape": "circle", "radius": 0.1}]},
+            "holes.0: a circle is 2D, but the body, a box, is 3D",
+        ),
+        (
+            {"precuts": [{"start": [0, 0], "end": [1, 0]}]},
+            "precuts.0: this cut is 2D, but the body, a box, is 3D",
+        ),
+        (
+            {"body": {"shape": "cube", "size": [1, 1, 1]}},
+            "body: unknown shape 'cube'; there are rectangle, circle",
+        ),
+        (
+            {"body": {"shape": "box", "size": [1, 1]}},
+            "body.size: needs 3 entries, not 2; this shape is 3D",
+        ),
+        (
+            {"body": {"shape": "box", "size": [1, 1, -1]}},
+            "body.size.2: Input should be greater than 0",
+        ),
+        (
+            {"body": {"shape": "cylinder", "radius": 1, "length": 1, "axis": "z"}},
+            "body.axis: Input should be 'x1', 'x2' or 'x3'",
+        ),
         (
             {"body": {"shape": "tube", "inner_radius": 2, "outer_radius": 1, "length": 1}},
             "body: inner_radius must be less than outer_radius, 1, not 2",
         ),
-        ({"body": {"shape": "extrusion", "thickness": 1.0, "outline": {"shape": "sphere"}}}, "body.outline: unknown shape 'sphere'"),
-        ({"precuts": [{"corner": [0, 0, 0], "sides": [[1, 0, 0], [2, 0, 0]]}]}, "precuts.0: sides: they span no area"),
-        ({"precuts": [{"center": [0, 0, 0], "radius": 1, "normal": [0, 0, 0]}]}, "precuts.0.normal: it is a direction"),
-        ({"precuts": [{"center": [0, 0, 0], "radius": 1}]}, "precuts.0.normal: this key is missing"),
-        ({"regions": {"x": {"disc": {"center": [0, 0], "radius": 1}}}}, "regions.x: disc is a 2D region, but the body is 3D; use ball"),
+        (
+            {"body": {"shape": "extrusion", "thickness": 1.0, "outline": {"shape": "sphere"}}},
+            "body.outline: unknown shape 'sphere'",
+        ),
+        (
+            {"precuts": [{"corner": [0, 0, 0], "sides": [[1, 0, 0], [2, 0, 0]]}]},
+            "precuts.0: sides: they span no area",
+        ),
+        (
+            {"precuts": [{"center": [0, 0, 0], "radius": 1, "normal": [0, 0, 0]}]},
+            "precuts.0.normal: it is a direction",
+        ),
+        (
+            {"precuts": [{"center": [0, 0, 0], "radius": 1}]},
+            "precuts.0.normal: this key is missing",
+        ),
+        (
+            {"regions": {"x": {"disc": {"center": [0, 0], "radius": 1}}}},
+            "regions.x: disc is a 2D region, but the body is 3D; use ball",
+        ),
         (
             {"regions": {"x": {"half_plane": {"point": [0, 0], "normal": [1, 0]}}}},
             "regions.x: half_plane is a 2D region, but the body is 3D; use half_space",
         ),
-        ({"regions": {"x": {"box": [[0, 0], [1, 1]]}}}, "regions.x.box.0: needs 3 components for a 3D body, not 2"),
-        ({"regions": {"x": {"near": [0, 0, 0, 0]}}}, "regions.x.near: needs at most 3 entries, not 4"),
-        ({"regions": {"front": {"near": [0, 0, 0]}}}, "regions: front is the name of a predefined region; choose another name"),
-        ({"probes": [{"name": "a", "at": [0, 0]}]}, "probes.0.at: needs 3 components for a 3D body, not 2"),
-        ({"grips": [{"edge": "left", "travel": 1.0}, {"edge": "front"}]}, "grips: must hold two opposite edges, left and right or bottom"),
-        ({"loads": [{"region": "holes.0", "pressure": 1.0}], "steps": 1}, "loads.0.region: there is no region 'holes.0'; the body has no"),
-        ({"body": {"shape": "rectangle", "size": [1, 1]}}, "grips.0.edge: a 2D body has no back, only x1, x2 and the edges"),
+        (
+            {"regions": {"x": {"box": [[0, 0], [1, 1]]}}},
+            "regions.x.box.0: needs 3 components for a 3D body, not 2",
+        ),
+        (
+            {"regions": {"x": {"near": [0, 0, 0, 0]}}},
+            "regions.x.near: needs at most 3 entries, not 4",
+        ),
+        (
+            {"regions": {"front": {"near": [0, 0, 0]}}},
+            "regions: front is the name of a predefined region; choose another name",
+        ),
+        (
+            {"probes": [{"name": "a", "at": [0, 0]}]},
+            "probes.0.at: needs 3 components for a 3D body, not 2",
+        ),
+        (
+            {"grips": [{"edge": "left", "travel": 1.0}, {"edge": "front"}]},
+            "grips: must hold two opposite edges, left and right or bottom",
+        ),
+        (
+            {"loads": [{"region": "holes.0", "pressure": 1.0}], "steps": 1},
+            "loads.0.region: there is no region 'holes.0'; the body has no",
+        ),
+        (
+            {"body": {"shape": "rectangle", "size": [1, 1]}},
+            "grips.0.edge: a 2D body has no back, only x1, x2 and the edges",
+        ),
         (
             {
                 "body": {"shape": "rectangle", "size": [1, 1]},
@@ -96,12 +164,25 @@ CUBE = {"shape": "box", "size": [1.0, 1.0, 1.0], "lower": [-0.5, -0.5, -0.5]}
 
 
 def bore(radius, axis="x3"):
-    return {"shape": "cylinder", "radius": radius, "length": 1.4, "axis": axis, "base": [-0.7 * (axis == f"x{n}") for n in (1, 2, 3)]}
+    return {
+        "shape": "cylinder",
+        "radius": radius,
+        "length": 1.4,
+        "axis": axis,
+        "base": [-0.7 * (axis == f"x{n}") for n in (1, 2, 3)],
+    }
 
 
-# Body, holes, volume, centroid (None where symmetry does not give it), and area of each part of the boundary.
+# Body, holes, volume, centroid (None where symmetry does not give it), and area of each part of the
+# boundary.
 BODIES = {
-    "cylinder": (CYLINDER, [], PI / 4, (0, 0, 0.5), {"back": PI / 4, "front": PI / 4, "outline": PI}),
+    "cylinder": (
+        CYLINDER,
+        [],
+        PI / 4,
+        (0, 0, 0.5),
+        {"back": PI / 4, "front": PI / 4, "outline": PI},
+    ),
     "sphere": ({"shape": "sphere", "radius": 0.5}, [], PI / 6, (0, 0, 0), {"outline": PI}),
     "half of a sphere with a bubble in its face": (
         {"shape": "sphere", "radius": 0.5, "part": "half"},
@@ -115,7 +196,11 @@ BODIES = {
         [{"shape": "sphere", "radius": 0.25}],
         PI / 48 * 7 / 8,
         None,
-        {"outline": PI / 8, "holes.0": PI / 32, **dict.fromkeys(("left", "bottom", "back"), PI / 16 * 3 / 4)},
+        {
+            "outline": PI / 8,
+            "holes.0": PI / 32,
+            **dict.fromkeys(("left", "bottom", "back"), PI / 16 * 3 / 4),
+        },
     ),
     "tube": (
         {"shape": "tube", "inner_radius": 0.3, "outer_radius": 0.5, "length": 0.8, "axis": "x1"},
@@ -125,12 +210,24 @@ BODIES = {
         {"left": PI * 0.16, "right": PI * 0.16, "outline": 0.8 * PI, "holes.0": 0.8 * 0.6 * PI},
     ),
     "angle with a hole": (
-        {"shape": "extrusion", "outline": ANGLE, "holes": [{"shape": "circle", "radius": 0.1, "center": [0.25, 0.25]}], "thickness": 0.5},
+        {
+            "shape": "extrusion",
+            "outline": ANGLE,
+            "holes": [{"shape": "circle", "radius": 0.1, "center": [0.25, 0.25]}],
+            "thickness": 0.5,
+        },
         [],
         (0.75 - PI * 0.01) / 2,
         None,
         {
-            **{"left": 0.5, "right": 0.25, "bottom": 0.5, "top": 0.25, "outline": 0.5, "holes.0": 0.1 * PI},
+            **{
+                "left": 0.5,
+                "right": 0.25,
+                "bottom": 0.5,
+                "top": 0.25,
+                "outline": 0.5,
+                "holes.0": 0.1 * PI,
+            },
             **{"back": 0.75 - PI * 0.01, "front": 0.75 - PI * 0.01},
         },
     ),
@@ -139,7 +236,15 @@ BODIES = {
         [bore(0.2, "x2")],
         1 - PI * 0.04,
         (0, 0, 0),
-        {"left": 1, "right": 1, "back": 1, "front": 1, "bottom": 1 - PI * 0.04, "top": 1 - PI * 0.04, "holes.0": 0.4 * PI},
+        {
+            "left": 1,
+            "right": 1,
+            "back": 1,
+            "front": 1,
+            "bottom": 1 - PI * 0.04,
+            "top": 1 - PI * 0.04,
+            "holes.0": 0.4 * PI,
+        },
     ),
     "box with a slot and a bubble": (
         CUBE,
@@ -166,7 +271,9 @@ def free_body(name, spacing=0.1):
 
 @pytest.mark.parametrize("name", BODIES)
 def test_volumes(name):
-    """To the places asked in cut cells: some 1/1000 of a cell for each that is cut along the axes, 1/200 elsewhere, which average out."""
+    """To the places asked in cut cells: some 1/1000 of a cell for each that is cut along the
+    axes, 1/200 elsewhere, which average out.
+    """
     _, body, lower, upper, (volume, centroid, _) = free_body(name)
     cell = 0.1**3
     assert body.volumes.sum() == pytest.approx(volume, rel=3e-3)
@@ -182,36 +289,57 @@ def test_volumes(name):
 
 
 def test_grips_have_the_area_of_the_face_that_they_hold():
-    """But for chords of round faces that are shorter than 1/16 of a cell.  A sphere has no flat face to be held by."""
+    """But for chords of round faces that are shorter than 1/16 of a cell.  A sphere has no flat
+    face to be held by.
+    """
     for body, holes, area, tolerance in (
         (BOX, [], 0.8, 1e-12),
         (CYLINDER, [], PI / 4, 1e-6),
         (CUBE, [bore(0.2)], 1 - PI * 0.04, 1e-6),
         (CUBE, [{"shape": "box", "size": [0.2, 2.0, 2.0], "lower": [-0.1, -1.0, -1.0]}], 0.8, 1e-9),
-        (CUBE, [{"shape": "box", "size": [2.0, 0.21, 2.0], "lower": [-1.0, -0.1, -1.0]}], 0.79, 1e-6),
+        (
+            CUBE,
+            [{"shape": "box", "size": [2.0, 0.21, 2.0], "lower": [-1.0, -0.1, -1.0]}],
+            0.79,
+            1e-6,
+        ),
     ):
         scene = scene_of(body, holes=holes)
         _, lower, upper = discretize(scene)
-        assert grip_areas(scene, lower, upper) == pytest.approx({"back": area, "front": area}, rel=tolerance)
+        assert grip_areas(scene, lower, upper) == pytest.approx(
+            {"back": area, "front": area}, rel=tolerance
+        )
     scene = scene_of({"shape": "sphere", "radius": 0.5}, support="points")
     _, lower, upper = discretize(scene)
-    with pytest.raises(SceneError, match="no straight edge with material at its back end that could be held"):
+    with pytest.raises(
+        SceneError, match="no straight edge with material at its back end that could be held"
+    ):
         grip_areas(scene, lower, upper)
 
 
 CUTS = {  # none has a bond through its edge, where rounding would decide
-    "parallelogram": {"corner": [-0.207, -0.304, 0.021], "sides": [[0.4, 0.0, 0.1], [0.1, 0.3, 0.0]]},
-    "through a layer of points": {"corner": [-0.6, -0.6, 0.05], "sides": [[0.61, 0.0, 0.0], [0.0, 1.2, 0.0]]},
+    "parallelogram": {
+        "corner": [-0.207, -0.304, 0.021],
+        "sides": [[0.4, 0.0, 0.1], [0.1, 0.3, 0.0]],
+    },
+    "through a layer of points": {
+        "corner": [-0.6, -0.6, 0.05],
+        "sides": [[0.61, 0.0, 0.0], [0.0, 1.2, 0.0]],
+    },
     "disc": {"center": [0.03, 0.0, 0.04], "radius": 0.31, "normal": [0.1, 0.2, 1.0]},
 }
 
 
-BETWEEN = {"through a layer of points": {**CUTS["through a layer of points"], "corner": [-0.6, -0.6, 0.0]}}
+BETWEEN = {
+    "through a layer of points": {**CUTS["through a layer of points"], "corner": [-0.6, -0.6, 0.0]}
+}
 """Cuts along layers of points part whole cells, with the points on them above."""
 
 
 def meets(cut, start, end):
-    """Whether a segment meets a flat cut, by solving for the place where it does; a start on the plane counts as above it."""
+    """Whether a segment meets a flat cut, by solving for the place where it does; a start on the
+    plane counts as above it.
+    """
     if "radius" in cut:
         normal, origin = np.array(cut["normal"]), np.array(cut["center"])
     else:
@@ -232,9 +360,13 @@ def test_precuts_separate_exactly_the_bonds_that_cross_them(kind):
     scene = scene_of(CUBE, precuts=[CUTS[kind]])
     body = discretize(scene)[0]
     bonds = np.stack([whole.bonds.first, whole.bonds.second], axis=1)
-    crossing = np.array([meets(BETWEEN.get(kind, CUTS[kind]), *whole.all_points[bond]) for bond in bonds])
+    crossing = np.array(
+        [meets(BETWEEN.get(kind, CUTS[kind]), *whole.all_points[bond]) for bond in bonds]
+    )
     assert crossing.any()
-    np.testing.assert_array_equal(np.stack([body.bonds.first, body.bonds.second], axis=1), bonds[~crossing])
+    np.testing.assert_array_equal(
+        np.stack([body.bonds.first, body.bonds.second], axis=1), bonds[~crossing]
+    )
     assert {tuple(pair) for pair in body.bonds.cut} == {tuple(pair) for pair in bonds[crossing]}
 
 
@@ -244,23 +376,34 @@ def test_precuts_that_cut_nothing_are_refused():
 
 
 def test_no_bond_crosses_empty_space():
-    """A slot one cell wide: no bond leads from one side to the other, and those around its end stay.  A bubble of two cells, likewise."""
+    """A slot one cell wide: no bond leads from one side to the other, and those around its end
+    stay.  A bubble of two cells, likewise.
+    """
     slot = {"shape": "box", "size": [0.7, 2.0, 0.1], "lower": [-0.5, -1.0, 0.0]}
     body = discretize(scene_of(CUBE, holes=[slot], horizon_ratio=2.3))[0]
     first, second = body.all_points[body.bonds.first], body.all_points[body.bonds.second]
-    share = (0.05 - first[:, 2]) / np.where(first[:, 2] == second[:, 2], np.inf, second[:, 2] - first[:, 2])
+    share = (0.05 - first[:, 2]) / np.where(
+        first[:, 2] == second[:, 2], np.inf, second[:, 2] - first[:, 2]
+    )
     middle = first + share[:, None] * (second - first)
     across = (share > 0) & (share < 1)
     assert across.any()
     assert middle[across, 0].min() > 0.2 - 0.04
     bubble = {"shape": "sphere", "radius": 0.2}
     body = discretize(scene_of(CUBE, holes=[bubble], horizon_ratio=3.0))[0]
-    assert not (np.linalg.norm((body.all_points[body.bonds.first] + body.all_points[body.bonds.second]) / 2, axis=1) < 0.1).any()
+    assert not (
+        np.linalg.norm(
+            (body.all_points[body.bonds.first] + body.all_points[body.bonds.second]) / 2, axis=1
+        )
+        < 0.1
+    ).any()
 
 
 def check_boundary(surface, body, volume):
     """Closed, of the body's volume by the divergence theorem, and following affine motions."""
-    edges = np.concatenate([surface.facets[:, [0, 1]], surface.facets[:, [1, 2]], surface.facets[:, [2, 0]]])
+    edges = np.concatenate(
+        [surface.facets[:, [0, 1]], surface.facets[:, [1, 2]], surface.facets[:, [2, 0]]]
+    )
     n = len(surface.nodes)
     forth, back = edges @ [n, 1], edges @ [1, n]
     assert len(np.unique(forth)) == len(forth)
@@ -269,22 +412,34 @@ def check_boundary(surface, body, volume):
     assert (surface.midpoints() * surface.normals()).sum() / 3 == pytest.approx(volume, rel=1e-12)
     assert surface.followed().all()
     F, shift = np.array([[1.2, 0.1, 0.3], [0.0, 0.9, 0.2], [-0.1, 0.4, 1.1]]), [1, 2, 3]
-    np.testing.assert_allclose(surface.interpolation @ (body.points @ F.T + shift), surface.nodes @ F.T + shift, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        surface.interpolation @ (body.points @ F.T + shift),
+        surface.nodes @ F.T + shift,
+        rtol=0,
+        atol=1e-12,
+    )
 
 
 @pytest.mark.parametrize("name", BODIES)
 def test_boundaries(name):
-    """Areas of flat parts to rounding; of round ones to theta^2/24 and less, with theta = h/a for facets of a cell."""
+    """Areas of flat parts to rounding; of round ones to theta^2/24 and less, with theta = h/a
+    for facets of a cell.
+    """
     scene, body, lower, upper, (volume, _, parts) = free_body(name)
     surface = surface_of(scene, body, lower, upper)
     check_boundary(surface, body, volume)
-    found = {part: surface.areas()[surface.parts == part].sum() for part in np.unique(surface.parts)}
+    found = {
+        part: surface.areas()[surface.parts == part].sum() for part in np.unique(surface.parts)
+    }
     assert set(found) == set(parts)
     for part, area in parts.items():
         round_ = part in ("outline", "holes.0") or "part" in scene.body.model_fields_set
         assert found[part] == pytest.approx(area, rel=0.02 if round_ else 1e-9), part
     assert surface.areas().min() > 0.05 * 0.1**2
-    assert np.linalg.norm(surface.nodes[surface.facets] - surface.midpoints()[:, None], axis=2).max() < 0.13
+    assert (
+        np.linalg.norm(surface.nodes[surface.facets] - surface.midpoints()[:, None], axis=2).max()
+        < 0.13
+    )
     some = slice(None, None, 37)
     normals = surface.normals() / surface.areas()[:, None]
     assert surface.encloses(surface.midpoints()[some] - 1e-3 * normals[some]).all()
@@ -298,7 +453,9 @@ def test_holes_whose_boundary_meets_another_have_bonds_but_no_boundary():
     scene = scene_of(CUBE, holes=[{"shape": "sphere", "radius": 0.2, "center": [0.5, 0.0, 0.0]}])
     body, lower, upper = discretize(scene)
     assert body.volumes.sum() == pytest.approx(1 - PI * 0.032 / 6, rel=1e-3)
-    with pytest.raises(ValueError, match=r"^holes\.0: .*; with loads or probes, a hole must lie inside the body,"):
+    with pytest.raises(
+        ValueError, match=r"^holes\.0: .*; with loads or probes, a hole must lie inside the body,"
+    ):
         surface_of(scene, body, lower, upper)
 
 
@@ -309,7 +466,9 @@ def regions_of(scene):
 
 def test_regions():
     scene = scene_of(
-        BOX, regions={"corner": {"and": ["left", "top", {"edge": "front"}]}}, holes=[{**CYLINDER, "radius": 0.15, "base": [0.3, 0.5, -0.1]}]
+        BOX,
+        regions={"corner": {"and": ["left", "top", {"edge": "front"}]}},
+        holes=[{**CYLINDER, "radius": 0.15, "base": [0.3, 0.5, -0.1]}],
     )
     regions = regions_of(scene)
     points = discretize(scene)[0].points
@@ -317,8 +476,14 @@ def test_regions():
         ("front", points[:, 2] > 0.5),
         ("bottom", points[:, 1] < 0.2),
         ("corner", (points[:, 0] < -0.1) & (points[:, 1] > 0.8) & (points[:, 2] > 0.5)),
-        (Region(ball={"center": [0, 0.5, 0.3], "radius": 0.2}), np.linalg.norm(points - [0, 0.5, 0.3], axis=1) <= 0.2),
-        (Region(half_space={"point": [0, 0, 0.3], "normal": [0, 1, -1]}), points[:, 1] - points[:, 2] >= -0.3 - 1e-9),
+        (
+            Region(ball={"center": [0, 0.5, 0.3], "radius": 0.2}),
+            np.linalg.norm(points - [0, 0.5, 0.3], axis=1) <= 0.2,
+        ),
+        (
+            Region(half_space={"point": [0, 0, 0.3], "normal": [0, 1, -1]}),
+            points[:, 1] - points[:, 2] >= -0.3 - 1e-9,
+        ),
         (Region(box=[[0, 0.1, 0], [0.8, 0.9, 0.2]]), (points[:, 0] > 0) & (points[:, 2] < 0.2)),
         (Region(**{"not": "front"}), points[:, 2] < 0.5),
     ):
@@ -326,21 +491,31 @@ def test_regions():
     beside = np.linalg.norm(points[:, :2] - [0.3, 0.5], axis=1)[regions.points("holes.0")]
     assert 0.15 < beside.min() <= beside.max() < 0.26
     surface = regions.surface()
-    assert surface.areas()[regions.facets("front")].sum() == pytest.approx(0.8 - PI * 0.0225, rel=1e-9)
-    assert surface.areas()[regions.facets("holes.0")].sum() == pytest.approx(0.3 * PI * 0.6, rel=0.02)
+    assert surface.areas()[regions.facets("front")].sum() == pytest.approx(
+        0.8 - PI * 0.0225, rel=1e-9
+    )
+    assert surface.areas()[regions.facets("holes.0")].sum() == pytest.approx(
+        0.3 * PI * 0.6, rel=0.02
+    )
     assert regions.edge("front") == "front"
     assert len(regions.points(Region(near=[0.01, 0.21, 0.33]))) == 1
-    with pytest.raises(ValueError, match=r"^region: .*; the nearest is point \d+ at \(.*, 0\.55\), 0\.35 away$"):
+    with pytest.raises(
+        ValueError, match=r"^region: .*; the nearest is point \d+ at \(.*, 0\.55\), 0\.35 away$"
+    ):
         regions.points(Region(box=[[-1, -1, 0.9], [1, 1, 1]]))
     assert len(regions.facets("outline")) == np.count_nonzero(surface.parts != "holes.0")
-    with pytest.raises(ValueError, match=r"^probes\.0\.at: \(0\.3, 0\.5, 0\.3\) .* its nearest point is"):
+    with pytest.raises(
+        ValueError, match=r"^probes\.0\.at: \(0\.3, 0\.5, 0\.3\) .* its nearest point is"
+    ):
         regions.check_place("probes.0.at", (0.3, 0.5, 0.3))
     regions.check_place("probes.0.at", (0.8, 0.9, 0.6))
 
 
 def test_faces_that_are_not_flat_are_told():
     regions = regions_of(free_body("sphere")[0])
-    with pytest.raises(ValueError, match=r"^left: .*; no flat part of the body is on its left face$"):
+    with pytest.raises(
+        ValueError, match=r"^left: .*; no flat part of the body is on its left face$"
+    ):
         regions.facets("left")
 
 
@@ -349,10 +524,14 @@ BRICK = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1
 
 
 def solid_mesh(count=6, jitter=0.2):
-    """A cube of side 1 of hexahedra with a cubic cavity in its middle, whose inner nodes are moved at random: nodes and cells."""
+    """A cube of side 1 of hexahedra with a cubic cavity in its middle, whose inner nodes are
+    moved at random: nodes and cells.
+    """
     axis = np.arange(count + 1) / count
     nodes = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-    moved = ((nodes > 0.01) & (nodes < 0.99)) * np.random.default_rng(0).uniform(-jitter / count, jitter / count, nodes.shape)
+    moved = ((nodes > 0.01) & (nodes < 0.99)) * np.random.default_rng(0).uniform(
+        -jitter / count, jitter / count, nodes.shape
+    )
 
     def node(i, j, k):
         return (i * (count + 1) + j) * (count + 1) + k
@@ -372,14 +551,23 @@ TETRAHEDRA = ([0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 
 
 @pytest.mark.parametrize("kind", ["hexahedron", "tetra"])
 def test_meshes(tmp_path, kind):
-    """Volumes are those that the boundary encloses; the cavity is a hole, and groups are cells or what has their faces."""
+    """Volumes are those that the boundary encloses; the cavity is a hole, and groups are cells
+    or what has their faces.
+    """
     nodes, cells = solid_mesh()
     if kind == "hexahedron":
         sides = ("quad", cells[nodes[cells][..., 2].max(axis=1) > 0.99][:, 4:])
         blocks = [("hexahedron", cells), sides]
     else:
-        sides, blocks = None, [("tetra", np.concatenate([cells[:, corners] for corners in TETRAHEDRA]))]
-    sets = {"lid": [np.arange(len(block[1]) if block is sides else 0) for block in blocks]} if sides else {}
+        sides, blocks = (
+            None,
+            [("tetra", np.concatenate([cells[:, corners] for corners in TETRAHEDRA]))],
+        )
+    sets = (
+        {"lid": [np.arange(len(block[1]) if block is sides else 0) for block in blocks]}
+        if sides
+        else {}
+    )
     path = tmp_path / "solid.vtu" if not sides else tmp_path / "solid.inp"
     meshio.write(path, meshio.Mesh(nodes, blocks, cell_sets=sets))
     scene = scene_of({"shape": "mesh", "dimension": 3, "file": str(path)}, 1 / 6)
@@ -393,17 +581,26 @@ def test_meshes(tmp_path, kind):
     check_boundary(surface, body, 1 - cavity)
     assert set(surface.parts) == {"left", "right", "bottom", "top", "back", "front", "holes.0"}
     if sides:
-        np.testing.assert_array_equal(np.sort(surface.groups["lid"]), np.flatnonzero(surface.parts == "front"))
+        np.testing.assert_array_equal(
+            np.sort(surface.groups["lid"]), np.flatnonzero(surface.parts == "front")
+        )
         assert (body.points[body.groups["lid"], 2] > 5 / 6 - 0.05).all()
         assert len(body.groups["lid"]) == 36
 
 
 def test_meshes_whose_cells_share_no_faces_have_no_boundary(tmp_path):
-    """The quadrilateral between a hexahedron and six tetrahedra would be twice on the boundary: as one face, and as two."""
+    """The quadrilateral between a hexahedron and six tetrahedra would be twice on the boundary:
+    as one face, and as two.
+    """
     nodes = np.concatenate([BRICK, np.add(BRICK, [0, 0, 1])])
     above = np.array([[corner[k] for k in range(4)] for corner in TETRAHEDRA]) + 8
-    meshio.write(tmp_path / "two.vtu", meshio.Mesh(nodes.astype(float), [("hexahedron", [list(range(8))]), ("tetra", above)]))
-    scene = scene_of({"shape": "mesh", "dimension": 3, "file": str(tmp_path / "two.vtu")}, 1.0, support="points")
+    meshio.write(
+        tmp_path / "two.vtu",
+        meshio.Mesh(nodes.astype(float), [("hexahedron", [list(range(8))]), ("tetra", above)]),
+    )
+    scene = scene_of(
+        {"shape": "mesh", "dimension": 3, "file": str(tmp_path / "two.vtu")}, 1.0, support="points"
+    )
     with pytest.raises(ValueError, match=r"^body\.file: faces of tetrahedra "):
         surface_of(scene, *discretize(scene))
 
@@ -411,7 +608,14 @@ def test_meshes_whose_cells_share_no_faces_have_no_boundary(tmp_path):
 @pytest.mark.parametrize(
     ("cells", "dimension", "message"),
     [
-        ([("tetra", [[0, 2, 1, 4]])], 3, "bad.vtu has 1 invalid cells; tetra 0 (counted from 0) is inverted: its volume is negative"),
+        (
+            [("tetra", [[0, 2, 1, 4]])],
+            3,
+            (
+                "bad.vtu has 1 invalid cells; tetra 0 (counted from 0) is inverted: its volume is"
+                " negative"
+            ),
+        ),
         (
             [("tetra", [[0, 1, 2, 4], [0, 1, 2, 3]])],
             3,
@@ -422,15 +626,34 @@ def test_meshes_whose_cells_share_no_faces_have_no_boundary(tmp_path):
             3,
             "bad.vtu has 1 invalid cells; hexahedron 0 (counted from 0) is flat, or folded at a",
         ),
-        ([("hexahedron", [[4, 5, 6, 7, 0, 1, 2, 3]])], 3, "bad.vtu has 1 invalid cells; hexahedron 0 (counted from 0) is inverted"),
-        ([("wedge", [[0, 1, 2, 4, 5, 6]])], 3, "bad.vtu has wedge cells; use only tetra and hexahedron"),
-        ([("quad", [[0, 1, 2, 3]])], 3, "bad.vtu has no tetrahedra or hexahedra; set dimension = 2 for a sheet"),
-        ([("tetra", [[0, 1, 2, 4]])], 2, "has tetra cells; use only triangle and quad; set dimension = 3 for a solid"),
+        (
+            [("hexahedron", [[4, 5, 6, 7, 0, 1, 2, 3]])],
+            3,
+            "bad.vtu has 1 invalid cells; hexahedron 0 (counted from 0) is inverted",
+        ),
+        (
+            [("wedge", [[0, 1, 2, 4, 5, 6]])],
+            3,
+            "bad.vtu has wedge cells; use only tetra and hexahedron",
+        ),
+        (
+            [("quad", [[0, 1, 2, 3]])],
+            3,
+            "bad.vtu has no tetrahedra or hexahedra; set dimension = 2 for a sheet",
+        ),
+        (
+            [("tetra", [[0, 1, 2, 4]])],
+            2,
+            "has tetra cells; use only triangle and quad; set dimension = 3 for a solid",
+        ),
     ],
 )
 def test_meshes_that_make_no_body_in_space(tmp_path, cells, dimension, message):
     path = tmp_path / "bad.vtu"
-    meshio.write(path, meshio.Mesh(np.array(BRICK, float), [(kind, np.array(corners)) for kind, corners in cells]))
+    meshio.write(
+        path,
+        meshio.Mesh(np.array(BRICK, float), [(kind, np.array(corners)) for kind, corners in cells]),
+    )
     body = {"shape": "mesh", "dimension": dimension, "file": str(path)}
     grips = ({"edge": "left", "travel": 1.0}, {"edge": "right"})
     with pytest.raises(SceneError) as told:

@@ -1,4 +1,6 @@
-"""Regions: what of a body they are, how they are combined, and what is said about those that make no sense."""
+"""Regions: what of a body they are, how they are combined, and what is said about those that
+make no sense.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,10 @@ PLATE = {
     "name": "plate",
     "spacing": 0.1,
     "body": {"size": [2.0, 1.0]},
-    "holes": [{"shape": "circle", "radius": 0.2, "center": [0.5, 0.5]}, {"shape": "rectangle", "size": [0.2, 0.2], "lower": [1.4, 0.4]}],
+    "holes": [
+        {"shape": "circle", "radius": 0.2, "center": [0.5, 0.5]},
+        {"shape": "rectangle", "size": [0.2, 0.2], "lower": [1.4, 0.4]},
+    ],
     "material": "neo-hookean",
     "steps": [1],
     "prescribed": [{"region": "left", "x1": 0.0}],
@@ -27,7 +32,9 @@ def scene_of(**changes):
 
 def regions_of(scene):
     body, lower, upper = discretize(scene)
-    return body, BodyRegions(scene, body, lower, upper, lambda: surface_of(scene, body, lower, upper))
+    return body, BodyRegions(
+        scene, body, lower, upper, lambda: surface_of(scene, body, lower, upper)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -48,14 +55,28 @@ def x1_below(limit):
 
 POINTS = {
     "an edge": ("left", x1_below(0.1)),
-    "a box": ({"box": [[0.1, 0.2], [0.5, 0.4]]}, lambda x: (x >= [0.1, 0.2]).all(axis=1) & (x <= [0.5, 0.4]).all(axis=1)),
-    "a disc": ({"disc": {"center": [1, 0.5], "radius": 0.3}}, lambda x: np.linalg.norm(x - [1, 0.5], axis=1) <= 0.3 + 1e-9),
-    "a half-plane": ({"half_plane": {"point": [1, 0.5], "normal": [3, 4]}}, lambda x: (x - [1, 0.5]) @ [3, 4] >= -1e-9),
+    "a box": (
+        {"box": [[0.1, 0.2], [0.5, 0.4]]},
+        lambda x: (x >= [0.1, 0.2]).all(axis=1) & (x <= [0.5, 0.4]).all(axis=1),
+    ),
+    "a disc": (
+        {"disc": {"center": [1, 0.5], "radius": 0.3}},
+        lambda x: np.linalg.norm(x - [1, 0.5], axis=1) <= 0.3 + 1e-9,
+    ),
+    "a half-plane": (
+        {"half_plane": {"point": [1, 0.5], "normal": [3, 4]}},
+        lambda x: (x - [1, 0.5]) @ [3, 4] >= -1e-9,
+    ),
     "all of several": ({"and": ["left", "bottom"]}, lambda x: (x < 0.1).all(axis=1)),
     "what is not in one": ({"not": "lower-half"}, lambda x: x[:, 1] > 0.5),
     "a name": ("quarter", lambda x: (x[:, 1] < 0.5) & (x[:, 0] < 1)),
     "combinations of combinations": (
-        {"and": [{"not": {"or": ["left", "right"]}}, {"or": ["quarter", {"and": ["again", "top"]}]}]},
+        {
+            "and": [
+                {"not": {"or": ["left", "right"]}},
+                {"or": ["quarter", {"and": ["again", "top"]}]},
+            ]
+        },
         lambda x: (x[:, 1] < 0.5) & (x[:, 0] < 1) & (x[:, 0] > 0.1),
     ),
 }
@@ -73,21 +94,33 @@ def test_points_by_their_numbers_and_nearest_to_a_place(plate):
     body, regions = plate
     np.testing.assert_array_equal(regions.points(Region(points=(7, 3, 3))), [3, 7])
     place = np.array([1.23, 0.61])
-    np.testing.assert_array_equal(regions.points(Region(near=tuple(place))), [np.linalg.norm(body.points - place, axis=1).argmin()])
+    np.testing.assert_array_equal(
+        regions.points(Region(near=tuple(place))),
+        [np.linalg.norm(body.points - place, axis=1).argmin()],
+    )
 
 
 def test_places_on_the_boundary_of_a_region_belong_to_it():
-    """To 1e-9 of the extent: the centers of cells are not where their decimal numbers are, 0.15 + 0.1 + 0.1 is above 0.35."""
+    """To 1e-9 of the extent: the centers of cells are not where their decimal numbers are, 0.15
+    + 0.1 + 0.1 is above 0.35.
+    """
     body, regions = regions_of(scene_of(holes=()))
     inside = regions.points(Region(box=((0.15, 0.25), (0.35, 0.35))))
-    np.testing.assert_allclose(body.points[inside], [[0.15, 0.25], [0.25, 0.25], [0.35, 0.25], [0.15, 0.35], [0.25, 0.35], [0.35, 0.35]])
+    np.testing.assert_allclose(
+        body.points[inside],
+        [[0.15, 0.25], [0.25, 0.25], [0.35, 0.25], [0.15, 0.35], [0.25, 0.35], [0.35, 0.35]],
+    )
     assert len(regions.points(Region(disc={"center": (0.55, 0.55), "radius": 0.3}))) == 29
-    assert len(regions.points(Region(half_plane={"point": (0.35, 0.0), "normal": (-1e-9, 0)}))) == 40
+    assert (
+        len(regions.points(Region(half_plane={"point": (0.35, 0.0), "normal": (-1e-9, 0)}))) == 40
+    )
 
 
 @pytest.mark.parametrize("spacing", [0.1, 0.05])
 def test_points_beside_the_boundary_are_the_outermost(plate, spacing):
-    """Those within 0.99 cells of the facets: half a cell inside a straight side, up to 0.75 where a part of a cell was added."""
+    """Those within 0.99 cells of the facets: half a cell inside a straight side, up to 0.75
+    where a part of a cell was added.
+    """
     _, regions = plate if spacing == 0.1 else regions_of(scene_of(spacing=spacing))
     body = regions_of(scene_of(spacing=spacing))[0]
     x = body.points
@@ -102,16 +135,30 @@ def test_points_beside_the_boundary_are_the_outermost(plate, spacing):
     around = regions.points("holes.0")
     assert (distance[around] < spacing).all()
     assert set(np.flatnonzero(distance < 0.95 * spacing)) <= set(around)
-    np.testing.assert_array_equal(regions.points("holes"), np.union1d(around, regions.points("holes.1")))
+    np.testing.assert_array_equal(
+        regions.points("holes"), np.union1d(around, regions.points("holes.1"))
+    )
 
 
 FACETS = {
     "an edge": ("right", lambda x: np.isclose(x[:, 0], 2)),
-    "the outline": ("outline", lambda x: np.isclose(x, 0).any(axis=1) | np.isclose(x, [2, 1]).any(axis=1)),
+    "the outline": (
+        "outline",
+        lambda x: np.isclose(x, 0).any(axis=1) | np.isclose(x, [2, 1]).any(axis=1),
+    ),
     "the body": ("body", lambda x: x[:, 0] > -1),
-    "part of an edge": ({"and": ["top", {"box": [[0.5, 0], [1, 1]]}]}, lambda x: np.isclose(x[:, 1], 1) & (np.abs(x[:, 0] - 0.75) < 0.25)),
-    "a disc about a hole": ({"disc": {"center": [0.5, 0.5], "radius": 0.3}}, lambda x: np.linalg.norm(x - [0.5, 0.5], axis=1) < 0.3),
-    "all but an edge": ({"and": ["outline", {"not": "grip"}]}, lambda x: np.isclose(x, 0).any(axis=1) | np.isclose(x[:, 1], 1)),
+    "part of an edge": (
+        {"and": ["top", {"box": [[0.5, 0], [1, 1]]}]},
+        lambda x: np.isclose(x[:, 1], 1) & (np.abs(x[:, 0] - 0.75) < 0.25),
+    ),
+    "a disc about a hole": (
+        {"disc": {"center": [0.5, 0.5], "radius": 0.3}},
+        lambda x: np.linalg.norm(x - [0.5, 0.5], axis=1) < 0.3,
+    ),
+    "all but an edge": (
+        {"and": ["outline", {"not": "grip"}]},
+        lambda x: np.isclose(x, 0).any(axis=1) | np.isclose(x[:, 1], 1),
+    ),
     "a half-plane": ("lower-half", lambda x: x[:, 1] <= 0.5),
 }
 
@@ -121,14 +168,16 @@ def test_facets_of_regions(plate, case):
     said, expected = FACETS[case]
     _, regions = plate
     reference = said if isinstance(said, str) else Region(**said)
-    np.testing.assert_array_equal(regions.facets(reference), np.flatnonzero(expected(regions.surface().midpoints())))
+    np.testing.assert_array_equal(
+        regions.facets(reference), np.flatnonzero(expected(regions.surface().midpoints()))
+    )
 
 
 def test_names_and_edges(plate):
     _, regions = plate
-    assert [regions.edge(said) for said in ("left", "grip", "again", "quarter", "body", "holes.0")] == ["left", "right", "right"] + 3 * [
-        None
-    ]
+    assert [
+        regions.edge(said) for said in ("left", "grip", "again", "quarter", "body", "holes.0")
+    ] == ["left", "right", "right"] + 3 * [None]
     assert regions.edge(Region(edge="top")) == "top"
     assert regions.edge(Region(**{"or": ["bottom"]})) == "bottom"
     assert regions.edge(Region(**{"not": "bottom"})) is None
@@ -141,9 +190,15 @@ def test_names_and_edges(plate):
 def said_of(kind, said, **changes):
     """What is said of a region of points or facets that the scene prescribes or loads."""
     load = {"region": said, "traction": [1.0, 0.0]}
-    where = {"prescribed": [{"region": said, "x1": 0.0}]} if kind == "points" else {"prescribed": (), "loads": [load]}
+    where = (
+        {"prescribed": [{"region": said, "x1": 0.0}]}
+        if kind == "points"
+        else {"prescribed": (), "loads": [load]}
+    )
     scene = scene_of(**where, **changes)
-    key, entry = ("prescribed", scene.prescribed[0]) if kind == "points" else ("loads", scene.loads[0])
+    key, entry = (
+        ("prescribed", scene.prescribed[0]) if kind == "points" else ("loads", scene.loads[0])
+    )
     with pytest.raises(ValueError, match=r"\S") as caught:
         getattr(regions_of(scene)[1], kind)(entry.region, f"{key}.0.region")
     assert "\n" not in str(caught.value)
@@ -156,10 +211,21 @@ def said_of(kind, said, **changes):
         (
             "points",
             {"box": [[-1, -1], [0.02, 0.05]]},
-            "prescribed.0.region: the region contains no point of the body; the nearest is point 0 at (0.05, 0.05), 0.03 away",
+            (
+                "prescribed.0.region: the region contains no point of the body; the nearest is"
+                " point 0 at (0.05, 0.05), 0.03 away"
+            ),
         ),
-        ("points", {"disc": {"center": [2.35, 0.95], "radius": 0.1}}, "; the nearest is point 183 at (1.95, 0.95), 0.3 away"),
-        ("points", {"half_plane": {"point": [0, 2], "normal": [0, 3]}}, " at (0.05, 0.95), 1.05 away"),
+        (
+            "points",
+            {"disc": {"center": [2.35, 0.95], "radius": 0.1}},
+            "; the nearest is point 183 at (1.95, 0.95), 0.3 away",
+        ),
+        (
+            "points",
+            {"half_plane": {"point": [0, 2], "normal": [0, 3]}},
+            " at (0.05, 0.95), 1.05 away",
+        ),
         (
             "points",
             {"disc": {"center": [0.5, 0.5], "radius": 0.05}},
@@ -173,19 +239,64 @@ def said_of(kind, said, **changes):
         (
             "points",
             {"and": ["left", "right"]},
-            "the region contains no point of the body: of 184 candidates, 10 lie in and.0, 10 lie in and.1, but none lies in all of them",
+            (
+                "the region contains no point of the body: of 184 candidates, 10 lie in and.0, 10"
+                " lie in and.1, but none lies in all of them"
+            ),
         ),
-        ("points", {"not": "body"}, "prescribed.0.region: the region contains no point of the body"),
-        ("points", {"points": [3, 184]}, "prescribed.0.region: there is no point 184; the points of the body have the numbers 0 to 183"),
-        ("points", {"group": "pull"}, "prescribed.0.region: there is no group 'pull': the body is not a mesh with physical groups"),
-        ("points", "corner", "regions.corner: the region contains no point of the body; the nearest is point 0 at (0.05, 0.05), 0.04"),
+        (
+            "points",
+            {"not": "body"},
+            "prescribed.0.region: the region contains no point of the body",
+        ),
+        (
+            "points",
+            {"points": [3, 184]},
+            (
+                "prescribed.0.region: there is no point 184; the points of the body have the"
+                " numbers 0 to 183"
+            ),
+        ),
+        (
+            "points",
+            {"group": "pull"},
+            (
+                "prescribed.0.region: there is no group 'pull': the body is not a mesh with"
+                " physical groups"
+            ),
+        ),
+        (
+            "points",
+            "corner",
+            (
+                "regions.corner: the region contains no point of the body; the nearest is point 0"
+                " at (0.05, 0.05), 0.04"
+            ),
+        ),
         (
             "facets",
             {"box": [[0.8, 0.3], [1.2, 0.7]]},
-            "loads.0.region: the region contains no part of the boundary; the nearest is a facet of holes.0 with its middle at (0.6983,",
+            (
+                "loads.0.region: the region contains no part of the boundary; the nearest is a"
+                " facet of holes.0 with its middle at (0.6983,"
+            ),
         ),
-        ("facets", "corner", "regions.corner: the region contains no part of the boundary; the nearest is a facet of "),
-        ("facets", {"points": [3]}, "loads.0.region: this load needs a part of the boundary, not points; instead of points give an edge,"),
+        (
+            "facets",
+            "corner",
+            (
+                "regions.corner: the region contains no part of the boundary; the nearest is a"
+                " facet of "
+            ),
+        ),
+        (
+            "facets",
+            {"points": [3]},
+            (
+                "loads.0.region: this load needs a part of the boundary, not points; instead of"
+                " points give an edge,"
+            ),
+        ),
         (
             "facets",
             {"or": ["left", {"near": [0, 0]}]},
@@ -199,17 +310,37 @@ def test_empty_regions_say_what_is_nearby(kind, said, message):
 
 
 def test_edges_that_are_not_there():
-    """A disc has points within a cell of its left end, and no straight side there; a slot takes all of an edge."""
+    """A disc has points within a cell of its left end, and no straight side there; a slot takes
+    all of an edge.
+    """
     disc = {"body": {"shape": "circle", "radius": 1.0}, "holes": ()}
     message = said_of("facets", "left", **disc)
-    assert message == "loads.0.region: the region contains no part of the boundary; no straight side of the body is on its left edge"
+    assert (
+        message
+        == "loads.0.region: the region contains no part of the boundary; no straight side of the"
+        " body is on its left edge"
+    )
     body, regions = regions_of(scene_of(**disc))
-    np.testing.assert_array_equal(regions.points("left"), np.flatnonzero(body.points[:, 0] < -0.901))
+    np.testing.assert_array_equal(
+        regions.points("left"), np.flatnonzero(body.points[:, 0] < -0.901)
+    )
     slot = {"holes": [{"shape": "rectangle", "size": [0.5, 1.2], "lower": [-0.1, -0.1]}]}
     message = said_of("points", {"edge": "left"}, **slot)
-    assert message == "prescribed.0.region: the region contains no point of the body; the nearest is point 0 at (0.45, 0.05), 0.45 away"
-    covered = {"holes": [{"shape": "circle", "radius": 0.2, "center": [1, 0.5]}, {"shape": "circle", "radius": 0.1, "center": [1, 0.55]}]}
-    assert said_of("facets", "holes.1", **covered) == "loads.0.region: there is no boundary holes.1; there are holes.0"
+    assert (
+        message
+        == "prescribed.0.region: the region contains no point of the body; the nearest is point 0"
+        " at (0.45, 0.05), 0.45 away"
+    )
+    covered = {
+        "holes": [
+            {"shape": "circle", "radius": 0.2, "center": [1, 0.5]},
+            {"shape": "circle", "radius": 0.1, "center": [1, 0.55]},
+        ]
+    }
+    assert (
+        said_of("facets", "holes.1", **covered)
+        == "loads.0.region: there is no boundary holes.1; there are holes.0"
+    )
 
 
 def test_where_a_body_is_too_thin_for_loads():
@@ -223,9 +354,19 @@ def test_where_a_body_is_too_thin_for_loads():
 
 def test_places_of_probes(plate):
     _, regions = plate
-    for place in ((0.03, 0.02), (0.0, 0.0), (2.0, 0.5), (0.7, 0.5), (0.5 + 0.2 / np.sqrt(2), 0.5 + 0.2 / np.sqrt(2)), (1.4, 0.4)):
+    for place in (
+        (0.03, 0.02),
+        (0.0, 0.0),
+        (2.0, 0.5),
+        (0.7, 0.5),
+        (0.5 + 0.2 / np.sqrt(2), 0.5 + 0.2 / np.sqrt(2)),
+        (1.4, 0.4),
+    ):
         regions.check_place("probes.0.at", place)
-    message = r"^probes.0.at: \(2\.02, 0\.52\) lies outside the body; its nearest point is 10\d at \(1\.95, 0\.55\), 0\.0762 away$"
+    message = (
+        r"^probes.0.at: \(2\.02, 0\.52\) lies outside the body; its nearest point is 10\d at"
+        r" \(1\.95, 0\.55\), 0\.0762 away$"
+    )
     with pytest.raises(ValueError, match=message):
         regions.check_place("probes.0.at", (2.02, 0.52))
     with pytest.raises(ValueError, match=r"^probes.1.at: \(0\.52, 0\.5\) lies outside"):
@@ -235,25 +376,37 @@ def test_places_of_probes(plate):
 @pytest.fixture
 def meshed(tmp_path):
     path = write_plate(tmp_path / "plate.msh")
-    scene = scene_of(body={"shape": "mesh", "file": str(path)}, holes=(), prescribed=[{"region": {"group": "pul"}, "x1": 0.0}])
+    scene = scene_of(
+        body={"shape": "mesh", "file": str(path)},
+        holes=(),
+        prescribed=[{"region": {"group": "pul"}, "x1": 0.0}],
+    )
     return *regions_of(scene), scene
 
 
 def test_groups_of_a_mesh(meshed):
     body, regions, scene = meshed
     middles = regions.surface().midpoints()
-    np.testing.assert_array_equal(regions.points(Region(group="soft")), np.flatnonzero(body.points[:, 0] < 0.6))
-    np.testing.assert_array_equal(regions.facets(Region(group="pull")), np.flatnonzero(np.isclose(middles[:, 0], 1.2)))
+    np.testing.assert_array_equal(
+        regions.points(Region(group="soft")), np.flatnonzero(body.points[:, 0] < 0.6)
+    )
+    np.testing.assert_array_equal(
+        regions.facets(Region(group="pull")), np.flatnonzero(np.isclose(middles[:, 0], 1.2))
+    )
     np.testing.assert_array_equal(regions.facets(Region(group="pull")), regions.facets("right"))
     np.testing.assert_array_equal(regions.facets(Region(group="cavity")), regions.facets("holes.0"))
     assert len(regions.points(Region(group="seam"))) == 8
     half = Region(**{"and": [{"group": "cavity"}, {"group": "soft"}]})
     np.testing.assert_allclose(middles[regions.facets(half), 0].max(), 0.55)
-    with pytest.raises(ValueError, match=r"^region: the region contains no part of the boundary"):  # the seam is inside the material
+    with pytest.raises(
+        ValueError, match=r"^region: the region contains no part of the boundary"
+    ):  # the seam is inside the material
         regions.facets(Region(group="seam"))
     with pytest.raises(ValueError, match=r"^prescribed.0.region: .*'pul'; did you mean pull\?$"):
         regions.points(scene.prescribed[0].region, "prescribed.0.region")
-    with pytest.raises(ValueError, match=r"the mesh has no group 'xyz'; it has soft, stiff, pull, cavity, seam$"):
+    with pytest.raises(
+        ValueError, match=r"the mesh has no group 'xyz'; it has soft, stiff, pull, cavity, seam$"
+    ):
         regions.points(Region(group="xyz"))
     with pytest.raises(ValueError, match=r"there is no boundary holes.1; there are holes.0$"):
         regions.facets("holes.1")
@@ -265,39 +418,88 @@ def test_groups_of_a_mesh(meshed):
         ("lefft", "prescribed.0.region: there is no region 'lefft'; did you mean left?"),
         (
             {"edge": "lefft"},
-            "prescribed.0.region.edge: Input should be 'left', 'right', 'bottom', 'top', 'back' or 'front' (given 'lefft')",
+            (
+                "prescribed.0.region.edge: Input should be 'left', 'right', 'bottom', 'top', 'back'"
+                " or 'front' (given 'lefft')"
+            ),
         ),
         ({"edg": "left"}, "prescribed.0.region.edg: unknown key; did you mean edge?"),
         ({"an": ["left"]}, "prescribed.0.region.an: unknown key; did you mean and?"),
-        (3, 'prescribed.0.region: must be the name of a region, or a region such as {edge = "left"} (given 3)'),
-        (["left"], 'prescribed.0.region: must be the name of a region, or a region such as {edge = "left"}'),
+        (
+            3,
+            (
+                "prescribed.0.region: must be the name of a region, or a region such as {edge ="
+                ' "left"} (given 3)'
+            ),
+        ),
+        (
+            ["left"],
+            (
+                "prescribed.0.region: must be the name of a region, or a region such as {edge ="
+                ' "left"}'
+            ),
+        ),
         (
             {},
-            "prescribed.0.region: a region needs exactly one of edge, box, disc, half_plane, ball, half_space, points,",
+            (
+                "prescribed.0.region: a region needs exactly one of edge, box, disc, half_plane,"
+                " ball, half_space, points,"
+            ),
         ),
-        ({"edge": "left", "near": [0, 0]}, "prescribed.0.region: a region needs exactly one of edge, box"),
-        ({"and": ["left", {"boks": 1}]}, "prescribed.0.region.and.1.boks: unknown key; there are edge, box,"),
+        (
+            {"edge": "left", "near": [0, 0]},
+            "prescribed.0.region: a region needs exactly one of edge, box",
+        ),
+        (
+            {"and": ["left", {"boks": 1}]},
+            "prescribed.0.region.and.1.boks: unknown key; there are edge, box,",
+        ),
         ({"and": []}, "prescribed.0.region.and: needs at least 1 entries, not 0"),
         ({"and": "left"}, "prescribed.0.region.and: must be a list (given 'left')"),
-        ({"or": ["left", "grp"]}, "prescribed.0.region.or.1: there is no region 'grp'; did you mean grip?"),
+        (
+            {"or": ["left", "grp"]},
+            "prescribed.0.region.or.1: there is no region 'grp'; did you mean grip?",
+        ),
         (
             {"not": {"disc": {"center": [0, 0], "radius": -1}}},
             "prescribed.0.region.not.disc.radius: Input should be greater than 0 (given -1)",
         ),
-        ({"disc": {"centr": [0, 0], "radius": 1}}, "region.disc.centr: unknown key; did you mean center?"),
-        ({"half_plane": {"point": [0, 0], "normal": [0, 0]}}, "region.half_plane.normal: it is a direction"),
-        ({"box": [[1, 1], [0, 0]]}, "prescribed.0.region: box must be two corners, first the one with the smallest"),
-        ({"points": [-1]}, "prescribed.0.region.points.0: Input should be greater than or equal to 0 (given -1)"),
-        ("holes.7", "prescribed.0.region: there is no region 'holes.7'; there are holes.0, holes.1, holes"),
-        ({"not": "holes.2"}, "prescribed.0.region.not: there is no region 'holes.2'; there are holes.0, holes.1, holes"),
+        (
+            {"disc": {"centr": [0, 0], "radius": 1}},
+            "region.disc.centr: unknown key; did you mean center?",
+        ),
+        (
+            {"half_plane": {"point": [0, 0], "normal": [0, 0]}},
+            "region.half_plane.normal: it is a direction",
+        ),
+        (
+            {"box": [[1, 1], [0, 0]]},
+            "prescribed.0.region: box must be two corners, first the one with the smallest",
+        ),
+        (
+            {"points": [-1]},
+            "prescribed.0.region.points.0: Input should be greater than or equal to 0 (given -1)",
+        ),
+        (
+            "holes.7",
+            "prescribed.0.region: there is no region 'holes.7'; there are holes.0, holes.1, holes",
+        ),
+        (
+            {"not": "holes.2"},
+            (
+                "prescribed.0.region.not: there is no region 'holes.2'; there are holes.0, holes.1,"
+                " holes"
+            ),
+        ),
     ],
 )
 def test_mistakes_are_told_in_one_line_with_the_authors_own_key(tmp_path, said, message):
     path = tmp_path / "mine.toml"
     path.write_text(
-        'name = "mine"\nspacing = 0.1\nsteps = 1\nmaterial = "neo-hookean"\nbody = {size = [2.0, 1.0]}\n'
-        'holes = [{shape = "circle", radius = 0.2, center = [0.5, 0.5]}, {shape = "circle", radius = 0.2, center = [1.5, 0.5]}]\n'
-        'prescribed = [{region = "left", x1 = 0.0}]\nregions.grip.edge = "right"\n'
+        'name = "mine"\nspacing = 0.1\nsteps = 1\nmaterial = "neo-hookean"\nbody = {size = [2.0,'
+        ' 1.0]}\nholes = [{shape = "circle", radius = 0.2, center = [0.5, 0.5]}, {shape = "circle",'
+        ' radius = 0.2, center = [1.5, 0.5]}]\nprescribed = [{region = "left", x1 ='
+        ' 0.0}]\nregions.grip.edge = "right"\n'
     )
     load_scene(path)
     with pytest.raises(SceneError) as caught:
@@ -311,20 +513,38 @@ def test_mistakes_are_told_in_one_line_with_the_authors_own_key(tmp_path, said, 
 @pytest.mark.parametrize(
     ("named", "message"),
     [
-        ({"a": {"and": ["b"]}, "b": {"or": ["right", {"not": "a"}]}}, "regions.a: the region refers to itself: a -> b -> a"),
+        (
+            {"a": {"and": ["b"]}, "b": {"or": ["right", {"not": "a"}]}},
+            "regions.a: the region refers to itself: a -> b -> a",
+        ),
         ({"a": {"not": "a"}}, "regions.a: the region refers to itself: a -> a"),
-        ({"left": {"edge": "left"}}, "regions: left is the name of a predefined region; choose another name"),
+        (
+            {"left": {"edge": "left"}},
+            "regions: left is the name of a predefined region; choose another name",
+        ),
         (
             {"x": {"and": ["left", {"edge": "lft"}]}},
-            "regions.x.and.1.edge: Input should be 'left', 'right', 'bottom', 'top', 'back' or 'front' (given 'lft')",
+            (
+                "regions.x.and.1.edge: Input should be 'left', 'right', 'bottom', 'top', 'back' or"
+                " 'front' (given 'lft')"
+            ),
         ),
-        ({"x": {"and": ["left", "rigt"]}}, "regions.x.and.1: there is no region 'rigt'; did you mean right?"),
+        (
+            {"x": {"and": ["left", "rigt"]}},
+            "regions.x.and.1: there is no region 'rigt'; did you mean right?",
+        ),
         ({"x": "left"}, "regions.x: must be a table (given 'left')"),
         (
             {"a b": {"edge": "left"}},
-            "regions.a b: the name of a region begins with a letter, and goes on with letters, digits, - and _ (given",
+            (
+                "regions.a b: the name of a region begins with a letter, and goes on with letters,"
+                " digits, - and _ (given"
+            ),
         ),
-        ({"x": {"not": "holes.0"}}, "regions.x.not: there is no region 'holes.0'; the body has no holes"),
+        (
+            {"x": {"not": "holes.0"}},
+            "regions.x.not: there is no region 'holes.0'; the body has no holes",
+        ),
     ],
 )
 def test_named_regions_that_make_no_sense(named, message):
@@ -347,5 +567,8 @@ def test_regions_composed_in_python():
 
 def test_the_point_nearest_to_a_place_far_away_is_refused():
     _, regions = regions_of(scene_of(prescribed=[{"region": {"near": [50, 0]}, "x1": 0.0}]))
-    with pytest.raises(ValueError, match=r"no point is close enough to \(50, 0\): the nearest one is point \d+ at .* away$"):
+    with pytest.raises(
+        ValueError,
+        match=r"no point is close enough to \(50, 0\): the nearest one is point \d+ at .* away$",
+    ):
         regions.points(Region(near=(50.0, 0.0)))

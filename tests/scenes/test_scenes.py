@@ -35,7 +35,9 @@ def test_the_papers_section_6_2():
 
 
 def test_british_spelling_of_earlier_versions_is_read():
-    scene = load_scene("hole", ["holes=[{shape='circle', radius=0.2, centre=[0.5,0]}]", "solver.method=minimiser"])
+    scene = load_scene(
+        "hole", ["holes=[{shape='circle', radius=0.2, centre=[0.5,0]}]", "solver.method=minimiser"]
+    )
     assert scene.holes[0].center == (0.5, 0.0)
     assert scene.solver.method == "minimizer"
     assert pds.shapes.Circle(centre=(0.5, 0.0), radius=0.2) == scene.holes[0]
@@ -45,7 +47,14 @@ def test_british_spelling_of_earlier_versions_is_read():
 
 def test_changes_by_key():
     scene = load_scene(
-        "uniaxial", ["spacing=0.05", "stretches=1.5,2", "material.shear_modulus=3", "solver.method=explicit", "support=points"]
+        "uniaxial",
+        [
+            "spacing=0.05",
+            "stretches=1.5,2",
+            "material.shear_modulus=3",
+            "solver.method=explicit",
+            "support=points",
+        ],
     )
     assert scene.spacing == 0.05
     assert scene.stretches == (1.5, 2.0)
@@ -53,7 +62,9 @@ def test_changes_by_key():
     assert scene.solver.method == "explicit"
     assert scene.support == "points"
     assert load_scene("uniaxial", {"stretches": 2}, spacing=0.1).stretches == (2.0,)
-    assert load_scene("uniaxial", ["material=neo-hookean", "material.bulk_modulus=50"]).material.build() == NeoHookean(1.0, 50.0)
+    assert load_scene(
+        "uniaxial", ["material=neo-hookean", "material.bulk_modulus=50"]
+    ).material.build() == NeoHookean(1.0, 50.0)
 
 
 @pytest.mark.parametrize(
@@ -86,30 +97,78 @@ def test_parsing_of_changes(change, key, value):
         (["spacing='0.1'"], "spacing: Input should be a valid number (given '0.1')"),
         (["stretches=true"], "stretches.0: Input should be a valid number (given True)"),
         (["stretches=fast"], "stretches: must be a list (given 'fast')"),
-        (["solver.most_evaluations=true"], "solver.most_evaluations: Input should be a valid number (given True)"),
+        (
+            ["solver.most_evaluations=true"],
+            "solver.most_evaluations: Input should be a valid number (given True)",
+        ),
         (["spcing=0.05"], "spcing: unknown key; did you mean spacing?"),
         (["sideways=1"], "sideways: unknown key; there are name, title, spacing, stretches, body,"),
         (["circle=1"], "circle: unknown key"),
         (["solver.methd=explicit"], "solver.methd: unknown key; did you mean method?"),
-        (["fracture.criticalstretch=2"], "fracture.criticalstretch: unknown key; did you mean critical_stretch?"),
+        (
+            ["fracture.criticalstretch=2"],
+            "fracture.criticalstretch: unknown key; did you mean critical_stretch?",
+        ),
         (["body.siz=1,2"], "body.siz: unknown key; did you mean size?"),
-        (["holes=[{shape='circle', radius=1, centr=[0,0]}]"], "holes.0.centr: unknown key; did you mean center?"),
+        (
+            ["holes=[{shape='circle', radius=1, centr=[0,0]}]"],
+            "holes.0.centr: unknown key; did you mean center?",
+        ),
         (["grips.1.hold=all"], "grips.1.hold: unknown key; did you mean holds?"),
-        (["holds=[{boks=[1]}]"], "holds.0.boks: unknown key; there are box, points, components, travel"),
-        (["material.shear_modulu=3"], "neo-hookean has no parameter 'shear_modulu'; did you mean shear_modulus?"),
+        (
+            ["holds=[{boks=[1]}]"],
+            "holds.0.boks: unknown key; there are box, points, components, travel",
+        ),
+        (
+            ["material.shear_modulu=3"],
+            "neo-hookean has no parameter 'shear_modulu'; did you mean shear_modulus?",
+        ),
         (["material=neohookean"], "material: unknown law 'neohookean'; did you mean neo-hookean?"),
         (["material=3"], "material: must be a table (given 3)"),
         (["body=3"], "body: must be a table (given 3)"),
-        (["grips.0.edge=lft"], "grips.0.edge: Input should be 'left', 'right', 'bottom', 'top', 'back' or 'front' (given 'lft')"),
-        (["grips.2.edge=top"], "grips.2.edge: the list grips has no entry '2'; its entries are grips.0, grips.1"),
-        (["grips.edge=top"], "grips.edge: the list grips has no entry 'edge'; its entries are grips.0, grips.1"),
-        (["grips=[]"], "the scene has no loading: give two grips and stretches, or steps with prescribed displacements or loads"),
+        (
+            ["grips.0.edge=lft"],
+            (
+                "grips.0.edge: Input should be 'left', 'right', 'bottom', 'top', 'back' or 'front'"
+                " (given 'lft')"
+            ),
+        ),
+        (
+            ["grips.2.edge=top"],
+            "grips.2.edge: the list grips has no entry '2'; its entries are grips.0, grips.1",
+        ),
+        (
+            ["grips.edge=top"],
+            "grips.edge: the list grips has no entry 'edge'; its entries are grips.0, grips.1",
+        ),
+        (
+            ["grips=[]"],
+            (
+                "the scene has no loading: give two grips and stretches, or steps with prescribed"
+                " displacements or loads"
+            ),
+        ),
         (["holes.0.radius=1"], "holes.0.radius: the scene has no holes"),
-        (["holes=[]", "holes.0.radius=1"], "holes.0.radius: the list holes has no entry '0'; it is empty"),
+        (
+            ["holes=[]", "holes.0.radius=1"],
+            "holes.0.radius: the list holes has no entry '0'; it is empty",
+        ),
         (["spacing=" + 400 * "1"], "spacing: Input should be a valid number (given 1111"),
-        ("spacing=0.1", "changes must be a list of key=value, or a mapping, not the text 'spacing=0.1'"),
-        (["material.stiffness=1"], "material: neo-hookean has no parameter 'stiffness'; it has bulk_modulus, shear_modulus"),
-        (["material.shear_modulus=-1"], "material: neo-hookean: shear_modulus must be positive, not -1"),
+        (
+            "spacing=0.1",
+            "changes must be a list of key=value, or a mapping, not the text 'spacing=0.1'",
+        ),
+        (
+            ["material.stiffness=1"],
+            (
+                "material: neo-hookean has no parameter 'stiffness'; it has bulk_modulus,"
+                " shear_modulus"
+            ),
+        ),
+        (
+            ["material.shear_modulus=-1"],
+            "material: neo-hookean: shear_modulus must be positive, not -1",
+        ),
         (["material.shear_modulus=soft"], "material: shear_modulus must be a number, not 'soft'"),
         (["material=rubber"], "material: unknown law 'rubber'; there are "),
         (["correction=best"], "correction: Input should be 'tensor', 'scalar' or 'none'"),
@@ -120,14 +179,26 @@ def test_parsing_of_changes(change, key, value):
         (["body.size=1,-2"], "body.size.1"),
         (["spacing"], "a change must have the form key=value"),
         (["=3"], "a change must have the form key=value"),
-        (["material={law=gent}"], "material: {law=gent} is not valid TOML; text inside a table or list needs quotes"),
-        (["steps=[0.5,.7]"], "steps: [0.5,.7] is not valid TOML; text inside a table or list needs quotes, and numbers a digit"),
+        (
+            ["material={law=gent}"],
+            "material: {law=gent} is not valid TOML; text inside a table or list needs quotes",
+        ),
+        (
+            ["steps=[0.5,.7]"],
+            (
+                "steps: [0.5,.7] is not valid TOML; text inside a table or list needs quotes, and"
+                " numbers a digit"
+            ),
+        ),
         (["spacing.deep=3"], "spacing is 0.02, which has no keys or entries; set spacing="),
         (
             ["stretches=1.5", "stretches.0=1.2"],
             "stretches.0: stretches is 1.5, which has no keys or entries; set stretches=",
         ),
-        (["solver.tolerance=1e300"], "solver.tolerance: Input should be less than or equal to 0.01"),
+        (
+            ["solver.tolerance=1e300"],
+            "solver.tolerance: Input should be less than or equal to 0.01",
+        ),
     ],
 )
 def test_bad_changes_name_the_key(changes, message):
@@ -141,12 +212,20 @@ def test_bad_changes_name_the_key(changes, message):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"grips": [{"edge": "lft"}, {"edge": "right", "travel": 1.0}]}, "grips.0.edge: Input should be 'left', 'right', 'bottom'"),
-        ({"holds": [{"points": [1], "components": ["x3"]}]}, "holds.0.components: a 2D body has no x3, only x1 and x2"),
+        (
+            {"grips": [{"edge": "lft"}, {"edge": "right", "travel": 1.0}]},
+            "grips.0.edge: Input should be 'left', 'right', 'bottom'",
+        ),
+        (
+            {"holds": [{"points": [1], "components": ["x3"]}]},
+            "holds.0.components: a 2D body has no x3, only x1 and x2",
+        ),
     ],
 )
 def test_one_mistake_is_one_problem(changes, message):
-    """A wrong entry of a list was followed by "Tuple should have at least 2 items after validation, not 1", which is not so."""
+    """A wrong entry of a list was followed by "Tuple should have at least 2 items after
+    validation, not 1", which is not so.
+    """
     with pytest.raises(SceneError) as caught:
         load_scene("uniaxial", changes)
     assert message in str(caught.value)
@@ -154,27 +233,48 @@ def test_one_mistake_is_one_problem(changes, message):
 
 
 def test_entries_of_lists_are_changed_by_their_number():
-    scene = load_scene("uniaxial", ["grips.0.edge=top", "grips.1.edge=bottom", "grips.0.travel=0.5", "grips.1.travel=0.5", "stretches.2=3"])
+    scene = load_scene(
+        "uniaxial",
+        [
+            "grips.0.edge=top",
+            "grips.1.edge=bottom",
+            "grips.0.travel=0.5",
+            "grips.1.travel=0.5",
+            "stretches.2=3",
+        ],
+    )
     assert [(grip.edge, grip.travel) for grip in scene.grips] == [("top", 0.5), ("bottom", 0.5)]
     assert scene.stretches == (1.5, 2.0, 3.0)
 
 
 def test_changes_stay_as_the_caller_gave_them(tmp_path):
-    """``load_scene("uniaxial", {"body": body, "body.size": [2.0, 1.0]})`` changed `body`, and a scene file's folder went into its file."""
+    """``load_scene("uniaxial", {"body": body, "body.size": [2.0, 1.0]})`` changed `body`, and a
+    scene file's folder went into its file.
+    """
     body, material = {"size": [3.0, 1.0]}, {"law": "neo-hookean"}
-    changes = {"body": body, "body.size": [2.0, 1.0], "material": material, "material.shear_modulus": 5}
+    changes = {
+        "body": body,
+        "body.size": [2.0, 1.0],
+        "material": material,
+        "material.shear_modulus": 5,
+    }
     before = copy.deepcopy(changes)
     scene = load_scene("uniaxial", changes)
     assert changes == before
     assert (scene.body.size, scene.material.build().shear_modulus) == ((2.0, 1.0), 5.0)
-    grips = {"grips": ({"edge": "left"}, {"edge": "right", "travel": 1.0}), "grips.0.holds": "normal"}
+    grips = {
+        "grips": ({"edge": "left"}, {"edge": "right", "travel": 1.0}),
+        "grips.0.holds": "normal",
+    }
     before = copy.deepcopy(grips)
     assert load_scene("uniaxial", grips).grips[0].holds == "normal"
     assert grips == before
     mesh = {"shape": "mesh", "file": "square.vtu"}
     (tmp_path / "mine.toml").write_text(GOOD)
     for _ in range(2):
-        assert load_scene(tmp_path / "mine.toml", body=mesh).body.file == str(tmp_path / "square.vtu")
+        assert load_scene(tmp_path / "mine.toml", body=mesh).body.file == str(
+            tmp_path / "square.vtu"
+        )
     assert mesh == {"shape": "mesh", "file": "square.vtu"}
 
 
@@ -182,12 +282,35 @@ def test_changes_stay_as_the_caller_gave_them(tmp_path):
     ("part", "fields", "message"),
     [
         (pds.shapes.Circle, {"radius": -1}, "radius: Input should be greater than 0 (given -1)"),
-        (pds.shapes.Circle, {"radi": 1}, "radius: this key is missing; radi: unknown key; did you mean radius?"),
-        (pds.shapes.Rectangle, {"size": (True, 1.0)}, "size.0: Input should be a valid number (given True)"),
-        (pds.shapes.Polygon, {"vertices": [(0, 0), (1, 1)]}, "vertices: needs at least 3 entries, not 2"),
+        (
+            pds.shapes.Circle,
+            {"radi": 1},
+            "radius: this key is missing; radi: unknown key; did you mean radius?",
+        ),
+        (
+            pds.shapes.Rectangle,
+            {"size": (True, 1.0)},
+            "size.0: Input should be a valid number (given True)",
+        ),
+        (
+            pds.shapes.Polygon,
+            {"vertices": [(0, 0), (1, 1)]},
+            "vertices: needs at least 3 entries, not 2",
+        ),
         (pds.shapes.Precut, {"start": (0, 1), "end": (0, 1)}, "a precut needs two different ends"),
-        (Grip, {"edge": "lft"}, "edge: Input should be 'left', 'right', 'bottom', 'top', 'back' or 'front' (given 'lft')"),
-        (MaterialSpec, {"law": "gent", "chain_limt": 3}, "gent has no parameter 'chain_limt'; did you mean chain_limit?"),
+        (
+            Grip,
+            {"edge": "lft"},
+            (
+                "edge: Input should be 'left', 'right', 'bottom', 'top', 'back' or 'front' (given"
+                " 'lft')"
+            ),
+        ),
+        (
+            MaterialSpec,
+            {"law": "gent", "chain_limt": 3},
+            "gent has no parameter 'chain_limt'; did you mean chain_limit?",
+        ),
         (
             pds.Scene,
             {**load_scene("uniaxial").model_dump(exclude={"spacing"}), "spacng": 0.1},
@@ -251,7 +374,9 @@ def test_bad_scene_files(tmp_path, old, new, message):
 def test_scenes_that_are_not_there(tmp_path):
     with pytest.raises(SceneError, match=r"unknown scene 'uniaxal'; did you mean uniaxial"):
         load_scene("uniaxal")
-    with pytest.raises(SceneError, match="unknown scene ''"):  # "cannot read scene file .: Is a directory"
+    with pytest.raises(
+        SceneError, match="unknown scene ''"
+    ):  # "cannot read scene file .: Is a directory"
         load_scene("")
     if os.path.exists("/dev/zero"):
         with pytest.raises(SceneError, match="the file has more than 16 MiB, so it is not a scene"):
@@ -292,7 +417,10 @@ PLAIN = {
     "spacing": 0.25,
     "stretches": 1.2,
     "body": {"shape": "rectangle", "size": [3.0, 1.0]},
-    "grips": [{"edge": "left", "holds": "normal"}, {"edge": "right", "holds": "normal", "travel": 1.0}],
+    "grips": [
+        {"edge": "left", "holds": "normal"},
+        {"edge": "right", "holds": "normal", "travel": 1.0},
+    ],
 }
 """Without a material and without units."""
 
@@ -303,7 +431,10 @@ def test_what_has_no_units_claims_none(tmp_path, monkeypatch):
     assert repr(scene) == "<Scene plain: rectangle, spacing 0.25, neo-hookean, 1 stretch>"
     result = pds.simulate(scene, "analytic")
     result.save(tmp_path)
-    texts = [path.read_text() for path in tmp_path.glob("*.csv")] + [html_page(result, ["stress_11"]), label_of("stress_11", scene.units)]
+    texts = [path.read_text() for path in tmp_path.glob("*.csv")] + [
+        html_page(result, ["stress_11"]),
+        label_of("stress_11", scene.units),
+    ]
     for printed in (run_tables.print_levels, run_tables.print_cells, run_tables.print_grip):
         with run_tables.out.capture() as said:
             printed(result)
@@ -328,12 +459,16 @@ def test_a_material_may_be_left_to_the_force():
     stated = pds.simulate(pds.Scene.model_validate({**PLAIN, "material": card}), "gent")
     assert found.levels[0]["nominal_stress"] == stated.levels[0]["nominal_stress"]
     for force in (None, "analytic", "bond-energy", pds.AnalyticBondForce()):
-        with pytest.raises(SceneError, match=r"scene plain: material: missing; add one, or choose an artifact"):
+        with pytest.raises(
+            SceneError, match=r"scene plain: material: missing; add one, or choose an artifact"
+        ):
             pds.simulate(scene, force)
 
 
 def test_a_slip_that_is_repeated_does_not_fill_the_screen():
     slip = [{"region": {"disk": i}, "material": "neo-hookean"} for i in range(1000)]
-    with pytest.raises(SceneError, match=r"materials\.0\.region\.disk: .*and 990 problems more") as caught:
+    with pytest.raises(
+        SceneError, match=r"materials\.0\.region\.disk: .*and 990 problems more"
+    ) as caught:
         load_scene("uniaxial", {"materials": slip})
     assert len(str(caught.value)) < 2500

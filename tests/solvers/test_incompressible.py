@@ -1,4 +1,6 @@
-"""What brings nearly incompressible bodies to equilibrium: their linearized dilatation, its preconditioner, multigrid, and counts."""
+"""What brings nearly incompressible bodies to equilibrium: their linearized dilatation, its
+preconditioner, multigrid, and counts.
+"""
 
 import numpy as np
 import pytest
@@ -24,43 +26,67 @@ def block(across, dimension, bulk_modulus, jitter=0.0):
     axes = [(np.arange(count) + 0.5) * spacing for count in counts]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
     points += jitter * spacing * np.random.default_rng(2).uniform(-1, 1, points.shape)
-    planes = [ReflectionPlane(dimension - 1, place, side, (-1,) * dimension) for place, side in ((0.0, -1), (1.0, 1))]
-    body = Body(points, np.full(len(points), spacing**dimension), 1.75 * spacing, spacing, planes=tuple(planes))
-    return FORCES["bond-energy"]().bind(body, NeoHookean(2.0, 2.0 * bulk_modulus), ForceSettings(plane=PLANE[dimension]))
+    planes = [
+        ReflectionPlane(dimension - 1, place, side, (-1,) * dimension)
+        for place, side in ((0.0, -1), (1.0, 1))
+    ]
+    body = Body(
+        points,
+        np.full(len(points), spacing**dimension),
+        1.75 * spacing,
+        spacing,
+        planes=tuple(planes),
+    )
+    return FORCES["bond-energy"]().bind(
+        body, NeoHookean(2.0, 2.0 * bulk_modulus), ForceSettings(plane=PLANE[dimension])
+    )
 
 
 def deformed(force, amount=0.03):
     """Positions stretched and disturbed, in which the force has been evaluated."""
     body = force.body
-    positions = body.points * 1.05 + amount * body.spacing * np.random.default_rng(3).uniform(-1, 1, body.points.shape)
+    positions = body.points * 1.05 + amount * body.spacing * np.random.default_rng(3).uniform(
+        -1, 1, body.points.shape
+    )
     force(positions, np.empty_like(positions))
     return positions
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_linearized_dilatation_is_the_derivative_of_the_volume_ratios(dimension):
-    """Against central differences, of which the cubic part in space leaves 1e-10, in single precision; so the transpose."""
+    """Against central differences, of which the cubic part in space leaves 1e-10, in single
+    precision; so the transpose.
+    """
     force = block(5, dimension, 100, jitter=0.1)
     positions, random = deformed(force), np.random.default_rng(4)
     assert_dilatation_is_linearized(force, positions, random)
 
 
 def test_a_multigrid_cycle_is_near_the_inverse():
-    """Symmetric, and the eigenvalues of cycle times matrix between 0.3 and 1 whatever the number of points; held points stay."""
+    """Symmetric, and the eigenvalues of cycle times matrix between 0.3 and 1 whatever the number
+    of points; held points stay.
+    """
     least = []
     for count in (60, 120):
-        line = sparse.diags_array([-np.ones(count - 1), 2 * np.ones(count), -np.ones(count - 1)], offsets=(-1, 0, 1))
-        matrix = (sparse.kron(line, sparse.eye_array(count)) + sparse.kron(sparse.eye_array(count), line)).tocsr()
+        line = sparse.diags_array(
+            [-np.ones(count - 1), 2 * np.ones(count), -np.ones(count - 1)], offsets=(-1, 0, 1)
+        )
+        matrix = (
+            sparse.kron(line, sparse.eye_array(count)) + sparse.kron(sparse.eye_array(count), line)
+        ).tocsr()
         free = np.ones(count**2, dtype=bool)
         free[: count // 2] = False
         keep = sparse.diags_array(free.astype(float))
         matrix = (keep @ matrix @ keep + 4 * sparse.diags_array(1.0 - free)).tocsr()
-        points = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1).reshape(-1, 2) * 0.5
+        points = (
+            np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1).reshape(-1, 2) * 0.5
+        )
         cycle = Multigrid(matrix, points, 0.5, free).cycle
         random = np.random.default_rng(1)
         one, other = random.standard_normal((2, count**2))
         assert one @ cycle(other) == pytest.approx(other @ cycle(one), rel=1e-4)
-        # What a cycle leaves of the error, by power iteration: its greatest part is one minus the least eigenvalue.
+        # What a cycle leaves of the error, by power iteration: its greatest part is one minus the
+        # least eigenvalue.
         error = random.standard_normal(count**2) * free
         for _ in range(30):
             error /= np.linalg.norm(error)
@@ -80,7 +106,9 @@ def test_a_multigrid_cycle_is_near_the_inverse():
     ],
 )
 def test_evaluations_do_not_grow_with_the_bulk_modulus_or_the_size(dimension, across, ratio, most):
-    """A bonded block stretched by 5 % at once, which as a homogeneous stretch is 0.05 K of pressure: half of what is promised is taken."""
+    """A bonded block stretched by 5 % at once, which as a homogeneous stretch is 0.05 K of
+    pressure: half of what is promised is taken.
+    """
     force = block(across, dimension, ratio)
     body, axis = force.body, dimension - 1
     force.move_plane(1, 0.05 * np.eye(dimension)[axis])
@@ -94,7 +122,9 @@ def test_evaluations_do_not_grow_with_the_bulk_modulus_or_the_size(dimension, ac
 
 @pytest.mark.parametrize("across", [6, 18])
 def test_a_displaced_plane_is_followed_evenly(across):
-    """A plane that moves by a vector takes the body along in proportion to the distance from the other, factorized or by cycles."""
+    """A plane that moves by a vector takes the body along in proportion to the distance from the
+    other, factorized or by cycles.
+    """
     body = block(across, 3, 100.0).body
     held, moved = np.zeros_like(body.points), np.array([0.01, 0.0, 0.03])
     found = extension_of(body, 2.0, np.ones_like(held))(held, np.array([np.zeros(3), moved]))
@@ -102,12 +132,16 @@ def test_a_displaced_plane_is_followed_evenly(across):
 
 
 def test_the_least_curvature_of_a_stable_body_is_soon_known(monkeypatch):
-    """Lanczos' method ends with the bound that it promises: what all steps find is less by no more than a third."""
+    """Lanczos' method ends with the bound that it promises: what all steps find is less by no
+    more than a third.
+    """
     force = block(6, 3, 100.0)
     body, free = force.body, np.ones_like(force.body.points)
     positions, counts, values = body.points.copy(), [], []
     force(positions, np.empty_like(positions))
-    stiffness = incompressible_inverse(force, Preconditioner(inverse_of(laplacian_of(force.body, 2.0), free)))
+    stiffness = incompressible_inverse(
+        force, Preconditioner(inverse_of(laplacian_of(force.body, 2.0), free))
+    )
     stiffness.update()
     for known in (stability.KNOWN, 0.0):
         monkeypatch.setattr(stability, "KNOWN", known)

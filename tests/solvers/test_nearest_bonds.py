@@ -12,7 +12,9 @@ from pdsurrogate.solvers.nearest_bonds import held_matrix, inverse_of, laplacian
 
 @pytest.mark.parametrize("network_of", [springs_of, laplacian_of])
 def test_dense_and_sparse_inverses_agree(random, monkeypatch, network_of):
-    """Also with the matrix itself, to rounding times the condition of the matrix, at most 1e6 for 200 points."""
+    """Also with the matrix itself, to rounding times the condition of the matrix, at most 1e6
+    for 200 points.
+    """
     body = Body.rectangle(2.0, 1.0, 0.1, 0.315, planes=(ReflectionPlane(1, 0.0, -1, (1, -1)),))
     free = np.ones_like(body.points)
     free[body.points[:, 0] < 0.1] = 0
@@ -23,7 +25,10 @@ def test_dense_and_sparse_inverses_agree(random, monkeypatch, network_of):
         assert isinstance(matrix, np.ndarray)
         system = held_matrix(matrix, free[:, components].reshape(len(matrix), -1)[:, 0])
         moved = dense[:, components].reshape(len(matrix), -1)
-        assert np.abs(system @ moved - (forces * free)[:, components].reshape(len(matrix), -1)).max() < 1e-9
+        assert (
+            np.abs(system @ moved - (forces * free)[:, components].reshape(len(matrix), -1)).max()
+            < 1e-9
+        )
     monkeypatch.setattr(nearest_bonds, "MOST_DENSE", 0)
     assert not isinstance(network.systems(free)[0][1], np.ndarray)
     sparse = inverse_of(network, free)(forces)
@@ -32,14 +37,19 @@ def test_dense_and_sparse_inverses_agree(random, monkeypatch, network_of):
 
 @pytest.mark.parametrize("jitter", [0.0, 0.2])
 def test_cells_longer_than_wide_need_no_more_evaluations_than_cubes(tmp_path, jitter):
-    """Six tetrahedra in each of 4 x 4 x 4 boxes twice as long as wide, stretched to 1.5, where cubes take 89 to 122 evaluations."""
+    """Six tetrahedra in each of 4 x 4 x 4 boxes twice as long as wide, stretched to 1.5, where
+    cubes take 89 to 122 evaluations.
+    """
     file = write_bar(tmp_path / "bar.msh", (4, 4, 4), jitter=jitter)
     scene = pds.Scene(
         name="bar",
         body={"shape": "mesh", "dimension": 3, "file": str(file)},
         spacing=(2 / 384) ** (1 / 3),
         material={"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0},
-        grips=[{"edge": "left", "holds": "normal"}, {"edge": "right", "holds": "normal", "travel": 1.0}],
+        grips=[
+            {"edge": "left", "holds": "normal"},
+            {"edge": "right", "holds": "normal", "travel": 1.0},
+        ],
         stretches=1.5,
     )
     assert pds.simulate(scene, "bond-energy").summary["n_force_evaluations"] <= 150

@@ -20,7 +20,9 @@ def rubber(modulus=1.0, bulk=10.0):
 
 
 def layer(contrast, cells, plane="stress"):
-    """A soft layer 0.2 thick in the middle of a square, so many times as stiff, held at its foot and sheared at its top."""
+    """A soft layer 0.2 thick in the middle of a square, so many times as stiff, held at its foot
+    and sheared at its top.
+    """
     return Scene(
         name="layer",
         spacing=0.2 / cells,
@@ -36,39 +38,60 @@ def layer(contrast, cells, plane="stress"):
     )
 
 
-LAYERS = {("stress", 10.0): 0.031098, ("stress", 1e3): 0.019975, ("stress", 1e5): 0.019861, ("strain", 1e3): 0.015839}
-"""Displacement of the top at a traction of 0.05, of linear elasticity: nine-node elements made for this test, graded to the
-interfaces and the free sides, 32 across; they change by 0.06 % at most from 16 to 32."""
+LAYERS = {
+    ("stress", 10.0): 0.031098,
+    ("stress", 1e3): 0.019975,
+    ("stress", 1e5): 0.019861,
+    ("strain", 1e3): 0.015839,
+}
+"""Displacement of the top at a traction of 0.05, of linear elasticity: nine-node elements made for
+this test, graded to the interfaces and the free sides, 32 across; they change by 0.06 % at most
+from 16 to 32.
+"""
 
 
 @pytest.mark.parametrize(("plane", "contrast"), sorted(LAYERS))
 def test_a_soft_layer_is_as_soft_as_it_is_beside_whatever_is_stiffer(plane, contrast):
-    """It moved 30 to 98 % too little with 4 cells, less the stiffer the halves; the bounds are those asked for, the strain is 1e-3."""
-    moved = pds.simulate(layer(contrast, 4, plane), "bond-energy").levels[-1]["probes"]["top"]["displacement"][0]
+    """It moved 30 to 98 % too little with 4 cells, less the stiffer the halves; the bounds are
+    those asked for, the strain is 1e-3.
+    """
+    moved = pds.simulate(layer(contrast, 4, plane), "bond-energy").levels[-1]["probes"]["top"][
+        "displacement"
+    ][0]
     assert abs(100 * moved / LAYERS[plane, contrast] - 1) < 0.05
 
 
 def box(outside):
-    """The unit cube with rubber in its middle half; its right face is sheared by 0.25 and pushed by 0.025."""
+    """The unit cube with rubber in its middle half; its right face is sheared by 0.25 and pushed
+    by 0.025.
+    """
     parts = ({"region": "lower", "material": outside}, {"region": "upper", "material": outside})
     return Scene(
         name="box",
         spacing=1 / 8,
         body={"shape": "box", "size": (1.0, 1.0, 1.0)},
         material=rubber(1.0, 1000.0),
-        regions={"lower": {"box": ((-1, -1, -1), (0.25, 2, 2))}, "upper": {"box": ((0.75, -1, -1), (2, 2, 2))}},
+        regions={
+            "lower": {"box": ((-1, -1, -1), (0.25, 2, 2))},
+            "upper": {"box": ((0.75, -1, -1), (2, 2, 2))},
+        },
         materials=parts,
-        prescribed=({"region": "left", "x1": 0, "x2": 0, "x3": 0}, {"region": "right", "x1": -0.025, "x2": 0.25, "x3": 0}),
+        prescribed=(
+            {"region": "left", "x1": 0, "x2": 0, "x3": 0},
+            {"region": "right", "x1": -0.025, "x2": 0.25, "x3": 0},
+        ),
         steps=(1.0,),
         solver={"tolerance": 1e-5},
     )
 
 
 def test_rubber_between_rigid_blocks_is_as_between_clamps():
-    """Its 4 cells beside finite elements (FElupe, triquadratic): 0.438 of shear at a contrast of 1e3; it was 0.480.
+    """Its 4 cells beside finite elements (FElupe, triquadratic): 0.438 of shear at a contrast of
+    1e3; it was 0.480.
 
-    Between clamped planes the same 4 cells give 0.4353 and a push of 0.2069, which come to 0.430 and 0.18 with finer ones.  The push was
-    0.89 beside blocks 1e3 times as stiff, 23 beside such 8e4 times.  Either way of holding the rubber is within 3 % of the other.
+    Between clamped planes the same 4 cells give 0.4353 and a push of 0.2069, which come to 0.430
+    and 0.18 with finer ones.  The push was 0.89 beside blocks 1e3 times as stiff, 23 beside such
+    8e4 times.  Either way of holding the rubber is within 3 % of the other.
     """
     force = pds.simulate(box(RIGID)).levels[-1]["forces"]["right"]
     assert force[1] == pytest.approx(0.4353, rel=0.02)
@@ -85,7 +108,10 @@ def sheet(material, **changes):
         "material": rubber(1.0, 100.0),
         "regions": {"inclusion": {"box": ((0.7, 0.7), (1.3, 1.3))}},
         "materials": ({"region": "inclusion", "material": material},),
-        "prescribed": ({"region": "bottom", "x1": 0, "x2": 0}, {"region": "top", "x1": 0.2, "x2": 0}),
+        "prescribed": (
+            {"region": "bottom", "x1": 0, "x2": 0},
+            {"region": "top", "x1": 0.2, "x2": 0},
+        ),
         "steps": (1.0,),
         "solver": {"tolerance": 1e-8},
     }
@@ -93,8 +119,12 @@ def sheet(material, **changes):
 
 
 def test_a_free_rigid_region_is_the_limit_of_stiffer_and_stiffer_ones():
-    """Beside one 1e5 times as stiff, whose own strain is 1e-5 of the rubber's; it turns with the sheet, clockwise and by some degrees."""
-    rigid, stiff = (pds.simulate(sheet(material)).levels[-1] for material in (RIGID, rubber(1e5, 1.0)))
+    """Beside one 1e5 times as stiff, whose own strain is 1e-5 of the rubber's; it turns with the
+    sheet, clockwise and by some degrees.
+    """
+    rigid, stiff = (
+        pds.simulate(sheet(material)).levels[-1] for material in (RIGID, rubber(1e5, 1.0))
+    )
     np.testing.assert_allclose(rigid["forces"]["top"], stiff["forces"]["top"], rtol=1e-4)
     told = rigid["rigid"]["inclusion"]
     assert np.abs(told["force"]).max() < 1e-6
@@ -104,7 +134,9 @@ def test_a_free_rigid_region_is_the_limit_of_stiffer_and_stiffer_ones():
 
 
 def test_a_rigid_region_that_is_prescribed_turns_and_its_holder_bears_it():
-    """A core turned by 40 degrees in a sheet whose rim is held: the moment of the holder is what the rubber resists with."""
+    """A core turned by 40 degrees in a sheet whose rim is held: the moment of the holder is what
+    the rubber resists with.
+    """
     edges = {"either": ("left", "right", "bottom", "top")}
     turned = {"region": "inclusion", "rotation": 40.0, "about": (1.0, 1.0)}
     scene = sheet(RIGID, prescribed=({"region": edges, "name": "rim", "x1": 0, "x2": 0}, turned))
@@ -119,18 +151,40 @@ def test_a_rigid_region_that_is_prescribed_turns_and_its_holder_bears_it():
 
 
 def test_the_exact_energy_is_the_default_of_several_materials():
-    assert pds.simulate(pds.load_scene("bimaterial", spacing=0.25)).summary["force"] == "bond-energy"
+    assert (
+        pds.simulate(pds.load_scene("bimaterial", spacing=0.25)).summary["force"] == "bond-energy"
+    )
 
 
 @pytest.mark.parametrize(
     ("changes", "force", "message"),
     [
         ({"material": RIGID}, None, "material: cannot be rigid"),
-        ({"materials": [{"region": "inclusion", "material": {"law": "rigid", "shear_modulus": 1}}]}, None, "rigid has no parameter"),
-        ({"materials": [{"region": "inclusion", "material": RIGID, "force": "nosb"}]}, None, "force does not apply to a rigid region"),
-        ({"steps": [{"to": 1.0, "dynamics": {"duration": 1.0, "density": 1.0}}]}, None, "in equilibrium only"),
+        (
+            {
+                "materials": [
+                    {"region": "inclusion", "material": {"law": "rigid", "shear_modulus": 1}}
+                ]
+            },
+            None,
+            "rigid has no parameter",
+        ),
+        (
+            {"materials": [{"region": "inclusion", "material": RIGID, "force": "nosb"}]},
+            None,
+            "force does not apply to a rigid region",
+        ),
+        (
+            {"steps": [{"to": 1.0, "dynamics": {"duration": 1.0, "density": 1.0}}]},
+            None,
+            "in equilibrium only",
+        ),
         ({}, "nosb", "needs a force that defines an energy, such as bond-energy"),
-        ({"regions": {"inclusion": {"box": [[0.7, 0.7], [0.8, 1.3]]}}}, None, "needs two; use a smaller spacing"),
+        (
+            {"regions": {"inclusion": {"box": [[0.7, 0.7], [0.8, 1.3]]}}},
+            None,
+            "needs two; use a smaller spacing",
+        ),
         (
             {
                 "prescribed": [
@@ -155,22 +209,36 @@ def test_parts_too_thin_for_their_bonds_are_told_of():
 
 
 def test_a_contrast_that_bond_forces_do_not_bear_is_told_of():
-    scene = layer(100.0, 4).model_copy(update={"solver": Scene.model_fields["solver"].default.model_copy(update={"most_evaluations": 2})})
+    scene = layer(100.0, 4).model_copy(
+        update={
+            "solver": (
+                Scene.model_fields["solver"].default.model_copy(update={"most_evaluations": 2})
+            )
+        }
+    )
     with pytest.warns(UserWarning, match="100 times as stiff"), pytest.raises(pds.SimulationFailed):
         pds.simulate(scene, "neo-hookean")
 
 
 def test_a_contrast_for_which_a_rigid_region_is_better_is_told_of():
-    scene = layer(8e4, 4).model_copy(update={"solver": Scene.model_fields["solver"].default.model_copy(update={"most_evaluations": 2})})
+    scene = layer(8e4, 4).model_copy(
+        update={
+            "solver": (
+                Scene.model_fields["solver"].default.model_copy(update={"most_evaluations": 2})
+            )
+        }
+    )
     with pytest.warns(UserWarning, match='material = "rigid"'), pytest.raises(pds.SimulationFailed):
         pds.simulate(scene, "bond-energy")
 
 
 @pytest.mark.parametrize(("plane", "most"), [("strain", 0.05), ("space", 0.005)])
 def test_a_confined_layer_between_rigid_parts_bears_what_its_law_says(plane, most):
-    """It was 25 % too soft: images had gradients of single points, which do not balance in a homogeneous state.
+    """It was 25 % too soft: images had gradients of single points, which do not balance in a
+    homogeneous state.
 
-    The layer is four cells thick, the strain 1e-3; the bounds are those asked for at four cells, and a tenth of that at a short horizon.
+    The layer is four cells thick, the strain 1e-3; the bounds are those asked for at four cells,
+    and a tenth of that at a short horizon.
     """
     d = 3 if plane == "space" else 2
     low, high = [[0.0] * d, [0.25] + [1.0] * (d - 1)], [[0.75] + [0.0] * (d - 1), [1.0] * d]
@@ -197,8 +265,13 @@ def test_a_confined_layer_between_rigid_parts_bears_what_its_law_says(plane, mos
 
 def test_a_confined_layer_in_plane_strain_is_told_of():
     scene = layer(4.5, 4, "strain")
-    scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"most_evaluations": 2})})
-    with pytest.warns(UserWarning, match="too soft where it is confined"), pytest.raises(pds.SimulationFailed):
+    scene = scene.model_copy(
+        update={"solver": scene.solver.model_copy(update={"most_evaluations": 2})}
+    )
+    with (
+        pytest.warns(UserWarning, match="too soft where it is confined"),
+        pytest.raises(pds.SimulationFailed),
+    ):
         pds.simulate(scene, "bond-energy")
 
 
@@ -209,7 +282,10 @@ def test_a_rigid_region_that_nothing_holds_is_refused():
         spacing=0.1,
         body={"size": (1.0, 1.5)},
         material=rubber(),
-        materials=tuple({"region": {"box": ((-1, low), (2, low + 0.5))}, "material": RIGID} for low in (0.5, 1.0)),
+        materials=tuple(
+            {"region": {"box": ((-1, low), (2, low + 0.5))}, "material": RIGID}
+            for low in (0.5, 1.0)
+        ),
         prescribed=({"region": "bottom", "x1": 0, "x2": 0},),
         loads=({"region": "top", "force": (0, -1e-3)},),
         steps=(1.0,),
@@ -235,14 +311,21 @@ def test_a_traction_on_a_thin_rigid_region_is_told_of():
 
 @pytest.mark.parametrize("key", ["material", "materials.0"])
 def test_a_bulk_modulus_in_other_units_is_told_of(key):
-    """Left out beside a shear modulus of 1e6 it was 100, and the sheet swelled sideways without a word."""
+    """Left out beside a shear modulus of 1e6 it was 100, and the sheet swelled sideways without
+    a word.
+    """
     changes = {"material": NeoHookean(1e6, 1e8).describe()}
     described = {"law": "neo-hookean", "shear_modulus": 1e6}
     changes |= (
-        {"material": described} if key == "material" else {"materials": [{"region": {"box": ((-1, 0.4), (2, 0.6))}, "material": described}]}
+        {"material": described}
+        if key == "material"
+        else {"materials": [{"region": {"box": ((-1, 0.4), (2, 0.6))}, "material": described}]}
     )
     scene = layer(2.0, 4).model_dump() | changes | {"solver": {"most_evaluations": 2}}
-    with pytest.warns(UserWarning, match=f"{key}: the bulk modulus"), suppress(pds.SimulationFailed):
+    with (
+        pytest.warns(UserWarning, match=f"{key}: the bulk modulus"),
+        suppress(pds.SimulationFailed),
+    ):
         pds.simulate(Scene.model_validate(scene), "bond-energy")
 
 
@@ -250,8 +333,13 @@ RUBBER = rubber(bulk=100.0)
 
 
 def bushing(material, **more):
-    """A disc held outside, whose core turns by 20 degrees and moves; the core and the rim are of another material, or rigid."""
-    regions = {"core": {"disc": {"center": (0, 0), "radius": 1.0}}, "rim": {"not": {"disc": {"center": (0, 0), "radius": 2.0}}}}
+    """A disc held outside, whose core turns by 20 degrees and moves; the core and the rim are of
+    another material, or rigid.
+    """
+    regions = {
+        "core": {"disc": {"center": (0, 0), "radius": 1.0}},
+        "rim": {"not": {"disc": {"center": (0, 0), "radius": 2.0}}},
+    }
     turned = {"region": "core", "rotation": 20.0, "about": (0, 0), "x1": 0.2}
     keys = {
         "name": "bushing",
@@ -267,21 +355,33 @@ def bushing(material, **more):
     return Scene(**keys | more)
 
 
-@pytest.mark.parametrize("material", [RIGID, rubber(10.0, 100.0), rubber(2.0, 75.0)], ids=["rigid", "stiff", "alike"])
+@pytest.mark.parametrize(
+    "material", [RIGID, rubber(10.0, 100.0), rubber(2.0, 75.0)], ids=["rigid", "stiff", "alike"]
+)
 def test_the_dilatation_of_several_materials_is_linearized_across_their_interfaces(material):
     """Against central differences, in single precision; so is the transpose."""
     problem, random = (
-        compile_scene(bushing(material), [FORCES["bond-energy"]()] * (1 if material == RIGID else 3)),
+        compile_scene(
+            bushing(material), [FORCES["bond-energy"]()] * (1 if material == RIGID else 3)
+        ),
         np.random.default_rng(0),
     )
     force, loaded = problem.bind()
-    positions = force.body.points + 0.02 * force.body.spacing * random.uniform(-1, 1, force.body.points.shape) * problem.loading.free
+    positions = (
+        force.body.points
+        + 0.02
+        * force.body.spacing
+        * random.uniform(-1, 1, force.body.points.shape)
+        * problem.loading.free
+    )
     loaded(positions, np.empty_like(positions))
     assert_dilatation_is_linearized(force, positions, random)
 
 
 def test_nearly_incompressible_rubber_between_rigid_parts_takes_few_evaluations():
-    """With springs that do not know the bulk modulus it takes 834, most of them of dynamic relaxation; now 189."""
+    """With springs that do not know the bulk modulus it takes 834, most of them of dynamic
+    relaxation; now 189.
+    """
     result = pds.simulate(bushing(RIGID), "bond-energy")
     assert result.levels[-1]["method"] == "minimizer"
     assert result.summary["n_force_evaluations"] < 400

@@ -23,7 +23,15 @@ from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.scenes import SceneError
 from pdsurrogate.studies.description import load_study, parameters_of_runs
 from pdsurrogate.studies.runs import Workers, tasks_of
-from pdsurrogate.studies.table import KEYS_OF_CRACKS, KEYS_OF_FITS, KEYS_OF_LEVELS, KEYS_OF_RUNS, label_of, quantities_in, study_figure
+from pdsurrogate.studies.table import (
+    KEYS_OF_CRACKS,
+    KEYS_OF_FITS,
+    KEYS_OF_LEVELS,
+    KEYS_OF_RUNS,
+    label_of,
+    quantities_in,
+    study_figure,
+)
 
 TINY = {"scene": "uniaxial", "force": "analytic", "set": {"stretches": 1.2, "spacing": 0.5}}
 """Two rows of six points: a run takes some hundredths of a second."""
@@ -34,8 +42,17 @@ def runs_of(**description):
 
 
 def test_a_grid_has_every_value_with_every_other_in_order():
-    runs = runs_of(parameters={"spacing": [0.1, 0.2], "material": {"shear_modulus": [1, 2, 3]}}, set={})
-    assert [tuple(run.values()) for run in runs] == [(0.1, 1), (0.1, 2), (0.1, 3), (0.2, 1), (0.2, 2), (0.2, 3)]
+    runs = runs_of(
+        parameters={"spacing": [0.1, 0.2], "material": {"shear_modulus": [1, 2, 3]}}, set={}
+    )
+    assert [tuple(run.values()) for run in runs] == [
+        (0.1, 1),
+        (0.1, 2),
+        (0.1, 3),
+        (0.2, 1),
+        (0.2, 2),
+        (0.2, 3),
+    ]
     assert list(runs[0]) == ["spacing", "material.shear_modulus"]
 
 
@@ -66,7 +83,11 @@ def test_a_latin_hypercube_has_one_sample_in_every_stratum_of_every_parameter():
 
 
 def test_random_samples_follow_their_distribution():
-    runs = runs_of(parameters={"a": {"distribution": "norm", "loc": 1.0, "scale": 0.1}}, design="random", samples=500)
+    runs = runs_of(
+        parameters={"a": {"distribution": "norm", "loc": 1.0, "scale": 0.1}},
+        design="random",
+        samples=500,
+    )
     assert stats.kstest([run["a"] for run in runs], stats.norm(1, 0.1).cdf).pvalue > 0.01
 
 
@@ -77,40 +98,101 @@ def test_random_samples_follow_their_distribution():
         ({"scene": "uniaxal"}, "unknown scene 'uniaxal'"),
         ({"scene": None}, "needs either a scene or a [fit]"),
         ({"derivatives": "stability"}, "derivatives: 'stability': it has no derivative"),
-        ({"derivatives": "moments"}, "derivatives: 'moments': scenes with stretches have none: use forces"),
-        ({"derivatives": "nominal_stress", "force": "ba-nosb"}, "the forces of ba-nosb have no energy: use bond-energy"),
-        ({"derivatives": "forces.rigth.1"}, "derivatives: 'forces.rigth.1': no support or load has this name; did you mean right?"),
+        (
+            {"derivatives": "moments"},
+            "derivatives: 'moments': scenes with stretches have none: use forces",
+        ),
+        (
+            {"derivatives": "nominal_stress", "force": "ba-nosb"},
+            "the forces of ba-nosb have no energy: use bond-energy",
+        ),
+        (
+            {"derivatives": "forces.rigth.1"},
+            "derivatives: 'forces.rigth.1': no support or load has this name; did you mean right?",
+        ),
         (
             {"derivatives": "displacements.nowhere"},
-            "derivatives: 'displacements.nowhere': no support or load has this name; there are left, right",
+            (
+                "derivatives: 'displacements.nowhere': no support or load has this name; there are"
+                " left, right"
+            ),
         ),
         (
             {"derivatives": "nominal_stress", "parameters": {"spacing": [0.5]}, "set": {}},
-            "derivatives: none of the parameters (spacing) is a number of material, materials, loads, prescribed, obstacles, or stretches",
+            (
+                "derivatives: none of the parameters (spacing) is a number of material, materials,"
+                " loads, prescribed, obstacles, or stretches"
+            ),
         ),
         ({"parameters": {}}, "parameters: there are none"),
-        ({"parameters": {"spcing": [1]}}, "run 1 of 1 (spcing=1): scene uniaxial: spcing: unknown key; did you mean spacing?"),
-        ({"parameters": {"material": {"shear_modulus": 1}}}, "parameters.material.shear_modulus: must be a list of values, such as [1]"),
+        (
+            {"parameters": {"spcing": [1]}},
+            "run 1 of 1 (spcing=1): scene uniaxial: spcing: unknown key; did you mean spacing?",
+        ),
+        (
+            {"parameters": {"material": {"shear_modulus": 1}}},
+            "parameters.material.shear_modulus: must be a list of values, such as [1]",
+        ),
         ({"parameters": {"material.stiffness": [1]}}, "neo-hookean has no parameter 'stiffness'"),
         (
             {"parameters": {"material.shear_modulus": [1, -2]}},
-            "run 2 of 2 (material.shear_modulus=-2): scene uniaxial: material: neo-hookean: shear_modulus must",
+            (
+                "run 2 of 2 (material.shear_modulus=-2): scene uniaxial: material: neo-hookean:"
+                " shear_modulus must"
+            ),
         ),
         ({"parameters": {"spacing": [0.2]}}, "set.spacing: is also a parameter"),
-        ({"force": None, "parameters": {"force": ["nosb", "wizardry"]}}, "run 2 of 2 (force=wizardry): unknown force 'wizardry'"),
-        ({"force": "bond-energy", "parameters": {"rotation": ["convected"]}}, "does not support rotation=convected"),
-        ({"force": "neo-hookean", "parameters": {"material": ["gent"]}}, "run 1 of 1 (material=gent)"),
+        (
+            {"force": None, "parameters": {"force": ["nosb", "wizardry"]}},
+            "run 2 of 2 (force=wizardry): unknown force 'wizardry'",
+        ),
+        (
+            {"force": "bond-energy", "parameters": {"rotation": ["convected"]}},
+            "does not support rotation=convected",
+        ),
+        (
+            {"force": "neo-hookean", "parameters": {"material": ["gent"]}},
+            "run 1 of 1 (material=gent)",
+        ),
         ({"design": "lattice"}, "design: Input should be 'grid'"),
         ({"design": "random"}, "samples: design=random needs"),
-        ({"parameters": {"a": [1, 2], "b": [1]}, "design": "zip"}, "design=zip needs lists of equal length, but a has 2, b has 1 values"),
-        ({"parameters": {"a": {"distribution": "uniform"}}}, "parameters.a: a distribution needs design=random"),
-        ({"parameters": {"a": {"distribution": "unifrm"}}}, "parameters.a: unknown distribution 'unifrm'; did you mean uniform?"),
-        ({"parameters": {"a": {"distribution": "norm", "scale": -1}}}, "parameters.a: norm is undefined for scale=-1"),
-        ({"parameters": {"a": {"distribution": "norm", "scale": "x"}}}, "parameters.a: scale: Input should be a valid number"),
-        ({"parameters": {"a": list(range(400)), "b": list(range(400))}}, "the grid has 160000 runs, more than the limit 100000"),
-        ({"quantities": ["converged", "nominal_stres"]}, "quantities: no run has 'nominal_stres'; did you mean nominal_stress?"),
         (
-            {"scene": None, "force": None, "set": {}, "fit": {}, "parameters": {"degree": [3]}, "quantities": ["nominal_stress"]},
+            {"parameters": {"a": [1, 2], "b": [1]}, "design": "zip"},
+            "design=zip needs lists of equal length, but a has 2, b has 1 values",
+        ),
+        (
+            {"parameters": {"a": {"distribution": "uniform"}}},
+            "parameters.a: a distribution needs design=random",
+        ),
+        (
+            {"parameters": {"a": {"distribution": "unifrm"}}},
+            "parameters.a: unknown distribution 'unifrm'; did you mean uniform?",
+        ),
+        (
+            {"parameters": {"a": {"distribution": "norm", "scale": -1}}},
+            "parameters.a: norm is undefined for scale=-1",
+        ),
+        (
+            {"parameters": {"a": {"distribution": "norm", "scale": "x"}}},
+            "parameters.a: scale: Input should be a valid number",
+        ),
+        (
+            {"parameters": {"a": list(range(400)), "b": list(range(400))}},
+            "the grid has 160000 runs, more than the limit 100000",
+        ),
+        (
+            {"quantities": ["converged", "nominal_stres"]},
+            "quantities: no run has 'nominal_stres'; did you mean nominal_stress?",
+        ),
+        (
+            {
+                "scene": None,
+                "force": None,
+                "set": {},
+                "fit": {},
+                "parameters": {"degree": [3]},
+                "quantities": ["nominal_stress"],
+            },
             "quantities: no run has 'nominal_stress'; there are material",
         ),
         (
@@ -121,13 +203,25 @@ def test_random_samples_follow_their_distribution():
             {"scene": None, "force": None, "set": {}, "fit": {}, "parameters": {"degre": [3]}},
             "fit: degre: unknown key; did you mean degree?",
         ),
-        ({"scene": None, "force": None, "set": {}, "fit": {"units": 4}, "parameters": {"degree": [3]}}, "fit: degree sets a polynomial"),
+        (
+            {
+                "scene": None,
+                "force": None,
+                "set": {},
+                "fit": {"units": 4},
+                "parameters": {"degree": [3]},
+            },
+            "fit: degree sets a polynomial",
+        ),
     ],
 )
 def test_bad_input_is_told_before_anything_is_run(changes, message, tmp_path):
     description = {**TINY, "parameters": {"material.shear_modulus": [1.0]}, **changes}
     with pytest.raises(pds.SceneError) as caught:
-        pds.study({key: value for key, value in description.items() if value is not None}, tmp_path / "out")
+        pds.study(
+            {key: value for key, value in description.items() if value is not None},
+            tmp_path / "out",
+        )
     assert message in str(caught.value)
     assert not (tmp_path / "out").exists()
 
@@ -137,7 +231,11 @@ def test_bad_input_is_told_before_anything_is_run(changes, message, tmp_path):
     [
         (None, [], "cannot read study file"),
         ("scene = ", [], "not valid TOML"),
-        ('scene = "uniaxial"\nparameters = {spcing = [1]}', [], "study.toml: run 1 of 1 (spcing=1): scene uniaxial: spcing: unknown key"),
+        (
+            'scene = "uniaxial"\nparameters = {spcing = [1]}',
+            [],
+            "study.toml: run 1 of 1 (spcing=1): scene uniaxial: spcing: unknown key",
+        ),
         (
             'scene = "uniaxial"\nparameters = {spacing = [0.5]}',
             ["--jobs", "2", "--scheduler", "tcp://localhost:1"],
@@ -156,7 +254,11 @@ def test_bad_input_is_one_line_and_status_2(text, options, message, tmp_path, mo
 
 
 def test_one_failed_run_does_not_end_the_others(tmp_path):
-    description = {**TINY, "set": {"stretches": 1.2}, "parameters": {"spacing": [0.5, 5.0], "solver.most_evaluations": [1, 50]}}
+    description = {
+        **TINY,
+        "set": {"stretches": 1.2},
+        "parameters": {"spacing": [0.5, 5.0], "solver.most_evaluations": [1, 50]},
+    }
     done = pds.study(description, tmp_path, jobs=1)
     failures = [row["failure"] for row in done.rows]
     assert failures[1] is None
@@ -175,20 +277,41 @@ def test_one_failed_run_does_not_end_the_others(tmp_path):
 
 
 def test_a_table_has_derivatives_by_the_parameters_that_have_them(tmp_path):
-    """Those of the stress are differences of the rows beside, up to 0.01^2/6 of the third derivative over the first, some 4.5."""
-    described = {**TINY, "set": {"spacing": 0.5, "solver.tolerance": 1e-9, "precision": "float64"}, "quantities": "nominal_stress"}
-    described["parameters"] = {"stretches": [1.19, 1.2, 1.21], "material.shear_modulus": [1.0, 1.01], "correction": ["none", "tensor"]}
+    """Those of the stress are differences of the rows beside, up to 0.01^2/6 of the third
+    derivative over the first, some 4.5.
+    """
+    described = {
+        **TINY,
+        "set": {"spacing": 0.5, "solver.tolerance": 1e-9, "precision": "float64"},
+        "quantities": "nominal_stress",
+    }
+    described["parameters"] = {
+        "stretches": [1.19, 1.2, 1.21],
+        "material.shear_modulus": [1.0, 1.01],
+        "correction": ["none", "tensor"],
+    }
     without = pds.study(described, tmp_path / "out", jobs=1)
     assert not any(key.startswith("d ") for row in without.rows for key in row)
-    times = {file: file.stat().st_mtime_ns for file in (tmp_path / "out" / "runs").glob("*/summary.json")}
+    times = {
+        file: file.stat().st_mtime_ns for file in (tmp_path / "out" / "runs").glob("*/summary.json")
+    }
     done = pds.study({**described, "derivatives": ["nominal_stress"]}, tmp_path / "out", jobs=1)
     assert not done.failures
     assert {file: file.stat().st_mtime_ns for file in times} == times  # nothing was simulated again
-    by_stretch, by_modulus = "d nominal_stress / d stretches", "d nominal_stress / d material.shear_modulus"
+    by_stretch, by_modulus = (
+        "d nominal_stress / d stretches",
+        "d nominal_stress / d material.shear_modulus",
+    )
     for correction in ("none", "tensor"):
-        rows = {(row["stretches"], row["material.shear_modulus"]): row for row in done.rows if row["correction"] == correction}
+        rows = {
+            (row["stretches"], row["material.shear_modulus"]): row
+            for row in done.rows
+            if row["correction"] == correction
+        }
         stress = {key: row["nominal_stress"] for key, row in rows.items()}
-        assert rows[1.2, 1.0][by_stretch] == pytest.approx((stress[1.21, 1.0] - stress[1.19, 1.0]) / 0.02, rel=1e-3)
+        assert rows[1.2, 1.0][by_stretch] == pytest.approx(
+            (stress[1.21, 1.0] - stress[1.19, 1.0]) / 0.02, rel=1e-3
+        )
         middle = (rows[1.2, 1.0][by_modulus] + rows[1.2, 1.01][by_modulus]) / 2
         assert middle == pytest.approx((stress[1.2, 1.01] - stress[1.2, 1.0]) / 0.01, rel=1e-3)
     assert done.figure() is not None
@@ -196,8 +319,15 @@ def test_a_table_has_derivatives_by_the_parameters_that_have_them(tmp_path):
 
 def test_a_run_without_derivatives_says_why_and_keeps_its_quantities(tmp_path):
     """A learned force holds for one chain limit, so that it has no derivative by this."""
-    described = {**TINY, "force": "gent", "derivatives": ["nominal_stress"], "set": {**TINY["set"], "material.law": "gent"}}
-    described["parameters"] = {"material.chain_limit": [pds.load_surrogate("gent").shape["chain_limit"]]}
+    described = {
+        **TINY,
+        "force": "gent",
+        "derivatives": ["nominal_stress"],
+        "set": {**TINY["set"], "material.law": "gent"},
+    }
+    described["parameters"] = {
+        "material.chain_limit": [pds.load_surrogate("gent").shape["chain_limit"]]
+    }
     (row,) = pds.study(described, tmp_path / "out", jobs=1).failures
     assert row["failure"].startswith("derivatives: ")
     assert "chain_limit" in row["failure"]
@@ -205,65 +335,126 @@ def test_a_run_without_derivatives_says_why_and_keeps_its_quantities(tmp_path):
 
 
 def test_a_study_with_more_runs_does_those_that_are_new(tmp_path):
-    first = pds.study({**TINY, "parameters": {"material.shear_modulus": [1.0, 2.0]}}, tmp_path, jobs=1)
+    first = pds.study(
+        {**TINY, "parameters": {"material.shear_modulus": [1.0, 2.0]}}, tmp_path, jobs=1
+    )
     outcomes = {path: path.stat().st_mtime_ns for path in tmp_path.glob("runs/*/outcome.json")}
     more = pds.study(
-        {**TINY, "parameters": {"material.shear_modulus": [3.0, 2.0, 1.0, 2.0]}, "quantities": ["nominal_stress"]}, tmp_path, jobs=1
+        {
+            **TINY,
+            "parameters": {"material.shear_modulus": [3.0, 2.0, 1.0, 2.0]},
+            "quantities": ["nominal_stress"],
+        },
+        tmp_path,
+        jobs=1,
     )
     assert len(list(tmp_path.glob("runs/*"))) == 3
     assert all(path.stat().st_mtime_ns == written for path, written in outcomes.items())
     assert more.rows[1]["nominal_stress"] == first.rows[1]["nominal_stress"]
     assert more.rows[1] == more.rows[3]
-    # Neo-Hookean stresses are proportional to the shear modulus up to K/mu, which the last digits see.
-    assert [row["nominal_stress"] for row in more.rows] == pytest.approx([1.4982, 1.0029, 0.5035, 1.0029], abs=2e-3)
+    # Neo-Hookean stresses are proportional to the shear modulus up to K/mu, which the last digits
+    # see.
+    assert [row["nominal_stress"] for row in more.rows] == pytest.approx(
+        [1.4982, 1.0029, 0.5035, 1.0029], abs=2e-3
+    )
     assert list(more.rows[0]) == ["run", "material.shear_modulus", "nominal_stress", "failure"]
 
 
 def test_quantities_that_no_run_has_are_told(tmp_path):
-    given = {"parameters": {"material.shear_modulus": [1.0]}, "quantities": ["forces.rigth", "n_points"]}
+    given = {
+        "parameters": {"material.shear_modulus": [1.0]},
+        "quantities": ["forces.rigth", "n_points"],
+    }
     done = pds.study({**TINY, **given}, tmp_path, jobs=1)
     assert done.cautions() == ["quantities: no run has 'forces.rigth'"]
     assert done.rows[0]["n_points"] == 12
 
 
-SHORT_TEAR = {"spacing": 0.25, "stretches": [1.1], "body.size": [4.0, 3.0], "precuts": [{"start": [0.0, 1.5], "end": [1.5, 1.5]}]}
-SHORT_TEAR |= {"fracture.critical_stretch": 1.2, "dynamics": {"stretch": 1.15, "outputs": 1, "stretch_rate": 40.0, "density": 1e-6}}
+SHORT_TEAR = {
+    "spacing": 0.25,
+    "stretches": [1.1],
+    "body.size": [4.0, 3.0],
+    "precuts": [{"start": [0.0, 1.5], "end": [1.5, 1.5]}],
+}
+SHORT_TEAR |= {
+    "fracture.critical_stretch": 1.2,
+    "dynamics": {"stretch": 1.15, "outputs": 1, "stretch_rate": 40.0, "density": 1e-6},
+}
 
 
 @pytest.mark.parametrize(
     ("scene", "changes"),
-    [("uniaxial", {"spacing": 0.5, "stretches": 1.2}), ("hanging", {"spacing": 0.25, "steps": [0.1]}), ("tear", SHORT_TEAR)],
+    [
+        ("uniaxial", {"spacing": 0.5, "stretches": 1.2}),
+        ("hanging", {"spacing": 0.25, "steps": [0.1]}),
+        ("tear", SHORT_TEAR),
+    ],
 )
 def test_a_run_has_no_quantities_that_are_not_known_before(scene, changes):
-    summary = pds.simulate(pds.load_scene(scene, changes), "analytic" if scene == "tear" else "bond-energy").summary
+    summary = pds.simulate(
+        pds.load_scene(scene, changes), "analytic" if scene == "tear" else "bond-energy"
+    ).summary
     assert set(summary) <= set(KEYS_OF_RUNS)
     assert {key for level in summary["levels"] for key in level} <= set(KEYS_OF_LEVELS)
     assert set(summary.get("crack", KEYS_OF_CRACKS)) == set(KEYS_OF_CRACKS)
 
 
 def test_repeated_runs_have_a_table_of_means(tmp_path):
-    """By hand: means and sample deviations over the moduli, for each spacing; the stress is proportional to the modulus."""
+    """By hand: means and sample deviations over the moduli, for each spacing; the stress is
+    proportional to the modulus.
+    """
     parameters = {"spacing": [0.5, 0.25], "material.shear_modulus": [1.0, 2.0, 6.0]}
-    done = pds.study({**TINY, "set": {"stretches": 1.2}, "parameters": parameters, "mean_over": "material.shear_modulus"}, tmp_path, jobs=1)
+    done = pds.study(
+        {
+            **TINY,
+            "set": {"stretches": 1.2},
+            "parameters": parameters,
+            "mean_over": "material.shear_modulus",
+        },
+        tmp_path,
+        jobs=1,
+    )
     stresses = np.reshape([row["nominal_stress"] for row in done.rows], (2, 3))
     means = done.means()
     assert [(row["spacing"], row["runs"]) for row in means] == [(0.5, 3), (0.25, 3)]
-    np.testing.assert_allclose([row["nominal_stress.mean"] for row in means], stresses.sum(axis=1) / 3, rtol=1e-12)
+    np.testing.assert_allclose(
+        [row["nominal_stress.mean"] for row in means], stresses.sum(axis=1) / 3, rtol=1e-12
+    )
     expected = np.sqrt(((stresses - stresses.mean(axis=1, keepdims=True)) ** 2).sum(axis=1) / 2)
-    np.testing.assert_allclose([row["nominal_stress.deviation"] for row in means], expected, rtol=1e-12)
+    np.testing.assert_allclose(
+        [row["nominal_stress.deviation"] for row in means], expected, rtol=1e-12
+    )
     assert "material.shear_modulus.mean" not in means[0]
     with (tmp_path / "study-means.csv").open() as file:
-        assert [float(row["nominal_stress.mean"]) for row in csv.DictReader(file)] == [row["nominal_stress.mean"] for row in means]
+        assert [float(row["nominal_stress.mean"]) for row in csv.DictReader(file)] == [
+            row["nominal_stress.mean"] for row in means
+        ]
 
 
 def test_seeds_are_repetitions_and_failed_runs_are_not_in_the_mean():
-    study = pds.Study(scene="tear", parameters={"body.seed": [1, 2, 3, 4], "force": ["neo-hookean"]})
-    rows = [{"run": str(seed), "body.seed": seed, "force": "neo-hookean", "peak": 2.0 * seed, "failure": None} for seed in (1, 2, 3)]
+    study = pds.Study(
+        scene="tear", parameters={"body.seed": [1, 2, 3, 4], "force": ["neo-hookean"]}
+    )
+    rows = [
+        {
+            "run": str(seed),
+            "body.seed": seed,
+            "force": "neo-hookean",
+            "peak": 2.0 * seed,
+            "failure": None,
+        }
+        for seed in (1, 2, 3)
+    ]
     rows[0] |= {"crack.path.stray": 0.1}  # the others have no path
     rows += [{"run": "4", "body.seed": 4, "force": "neo-hookean", "peak": 100.0, "failure": "lost"}]
     found = pds.studies.StudyResult(study, Path(), rows).means()
     assert found == [{"force": "neo-hookean", "runs": 3, "peak.mean": 4.0, "peak.deviation": 2.0}]
-    assert pds.studies.StudyResult(pds.Study(scene="tear", parameters={"spacing": [0.1]}), Path(), rows[:1]).means() == []
+    assert (
+        pds.studies.StudyResult(
+            pds.Study(scene="tear", parameters={"spacing": [0.1]}), Path(), rows[:1]
+        ).means()
+        == []
+    )
     with pytest.raises(SceneError, match=r"mean_over: 'body.seed' is not one of the parameters"):
         pds.Study(scene="tear", parameters={"spacing": [0.1]}, mean_over=["body.seed"])
 
@@ -276,9 +467,16 @@ def test_a_table_that_no_study_wrote_is_not_replaced(tmp_path):
 
 
 def test_quantities_by_dotted_keys_of_the_summary_or_its_last_level():
-    level = {"t": 1.0, "forces": {"left": [1.0, 2.0], "top": [3.0, 4.0]}, "probes": {"a": {"displacement": [5.0], "F": [[1.0]]}}}
+    level = {
+        "t": 1.0,
+        "forces": {"left": [1.0, 2.0], "top": [3.0, 4.0]},
+        "probes": {"a": {"displacement": [5.0], "F": [[1.0]]}},
+    }
     summary = {"converged": True, "crack": None, "levels": [{"t": 0.5}, level]}
-    assert quantities_in(summary, ["converged", "forces.top", "probes.*.displacement", "levels.0.t", "nothing", "crack.x"]) == {
+    assert quantities_in(
+        summary,
+        ["converged", "forces.top", "probes.*.displacement", "levels.0.t", "nothing", "crack.x"],
+    ) == {
         "converged": True,
         "forces.top.0": 3.0,
         "forces.top.1": 4.0,
@@ -293,7 +491,9 @@ def test_a_run_is_told_by_what_its_mesh_holds_and_not_by_where_it_lies(tmp_path)
         file = tmp_path / place / "plate.msh"
         file.parent.mkdir(exist_ok=True)
         write_plate(file, count)
-        study, _, home = load_study({**TINY, "parameters": {"body": [{"shape": "mesh", "file": str(file)}]}})
+        study, _, home = load_study(
+            {**TINY, "parameters": {"body": [{"shape": "mesh", "file": str(file)}]}}
+        )
         digests.append(tasks_of(study, home, parameters_of_runs(study), math.inf)[0].digest)
     assert digests[0] == digests[1] != digests[2]
 
@@ -309,8 +509,12 @@ def test_a_study_of_fits_has_their_scores(tmp_path):
         place = tmp_path / "runs" / row["run"] / "fitted" / "1"
         assert pds.load_card(place).errors["box"]["on_surface"]["rms"] == row["on_surface.rms"]
         assert row["on_surface.rms"] < row["cross_validated_rms"] * 3
-        assert set(json.loads((tmp_path / "runs" / row["run"] / "summary.json").read_text())) <= set(KEYS_OF_FITS)
-    assert pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.5, "stretches": 1.1}), place).summary["converged"]
+        assert set(
+            json.loads((tmp_path / "runs" / row["run"] / "summary.json").read_text())
+        ) <= set(KEYS_OF_FITS)
+    assert pds.simulate(
+        pds.load_scene("uniaxial", {"spacing": 0.5, "stretches": 1.1}), place
+    ).summary["converged"]
 
 
 @dataclass(frozen=True)
@@ -330,15 +534,20 @@ class Ended:
 
 @pytest.mark.slow  # workers are started three times
 def test_a_run_that_loses_its_process_is_tried_once_more_and_the_others_go_on(tmp_path):
-    tasks = {f"run-{number}": Ended(str(number), times) for number, times in enumerate([0, 1, 9, 0, 0])}
+    tasks = {
+        f"run-{number}": Ended(str(number), times) for number, times in enumerate([0, 1, 9, 0, 0])
+    }
     outcomes = dict(Workers(2, 1).carry_out(tasks, tmp_path))
     assert sorted(outcomes) == sorted(tasks)
     assert outcomes["run-2"].startswith("its process was killed")
     assert len(list((tmp_path / "run-2").glob("life-*"))) == 2
-    # A run that was under way beside one that ended its process is lost with it, and may be so twice; which ones is up to the scheduler.
+    # A run that was under way beside one that ended its process is lost with it, and may be so
+    # twice; which ones is up to the scheduler.
     others = [failure for place, failure in outcomes.items() if place != "run-2"]
     assert None in others
-    assert all(failure is None or failure.startswith("its process was killed") for failure in others)
+    assert all(
+        failure is None or failure.startswith("its process was killed") for failure in others
+    )
 
 
 STUDY = """
@@ -357,8 +566,20 @@ def outcomes_in(folder):
 
 
 def begin(file, folder):
-    command = [sys.executable, "-m", "pdsurrogate", "study", str(file), "--out", str(folder), "--jobs", "2"]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    command = [
+        sys.executable,
+        "-m",
+        "pdsurrogate",
+        "study",
+        str(file),
+        "--out",
+        str(folder),
+        "--jobs",
+        "2",
+    ]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    )
 
 
 def wait_for(number, folder, process):
@@ -385,7 +606,12 @@ def test_a_study_that_is_killed_half_way_and_started_again_does_the_rest_only(tm
     assert len(final) == 16
     assert all(final[path] == written for path, written in reached.items())
     assert not list(folder.glob("runs/*/.pdsurrogate-run"))
-    direct = pds.simulate(pds.load_scene("uniaxial", {"stretches": 1.2, "spacing": 0.05, "material.shear_modulus": 1.7}), "analytic")
+    direct = pds.simulate(
+        pds.load_scene(
+            "uniaxial", {"stretches": 1.2, "spacing": 0.05, "material.shear_modulus": 1.7}
+        ),
+        "analytic",
+    )
     assert done.rows[-1]["nominal_stress"] == direct.levels[-1]["nominal_stress"]
 
 
@@ -393,7 +619,9 @@ def test_a_study_that_is_killed_half_way_and_started_again_does_the_rest_only(tm
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_ctrl_c_keeps_what_was_reached(tmp_path):
     file, folder = tmp_path / "study.toml", tmp_path / "out"
-    file.write_text(STUDY.replace("0.05", "0.02"))  # eight runs of 7,500 points outlast the signal on a loaded machine
+    file.write_text(
+        STUDY.replace("0.05", "0.02")
+    )  # eight runs of 7,500 points outlast the signal on a loaded machine
     process = begin(file, folder)
     wait_for(4, folder, process)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to all processes of the study
@@ -411,7 +639,10 @@ def test_ctrl_c_keeps_what_was_reached(tmp_path):
 @pytest.mark.slow  # starts workers of two makes
 def test_the_table_is_the_same_by_joblib_and_by_dask(tmp_path):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
-    description = {**TINY, "parameters": {"material.shear_modulus": [1.0, 2.0], "solver.most_evaluations": [1, 50]}}
+    description = {
+        **TINY,
+        "parameters": {"material.shear_modulus": [1.0, 2.0], "solver.most_evaluations": [1, 50]},
+    }
     with distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster:
         by_dask = pds.study(description, tmp_path / "dask", scheduler=cluster.scheduler_address)
     by_joblib = pds.study(description, tmp_path / "joblib", jobs=2)
@@ -429,8 +660,15 @@ def test_the_table_is_the_same_by_joblib_and_by_dask(tmp_path):
 
 def test_dask_is_asked_for_before_any_work(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)  # as where it is not installed
-    with pytest.raises(pds.SceneError, match=r'^scheduler: Dask is not installed; pip install "pdsurrogate\[dask\]"$'):
-        pds.study({**TINY, "parameters": {"material.shear_modulus": [1.0]}}, tmp_path / "new", scheduler="tcp://127.0.0.1:1")
+    with pytest.raises(
+        pds.SceneError,
+        match=r'^scheduler: Dask is not installed; pip install "pdsurrogate\[dask\]"$',
+    ):
+        pds.study(
+            {**TINY, "parameters": {"material.shear_modulus": [1.0]}},
+            tmp_path / "new",
+            scheduler="tcp://127.0.0.1:1",
+        )
     assert not (tmp_path / "new").exists()
 
 
@@ -438,7 +676,11 @@ def test_dask_is_asked_for_before_any_work(tmp_path, monkeypatch):
 def test_a_scheduler_that_does_not_answer_is_told(tmp_path):
     pytest.importorskip("distributed", reason="Dask is not installed")
     with pytest.raises(pds.SceneError, match="no Dask scheduler answers at tcp:"):
-        pds.study({**TINY, "parameters": {"spacing": [0.5]}, "set": {}}, tmp_path, scheduler="tcp://127.0.0.1:1")
+        pds.study(
+            {**TINY, "parameters": {"spacing": [0.5]}, "set": {}},
+            tmp_path,
+            scheduler="tcp://127.0.0.1:1",
+        )
 
 
 def test_the_table_of_another_study_is_not_replaced_unasked(tmp_path):
@@ -446,7 +688,10 @@ def test_the_table_of_another_study_is_not_replaced_unasked(tmp_path):
     pds.study({**TINY, "parameters": {"material.shear_modulus": [1.0, 2.0]}}, tmp_path, jobs=1)
     before = (tmp_path / "study.csv").read_text()
     other = {**TINY, "parameters": {"material.shear_modulus": [1.0, 3.0]}}
-    told = r"1 runs that are not in this study: parameters.material.shear_modulus is \[1.0, 2.0\] there and \[1.0, 3.0\] here; use"
+    told = (
+        r"1 runs that are not in this study: parameters.material.shear_modulus is \[1.0, 2.0\]"
+        r" there and \[1.0, 3.0\] here; use"
+    )
     with pytest.raises(FolderTaken, match=told):
         pds.study(other, tmp_path, jobs=1)
     assert (tmp_path / "study.csv").read_text() == before
@@ -469,8 +714,14 @@ UNITS = {"length": "cm", "stress": "kPa", "force": "kPa cm^2", "energy": "kPa cm
         ("forces.right.0", "forces.right.0 (kPa·cm²)"),
         ("nominal_stress_reference", "nominal_stress_reference (kPa)"),
         ("nominal_stress_error", "nominal_stress_error"),
-        ("d forces.right.0 / d material.bulk_modulus", "d forces.right.0 / d material.bulk_modulus (kPa·cm²/kPa)"),
-        ("d nominal_stress / d material.bulk_modulus", "d nominal_stress / d material.bulk_modulus"),
+        (
+            "d forces.right.0 / d material.bulk_modulus",
+            "d forces.right.0 / d material.bulk_modulus (kPa·cm²/kPa)",
+        ),
+        (
+            "d nominal_stress / d material.bulk_modulus",
+            "d nominal_stress / d material.bulk_modulus",
+        ),
         ("d nominal_stress / d stretches", "d nominal_stress / d stretches (kPa)"),
         ("n_force_evaluations", "n_force_evaluations"),
     ],
@@ -481,6 +732,9 @@ def test_axes_of_the_figure_have_units(key, label):
 
 
 def test_the_figure_names_what_it_draws():
-    rows = [{"run": "a", "spacing": 0.1, "nominal_stress": 1.0}, {"run": "b", "spacing": 0.2, "nominal_stress": 1.1}]
+    rows = [
+        {"run": "a", "spacing": 0.1, "nominal_stress": 1.0},
+        {"run": "b", "spacing": 0.2, "nominal_stress": 1.1},
+    ]
     (axis,) = study_figure(rows, ["spacing"], UNITS).axes
     assert (axis.get_xlabel(), axis.get_ylabel()) == ("spacing (cm)", "nominal stress (kPa)")

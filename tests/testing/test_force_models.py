@@ -1,4 +1,6 @@
-"""Every force model of the table, and models that users bring, put to every property; every law to those of laws."""
+"""Every force model of the table, and models that users bring, put to every property; every law
+to those of laws.
+"""
 
 import re
 
@@ -24,13 +26,29 @@ from pdsurrogate.testing.bodies import Deformation
 PAIRS = [(row, one) for row in TABLE for one in FORCE_MODEL_PROPERTIES]
 
 SINGLE = "neo-hookean-isochoric", "space", "single_precision"
-"""Case that the quick suite leaves to the slow one: energies of sheets, and of solids in double precision, have the same passes."""
+"""Case that the quick suite leaves to the slow one: energies of sheets, and of solids in double
+precision, have the same passes.
+"""
 
-SLOW = {"full-network", "ogden", "full-network-isochoric", "arruda-boyce-isochoric", "ogden-isochoric"}
-"""Models that the quick suite leaves to the slow one: they differ in law and weights alone from gent, a polynomial for sheets, and from
-neo-hookean-isochoric, an energy for solids, which make every case in both."""
+SLOW = {
+    "full-network",
+    "ogden",
+    "full-network-isochoric",
+    "arruda-boyce-isochoric",
+    "ogden-isochoric",
+}
+"""Models that the quick suite leaves to the slow one: they differ in law and weights alone from
+gent, a polynomial for sheets, and from neo-hookean-isochoric, an energy for solids, which make
+every case in both.
+"""
 
-deformations = st.builds(Deformation, *[st.floats(0.7, 2.0)] * 2, *[st.floats(-180, 180)] * 2, st.floats(0, 0.01), st.integers(0, 2**31))
+deformations = st.builds(
+    Deformation,
+    *[st.floats(0.7, 2.0)] * 2,
+    *[st.floats(-180, 180)] * 2,
+    st.floats(0, 0.01),
+    st.integers(0, 2**31),
+)
 
 
 def each(pairs):
@@ -39,7 +57,8 @@ def each(pairs):
             row,
             one,
             id=f"{row.name}-{one.name}",
-            marks=[pytest.mark.slow] * (row.reference in SLOW or (row.reference, row.plane, one.name) == SINGLE),
+            marks=[pytest.mark.slow]
+            * (row.reference in SLOW or (row.reference, row.plane, one.name) == SINGLE),
         )
         for row, one in pairs
     ]
@@ -78,7 +97,9 @@ class OwnEnergy:
 
 
 BROUGHT = {"own-force": MyRubber, "own-energy": OwnEnergy, "spline": None}
-"""What users bring: forces in Python as they are, and a regressor of another make, resampled and stored."""
+"""What users bring: forces in Python as they are, and a regressor of another make, resampled and
+stored.
+"""
 
 
 OF_FIT = dict.fromkeys(LEARNED_THICKNESS, 0.02)
@@ -90,26 +111,46 @@ def brought(tmp_path_factory):
     """What `BROUGHT` names, as a user gives it to the check."""
     law = pds.materials.Ogden()
     samples = pds.training_samples(law, 1500, (0.5, 4.0), random_state=0)
-    model = pds.surrogate_pipeline(make_pipeline(PolynomialFeatures(6), Ridge(1e-4)), features="isochoric").fit(samples.X, samples.y)
-    path = pds.store(model, samples, law, tmp_path_factory.mktemp("brought"), "polynomial", "1", "resampled")
+    model = pds.surrogate_pipeline(
+        make_pipeline(PolynomialFeatures(6), Ridge(1e-4)), features="isochoric"
+    ).fit(samples.X, samples.y)
+    path = pds.store(
+        model, samples, law, tmp_path_factory.mktemp("brought"), "polynomial", "1", "resampled"
+    )
     assert isinstance(pds.load_surrogate(path), pds.forces.SplineForce)
     return {name: str(path) if own is None else own() for name, own in BROUGHT.items()}
 
 
-@pytest.mark.filterwarnings("ignore:.* encountered in:RuntimeWarning")  # of users' own arithmetic in impossible states
+@pytest.mark.filterwarnings(
+    "ignore:.* encountered in:RuntimeWarning"
+)  # of users' own arithmetic in impossible states
 @pytest.mark.parametrize("name", BROUGHT)
 def test_what_users_bring_has_the_properties_of_every_bond_force(brought, name):
-    """Every one but that of moments, which no bond force has; forces in Python are in double precision alone, and have no energy."""
-    findings = check_force_model(brought[name], tolerances=MOMENTS | (OF_FIT if name == "spline" else {}))
-    left_out = {finding.name for finding in findings if finding.value is None} - {"threads"}  # of threads there may be but one
+    """Every one but that of moments, which no bond force has; forces in Python are in double
+    precision alone, and have no energy.
+    """
+    findings = check_force_model(
+        brought[name], tolerances=MOMENTS | (OF_FIT if name == "spline" else {})
+    )
+    left_out = {finding.name for finding in findings if finding.value is None} - {
+        "threads"
+    }  # of threads there may be but one
     assert left_out == {"energy_account"} | ({"single_precision"} if name != "spline" else set())
-    with pytest.raises(AssertionError, match=r"lacks 1 of 1 properties:\n  angular_momentum: .*, tolerance 1e-09"):
+    with pytest.raises(
+        AssertionError, match=r"lacks 1 of 1 properties:\n  angular_momentum: .*, tolerance 1e-09"
+    ):
         check_force_model(brought[name], properties=["angular_momentum"])
 
 
 def test_the_guide_names_every_property_and_its_tolerance():
-    listed = re.findall(r"^\| `(\w+)` \| (\S+) \|", (SHIPPED.parent / "docs" / "guide" / "testing.md").read_text(), re.MULTILINE)
-    assert listed == [(one.name, f"{one.tolerance:g}") for one in (*FORCE_MODEL_PROPERTIES, *LAW_PROPERTIES)]
+    listed = re.findall(
+        r"^\| `(\w+)` \| (\S+) \|",
+        (SHIPPED.parent / "docs" / "guide" / "testing.md").read_text(),
+        re.MULTILINE,
+    )
+    assert listed == [
+        (one.name, f"{one.tolerance:g}") for one in (*FORCE_MODEL_PROPERTIES, *LAW_PROPERTIES)
+    ]
 
 
 def test_models_that_are_left_to_the_slow_suite_are_in_the_table():
@@ -125,7 +166,9 @@ def test_every_shipped_model_is_in_the_table():
 
 
 class Spoiled(NOSBForce):
-    """Correspondence forces with something added to every point's, and settings that are taken in silence."""
+    """Correspondence forces with something added to every point's, and settings that are taken
+    in silence.
+    """
 
     added = 1e-6
 
@@ -162,7 +205,9 @@ def lacks(*names):
 
 
 def test_loads_that_are_small_beside_the_tolerance_are_found(monkeypatch):
-    """Without holding the forces left against the load, as solvers did not, there is no displacement, and the clamp carries too little."""
+    """Without holding the forces left against the load, as solvers did not, there is no
+    displacement, and the clamp carries too little.
+    """
     monkeypatch.setattr(equilibrium, "UNBALANCED", np.inf)
     lacks("small_loads", "force_balance")
 
@@ -175,9 +220,13 @@ def test_energy_that_is_made_is_found(monkeypatch):
 
 
 def test_loads_that_are_not_balanced_are_found(monkeypatch):
-    """As before gradients were balanced: points felt a uniform stress otherwise than loads act on them."""
+    """As before gradients were balanced: points felt a uniform stress otherwise than loads act
+    on them.
+    """
     monkeypatch.setattr(pds.Body, "outward", None)
-    lacks("tractions_on_lattice", "tractions_on_relaxed", "tractions_on_mesh", "pressure_on_lattice")
+    lacks(
+        "tractions_on_lattice", "tractions_on_relaxed", "tractions_on_mesh", "pressure_on_lattice"
+    )
 
 
 @pytest.mark.parametrize("one", LAW_PROPERTIES, ids=lambda one: one.name)
@@ -187,7 +236,9 @@ def test_property_of_a_law(law, one):
 
 
 class Unsound(pds.materials.NeoHookean):
-    """Its volumetric stress is a thousandth too great, and its isochoric energy depends on the observer by nothing: only one is wrong."""
+    """Its volumetric stress is a thousandth too great, and its isochoric energy depends on the
+    observer by nothing: only one is wrong.
+    """
 
     name = "unsound"
 
@@ -198,7 +249,9 @@ class Unsound(pds.materials.NeoHookean):
 
 
 def test_a_law_with_a_wrong_derivative_lacks_it():
-    with pytest.raises(AssertionError, match=r"derivatives: inf.*U' is .* but by finite differences"):
+    with pytest.raises(
+        AssertionError, match=r"derivatives: inf.*U' is .* but by finite differences"
+    ):
         check_law(Unsound(), properties=["derivatives"])
     (finding,) = check_law(Unsound(), properties=["description"])
     assert finding.value is None
@@ -208,13 +261,33 @@ def test_a_law_with_a_wrong_derivative_lacks_it():
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: check_force_model("analytic", properties=["moments"]), ValueError, "unknown property 'moments'; the properties are r"),
-        (lambda: check_force_model("analytic", tolerances={"moments": 1.0}), ValueError, "unknown property"),
-        (lambda: check_force_model("analytic", plane="space"), ValueError, "analytic does not support plane=space"),
-        (lambda: check_force_model("analytic", plane="sky"), ValueError, "plane must be stress, strain, space, not 'sky'"),
+        (
+            lambda: check_force_model("analytic", properties=["moments"]),
+            ValueError,
+            "unknown property 'moments'; the properties are r",
+        ),
+        (
+            lambda: check_force_model("analytic", tolerances={"moments": 1.0}),
+            ValueError,
+            "unknown property",
+        ),
+        (
+            lambda: check_force_model("analytic", plane="space"),
+            ValueError,
+            "analytic does not support plane=space",
+        ),
+        (
+            lambda: check_force_model("analytic", plane="sky"),
+            ValueError,
+            "plane must be stress, strain, space, not 'sky'",
+        ),
         (lambda: check_force_model(3.0), TypeError, "must be a force model, its name or path"),
         (lambda: check_force_model("wizardry"), pds.ArtifactError, "unknown force"),
-        (lambda: check_force_model("neo-hookean", pds.materials.Gent()), ValueError, "describes the law neo-hookean, not gent"),
+        (
+            lambda: check_force_model("neo-hookean", pds.materials.Gent()),
+            ValueError,
+            "describes the law neo-hookean, not gent",
+        ),
         (lambda: check_law("gent"), TypeError, "law must be a material law"),
     ],
 )

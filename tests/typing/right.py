@@ -1,4 +1,6 @@
-"""Right uses of every public name, which type checkers accept; `tests/test_public_types.py` reads it and does not run it."""
+"""Right uses of every public name, which type checkers accept; `tests/test_public_types.py`
+reads it and does not run it.
+"""
 
 from pathlib import Path
 
@@ -38,7 +40,13 @@ figure = pds.preview(scene)
 figure.savefig("preview.png")
 
 # Laws and cracks
-laws = [pds.materials.NeoHookean(), pds.materials.MooneyRivlin(), pds.materials.Yeoh(), pds.materials.Ogden(), pds.materials.Gent()]
+laws = [
+    pds.materials.NeoHookean(),
+    pds.materials.MooneyRivlin(),
+    pds.materials.Yeoh(),
+    pds.materials.Ogden(),
+    pds.materials.Gent(),
+]
 chains = [pds.materials.ArrudaBoyce(), pds.materials.FullNetwork(), pds.materials.Polyconvex()]
 law_names = sorted(pds.materials.LAWS)
 stretch: float = pds.critical_stretch_of(laws[0], 1.0, 0.3)
@@ -68,13 +76,22 @@ for model in models:
     force = model.bind(body, laws[0], settings)
     try:
         force(body.points, np.empty_like(body.points))
-    except (pds.forces.InvalidState, pds.forces.OutsideDomain, pds.forces.OutsideDomainWarning) as error:
+    except (
+        pds.forces.InvalidState,
+        pds.forces.OutsideDomain,
+        pds.forces.OutsideDomainWarning,
+    ) as error:
         print(str(error))
 
 # Runs and results
 try:
     result: pds.Result = pds.simulate(scene, models[0], threads=1, folder="out", resume=False)
-except (pds.SceneError, pds.ArtifactError, pds.SimulationFailed, pds.SimulationInterrupted) as error:
+except (
+    pds.SceneError,
+    pds.ArtifactError,
+    pds.SimulationFailed,
+    pds.SimulationInterrupted,
+) as error:
     print(str(error))
 result = pds.load_result("out")
 study: pds.Study = pds.Study(scene="uniaxial", parameters={"spacing": (0.1, 0.05)})
@@ -110,11 +127,18 @@ members: list = pds.identification.committee(free, np.ones((3, 2)), np.ones(3), 
 deviation: np.ndarray = pds.identification.committee_spread(np.ones(3), np.ones((4, 3)))
 
 # Checks of models and laws of one's own
-known: tuple[pds.testing.Property, ...] = (*pds.testing.FORCE_MODEL_PROPERTIES, *pds.testing.LAW_PROPERTIES)
-of_model: tuple[pds.testing.Finding, ...] = pds.testing.check_force_model("analytic", tolerances={"angular_momentum": 0.1})
+known: tuple[pds.testing.Property, ...] = (
+    *pds.testing.FORCE_MODEL_PROPERTIES,
+    *pds.testing.LAW_PROPERTIES,
+)
+of_model: tuple[pds.testing.Finding, ...] = pds.testing.check_force_model(
+    "analytic", tolerances={"angular_momentum": 0.1}
+)
 of_law = pds.testing.check_law(laws[0], properties=["derivatives"])
 
-calibrated = pds.SceneRegressor("hole", "gent").fit([[1.0, 0.0, 0.0, 0.0]], [3.0], standard_deviation=[0.01])
+calibrated = pds.SceneRegressor("hole", "gent").fit(
+    [[1.0, 0.0, 0.0, 0.0]], [3.0], standard_deviation=[0.01]
+)
 limit: float = float(calibrated.standard_errors_[1])
 uncertain: pds.materials.LawCovariance = calibrated.law_covariance()
 errors: dict[str, float] = result.standard_errors(["nominal_stress"], uncertain)

@@ -1,4 +1,6 @@
-"""Wrong uses of public functions: a type checker has to find an error in every line that begins with `pds.`."""
+"""Wrong uses of public functions: a type checker has to find an error in every line that begins
+with `pds.`.
+"""
 
 import pdsurrogate as pds
 
