@@ -17,6 +17,7 @@ from ..identification.averaging import average
 from ..identification.energy import half_planes
 from ..materials import Law
 from ..materials.dictionary import STABLE_TO, wave_margin
+from .asked import fine_spacing, law_at, ratio_of, scales_of, stress_derivatives
 from .free import FLOOR, HALVINGS, floored, grouping, minimized
 from .measured import FAILURES
 from .search import Search, errors_of, failing
@@ -75,7 +76,7 @@ def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """Set the results of the fit to values with roots of weights; return its values and the
     correction of the discretization error.
     """
-    model._unknown = unknowns_of(model, len(y))
+    model.unknown_ = unknowns_of(model, len(y))
     start = start_of(model, y, root)
     search, x = search_from(model, start, y, root)
     model.start_: dict[str, Any] = {"taken": "default"}
@@ -95,14 +96,16 @@ def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarr
         found.active_mask = (found.active_mask != 0) | (
             np.minimum(x - space.low, space.high - x) < AT_BOUND * errors_of(found.jac)
         )
-    visited = np.concatenate([test.states(search.law_at(x)) for test, _ in model._tests])
+    visited = np.concatenate([test.states(search.law_at(x)) for test, _ in model.tests_])
     _set_domain(model, visited)
     model.n_simulations_ = search.count
     fit = search.values(x) + correction
     residuals = root * (y - fit)
-    remaining = found.remaining if model._ratio == 1 else correction / (model._ratio**ORDER - 1)
+    remaining = (
+        found.remaining if ratio_of(model) == 1 else correction / (ratio_of(model) ** ORDER - 1)
+    )
     _store(model, x, space, found, residuals, root * remaining)
-    if model._ratio == 1:
+    if ratio_of(model) == 1:
         correction = -remaining
         if (ratio := float(np.sqrt(((root * remaining) ** 2).mean()))) > 1:
             warnings.warn(
@@ -121,8 +124,8 @@ def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np
     error, (n,), that it contains.
     """
     y, correction = search.y, np.zeros(len(search.y))
-    for number in range(ROUNDS if model._ratio > 1 or model.law is None else 1):
-        first = model._ratio > 1 and not number
+    for number in range(ROUNDS if ratio_of(model) > 1 or model.law is None else 1):
+        first = ratio_of(model) > 1 and not number
         # Changes of the cost by less than these are those of parameters within a part of their
         # standard errors.
         close = 1e-3 if first else 1e-2 / len(y)
@@ -141,7 +144,7 @@ def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np
                 max_nfev=MOST_STEPS,
             )
         before, x = x, found.x
-        if model._ratio == 1:
+        if ratio_of(model) == 1:
             if model.law is not None:
                 found.remaining = _error_by_coarse(model, search.law_at(x), search.values(x))
             continue
@@ -153,7 +156,7 @@ def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np
             break
         correction = _fine_values(model, search.law_at(x)) - search.values(x)
         if model.law is None:
-            correction *= model._ratio**MEAN_ORDER / (model._ratio**MEAN_ORDER - 1)
+            correction *= ratio_of(model) ** MEAN_ORDER / (ratio_of(model) ** MEAN_ORDER - 1)
         search.y = y - correction
     return found, correction
 
@@ -163,7 +166,7 @@ def _error_by_coarse(model, law: Law, values: np.ndarray) -> np.ndarray:
     twice the spacing; warn where they fail.
     """
     found = np.zeros(len(values))
-    for test, here in model._tests:
+    for test, here in model.tests_:
         try:
             if test.scene.spacing is None:
                 raise ValueError("the spacing of a mesh is its own")
@@ -181,14 +184,15 @@ def _error_by_coarse(model, law: Law, values: np.ndarray) -> np.ndarray:
 
 def _fine_values(model, law: Law) -> np.ndarray:
     """Return the measurements of the finer simulations with a law, shape (n,)."""
-    found = np.empty(sum(len(here) for _, here in model._tests))
-    for test, here in model._tests:
-        logger.info("%s: finer simulation, spacing %.3g", test.scene.name, model._fine(test.scene))
+    found = np.empty(sum(len(here) for _, here in model.tests_))
+    for test, here in model.tests_:
+        finer = fine_spacing(model, test.scene)
+        logger.info("%s: finer simulation, spacing %.3g", test.scene.name, finer)
         with failing(
-            f"refine: with the spacing {model._fine(test.scene)} the fitted law fails; choose"
+            f"refine: with the spacing {finer} the fitted law fails; choose"
             " another spacing or refine"
         ):
-            found[here] = test.simulate(law, model._fine(test.scene))[0]
+            found[here] = test.simulate(law, finer)[0]
     return found
 
 
@@ -204,13 +208,13 @@ def _energy(model, search: Search, x: np.ndarray, number: int) -> SimpleNamespac
         return found
     residuals = search.residuals(found.x)
     total, count = 0.0, 0
-    for test, here in model._tests:
+    for test, here in model.tests_:
         field = test.rows.is_field
         each = grouping(residuals[here][field], test.rows.places[field], test.rows.quantity[field])
         total, count = total + each[0], count + each[1]
     correlated = max(1.0, total / count / (residuals**2).mean()) if count else 1.0
-    greatest = max(STABLE_TO, *(test.greatest_stretch for test, _ in model._tests))
-    right, terms = found.jac @ found.x - residuals, model._unknown.terms
+    greatest = max(STABLE_TO, *(test.greatest_stretch for test, _ in model.tests_))
+    right, terms = found.jac @ found.x - residuals, model.unknown_.terms
     settings = (
         lambda least: correlated * max(1.0, least / len(right)),
         wave_margin(terms, greatest),
@@ -219,14 +223,14 @@ def _energy(model, search: Search, x: np.ndarray, number: int) -> SimpleNamespac
     )
     energies = average(terms, found.jac, right, *settings)
     members, found.spread, found.x = energies.members, energies.covariance, floored(energies.mean)
-    if model._ratio == 1 and number == ROUNDS - 1:
+    if ratio_of(model) == 1 and number == ROUNDS - 1:
         found.remaining = _error_by_coarse(model, search.law_at(found.x), search.values(found.x))
         shift = search.root * found.remaining
         sides = [average(terms, found.jac, right + way * shift, *settings) for way in (1, -1)]
         members = np.concatenate([sides[0].members[::2], sides[1].members[1::2]])
         change = (sides[0].mean - sides[1].mean) / 2
         found.spread = found.spread + np.outer(change, change)
-    model.members_ = [model._unknown.of(each > 0).law_of(each[each > 0]) for each in members]
+    model.members_ = [model.unknown_.of(each > 0).law_of(each[each > 0]) for each in members]
     return found
 
 
@@ -247,8 +251,8 @@ def _store(model, x, space, found, residuals, remaining) -> None:
     solution, and the remaining error.
     """
     jacobian = found.jac / space.sizes(x)
-    model.parameter_names_, model.parameters_ = model._unknown.unknowns(), space.parameters(x)
-    model.law_ = model._law_of(model.parameters_)
+    model.parameter_names_, model.parameters_ = model.unknown_.unknowns(), space.parameters(x)
+    model.law_ = law_at(model, model.parameters_)
     model.at_bound_ = [
         name
         for name, active in zip(model.parameter_names_, found.active_mask, strict=True)
@@ -268,7 +272,7 @@ def _store(model, x, space, found, residuals, remaining) -> None:
             if one
         ]
         return
-    scales = model._scales()
+    scales = scales_of(model)
     left, singular, right = np.linalg.svd(jacobian * scales, full_matrices=False)
     known = singular > 1e-10 * singular.max(initial=0.0)
     inverse = (right[known].T / singular[known]) @ left[:, known].T
@@ -321,7 +325,7 @@ def _drawn(model, x, space, jacobian, residuals, visited) -> list[Law]:
     )
     (stress, error), slopes = (
         model.nominal_stress(states),
-        model._stress_derivatives(states) * sizes,
+        stress_derivatives(model, states) * sizes,
     )
     for normal in random.standard_normal((MEMBERS, len(x))):
         change = (
@@ -336,7 +340,7 @@ def _drawn(model, x, space, jacobian, residuals, visited) -> list[Law]:
         member = model.law_
         for part in change / 2.0 ** np.arange(HALVINGS)[:, None]:
             with suppress(ValueError):  # some parameters between the bounds are not those of a law
-                law = model._law_of(space.parameters(x + part))
+                law = law_at(model, space.parameters(x + part))
                 if ((nominal_stress(law, states) - stress - slopes @ part) ** 2).mean() <= (
                     error**2
                 ).mean():

@@ -17,17 +17,11 @@ from ..arguments import check_kind, check_names, check_numbers, in_order
 from ..identification import nominal_stress
 from ..identification.regressor import check_fitted
 from ..identification.stress_regressor import LawEstimator
-from ..materials import LAWS, Law
 from ..materials.dictionary import checked_dictionary
-from ..scenes import Mesh, Scene, load_scene
+from ..scenes import Scene
+from .asked import fine_spacing, scenes_of, stress_derivatives
 from .fitting import fitted
 from .measured import MeasuredScene, Rows, estimated_deviations
-
-REFINED, REFINED_FREE = 3, 6
-"""Default ratio of the spacing of a scene to that of the finer simulation, with a law and without.
-Chosen: for Carroll's law, fields with a noise of 1e-4 of the length and a sheet 20 points across,
-equibiaxial stresses of a free energy are 6 % off with 4 and 4 % with 6.
-"""
 
 COLUMNS = ("step", "quantity", "x1", "x2", "x3")
 """Columns of a table of measurements; the last one for solids only."""
@@ -183,7 +177,7 @@ class SceneRegressor(LawEstimator):
         >>> pds.SceneRegressor("hole").columns
         ('step', 'quantity', 'x1', 'x2')
         """
-        scenes = self._scenes()
+        scenes = scenes_of(self)
         several = isinstance(self.scene, list | tuple)
         return (*(("scene",) if several else ()), *COLUMNS[: 2 + scenes[0].dimension])
 
@@ -249,7 +243,7 @@ class SceneRegressor(LawEstimator):
                 "outputs",
                 "such as ['force', 'probes.tip.displacement.0'], or None for the force",
             )
-        self._scenes()
+        scenes_of(self)
         self._check_table(X, y)
         if sample_weight is not None:
             check_numbers(sample_weight, "sample_weight", "give a number for each row of X")
@@ -260,7 +254,7 @@ class SceneRegressor(LawEstimator):
         used = weight > 0
         if not used.any():
             raise ValueError("all sample weights are zero")
-        self._tests = self._tests_of(X[used])
+        self.tests_ = self._tests_of(X[used])
         self._warn_of_copies(y[used])
         deviation = self._deviations(X, y, standard_deviation)
         self.standard_deviations_ = deviation
@@ -269,7 +263,7 @@ class SceneRegressor(LawEstimator):
             self, y[used], np.sqrt(weight[used]) / deviation[used]
         )
         self.residuals_[used] = y[used] - fit
-        del self._tests
+        del self.tests_
         return self
 
     def predict(self, X):
@@ -303,7 +297,7 @@ class SceneRegressor(LawEstimator):
         X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
         found = np.empty(len(X))
         for test, here in self._tests_of(X):
-            found[here] = test.simulate(self.law_, self._fine(test.scene))[0]
+            found[here] = test.simulate(self.law_, fine_spacing(self, test.scene))[0]
         return found
 
     def nominal_stress(self, X) -> tuple[np.ndarray, np.ndarray]:
@@ -340,7 +334,7 @@ class SceneRegressor(LawEstimator):
                 f"{wanted}, not"
                 f" {f'{X.min():g}' if X.ndim == 2 and X.shape[1] == 2 else f'the shape {X.shape}'}"
             )
-        jacobian = self._stress_derivatives(X)
+        jacobian = stress_derivatives(self, X)
         variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian)
         return nominal_stress(self.law_, X), np.sqrt(variance)
 
@@ -396,22 +390,6 @@ class SceneRegressor(LawEstimator):
                     ] = value
         return found
 
-    def _law_of(self, values) -> Law:
-        return self._unknown.law_of(values)
-
-    def _stress_derivatives(self, X: np.ndarray) -> np.ndarray:
-        """Return the derivatives of `nominal_stress` by the parameters, shape (n_samples,
-        n_parameters).
-        """
-        columns, steps = [], 1e-5 * self._scales()
-        for step, change in zip(steps, np.diag(steps), strict=True):
-            sides = [
-                nominal_stress(self._law_of(self.parameters_ + sign * change), X)
-                for sign in (1, -1)
-            ]
-            columns.append((sides[0] - sides[1]) / (2 * step))
-        return np.stack(columns, axis=1)
-
     def _deviations(self, X: np.ndarray, y: np.ndarray, given) -> np.ndarray:
         """Return the standard deviations of all measurements, estimated if none are given."""
         if given is None:
@@ -441,45 +419,9 @@ class SceneRegressor(LawEstimator):
         )
         check_numbers(y, "y", "give a measured value for each row of X")
 
-    def _scenes(self) -> list[Scene]:
-        """Return the scenes, loaded if they are given by name; raise ValueError for none or for
-        bodies of different dimension.
-        """
-        scenes: list[Scene] = []
-        given: Sequence = self.scene if isinstance(self.scene, list | tuple) else [self.scene]
-        for one in (load_scene(each) if isinstance(each, str | Path) else each for each in given):
-            check_kind(
-                one, Scene, "scene", "a Scene, or the name or file of one, or a list of these"
-            )
-            if self._ratio > 1 and isinstance(one.body, Mesh):
-                raise ValueError(
-                    f"refine: scene {one.name} is a mesh, which has a spacing of its own: set"
-                    " refine=1 (--refine 1)"
-                )
-            scenes.append(one)
-        if not scenes:
-            raise ValueError("scene: the list is empty; give at least one scene")
-        if len({one.dimension for one in scenes}) > 1:
-            raise ValueError(
-                "scene: bodies in the plane and solids cannot share a table, as their places have"
-                " different columns"
-            )
-        return scenes
-
-    @property
-    def _ratio(self) -> int:
-        """Ratio of the spacings, `refine` or its default."""
-        return (
-            (REFINED_FREE if self.law is None else REFINED) if self.refine is None else self.refine
-        )
-
-    def _fine(self, scene: Scene) -> float | None:
-        """Return the spacing of the finer simulation of a scene; None for the scene's own."""
-        return None if self._ratio == 1 or scene.spacing is None else scene.spacing / self._ratio
-
     def _tests_of(self, X: np.ndarray) -> list[tuple[MeasuredScene, np.ndarray]]:
         """Return each scene with its rows of a table, and the numbers of these rows."""
-        scenes, columns = self._scenes(), self.columns
+        scenes, columns = scenes_of(self), self.columns
         if X.ndim != 2 or X.shape[1] != len(columns):
             given = f"n_features = {X.shape[1]}" if X.ndim == 2 else f"the shape {X.shape}"
             raise ValueError(f"X must have the columns {', '.join(columns)}, but has {given}")
@@ -508,7 +450,7 @@ class SceneRegressor(LawEstimator):
         """Warn of rows that repeat a measurement, each of which counts: in a file they are
         mostly copies.
         """
-        for test, here in self._tests:
+        for test, here in self.tests_:
             rows, places = test.rows, np.where(test.rows.is_field[:, None], test.rows.places, 0.0)
             table = np.column_stack([rows.step, rows.quantity, places, y[here]])
             unique, counts = np.unique(table, axis=0, return_counts=True)
@@ -524,14 +466,3 @@ class SceneRegressor(LawEstimator):
                     " measurement: leave copies out",
                     stacklevel=3,
                 )
-
-    def _scales(self) -> np.ndarray:
-        """Return the sizes of the parameters by which they are compared: their values, or a
-        hundredth of the range between bounds.
-        """
-        if self.law is None:
-            return np.abs(self.parameters_)
-        spans = [LAWS[self.law].bounds.get(name, (0.0, 0.0)) for name in self.parameter_names_]
-        return np.maximum(
-            np.abs(self.parameters_), [1e-2 * min(high - low, 1.0) for low, high in spans]
-        )

@@ -2,12 +2,15 @@
 measurements are those of the tests.
 """
 
+from functools import partial
+
 import numpy as np
 
 from ..identification import LawRegressor
 from ..identification.stress_regressor import BULK_RATIO, bulk_arguments
 from ..materials import LAWS, Law, Ogden
 from ..materials.dictionary import OF_INVARIANTS, checked_dictionary
+from .asked import law_at, scenes_of
 from .free import MOST_TRIED, EnergyUnknowns, floored, proposed, scaled, solved
 from .measured import DISPLACEMENTS, FAILURES, FORCES, MeasuredScene
 from .search import DIFFERENCE, Search, Space, failing
@@ -66,7 +69,7 @@ def bulk_of(model) -> dict[str, float]:
     """
     if given := bulk_arguments(bulk_modulus=model.bulk_modulus, bulk_ratio=model.bulk_ratio):
         return given
-    for scene in model._scenes():
+    for scene in scenes_of(model):
         if scene.material is not None:
             return {"bulk_ratio": scene.law().bulk_modulus / scene.law().shear_modulus}
     return {}
@@ -78,15 +81,15 @@ def search_from(
     """Return the search that starts at given parameters, at which the tests are simulated, and
     its variables there.
     """
-    if isinstance(model._unknown, EnergyUnknowns):
+    if isinstance(model.unknown_, EnergyUnknowns):
         low, high, logarithmic = (
             np.zeros(len(start)),
             np.full(len(start), np.inf),
             np.zeros(len(start), dtype=bool),
         )
     else:
-        low, high, logarithmic = model._unknown.search_range(
-            start, float(model._law_of(start).shear_modulus)
+        low, high, logarithmic = model.unknown_.search_range(
+            start, float(law_at(model, start).shear_modulus)
         )
     x, low, high = (
         np.log(each, out=np.array(each, dtype=float), where=logarithmic)
@@ -96,9 +99,9 @@ def search_from(
         low, high = low + 2 * DIFFERENCE, high - 2 * DIFFERENCE
         x = np.clip(x, low, high)
     space = Space(low, high, logarithmic)
-    _begin(model, model._law_of(space.parameters(x)), y, root)
+    _begin(model, law_at(model, space.parameters(x)), y, root)
     held = model.law is not None and without_scale(model)
-    return Search(model._tests, model._law_of, space, y, root, model.law is None, held), x
+    return Search(model.tests_, partial(law_at, model), space, y, root, model.law is None, held), x
 
 
 def start_of(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
@@ -107,11 +110,11 @@ def start_of(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
     """
     stated = [
         scene.law()
-        for scene in model._scenes()
+        for scene in scenes_of(model)
         if scene.material is not None and scene.material.law == model.law
     ]
-    if isinstance(model._unknown, EnergyUnknowns):
-        start = model._unknown.start()
+    if isinstance(model.unknown_, EnergyUnknowns):
+        start = model.unknown_.start()
     elif model.law == Ogden.name:
         exponents = np.array(EXPONENTS[model.n_terms - 1])
         sizes = 1 / np.abs(exponents)
@@ -120,14 +123,14 @@ def start_of(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
         start = np.concatenate([sizes, exponents])
     else:
         law = stated[0] if stated else LAWS[str(model.law)]()
-        start = np.array([getattr(law, name) for name in model._unknown.unknowns()])
+        start = np.array([getattr(law, name) for name in model.unknown_.unknowns()])
     product, square = 0.0, 0.0
-    for test, here in model._tests:
+    for test, here in model.tests_:
         forces = test.among(FORCES)
         if test.scene.loads or not forces.any():
             continue
-        with failing(f"the search cannot start at {model._law_of(start).describe()}"):
-            simulated = test.simulate(model._law_of(start))[0]
+        with failing(f"the search cannot start at {law_at(model, start).describe()}"):
+            simulated = test.simulate(law_at(model, start))[0]
         weight = root[here][forces] ** 2
         product += float((weight * simulated[forces] * y[here][forces]).sum())
         square += float((weight * simulated[forces] ** 2).sum())
@@ -149,7 +152,7 @@ def _begin(model, law: Law, y: np.ndarray, root: np.ndarray) -> None:
     """Simulate all tests with a law; raise ValueError for displacements that are unlike those of
     a test that prescribes them.
     """
-    for test, here in model._tests:
+    for test, here in model.tests_:
         with failing(f"the search cannot start at {law.describe()}"):
             simulated = test.begin(law)
         if not test.scene.loads:
@@ -183,7 +186,7 @@ def better_start(model, search: Search, x: np.ndarray) -> np.ndarray:
     squares = {name: float((search.residuals(each) ** 2).sum()) for name, each in starts.items()}
     taken = min(starts, key=squares.__getitem__)
     finite = {name: value if np.isfinite(value) else None for name, value in squares.items()}
-    model.start_ = {"taken": taken, "terms": model._unknown.unknowns(), "chi_squared": finite}
+    model.start_ = {"taken": taken, "terms": model.unknown_.unknowns(), "chi_squared": finite}
     return starts[taken]
 
 
@@ -200,7 +203,7 @@ def _weak_form(
         np.zeros(count, dtype=bool),
         np.empty(count, dtype=int),
     )
-    for test, here in model._tests:
+    for test, here in model.tests_:
         jacobian[here], right[here] = test.weak_form(search.law_at, x, search.y[here])
         forces[here], steps[here] = test.among(FORCES), first + test.rows.step
         first += test.rows.step.max()
@@ -209,7 +212,7 @@ def _weak_form(
 
 def keep(model, search: Search, kept: np.ndarray) -> None:
     """Keep only the unknowns that a mask chooses."""
-    model._unknown, search.space = model._unknown.of(kept), search.space.of(kept)
+    model.unknown_, search.space = model.unknown_.of(kept), search.space.of(kept)
     search.forget()
 
 
@@ -240,13 +243,13 @@ def without_scale(model) -> bool:
     scaled = model.law is None or "bulk_modulus" not in bulk_of(model)
     tests = [
         test
-        for test, _ in model._tests
+        for test, _ in model.tests_
         if not (test.rows.is_field | test.among(DISPLACEMENTS)).all()
     ]
     return (
         scaled
         and not tests
-        and not any(test.scene.loads or test.scene.materials for test, _ in model._tests)
+        and not any(test.scene.loads or test.scene.materials for test, _ in model.tests_)
     )
 
 
@@ -254,7 +257,7 @@ def has_weak_form(model) -> bool:
     """Whether the weak form of an energy without a law can be made: displacements were measured
     in all tests.
     """
-    return model.law is None and all(test.has_fields for test, _ in model._tests)
+    return model.law is None and all(test.has_fields for test, _ in model.tests_)
 
 
 def _check_displacements(

@@ -687,12 +687,31 @@ def _crosses(
     """Return whether bonds, which start in the body, cross cuts, according to ``crosses(starts,
     ends)`` for segments in its bounding box.
 
-    Beyond the box the body and the cuts are continued by reflection.
+    Beyond the box the body and the cuts are continued by reflection. A bond of a point and an image
+    is cut if its mirror image, of the same two points, is, so that the forces of both balance.
     """
     inner = ((ends >= lower) & (ends <= upper)).all(axis=1)
     crossing = np.zeros(len(starts), dtype=bool)
     crossing[inner] = crosses(starts[inner], ends[inner])
-    origin, way = starts[~inner], (ends - starts)[~inner]
+    outer, beyond = starts[~inner], ends[~inner]
+    planes = np.where(beyond < lower, lower, upper)
+    out = (beyond < lower) | (beyond > upper)
+    folded = [np.where(out, 2 * planes - places, places) for places in (beyond, outer)]
+    crossing[~inner] = _cross_folded(crosses, cell, lower, upper, outer, beyond)
+    crossing[~inner] |= _cross_folded(crosses, cell, lower, upper, *folded)
+    return crossing
+
+
+def _cross_folded(
+    crosses: Crosses,
+    cell: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    origin: np.ndarray,
+    ends: np.ndarray,
+) -> np.ndarray:
+    """Return whether bonds that leave the bounding box cross cuts, folded back into it."""
+    crossing, way = np.zeros(len(origin), dtype=bool), ends - origin
 
     # A part that ends on the cut's line need not cross it. Folded a little inside the box, a bond
     # crosses a cut that ends at the box; folded a little outside, it crosses a cut that lies in a
@@ -717,7 +736,7 @@ def _crosses(
             places = [origin + share[:, None] * way for share in (begin, end)]
             middle = (places[0] + places[1]) / 2
             mirror = np.clip(middle, low, high)
-            crossing[~inner] |= crosses(
+            crossing |= crosses(
                 *(np.where(mirror == middle, place, 2 * mirror - place) for place in places)
             )
     return crossing

@@ -316,6 +316,12 @@ class Hold(StrictModel):
     def model_post_init(self, _) -> None:
         if (self.box is None) == (self.points is None):
             raise ValueError("a hold needs either a box or a list of points")
+        for name, along in zip(("x1", "x2", "x3"), self.travel or (), strict=False):
+            if along and name not in (self.components or (name,)):
+                raise ValueError(
+                    f"travel moves the points along {name}, which is not among the components"
+                    " that are held: add it, or set its travel to 0"
+                )
 
 
 class SolverSpec(StrictModel):

@@ -137,7 +137,7 @@ class Multigrid:
         self._coarse = Multigrid(
             coarse, centers, spacing * COARSENING, np.ones(len(kept), dtype=bool), width
         )
-        self._coarse_matrix = None if self._coarse._factor is not None else coarse
+        self._coarse_matrix = None if self._coarse.factorized else coarse
         self._bind(matrix, relaxation, prolongation, restriction)
 
     def _bind(self, matrix, relaxation, prolongation, restriction) -> None:
@@ -168,6 +168,11 @@ class Multigrid:
             ),
             passes.relax.bind(*rows, factors, right, found, rest, chunks=chunks),
         )
+
+    @property
+    def factorized(self) -> bool:
+        """Whether the matrix is factorized instead of coarsened."""
+        return self._factor is not None
 
     def cycle(self, right: np.ndarray) -> np.ndarray:
         """Return the approximate solution on own points by one W cycle, for a right-hand side

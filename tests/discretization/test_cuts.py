@@ -465,3 +465,22 @@ def test_tension_along_a_cut_in_a_solid_is_homogeneous(case):
     uniaxial = pds.materials.homogeneous.uniaxial(result.scene.law(), 1 + fit[0, 0])
     assert uniaxial.nominal_stress == pytest.approx(0.5, rel=1e-5)
     assert result.levels[-1]["evaluations"] < 70
+
+
+@pytest.mark.parametrize(
+    "ends", [((0.5, 0), (1.0, 0.5)), ((1.0, 0.5), (0.5, 0)), ((0.4, -0.1), (1, 0.5))]
+)
+def test_a_pair_with_an_image_is_cut_as_its_mirror_image_is(ends):
+    """A cut at 45 degrees through points, from a held edge: rounding decided, and loads and
+    reactions were not in balance.
+    """
+    held = [{"region": "bottom", "x1": 0.0, "x2": 0.0}, {"region": "top", "x1": 0.0, "x2": 0.2}]
+    fields = {"name": "oblique", "spacing": 0.1, "body": STRIP, "material": RUBBER, "steps": [1.0]}
+    scene = pds.Scene.model_validate({**fields, "prescribed": held, "precuts": line(*ends)})
+    body = discretize(scene)[0]
+    cut, n, ghosts = body.bonds.cut.astype(int), len(body), body.ghosts
+    outer = cut[cut[:, 1] >= n]
+    source, image = ghosts.source[outer[:, 1] - n], ghosts.mirrored(outer[:, 0], outer[:, 1] - n)
+    assert len(outer)
+    mirrored = zip(source.tolist(), (n + image).tolist(), strict=True)
+    assert {*map(tuple, outer.tolist())} == {*mirrored}

@@ -217,6 +217,10 @@ def test_bad_changes_name_the_key(changes, message):
             "grips.0.edge: Input should be 'left', 'right', 'bottom'",
         ),
         (
+            {"holds": [{"points": [1], "components": ["x1"], "travel": [0.0, 0.3]}]},
+            "holds.0: travel moves the points along x2, which is not among the components",
+        ),
+        (
             {"holds": [{"points": [1], "components": ["x3"]}]},
             "holds.0.components: a 2D body has no x3, only x1 and x2",
         ),
