@@ -17,9 +17,10 @@ from ..arguments import check_kind, check_names, check_numbers, in_order
 from ..identification import nominal_stress
 from ..identification.regressor import check_fitted
 from ..identification.stress_regressor import LawEstimator
+from ..materials import Law
 from ..materials.dictionary import checked_dictionary
 from ..scenes import Scene
-from .asked import fine_spacing, scenes_of, stress_derivatives
+from .asked import fine_spacing, law_at, scenes_of, stress_derivatives
 from .fitting import fitted
 from .measured import MeasuredScene, Rows, estimated_deviations
 
@@ -389,6 +390,9 @@ class SceneRegressor(LawEstimator):
                         here[test.rows.is_field if quantity > 0 else test.rows.quantity == quantity]
                     ] = value
         return found
+
+    def _law_of(self, values) -> Law:
+        return law_at(self, values)
 
     def _deviations(self, X: np.ndarray, y: np.ndarray, given) -> np.ndarray:
         """Return the standard deviations of all measurements, estimated if none are given."""

@@ -123,6 +123,13 @@ class LawEstimator(RegressorMixin, BaseEstimator):
     `_begin_fit`; its method ``_law_of`` returns the law with given values of the parameters.
     """
 
+    law_: Law
+    parameter_names_: list[str]
+    parameters_: np.ndarray
+    covariance_: np.ndarray
+    standard_errors_: np.ndarray
+    at_bound_: list[str]
+
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.regressor_tags.poor_score = True

@@ -420,7 +420,7 @@ CASES = {
     "setting that the scene does not take": (["--set", "spacing=-1"], 2),
     "body that cannot be made": (["--set", "body.size=[0.3,0.3]"], 2),
     "solver that fails": (
-        ["--set", "solver.method=relaxation", "--set", "solver.most_evaluations=60"],
+        ["--set", "solver.method=relaxation", "--set", "solver.most_evaluations=10"],
         1,
     ),
 }
