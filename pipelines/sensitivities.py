@@ -275,9 +275,8 @@ def by_runs(case: Case, scene: pds.Scene, names: tuple[str, ...], parameter: str
         step = (CHANGE_OF_K if parameter.endswith("bulk_modulus") else CHANGE) * (
             max(alike) if array is None else np.abs(array).max()
         )
-        step = (
-            step if array is not None else min(step, abs(value) / 4)
-        )  # coefficients of an energy stay positive
+        # coefficients of an energy stay positive
+        step = step if array is not None else min(step, abs(value) / 4)
     found = {}
     for change in (-2, -1, 1, 2):
         if parameter == "stretch":

@@ -384,9 +384,8 @@ def strip(
     """
     solid, high, spacing = case["plane"] == "space", case.get("high", 1.0), 1 / case["rows"]
     turn = np.radians(case.get("angle", 0))
-    held = (
-        np.ceil(case["ratio"]) * spacing if turn else 0.0
-    )  # what holds a turned strip at either side
+    # what holds a turned strip at either side
+    held = np.ceil(case["ratio"]) * spacing if turn else 0.0
     origin = np.zeros(2) if turn else np.array([LONG / 2, high / 2])
 
     def turned(x, y):

@@ -94,9 +94,8 @@ def lines_with_errors(request):
     found = {"right.py": set(), "wrong.py": set()}
     for name, number in re.findall(r"(right\.py|wrong\.py):(\d+):(?:\d+ -)? error", done.stdout):
         found[name].add(int(number))
-    assert done.returncode == 1, (
-        done.stdout + done.stderr
-    )  # neither checked nothing nor failed to start
+    # neither checked nothing nor failed to start
+    assert done.returncode == 1, done.stdout + done.stderr
     return found
 
 

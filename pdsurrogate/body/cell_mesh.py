@@ -264,9 +264,8 @@ class CellMesh:
             order[np.searchsorted(keys[order], cells * len(self.nodes) + common)]
             for cells in pairs.T
         )
-        again = np.flatnonzero(
-            keys[order[1:]] == keys[order[:-1]]
-        )  # corners that a polygon repeats
+        # corners that a polygon repeats
+        again = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
         one, other = np.append(one, order[again]), np.append(other, order[again + 1])
         count, group = connected(len(entries), one, other)
         node_of_group = np.zeros(count, dtype=np.int64)

@@ -242,9 +242,8 @@ class Ghosts:
             np.zeros((n, dimension)),
             np.zeros((n, len(planes), dimension)),
         )
-        axes = np.array(
-            [*(plane.axis for plane in planes), -1]
-        )  # of the plane of each image; -1 for the points
+        # of the plane of each image; -1 for the points
+        axes = np.array([*(plane.axis for plane in planes), -1])
         for added, plane in enumerate(planes):
             if len(plane.parity) != dimension:
                 raise ValueError(
@@ -270,9 +269,8 @@ class Ghosts:
             feet_there = nearest[near]
             if not flat:
                 own = own * (1 + plane.bent(places[near]))[:, None]
-                feet_there = (2 * feet_there - (1 + own) * places[near]) / (
-                    1 - own
-                )  # moves as the image does if the point rests
+                # moves as the image does if the point rests
+                feet_there = (2 * feet_there - (1 + own) * places[near]) / (1 - own)
             carried, passed, behind = (
                 (own if flat else own[:, None]) * lever[near],
                 feet[near],
@@ -454,9 +452,8 @@ class Ghosts:
             shifts[images] = of_rows[:, None] * (shifts[images] @ of_columns) + of_plane[
                 :, None
             ] * (turns[number] @ along)
-        return shifts.transpose(0, 2, 1).reshape(
-            len(self), turns.shape[1] ** 2
-        )  # a rank may have no images
+        # a rank may have no images
+        return shifts.transpose(0, 2, 1).reshape(len(self), turns.shape[1] ** 2)
 
     def levers_on_planes(
         self, positions: np.ndarray, gradients: np.ndarray, forces: np.ndarray, moments: np.ndarray

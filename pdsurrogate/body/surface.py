@@ -209,9 +209,8 @@ class Surface:
                 ] = 0.0
         for ends in self.facets.T:
             np.add.at(forces, ends, normals)
-        on_faces = (
-            0.0 if self.faces is None else self.faces.on_points()
-        )  # free where they lie in a plane, too
+        # free where they lie in a plane, too
+        on_faces = 0.0 if self.faces is None else self.faces.on_points()
         return self.interpolation.T @ forces + on_faces
 
     def followed(self) -> np.ndarray:
@@ -287,7 +286,6 @@ def _encloses_in_space(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         base = lengths[0] * lengths[1] * lengths[2] + sum(
             (one * other).sum(axis=1) * length for one, other, length in pairs
         )
-        inside[number] = (
-            np.arctan2(volume, base).sum() > np.pi
-        )  # each solid angle is twice this; their sum is 4 pi inside, 0 outside
+        # each solid angle is twice this; their sum is 4 pi inside, 0 outside
+        inside[number] = np.arctan2(volume, base).sum() > np.pi
     return inside

@@ -76,9 +76,8 @@ class EnergyUnknowns:
         """
         rows = np.array([term.row for term in self.terms])
         moduli = np.array([term.shear_modulus for term in self.terms])
-        nearest = np.abs(rows[:, 0] * rows[:, 1] - 2) + np.where(
-            moduli > 0, 0, np.inf
-        )  # l^2, of which I1bar is the sum
+        # l^2, of which I1bar is the sum
+        nearest = np.abs(rows[:, 0] * rows[:, 1] - 2) + np.where(moduli > 0, 0, np.inf)
         start = np.zeros(len(moduli))
         start[nearest.argmin()] = 1 / moduli[nearest.argmin()]
         return floored(start)

@@ -39,9 +39,10 @@ def run(
     ranks = communicator()
     use_ranks(ranks)
     asked = load_scene(scene, change or [])
+    # here, because a scene that is refused needs neither numba nor forces
     from .simulation import (
         simulated,
-    )  # here, because a scene that is refused needs neither numba nor forces
+    )
 
     simulated(
         ranks,

@@ -222,9 +222,8 @@ class Cuts:
         for number in reversed(range(len(self.pieces))):
             on, normal = self._lie_on(number, places), self.pieces[number].plane()[1]
             ways[on] += normal
-            ways[on & ~ways.any(axis=1)] = (
-                normal  # of two pieces with opposite sides, the first one decides
-            )
+            # of two pieces with opposite sides, the first one decides
+            ways[on & ~ways.any(axis=1)] = normal
         lengths = np.linalg.norm(ways, axis=1, keepdims=True)
         return places + BESIDE * self._rounding * ways / np.where(lengths > 0, lengths, 1.0)
 

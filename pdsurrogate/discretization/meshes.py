@@ -446,9 +446,8 @@ def _keywords(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
             continue
         if keyword == "INCLUDE":
             inner = Path(options["INPUT"])
-            yield from _keywords(
-                inner if inner.exists() else path.parent / inner
-            )  # as meshio looks for it
+            # as meshio looks for it
+            yield from _keywords(inner if inner.exists() else path.parent / inner)
         elif keyword:
             yield keyword, options, rows
         head, *given = (part.strip() for part in line[1:].split(","))

@@ -773,10 +773,11 @@ def _across_empty_space(
     there = material_at(scene, lattice).reshape(counts)
     if there.all():
         return lambda starts, ends: np.zeros(len(starts), dtype=bool)
+    # of the middle of a bond, or of a fit
     near = (
         scipy.ndimage.distance_transform_edt(there, sampling=pitch)
         <= REACH * horizon / 2 + cell.max()
-    )  # of the middle of a bond, or of a fit
+    )
     around = CLEARANCE * cell * _directions(scene.dimension)
     shares = np.linspace(0, 1, int(np.ceil(horizon / (STEP * cell.min()))) + 2)[1:-1]
 

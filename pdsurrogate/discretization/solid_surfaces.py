@@ -239,9 +239,8 @@ def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.nda
                     np.array([[row + 1, column], [row + 1, column + 1], [row, column + 1]])
                 )
     shares = np.array(triangles) / count
-    weights = np.concatenate(
-        [1 - shares.sum(axis=2, keepdims=True), shares], axis=2
-    )  # of the corners of a face
+    # of the corners of a face
+    weights = np.concatenate([1 - shares.sum(axis=2, keepdims=True), shares], axis=2)
     if halved:
         weights = np.sin(np.pi / 2 * weights)
     found = np.einsum("tnc,fcd->ftnd", weights, faces).reshape(-1, 3, 3)
@@ -405,9 +404,8 @@ def _triangulated(
     lattice = lattice[~np.isfinite(outline.distances(lattice, AWAY))]
     for _ in range(MOST_ROUNDS):
         places = np.concatenate([nodes, lattice])
-        found = scipy.spatial.Delaunay(places).simplices.astype(
-            np.int64
-        )  # products of two numbers of nodes exceed 32 bits
+        # products of two numbers of nodes exceed 32 bits
+        found = scipy.spatial.Delaunay(places).simplices.astype(np.int64)
         edges = np.sort(
             np.concatenate([found[:, [0, 1]], found[:, [1, 2]], found[:, [2, 0]]]), axis=1
         )

@@ -331,9 +331,8 @@ class Chain:
         self._passes = passes  # they keep code and arrays alive
         (threads,) = {bound.threads for bound in passes}
         self._calls = np.array([bound.call for bound in passes], dtype=np.int64)
-        self._following = aligned_rows(
-            (threads, CACHE_LINE // 8), np.int64
-        )  # the counter of each thread has a cache line
+        # the counter of each thread has a cache line
+        self._following = aligned_rows((threads, CACHE_LINE // 8), np.int64)
         self._counts = np.zeros((len(passes), threads), dtype=np.int64)
         self._found = np.zeros(len(passes), dtype=np.int64)
 

@@ -48,9 +48,8 @@ class BondShares:
         self.strength = (
             body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         )
-        self.pairs_of_points = pairs_of_points(
-            bonds.first, bonds.second, total
-        )  # ghosts are first in none
+        # ghosts are first in none
+        self.pairs_of_points = pairs_of_points(bonds.first, bonds.second, total)
         # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
         toward = np.flatnonzero(bonds.neighbors >= n)
         self._ghost_bonds = toward[np.argsort(bonds.neighbors[toward], kind="stable")]

@@ -155,9 +155,8 @@ class Kinematics:
             self.changed.renew(touched)
         self.formed, self.changes = False, self.changes + 1
         own, outer = bonds.pair_of[entries_of(bonds.pointers, touched)], self.outer_pairs
-        beside = self.body.share.beside_halo(
-            bonds.first, bonds.second
-        )  # other ranks may have broken pairs that this rank does not have
+        # other ranks may have broken pairs that this rank does not have
+        beside = self.body.share.beside_halo(bonds.first, bonds.second)
         return np.unique(np.concatenate([own, outer[reached[bonds.second[outer]]], beside]))
 
     @cached_property

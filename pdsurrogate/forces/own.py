@@ -133,12 +133,10 @@ class OwnBondForce(ForceSurrogate):
             )
         self.thing, self.name = thing, type(thing).__name__
         self.failure: RuntimeError | None = None
-        self._gives_force = callable(
-            getattr(thing, "bond_force", None)
-        )  # a bond force takes precedence over an energy
-        self._callback = _CALLED(
-            self._evaluate_block
-        )  # a reference is kept, since compiled code holds its address
+        # a bond force takes precedence over an energy
+        self._gives_force = callable(getattr(thing, "bond_force", None))
+        # a reference is kept, since compiled code holds its address
+        self._callback = _CALLED(self._evaluate_block)
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
         """Return the dimensionless bond force of the user's object.

@@ -326,9 +326,8 @@ class PairEnergy(MaterialTerm):
         along = np.einsum(
             "bi,bij,bj->", self._of_pairs("forces")[pairs], turned, vectors, dtype=float
         )
-        across = 2 * np.einsum(
-            "bji,bij->", moments, turned, dtype=float
-        )  # P (I - n (x) n) is twice the moment
+        # P (I - n (x) n) is twice the moment
+        across = 2 * np.einsum("bji,bij->", moments, turned, dtype=float)
         return float(
             self._unit * (along + across) - (self.body.volumes * density * growth)[own].sum()
         )

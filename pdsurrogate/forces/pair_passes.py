@@ -202,9 +202,8 @@ class SelectivePairs(Pairs):
         self.isochoric = isochoric = model.isochoric_energy(
             points.law, binding.settings.plane, binding.outside, binding.precision
         )
-        geometry = shares.geometry(
-            points.pairs, weights, "float64"
-        )  # the volumes are computed from this array
+        # the volumes are computed from this array
+        geometry = shares.geometry(points.pairs, weights, "float64")
         super().__init__(model, points, geometry, isochoric.precision)
         self.pressures, self.volume_energies, self.volumes = (
             np.zeros(len(points.positions)),

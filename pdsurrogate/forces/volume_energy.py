@@ -218,10 +218,11 @@ class LinearizedDilatation:
         # Displacements and changes of gradients of points and ghosts, the forces on them, and the
         # moments by their gradients.
         displacements, gradients = np.zeros((total, d)), aligned_rows((total, d * d))
+        # the gradients are no longer needed when the forces are computed
         self._forces, moments = (
             np.zeros((total, d)),
             gradients,
-        )  # the gradients are no longer needed when the forces are computed
+        )
         (jumps, changes), seen = (
             ((np.zeros((total, d)), np.zeros((total, d * d))) for _ in range(2))
             if not whole

@@ -190,9 +190,8 @@ class LawEstimator(RegressorMixin, BaseEstimator):
         self._validate_params()
         for name, kinds in self._parameter_constraints.items():
             if any(isinstance(kind, Interval) for kind in kinds):
-                check_kind(
-                    getattr(self, name), object, name, "a number"
-                )  # scikit-learn takes True for 1
+                # scikit-learn takes True for 1
+                check_kind(getattr(self, name), object, name, "a number")
 
 
 class StressRegressor(LawEstimator):

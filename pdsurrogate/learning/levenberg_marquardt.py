@@ -248,11 +248,12 @@ class LevenbergMarquardtRegressor(BasePerceptron):
                 best, kept, improved = current, weights, iteration
             if iteration - improved == self.n_iter_no_change:
                 return best, kept, iteration
+        # the step that could not be made counts
         return (
             best,
             kept,
             min(iteration + 1, self.max_iter),
-        )  # the step that could not be made counts
+        )
 
 
 class _Part:

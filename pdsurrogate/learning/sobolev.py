@@ -179,9 +179,8 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         if share is not None:
             weights *= np.sqrt(share / share.mean())[:, None]
         random = check_random_state(self.random_state)
-        function = _Function(
-            self, (X - mean) / spread, target / unit, weights * unit
-        )  # all of order one
+        # all of order one
+        function = _Function(self, (X - mean) / spread, target / unit, weights * unit)
         with threadpool_limits(1, user_api="blas"):
             trainings = [
                 self._train(function, function.first(random), number)
@@ -285,9 +284,10 @@ class _Function:
         )
         self.anchored = regressor.anchor is not None
         self.penalty = np.zeros(self.units * (self.d + 2) + (not self.anchored))
+        # of the output weights
         self.penalty[(self.d + 1) * self.units : (self.d + 2) * self.units] = (
             regressor.alpha * Y.size
-        )  # of the output weights
+        )
 
     def first(self, random):
         W = random.normal(size=(self.d, self.units)) * np.sqrt(2 / self.d)

@@ -86,9 +86,8 @@ def conditions_of(
     names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
     edges = [edge_of(plane) for plane in body.planes]
     planes, held, along_planes = [], [], []
-    reached = np.unique(body.bonds.second[body.bonds.second >= len(body)]) - len(
-        body
-    )  # images at which bonds end
+    # images at which bonds end
+    reached = np.unique(body.bonds.second[body.bonds.second >= len(body)]) - len(body)
     for number, (edge, plane) in enumerate(zip(edges, body.planes, strict=True)):
         holding = [one for one in prescriptions if edge in regions.mirrors(one.region)]
         if not body.share.any(body.ghosts.lever[reached, number].any()):
@@ -104,9 +103,8 @@ def conditions_of(
             np.unique(body.ghosts.source[body.ghosts.plane == number]),
         )
         feet, _ = plane.mirrored(body.points[sources])
-        rigid_points = np.intersect1d(
-            points, rigid
-        )  # a plane's images hold no region that nothing deforms
+        # a plane's images hold no region that nothing deforms
+        rigid_points = np.intersect1d(points, rigid)
         by_component = {component: one for one in holding for component in one.components}
         for one in holding:
             if components := tuple(
@@ -134,14 +132,14 @@ def conditions_of(
     # points next to a grip's plane.
     _check_motions(loading, [*along_planes, *held], [loading.rest, *known_ends(stages)])
     _check_counted(loading, prescriptions)
-    modulus = (
-        1.0 if scene.material is None else scene.law().shear_modulus
-    )  # a picture of a scene without a material needs none
+    # a picture of a scene without a material needs none
+    modulus = 1.0 if scene.material is None else scene.law().shear_modulus
     springs = np.full(len(body), modulus)
     springs[rigid] *= RIGID
+    # grips limit the stretch itself
     strain, pull = (
         (scene.solver.largest_increment, None) if stress is None else (np.inf, stress.pull)
-    )  # grips limit the stretch itself
+    )
     loading.course = Paths(loading, springs, modulus, strain, pull)
     for support in loading.supports:
         support.response = loading.course.response
@@ -413,9 +411,8 @@ def check_steps(loading: Loading, stages: tuple[Stage, ...], modulus: float) -> 
     for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
         if stage.inertia is None:
             continue
-        crossing = loading.body.horizon * math.sqrt(
-            stage.inertia.density / modulus
-        )  # time of a shear wave through a horizon
+        # time of a shear wave through a horizon
+        crossing = loading.body.horizon * math.sqrt(stage.inertia.density / modulus)
         damped, duration = 2 * (stage.inertia.viscosity or 0.0), stage.motion(begin).duration
         step = stage.inertia.safety * (
             crossing if crossing >= damped else crossing * crossing / damped

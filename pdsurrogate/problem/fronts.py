@@ -244,9 +244,8 @@ class Fronts:
         """
         body, precut = self._body, self._scene.precuts[number]
         edge = precut.edge(PITCH * body.spacing)
-        within = self._inside(
-            edge[0] + body.spacing / 4 * edge[1]
-        )  # an end at the boundary is no front
+        # an end at the boundary is no front
+        within = self._inside(edge[0] + body.spacing / 4 * edge[1])
         within &= ~self._cuts.touched(number, edge[0])
         places, outward, lengths = (rows[within] for rows in edge)
         count, part = connected(

@@ -152,9 +152,8 @@ class Communicator:
             return most
         found = np.empty(self.size)
         self._world.Allgather(np.array(most), found)
-        return float(
-            found.max()
-        )  # the MPI standard does not define the maximum of a NaN, NumPy does
+        # the MPI standard does not define the maximum of a NaN, NumPy does
+        return float(found.max())
 
     def agree(self, error: Exception | None) -> None:
         """Raise on every rank the error of the lowest rank that has found one; `error` is the

@@ -246,9 +246,10 @@ class Transient:
         )
         run.state.steps += 1
         ended = account.time >= self.motion.duration
+        # without rounding at the end
         run.state.parameter = run.target = (
             self.motion.end if ended else self.motion.at(account.time)
-        )  # without rounding at the end
+        )
         self._apply()
         if self._cracks is None:
             integrator.evaluate()

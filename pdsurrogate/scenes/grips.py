@@ -23,9 +23,8 @@ def prescribed_in(scene: Scene, length: float = 1.0) -> dict[str, Prescribed]:
             for name, along in zip(names, travel, strict=True)
             if name in (hold.components or names)
         }
-        region = Region.model_construct(
-            box=hold.box, points=hold.points
-        )  # it may list no points, and is refused where it is resolved
+        # it may list no points, and is refused where it is resolved
+        region = Region.model_construct(box=hold.box, points=hold.points)
         found[f"holds.{number}"] = Prescribed(region=region, **moved)
     for number, grip in enumerate(scene.grips):
         axis, side = EDGES[grip.edge]

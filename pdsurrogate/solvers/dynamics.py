@@ -324,9 +324,8 @@ class ExplicitDynamics:
 
     def _following_velocities(self, step: float) -> np.ndarray:
         following = self.velocities.copy()
-        self._step(
-            self._ahead, following, step
-        )  # the positions are not used, and the array is free between evaluations
+        # the positions are not used, and the array is free between evaluations
+        self._step(self._ahead, following, step)
         return following
 
     def elastic_with_loads(self) -> np.ndarray:

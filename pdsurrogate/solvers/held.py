@@ -89,10 +89,11 @@ class Support:
 
     def __init__(self, body: Body, part: Held) -> None:
         self._body, self._part = body, part
+        # with the components they index arrays (n, d)
         self._point, self._others = (
             part.points[:, None],
             part.others[:, None],
-        )  # with the components they index arrays (n, d)
+        )
         self.set(0.0)
 
     def set(self, parameter: float) -> None:

@@ -330,14 +330,12 @@ def _share_below(values: np.ndarray) -> np.ndarray:
     """
     below = values < 0
     count, corners = below.sum(axis=1), values.shape[1]
-    alone = np.where(
-        count == 1, below.argmax(axis=1), below.argmin(axis=1)
-    )  # the corner with a sign of its own
+    # the corner with a sign of its own
+    alone = np.where(count == 1, below.argmax(axis=1), below.argmin(axis=1))
     own = np.abs(np.take_along_axis(values, alone[:, None], axis=1))
     with np.errstate(invalid="ignore"):
-        part = 2 * (own / (own + np.abs(values))).prod(
-            axis=1
-        )  # the factor of the corner itself is 1/2
+        # the factor of the corner itself is 1/2
+        part = 2 * (own / (own + np.abs(values))).prod(axis=1)
     return np.select([count == 0, count == corners, count == 1], [0.0, 1.0, part], 1 - part)
 
 

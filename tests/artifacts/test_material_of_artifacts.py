@@ -87,9 +87,8 @@ def test_a_scene_that_was_told_a_material_has_the_last_word(store):
     ) as error:
         with_material(scene, path)
     flag = str(error.value).split("--set '")[1].split("'")[0]
-    _, model = with_material(
-        pds.load_scene("uniaxial", [flag]), path
-    )  # the one flag that resolves it
+    # the one flag that resolves it
+    _, model = with_material(pds.load_scene("uniaxial", [flag]), path)
     assert model.name == "told@1"
 
 

@@ -64,9 +64,8 @@ def test_images_mirror_the_points_near_a_plane():
         planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)), ReflectionPlane(0, 1.0, 1, (-1, -1))),
     )
     ghosts = body.ghosts
-    assert (
-        len(ghosts) == 2 * 3 * 10
-    )  # three columns on either side lie within the horizon of the edge
+    # three columns on either side lie within the horizon of the edge
+    assert len(ghosts) == 2 * 3 * 10
     mirrored = body.points[ghosts.source]
     position = np.where(ghosts.plane == 0, 0.0, 1.0)
     np.testing.assert_allclose(ghosts.points[:, 0] + mirrored[:, 0], 2 * position)
@@ -127,9 +126,8 @@ def test_points_that_coincide_or_reach_nobody_are_refused():
         np.vstack([grid((0, 0), (1, 1), 0.25), [[0.5, 0.5]] * 4]),
     ):
         with pytest.raises(ValueError, match=r"points \d+ and \d+ coincide at "):
-            Body(
-                points, np.ones(len(points)), 1.5
-            )  # it was built, and failed wherever its bonds were first asked for
+            # it was built, and failed wherever its bonds were first asked for
+            Body(points, np.ones(len(points)), 1.5)
     with pytest.raises(ValueError, match="contains no neighbor"):
         _ = Body(np.array([[0.0, 0.0], [3.0, 0.0]]), np.ones(2), 1.5).bonds
 

@@ -31,9 +31,8 @@ def box(lower, upper):
     }
 
 
-SEGMENT = (
-    0.25 * np.arccos(0.6) - 0.3 * 0.4
-)  # of a disc of radius 0.5, beyond a chord 0.3 from its center
+# of a disc of radius 0.5, beyond a chord 0.3 from its center
+SEGMENT = 0.25 * np.arccos(0.6) - 0.3 * 0.4
 
 BODIES = {
     "square": (SQUARE, [], 4.0, 1e-12),

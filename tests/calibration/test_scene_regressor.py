@@ -251,9 +251,8 @@ def test_stresses_have_the_errors_of_the_parameters():
     states = np.stack([[1.5, 2.0], MODES["uniaxial"](np.array([1.5, 2.0]))], axis=1)
     stress, error = model.nominal_stress(states)
     np.testing.assert_allclose(stress, nominal_stress(model.law_, states))
-    np.testing.assert_allclose(
-        error / stress, 0.05, rtol=1e-2
-    )  # a modulus is known as well as the force
+    # a modulus is known as well as the force
+    np.testing.assert_allclose(error / stress, 0.05, rtol=1e-2)
 
 
 @pytest.mark.usefixtures("same_body")

@@ -184,9 +184,8 @@ def test_json_is_all_that_is_printed_for_programs(tmp_path):
 
 
 def test_how_much_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        drawings, "save_drawings", lambda result, folder: None
-    )  # pictures take most of the time of these runs
+    # pictures take most of the time of these runs
+    monkeypatch.setattr(drawings, "save_drawings", lambda result, folder: None)
     command = ["run", "uniaxial", *FAST, "--out", tmp_path / "out"]
     assert f"Results in {tmp_path / 'out'}" in invoke(*command).stderr.replace("\n", "")
     quiet = invoke(*command, "-q")

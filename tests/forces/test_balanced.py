@@ -549,9 +549,8 @@ def test_the_moment_of_a_turned_plane_is_the_derivative_of_the_energy():
         pds.Scene(name="turned", material=RUBBER, spacing=0.1, steps=steps, **keys), "bond-energy"
     ).levels
     force = level["forces"]["right"]
-    moment = level["moments"]["right"] - (
-        about[0] * force[1] - about[1] * force[0]
-    )  # the result is about the origin
+    # the result is about the origin
+    moment = level["moments"]["right"] - (about[0] * force[1] - about[1] * force[0])
     assert (after["energy"] - before["energy"]) / np.deg2rad(0.04 * 20) == pytest.approx(
         moment, rel=1e-4
     )

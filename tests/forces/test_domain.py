@@ -282,9 +282,8 @@ def test_fallback_carries_a_surrogate_through_the_whole_scene(small_domain):
     for level, reference in zip(mine.levels, exact.levels, strict=True):
         for key in ("nominal_stress", "lateral_displacement"):
             assert level[key] == pytest.approx(reference[key], rel=1e-3)
-    assert (
-        0.5 < mine.summary["fallback_fraction"] < 0.9
-    )  # two of the three levels, and the way to them
+    # two of the three levels, and the way to them
+    assert 0.5 < mine.summary["fallback_fraction"] < 0.9
 
 
 def test_the_papers_network_converges_where_its_force_used_to_jump():

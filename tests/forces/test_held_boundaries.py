@@ -80,9 +80,8 @@ def test_feet_are_the_nearest_points_and_images_lie_as_far_beyond(shape):
         np.testing.assert_allclose((sources[own] + ghosts.points[own]) / 2, feet, atol=1e-14)
         outline = boundary.curve.boundary(np.full(2, 1e-3))
         nearest = np.linalg.norm(sources[own, None] - outline, axis=2).min(axis=1)
-        np.testing.assert_allclose(
-            np.linalg.norm(sources[own] - feet, axis=1), nearest, atol=1e-5
-        )  # nodes are 1e-3 apart
+        # nodes are 1e-3 apart
+        np.testing.assert_allclose(np.linalg.norm(sources[own] - feet, axis=1), nearest, atol=1e-5)
         assert (boundary.mirrored(ghosts.points[own])[1] < 0).all()
 
 

@@ -317,9 +317,8 @@ def test_an_eighth_of_a_body_with_its_images_is_the_whole(model):
     eighth = jittered(planes=rollers([0, 1, 2]))
     points, volumes = eighth.points, eighth.volumes
     x1, x2, x3 = points.T
-    u = 0.1 * np.stack(
-        [x1 * np.cos(x2), np.sin(x2) * x3**2, x3 + x1**2 * x3], axis=1
-    )  # odd across its own plane, even across the others
+    # odd across its own plane, even across the others
+    u = 0.1 * np.stack([x1 * np.cos(x2), np.sin(x2) * x3**2, x3 + x1**2 * x3], axis=1)
     whole, displacements = points, u
     for axis in range(3):
         flip = np.where(np.arange(3) == axis, -1.0, 1.0)

@@ -9,9 +9,8 @@ from sklearn.linear_model import Ridge
 import pdsurrogate as pds
 from pdsurrogate.identification import nominal_stress
 
-LAW = pds.materials.Ogden(
-    moduli=(0.4, -0.02), exponents=(2.0, -2.0), bulk_modulus=420.0
-)  # K/mu as a fit takes it, which no test tells
+# K/mu as a fit takes it, which no test tells
+LAW = pds.materials.Ogden(moduli=(0.4, -0.02), exponents=(2.0, -2.0), bulk_modulus=420.0)
 
 
 @pytest.fixture(scope="module")

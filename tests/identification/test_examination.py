@@ -96,9 +96,8 @@ def test_what_is_wrong_with_data_is_told(good, name):
         assert words in said
     # No row or mode but those that were changed is accused.
     assert said.count("standard deviations") == said.count("row 5 (")
-    assert bool(found.refusals) == (
-        name in ("Cauchy stresses", "another unit")
-    )  # R^2 of -0.2 and -3.7
+    # R^2 of -0.2 and -3.7
+    assert bool(found.refusals) == (name in ("Cauchy stresses", "another unit"))
 
 
 def test_cauchy_stresses_of_one_mode_accuse_no_row_of_another():
@@ -328,9 +327,8 @@ def test_fit_simulates_the_tests_with_its_artifact(good, written, tmp_path):
         ),
         good.stretches,
     )
-    np.testing.assert_allclose(
-        found["simulated"]["nominal_stress"], exact, atol=2e-3 * exact.max()
-    )  # the surrogate's own error
+    # the surrogate's own error
+    np.testing.assert_allclose(found["simulated"]["nominal_stress"], exact, atol=2e-3 * exact.max())
 
 
 def test_fit_tells_how_many_tests_lie_outside_the_domain_of_its_artifact(good, written, tmp_path):

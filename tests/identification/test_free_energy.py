@@ -335,9 +335,8 @@ def test_modes_are_told_by_their_stretches(kawabata):
     treloar = pds.load_test_data("treloar")
     assert (mode_of(treloar.stretches) == treloar.mode).mean() > 0.95
     assert independent(treloar.stretches) == 3
-    assert (
-        independent(treloar.of("pure-shear").stretches) == 1
-    )  # the row at rest, which is of all modes, is none
+    # the row at rest, which is of all modes, is none
+    assert independent(treloar.of("pure-shear").stretches) == 1
     # Both stresses of a state are one measurement, and those of a mode are together.
     assert 60 < independent(kawabata.stretches) < len(kawabata) / 2
 

@@ -100,9 +100,8 @@ def test_stresses_are_the_exact_solutions():
             stretch = np.array([0.7, 1.5, 3.0])
             stress = nominal_stress(law, np.stack([stretch, MODES[mode](stretch)], axis=1))
             exact = [solve(law, value).nominal_stress for value in stretch]
-            np.testing.assert_allclose(
-                stress, exact, rtol=1e-9
-            )  # Newton's iteration and brentq at rounding
+            # Newton's iteration and brentq at rounding
+            np.testing.assert_allclose(stress, exact, rtol=1e-9)
     # Past the limit of the law there is none, however much it swells.
     assert np.isnan(
         nominal_stress(

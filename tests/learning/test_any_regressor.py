@@ -150,9 +150,8 @@ def test_networks_are_taken_over_exactly(samples, regressor):
     surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
     assert isinstance(surrogate, NetworkForce)
     assert report == {}
-    assert (
-        agreement(surrogate, model, samples) < 1e-7
-    )  # of the logistic function, which the kernels have to 1e-8
+    # of the logistic function, which the kernels have to 1e-8
+    assert agreement(surrogate, model, samples) < 1e-7
 
 
 @needs_torch

@@ -110,7 +110,6 @@ def test_a_rank_that_cannot_write_leaves_the_states_before(result, written, monk
 
 
 def test_a_new_run_takes_the_place_of_pieces(result, written):
-    make_room(
-        written / "pieces", contents_in(result.summary), overwrite=True
-    )  # they have no summary
+    # they have no summary
+    make_room(written / "pieces", contents_in(result.summary), overwrite=True)
     assert not list((written / "pieces").iterdir())

@@ -79,6 +79,5 @@ def test_probes_in_planes_of_symmetry_read_from_points_and_images():
     np.testing.assert_allclose(found, places[:, :, None] * places[:, None], atol=1e-2)
     for place, tensor in zip(places, found, strict=True):
         on_plane = place == 0
-        np.testing.assert_allclose(
-            tensor[on_plane[:, None] ^ on_plane], 0, atol=1e-12
-        )  # what changes its sign across is none
+        # what changes its sign across is none
+        np.testing.assert_allclose(tensor[on_plane[:, None] ^ on_plane], 0, atol=1e-12)

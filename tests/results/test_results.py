@@ -194,9 +194,8 @@ def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
         ):
             simulate(uniaxial(1.1), "analytic", folder=tmp_path)
     simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, resume=True).save(tmp_path)
-    assert (
-        len(simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path).states) == 2
-    )  # now that it has come to its end
+    # now that it has come to its end
+    assert len(simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path).states) == 2
 
 
 @pytest.mark.parametrize(

@@ -108,9 +108,8 @@ def test_bonds_break_beyond_the_critical_stretch_and_only_once():
     damage.break_bonds(pairs)
     assert len(damage.overstretched(stretched)) == 0
     assert np.isnan(body.points * np.nan).all()
-    assert (
-        len(damage.overstretched(body.points * np.nan)) == 0
-    )  # a lost state is for the force to report
+    # a lost state is for the force to report
+    assert len(damage.overstretched(body.points * np.nan)) == 0
 
 
 def test_damage_is_the_share_of_weight_that_is_lost():
@@ -168,9 +167,8 @@ def test_energy_of_a_trouser_tear():
     density = 0.35 * (stretch**2 + 2 / stretch - 3)
     expected = 2 * force * stretch / thickness - 2 * width * density
     assert tearing_energy(law, force, width, thickness) == pytest.approx(expected, rel=1e-4)
-    assert tearing_energy(law, 1e-4, width, thickness) == pytest.approx(
-        1e-4, rel=1e-4
-    )  # stiff legs: 2 F/h
+    # stiff legs: 2 F/h
+    assert tearing_energy(law, 1e-4, width, thickness) == pytest.approx(1e-4, rel=1e-4)
     with pytest.raises(ValueError, match="the leg's width must be positive and finite"):
         tearing_energy(law, force, 0.0, thickness)
     with pytest.raises(ValueError, match="gent reaches its limit at the stretch"):

@@ -184,9 +184,8 @@ def test_the_path_of_a_crack_is_the_line_through_its_tips():
     aside = {"tip": ([3.0, 1.0] + 2 * along + 0.5 * beside).tolist()}
     moved = crack_path([*outputs, aside])
     assert moved["direction"] == pytest.approx(-30, abs=1e-9)
-    assert moved["stray"] == pytest.approx(
-        0.5 * 5 / 6, rel=1e-12
-    )  # the line moves by a sixth toward it
+    # the line moves by a sixth toward it
+    assert moved["stray"] == pytest.approx(0.5 * 5 / 6, rel=1e-12)
     assert crack_path(outputs[:4]) is None
 
 

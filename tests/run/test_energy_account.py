@@ -310,7 +310,6 @@ def test_the_account_closes_after_the_last_ligament_has_snapped(monkeypatch):
     result = pds.simulate(scene, "bond-energy")
     crack, rows = result.summary["crack"], [row for row in result.history if "time" in row]
     last_break = max(row["time"] for row in rows if row["broken_bonds"] < crack["broken_bonds"])
-    assert (
-        result.history[-1]["time"] - last_break > 10
-    )  # times in which shear waves cross a spacing
+    # times in which shear waves cross a spacing
+    assert result.history[-1]["time"] - last_break > 10
     assert abs(account(result)["greatest_energy_gap"]) < 0.2

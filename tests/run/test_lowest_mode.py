@@ -173,9 +173,8 @@ def test_the_lowest_mode_of_a_slender_solid_is_that_of_the_dense_tangent():
     found = result.lowest_mode()
     tangent, volumes, free = pencil(result)
     values, vectors = scipy.linalg.eigh(tangent, np.diag(volumes))
-    assert (
-        abs(found.eigenvalue - values[0]) < 1e-5 * values[0]
-    )  # rounding, 1e-10 of the greatest eigenvalue
+    # rounding, 1e-10 of the greatest eigenvalue
+    assert abs(found.eigenvalue - values[0]) < 1e-5 * values[0]
     shares = vectors[:, :2].T @ (volumes * found.displacements[free])
     size = found.displacements[free] @ (volumes * found.displacements[free])
     assert shares @ shares == pytest.approx(size, rel=1e-6)

@@ -206,9 +206,8 @@ def test_increments_are_longer_only_where_they_lead_to_planned_values():
     increments = Increments(0.0, 1.0, 1.0)
     for _ in range(2):
         assert increments.shorten()
-    assert (
-        not increments.accept()
-    )  # a quarter of the way, from where a half does not lead to a planned value
+    # a quarter of the way, from where a half does not lead to a planned value
+    assert not increments.accept()
     assert increments.accept()
     assert increments.share == 0.5
     assert increments.accept()

@@ -171,9 +171,8 @@ def test_numbers_of_which_a_learned_model_knows_one_value_are_no_parameters():
     moduli = ["material.shear_modulus", "material.bulk_modulus"]
     assert [name for name in numbers_in(scene, models) if "material" in name] == moduli
     rates = result.sensitivity(["nominal_stress"], moduli).derivatives[0]
-    assert rates @ [1.0, 200.0] == pytest.approx(
-        result.levels[-1]["nominal_stress"], rel=1e-6
-    )  # stresses scale with both
+    # stresses scale with both
+    assert rates @ [1.0, 200.0] == pytest.approx(result.levels[-1]["nominal_stress"], rel=1e-6)
     with pytest.raises(
         ValueError,
         match=r"gent@1 describes one value of chain_limit alone.*run the scene with force=analytic",
@@ -229,9 +228,8 @@ def test_derivatives_by_a_pressure_that_follows_the_boundary_are_those_of_conver
     scene = pds.load_scene("ring-pressure", {"spacing": 0.2, "steps": [{"to": 0.2}]})
     compare(scene, "bond-energy", ["probes.inner.displacement", "energy"], ["loads.0.pressure"])
     found = pds.simulate(scene, "bond-energy").sensitivity(["energy"], ["loads.0.pressure", "t"])
-    pressure = (
-        found.derivatives[0, 0] * scene.loads[0].pressure / 0.2
-    )  # the pressure acts with the factor t
+    # the pressure acts with the factor t
+    pressure = found.derivatives[0, 0] * scene.loads[0].pressure / 0.2
     assert found.derivatives[0, 1] == pytest.approx(pressure, rel=1e-6)
 
 

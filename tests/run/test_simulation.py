@@ -355,9 +355,8 @@ def test_bond_associated_stress_is_within_its_known_error():
     """
     for level in run("ba-nosb").levels:
         assert abs(level["nominal_stress_error"]) < 0.015 * 2.5
-        assert (
-            level["roughness"] < 1e-2
-        )  # the edges differ from the interior; NOSB, with the same grips held by points, has 0.7
+        # the edges differ from the interior; NOSB, with the same grips held by points, has 0.7
+        assert level["roughness"] < 1e-2
 
 
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="numba was started with one thread")

@@ -78,9 +78,8 @@ def test_a_strip_bends_under_its_own_weight(spacing, error):
     """
     result = simulate(strip(spacing), "bond-energy")
     level = result.levels[0]
-    weight = (
-        12 * 0.6 * 9.81e-6 * 0.981
-    )  # what is not held: all but half a cell to a cell at the clamp
+    # what is not held: all but half a cell to a cell at the clamp
+    weight = 12 * 0.6 * 9.81e-6 * 0.981
     assert level["forces"]["left"][1] == pytest.approx(-level["forces"]["body"][1], rel=PART)
     assert -level["forces"]["body"][1] == pytest.approx(weight, rel=0.02)
     assert level["force_balance"] < PART
@@ -90,9 +89,8 @@ def test_a_strip_bends_under_its_own_weight(spacing, error):
     ) - weight_per_length * length**2 / (2 * 0.6 * 5 / 6)
     tip = level["probes"]["tip"]["displacement"][1]
     assert tip == pytest.approx(beam, rel=error) if error else beam < tip < beam / 2
-    assert (
-        result.summary["n_force_evaluations"] < 400
-    )  # a method that gains is not given up: relaxation took 16,000 to 33,000
+    # a method that gains is not given up: relaxation took 16,000 to 33,000
+    assert result.summary["n_force_evaluations"] < 400
 
 
 @pytest.mark.parametrize("force", ["neo-hookean@2", "bond-energy", "nosb"])
@@ -137,9 +135,8 @@ def test_small_loads_bend_a_nearly_incompressible_strip(load):
     )
     levels = simulate(scene, "bond-energy").levels
     deflection = [level["displacements"]["right"][1] / level["t"] for level in levels]
-    assert deflection[0] == pytest.approx(
-        deflection[1], rel=PART
-    )  # the square of the slope, (7e-4)^2, is less
+    # the square of the slope, (7e-4)^2, is less
+    assert deflection[0] == pytest.approx(deflection[1], rel=PART)
     assert levels[0]["forces"]["left"][1] == pytest.approx(load * 0.1, rel=PART)
 
 

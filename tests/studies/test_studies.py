@@ -619,9 +619,8 @@ def test_a_study_that_is_killed_half_way_and_started_again_does_the_rest_only(tm
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_ctrl_c_keeps_what_was_reached(tmp_path):
     file, folder = tmp_path / "study.toml", tmp_path / "out"
-    file.write_text(
-        STUDY.replace("0.05", "0.02")
-    )  # eight runs of 7,500 points outlast the signal on a loaded machine
+    # eight runs of 7,500 points outlast the signal on a loaded machine
+    file.write_text(STUDY.replace("0.05", "0.02"))
     process = begin(file, folder)
     wait_for(4, folder, process)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to all processes of the study
