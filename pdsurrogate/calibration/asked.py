@@ -1,5 +1,5 @@
-"""What a `SceneRegressor` is asked to fit: its scenes, their spacings, and the law and its sizes at
-given numbers.
+"""Scenes of a `SceneRegressor`, the spacings at which it simulates them, and its law at given
+values of the parameters, with their sizes.
 """
 
 from collections.abc import Sequence
@@ -70,9 +70,8 @@ def ratio_of(model) -> int:
 
 def fine_spacing(model, scene: Scene) -> float | None:
     """Return the spacing of the finer simulation of a scene; None for the scene's own."""
-    return (
-        None if ratio_of(model) == 1 or scene.spacing is None else scene.spacing / ratio_of(model)
-    )
+    ratio = ratio_of(model)
+    return None if ratio == 1 or scene.spacing is None else scene.spacing / ratio
 
 
 def scales_of(model) -> np.ndarray:

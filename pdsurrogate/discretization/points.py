@@ -645,8 +645,10 @@ def _cuts(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upp
     """Return ``separates(starts, ends)``, which flags bonds that precuts or empty space cut;
     None if a scene has neither.
     """
-    crosses = cuts_of(scene, lower, upper, between=True).crosses
-    tests = [partial(_crosses, crosses, cell, lower, upper)] if scene.precuts else []
+    tests = []
+    if scene.precuts:
+        crosses = cuts_of(scene, lower, upper, between=True).crosses
+        tests.append(partial(_crosses, crosses, cell, lower, upper))
     if not isinstance(scene.body, Mesh) and (scene.holes or not _surely_convex(scene)):
         tests.append(_across_empty_space(scene, horizon, cell, lower, upper))
     if not tests:

@@ -200,11 +200,8 @@ class Fronts:
                 for radius in radii
             ]
         )
-        nearest = {
-            "the boundary of the body": float(
-                radii[-1] if free.all() else radii[free.argmin()] - radii[0]
-            )
-        } | dict(nearest)
+        room = float(radii[-1] if free.all() else radii[free.argmin()] - radii[0])
+        apart = {"the boundary of the body": room, **nearest}
         depths = [float(plane.mirrored(front.places)[1].min()) for plane in symmetric]
         rooms = {"a plane of symmetry": min(depths, default=math.inf)}
         rooms["the other end of the crack"] = front.length if front.straight else front.length / 2
@@ -221,13 +218,15 @@ class Fronts:
             if one is not front
         ]
         rooms["the front of another crack"] = min(near, default=math.inf)
-        rooms |= {what: distance - horizon for what, distance in nearest.items()}
+        rooms |= {what: distance - horizon for what, distance in apart.items()}
         first = min(rooms, key=lambda what: rooms[what])
         if rooms[first] >= LEAST_REACH * horizon:
             return min(rooms[first], MOST_REACH * horizon), None
-        away, needed, closer = rooms[first], LEAST_REACH, 0.0
-        if first in nearest:  # of which a finer lattice may have some that are nearer by a spacing
-            away, needed, closer = nearest[first], LEAST_REACH + 1, self._body.spacing
+        away, needed = (
+            (apart[first], LEAST_REACH + 1) if first in apart else (rooms[first], LEAST_REACH)
+        )
+        # A finer lattice may have points that are nearer by a spacing.
+        closer = self._body.spacing if first in nearest else 0.0
         finer = math.floor(100 * (away - closer) / (needed * horizon)) / 100 * self._body.spacing
         told = f"a spacing of {finer:.3g} or less would do" if finer > 0 else "no spacing would do"
         return (

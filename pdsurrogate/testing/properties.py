@@ -106,7 +106,7 @@ class Property:
 
     @property
     def description(self) -> str:
-        """What is measured, from the docstring of `measure`.
+        """Return what is measured: the first paragraph of the docstring of `measure`.
 
         Examples
         --------

@@ -147,6 +147,16 @@ LOADED = [
 ]
 
 
+def under_tension(d, tension, arrangement):
+    """A square or cube of side 1, and a tension on all of its upper sides."""
+    loads = [
+        {"region": side, "traction": tension * np.eye(d)[axis]}
+        for axis, side in enumerate(SIDES[1][:d])
+    ]
+    shape = "box" if d == 3 else "rectangle"
+    return {"shape": shape, "size": (1.0,) * d, "arrangement": arrangement}, loads
+
+
 @pytest.mark.parametrize(("plane", "arrangement", "spacing", "most"), LOADED)
 def test_a_square_and_a_cube_under_tension_on_all_sides(plane, arrangement, spacing, most):
     """The displacement of the loaded edge was off by -203 % in plane strain (K = 100 mu), -239 %
@@ -154,15 +164,7 @@ def test_a_square_and_a_cube_under_tension_on_all_sides(plane, arrangement, spac
     """
     law, tension, d = {**RUBBER, "bulk_modulus": 150.0}, 0.75, 3 if plane == "space" else 2
     prescribed = [{"region": side, f"x{axis + 1}": 0.0} for axis, side in enumerate(SIDES[0][:d])]
-    loads = [
-        {"region": side, "traction": tension * np.eye(d)[axis]}
-        for axis, side in enumerate(SIDES[1][:d])
-    ]
-    body = {
-        "shape": "box" if d == 3 else "rectangle",
-        "size": (1.0,) * d,
-        "arrangement": arrangement,
-    }
+    body, loads = under_tension(d, tension, arrangement)
     keys = {
         "body": body,
         "prescribed": prescribed,
@@ -328,15 +330,7 @@ def test_two_parts_of_one_rubber_are_pulled_like_one(plane, arrangement, spacing
     % in plane strain.
     """
     d, tension = 3 if plane == "space" else 2, 0.75
-    loads = [
-        {"region": side, "traction": tension * np.eye(d)[axis]}
-        for axis, side in enumerate(SIDES[1][:d])
-    ]
-    body = {
-        "shape": "box" if d == 3 else "rectangle",
-        "size": (1.0,) * d,
-        "arrangement": arrangement,
-    }
+    body, loads = under_tension(d, tension, arrangement)
     if arrangement == "triangles":
         body = square(tmp_path, 8)
     result = pulled(plane, body, spacing, ALMOST, loads)
