@@ -92,7 +92,6 @@ TABLES = {
         "errors.values": card.ErrorEntries,
         "errors.strain": card.BinEntries,
         "payloads": card.Payload,
-        "members": card.MemberSpec,
     },
 }
 """Models whose keys are on each page, by the names of their tables."""

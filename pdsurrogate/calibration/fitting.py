@@ -59,10 +59,10 @@ MOST_STEPS = 60
 """Most laws that a search tries: well-posed fits take five to ten."""
 
 MEMBERS = 8
-"""Number of members of a committee: their spread is then known to some 25 %."""
+"""Number of laws that are drawn: their spread is then known to some 25 %."""
 
 MOST_COMPARED = 100
-"""Most states of the tests in which the stresses of a member are compared with linear ones."""
+"""Most states of the tests in which the stresses of a drawn law are compared with linear ones."""
 
 FAIR, STEPS = 0.02, (1, 3, 0)
 """Relative decrease of the cost that ends the least-squares steps of an energy with all terms, and

@@ -67,7 +67,7 @@ class SceneRegressor(LawEstimator):
     bulk_modulus : float, optional
         K instead of K/mu, in the unit of the stresses.
     random_state : int, default=0
-        Seed of the members of the committee; nothing else is random.
+        Seed of `members_`; nothing else is random.
     dictionary : sequence of (str, float), optional
         Candidate terms of an energy without a law, pairs of a kind and a number as in
         `pdsurrogate.materials.dictionary.Term`, such as ``("second_logarithm", 1)``. An energy has
@@ -109,10 +109,10 @@ class SceneRegressor(LawEstimator):
         Correction of the simulation at the spacing of the scene, in the units of the measurements.
         With ``refine=1`` it is not applied, and estimated by a simulation with twice the spacing.
     members_ : list of Law
-        Committee, whose spread shows what the measurements leave open: laws with parameters drawn
-        from their covariance, within the bounds of the search; without a law, energies drawn by
-        their weights in the average, with random errors. Empty if the measurements do not determine
-        a parameter at all.
+        Laws whose spread shows what the measurements leave open: with parameters drawn from their
+        covariance, within the bounds of the search; without a law, energies drawn by their weights
+        in the average, with random errors. Empty if the measurements do not determine a parameter
+        at all.
     domain_hull_ : list of list of float
         Half-planes (n1, n2, d) of the convex hull of the states in the simulated tests, as in
         ``hull`` of `pdsurrogate.forces.domain.Domain`, moved outwards by the margin of

@@ -138,9 +138,7 @@ def calibrate(
     if free:  # a law is trusted beyond the states of the test, an energy of terms is not
         settings = settings.within(*model.stretch_range_)
     with Bar(name):
-        write = settings.train(
-            model.law_, model.members_, model.domain_hull_, {"data": data, **found}
-        )
+        write = settings.train(model.law_, model.domain_hull_, {"data": data, **found})
     with writing(folder), bad_input(TooInexact, status=FAILED):
         path = write(folder, name, None)
         write_json(

@@ -25,8 +25,9 @@ from ..artifacts.store import law_of as stored_law
 from ..forces import FORCES, EnergySurrogate, ForceSurrogate
 from ..forces.identity import digest_of
 from ..identification import figure, fitted_laws, load_test_data, reporting
+from ..identification.data import TestData
 from ..identification.regressor import N_TERMS
-from ..identification.stress_regressor import bulk_arguments
+from ..identification.stress_regressor import StressRegressor, bulk_arguments
 from ..learning.fitting import TooInexact
 from ..learning.sampling import checked_range
 from ..learning.settings import FitSettings
@@ -251,10 +252,6 @@ def fit(
             help="With --data: continue even if the data or the fit would be refused.",
         ),
     ] = False,
-    committee: Annotated[
-        int | None,
-        Option(help="Ensemble members, fitted to half of the tests or with other seeds.", min=2),
-    ] = None,
     settings: FitSettings,
     folder: Annotated[Path | None, Option("--out", metavar="DIR", help=FOLDER_HELP)] = None,
 ) -> None:
@@ -282,8 +279,7 @@ def fit(
         if bulk or force_fit or free or loading:
             options = "--free, --loading, --bulk-modulus, --bulk-ratio and --force-fit"
             raise ValueError(f"{options} need --data; without data, set parameters with --set")
-        tests, hull, material = None, None, law_of(law, change)
-        members = [material] * (committee or 0)
+        tests, report, hull, material = None, None, None, law_of(law, change)
     else:
         if change:
             raise ValueError(
@@ -292,25 +288,24 @@ def fit(
         with Bar(f"Fitting {'an energy' if free else law} to {data}"):
             rows = load_test_data(data)
             rows = rows.loading() if loading else rows
-            tests = reporting.identified(
-                rows, None if free else law, terms or N_TERMS, bulk, committee, settings.seed
-            )
-        hull, material, members = None, tests.model.law_, tests.members
+            model = reporting.fitted(rows, None if free else law, terms or N_TERMS, bulk)
+            report = reporting.examined(model, rows)
+        tests, hull, material = (rows, model), None, model.law_
         if free:
-            settings, hull = settings.within(*tests.model.stretch_range_), tests.model.domain_hull()
-        print_identified(tests.report)
-        refusals = tests.report["refusals"]
-        for text in (*tests.report["remarks"], *(refusals if force_fit else ())):
+            settings, hull = settings.within(*model.stretch_range_), model.domain_hull()
+        print_identified(report)
+        refusals = report["refusals"]
+        for text in (*report["remarks"], *(refusals if force_fit else ())):
             warn(text)
         if refusals and not force_fit:
             raise ValueError(f"{'; '.join(refusals)}; --force-fit continues anyway")
     with Bar(name):
-        write = settings.train(material, members, hull, tests and tests.report)
+        write = settings.train(material, hull, report)
     with writing(folder), bad_input(TooInexact, status=FAILED):
         # The next version is that of now: another fit of the same name may have ended since.
         path = write(folder, name, version)
     card = load_card(path)
-    simulated = {} if tests is None else _simulate_tests(path, tests)
+    simulated = {} if tests is None else _simulate_tests(path, *tests)
     print_json(
         {
             "artifact": f"{card.name}@{card.version}",
@@ -325,16 +320,10 @@ def fit(
         out.print(
             f"Fold {row['fold'] + 1}: relative RMS error {row['rms']:.2e} on the held-out samples"
         )
-    for number, member in enumerate(card.members, 1):
-        modulus = member.material.trained_with["shear_modulus"]
-        out.print(
-            f"Member {number}: shear modulus {modulus:.5g}, RMS error"
-            f" {member.errors['box']['on_surface']['rms']:.1e}"
-        )
     note(f"Wrote {path}")
 
 
-def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
+def _simulate_tests(path: Path, data: TestData, model: StressRegressor) -> dict:
     """Simulate the material tests with the stored surrogate in `path`, and print how much the
     stresses differ from the tests and the law.
 
@@ -346,8 +335,8 @@ def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
     """
     with Bar(f"Simulating the tests with {path}"):
         surrogate = load_surrogate(path)
-        stress, off_law, outside = reporting.simulate_tests(surrogate, tests.data, tests.model)
-    against_measured = reporting.differences(tests.data, stress)
+        stress, off_law, outside = reporting.simulate_tests(surrogate, data, model)
+    against_measured = reporting.differences(data, stress)
     _print_differences(
         "Tests simulated with the artifact, compared with the data", against_measured
     )
@@ -358,9 +347,9 @@ def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
     )
     out.print(f"Greatest difference of the simulated tests from the fitted law: {off}")
     if outside:
-        domain, stretches = surrogate.domain, tests.data.stretches
+        domain, stretches = surrogate.domain, data.stretches
         warn(
-            f"{outside} of {len(tests.data)} rows lie outside the artifact's domain (stretches from"
+            f"{outside} of {len(data)} rows lie outside the artifact's domain (stretches from"
             f" {domain.least_stretch:.4g} to {domain.greatest_stretch:.4g}), where simulations use"
             " the exact force, so these rows do not test the artifact. The data have stretches"
             f" from {stretches.min():.4g} to {stretches.max():.4g}: set the domain with --least and"
@@ -369,7 +358,7 @@ def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
     picture = path.with_name(f"{path.name}.png")
     if not picture.exists():
         with writing(path.parent):
-            figures.save(figure([tests.model], tests.data, stress), picture)
+            figures.save(figure([model], data, stress), picture)
         note(f"Wrote {picture}, a figure of the tests, the law and the simulation")
     values = [float(value) if np.isfinite(value) else None for value in stress]
     return {

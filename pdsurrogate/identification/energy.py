@@ -73,8 +73,7 @@ class EnergyRegressor(StressRegressor):
         Candidate terms other than those named above, pairs of a kind and a number as in
         `pdsurrogate.materials.dictionary.Term`, such as ``("second_logarithm", 1)``.
     random_state : int, optional
-        Seed with which one energy is drawn by its weight in the average and takes its place, for a
-        member of a `committee`.
+        Seed with which one energy is drawn by its weight in the average and takes its place.
 
     Attributes
     ----------
@@ -106,7 +105,6 @@ class EnergyRegressor(StressRegressor):
     See Also
     --------
     pdsurrogate.identification.LawRegressor : fits the parameters of a law.
-    pdsurrogate.identification.committee : fits members to random halves of the tests.
 
     Examples
     --------

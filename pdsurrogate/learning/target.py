@@ -396,8 +396,6 @@ class Target:
         Units of features and targets, for cards.
     weight_function : str
         Text about weight functions, for cards.
-    has_committees : bool
-        Whether an artifact may hold a committee.
     reached : callable
         ``reached(law, low, high)``: whether a law is finite in all states of samples whose log
         principal stretches are from low to high.
@@ -435,7 +433,6 @@ class Target:
     n_samples: int
     units: str
     weight_function: str
-    has_committees = True
     reached: Callable[[Law, float, float], bool]
     draw: Callable[..., Samples]
     pipeline: Callable[..., InputAwareTargetRegressor]

@@ -20,7 +20,6 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from .. import artifacts
 from ..arguments import check_whole_number, suggestion
-from ..artifacts.store import parted
 from ..discretization import check_size
 from ..forces import FORCES, ForceModel
 from ..forces.identity import digest_of, identity_of
@@ -263,11 +262,10 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
     if force not in FORCES:
         # The name with its present version; an artifact that cannot be found by name is given by
         # its whole path.
-        named, which = artifacts.find_artifact(force), parted(force)[1]
+        named = artifacts.find_artifact(force)
         name, force = f"{named.parent.name}@{named.name}", str(named.resolve())
         with suppress(artifacts.ArtifactError):
             force = name if artifacts.find_artifact(name).resolve() == named.resolve() else force
-        force += "" if which is None else f"#{which}"
     return SceneTask(
         scene, force, _scene_digest(scene, model), *_derivatives(study, scene, model, changes)
     )
