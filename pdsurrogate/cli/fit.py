@@ -58,10 +58,19 @@ FOLDER_HELP = (
     " own-artifacts)."
 )
 
-STIFFNESS = ("at_rest", "shear_modulus", "least_slope", "least_acoustic", "least_curvature")
-"""Entries of a report of `learning.evaluate` on the state at rest and on stiffness, with those
-of the law as ``KEY_exact``.
+STIFFNESS = {
+    "at_rest": "force or stress at rest",
+    "shear_modulus": "shear modulus at rest",
+    "least_slope": "least slope of the force along a bond",
+    "least_acoustic": "least stiffness of shear waves",
+    "least_curvature": "least curvature of the energy",
+}
+"""Words for the entries of a report of `learning.evaluate` on the state at rest and on stiffness;
+those of the law are ``KEY_exact``.
 """
+
+ERRORS = {"rms": "RMS", "max": "greatest", "energy_rms": "RMS of the energy"}
+"""Words for relative errors in such a report."""
 
 DATA_HELP = (
     "Test data: treloar, kawabata, or a CSV file with the columns mode, stretch and nominal_stress."
@@ -446,7 +455,7 @@ def print_errors(report: dict) -> None:
         f"strain {row['strain'][0]:g} to {row['strain'][1]:g}": row for row in report["by_strain"]
     }
     errors = [
-        {"states": title, **{key: value for key, value in row.items() if key != "strain"}}
+        {"states": title, **{word: row[key] for key, word in ERRORS.items() if key in row}}
         for title, row in rows.items()
     ]
     print_rows(
@@ -454,8 +463,8 @@ def print_errors(report: dict) -> None:
     )
     of_law = {"at_rest_exact": 0.0, "shear_modulus_exact": 1.0, **report}
     rest = [
-        {"quantity": key, "model": report[key], "exact": of_law[f"{key}_exact"]}
-        for key in STIFFNESS
+        {"quantity": word, "model": report[key], "exact": of_law[f"{key}_exact"]}
+        for key, word in STIFFNESS.items()
         if key in report
     ]
     print_rows("State at rest, and stiffness", rest)

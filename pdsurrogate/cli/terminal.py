@@ -179,7 +179,10 @@ def print_rows(title: str, rows: Sequence[dict]) -> None:
             for row in rows
         ]
         print_table(
-            title, list(rows[0]), cells, sum(isinstance(one, str) for one in rows[0].values())
+            title,
+            [key.replace("_", " ") for key in rows[0]],
+            cells,
+            sum(isinstance(one, str) for one in rows[0].values()),
         )
 
 

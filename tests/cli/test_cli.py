@@ -391,7 +391,7 @@ def test_fit_evaluate_and_run(tmp_path, monkeypatch):
     report = invoke("evaluate", "mine", "--samples", 500, "--json")
     assert report.exit_code == 0
     assert json.loads(report.stdout)["on_surface"]["rms"] < 5e-3
-    assert "least_slope" in invoke("evaluate", "mine@1", "--samples", 500).output
+    assert "least slope" in invoke("evaluate", "mine@1", "--samples", 500).output
     assert "mine@1" in invoke("artifacts").output
     assert json.loads(invoke("artifacts", "mine").stdout)["name"] == "mine"
     assert invoke("run", "uniaxial", *FAST, "--force", "mine").exit_code == 0
