@@ -18,9 +18,8 @@ from ..identification import nominal_stress
 from ..identification.regressor import check_fitted
 from ..identification.stress_regressor import LawEstimator
 from ..materials import Law
-from ..materials.dictionary import checked_dictionary
 from ..scenes import Scene
-from .asked import fine_spacing, law_at, scenes_of, stress_derivatives
+from .asked import fine_spacing, scenes_of, stress_derivatives
 from .fitting import fitted
 from .measured import MeasuredScene, Rows, estimated_deviations
 
@@ -68,13 +67,6 @@ class SceneRegressor(LawEstimator):
         K instead of K/mu, in the unit of the stresses.
     random_state : int, default=0
         Seed of `members_`; nothing else is random.
-    dictionary : sequence of (str, float), optional
-        Candidate terms of an energy without a law, pairs of a kind and a number as in
-        `pdsurrogate.materials.dictionary.Term`, such as ``("second_logarithm", 1)``. An energy has
-        at most four terms that are functions of the stretches and at most one that is a function of
-        their inverses. By default `pdsurrogate.materials.dictionary.OF_INVARIANTS`. Of sums with a
-        term that is not polyconvex, those are left out whose waves are unstable in states with
-        stretches from 1/3 to 3, or those of the tests if these are greater.
 
     Attributes
     ----------
@@ -155,7 +147,6 @@ class SceneRegressor(LawEstimator):
         "bulk_ratio": [None, Interval(Real, 0, None, closed="neither")],
         "bulk_modulus": [None, Interval(Real, 0, None, closed="neither")],
         "random_state": [Interval(Integral, 0, None, closed="left")],
-        "dictionary": "no_validation",  # checked with its terms
     }
 
     scene: Scene | str | Path | Sequence = "hole"
@@ -166,7 +157,6 @@ class SceneRegressor(LawEstimator):
     bulk_ratio: float | None = None
     bulk_modulus: float | None = None
     random_state: int = 0
-    dictionary: Sequence[tuple[str, float]] | None = None
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -236,8 +226,6 @@ class SceneRegressor(LawEstimator):
         self._begin_fit()
         if self.law is not None:
             check_fitted(self.law)
-        if self.dictionary is not None:
-            checked_dictionary(self.dictionary)
         if self.outputs is not None:
             check_names(
                 self.outputs,
@@ -392,7 +380,7 @@ class SceneRegressor(LawEstimator):
         return found
 
     def _law_of(self, values) -> Law:
-        return law_at(self, values)
+        return self.unknown_.law_of(values)
 
     def _deviations(self, X: np.ndarray, y: np.ndarray, given) -> np.ndarray:
         """Return the standard deviations of all measurements, estimated if none are given."""
