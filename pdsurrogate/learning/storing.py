@@ -161,8 +161,7 @@ def store(
         f"{name}@{version}",
     )
     surrogate, resampling = checked_surrogate(model, law, samples, title)
-    stretches = tuple(samples.design["stretch_range"])
-    errors = target.report(surrogate, law, stretches)
+    errors = target.report(surrogate, law, tuple(samples.design["stretch_range"]))
     check_worth_storing(errors, title, law)
     search = (
         search_table(model)
@@ -182,7 +181,7 @@ def store(
             "shape": dict(surrogate.shape_of(law)),
         },
         "domain": asdict(surrogate.domain),
-        "errors": {"box": errors, **target.more_reports(surrogate, law, stretches)},
+        "errors": {"box": errors},
         "weight_function": target.weight_function,
         "features": {
             "set": surrogate.feature_set,
@@ -191,7 +190,7 @@ def store(
             "targets": list(target.outputs),
             "units": target.units,
         },
-        "scaling": target.scaling(model),
+        "scaling": {"folded": "into the constants of the payload"},
         "training": {
             "design": samples.design,
             "regressor": title_of(regressor),
