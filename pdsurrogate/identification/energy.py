@@ -162,7 +162,7 @@ class EnergyRegressor(StressRegressor):
         'root of I1bar'
         """
         terms = OF_TESTS
-        X, y, root = self._checked(X, y, sample_weight)
+        X, y, root = self._used(X, y, sample_weight)
         _warn_of_few_modes(X)
         margin, volume, right, count = (
             wave_margin(terms, max(STABLE_TO, X.max(), 1 / X.min())),
