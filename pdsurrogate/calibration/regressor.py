@@ -21,7 +21,8 @@ from ..materials import Law
 from ..scenes import Scene
 from .asked import fine_spacing, scenes_of, stress_derivatives
 from .fitting import fitted
-from .measured import MeasuredScene, Rows, estimated_deviations
+from .measured import MeasuredScene
+from .scatter import Rows, estimated_deviations
 
 COLUMNS = ("step", "quantity", "x1", "x2", "x3")
 """Columns of a table of measurements; the last one for solids only."""

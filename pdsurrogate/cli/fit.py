@@ -13,15 +13,9 @@ import numpy as np
 from typer import Argument, Option
 
 from .. import learning
-from ..artifacts.store import (
-    find_artifact,
-    load_card,
-    load_surrogate,
-    new_artifact,
-    next_version,
-    own_folder,
-)
+from ..artifacts.places import find_artifact, new_artifact, next_version, own_folder
 from ..artifacts.store import law_of as stored_law
+from ..artifacts.store import load_card, load_surrogate
 from ..forces import FORCES, EnergySurrogate, ForceSurrogate
 from ..forces.identity import digest_of
 from ..identification import figure, fitted_laws, load_test_data, reporting

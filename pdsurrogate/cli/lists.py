@@ -14,7 +14,8 @@ from typing import Annotated
 from rich.markup import escape
 from typer import Argument, Option
 
-from ..artifacts.store import ArtifactError, called, find_artifact, list_artifacts, load_card
+from ..artifacts import ArtifactError, find_artifact, list_artifacts, load_card
+from ..artifacts.store import called
 from ..forces import FORCES
 from ..materials import LAWS, Law
 from ..results.contents import leaves_of

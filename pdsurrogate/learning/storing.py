@@ -13,7 +13,8 @@ from sklearn.base import BaseEstimator
 from .. import __version__
 from ..arguments import check_kind, check_path, check_tables
 from ..artifacts.card import check_plain
-from ..artifacts.store import new_artifact, next_version, own_folder, save_artifact
+from ..artifacts.places import new_artifact, next_version, own_folder
+from ..artifacts.store import save_artifact
 from ..materials import Law
 from ..materials.law import checked_law
 from .export import best_of, regressor_of, title_of

@@ -15,8 +15,9 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.calibration.free import EnergyUnknowns
-from pdsurrogate.calibration.measured import MeasuredScene, Rows
+from pdsurrogate.calibration.measured import MeasuredScene
 from pdsurrogate.calibration.reporting import report
+from pdsurrogate.calibration.scatter import Rows
 from pdsurrogate.cli import app
 from pdsurrogate.forces.domain import Domain
 from pdsurrogate.identification import MODES, nominal_stress
