@@ -157,6 +157,16 @@ def test_derivatives_in_contact_are_those_of_the_same_motion_prescribed():
     assert found.derivatives[0, 1] == pytest.approx((ahead - behind) / (2 * step), rel=1e-4)
 
 
+def test_the_lowest_mode_in_contact_is_that_of_the_same_motion_prescribed():
+    """A plate holds a face normal to it, but leaves its points half a cell inside some freedom."""
+    top = pds.Prescribed(region="top", x2=-0.2)
+    held = pressed(prescribed=[*pressed().prescribed, top]).model_copy(update={"obstacles": ()})
+    one, other = (
+        pds.simulate(scene, "bond-energy").lowest_mode().eigenvalue for scene in (pressed(), held)
+    )
+    assert one == pytest.approx(other, rel=0.03)
+
+
 def test_a_plate_that_moves_away_leaves_the_body_undeformed():
     scene = pressed(steps=(1.0, -0.5))
     result = pds.simulate(scene, "bond-energy")
