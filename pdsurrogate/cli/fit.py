@@ -3,7 +3,6 @@ and ``evaluate`` for their errors.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -17,7 +16,6 @@ from ..artifacts.places import find_artifact, new_artifact, next_version, own_fo
 from ..artifacts.store import law_of as stored_law
 from ..artifacts.store import load_card, load_surrogate
 from ..forces import FORCES, EnergySurrogate, ForceSurrogate
-from ..forces.identity import digest_of
 from ..identification import figure, fitted_laws, load_test_data, reporting
 from ..identification.data import TestData
 from ..identification.regressor import N_TERMS
@@ -41,11 +39,6 @@ from .terminal import (
     warn,
     writing,
 )
-
-DIGITS = 16
-"""Number of hexadecimal digits of the digest by which a report identifies its test data: two
-tests do not share sixteen by chance.
-"""
 
 FOLDER_HELP = (
     "Folder of artifacts (default: $PDSURROGATE_ARTIFACTS, or the folder artifacts; in a checkout"
@@ -121,9 +114,7 @@ def identify(
     if terms is not None and "ogden" not in names:
         raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
     terms, bulk = terms or N_TERMS, bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
-    asked = {"laws": names, "terms": terms, "up_to": stretch, "loading": loading, **bulk}
-    asked |= {"data": rows.name, "rows": len(rows), "digest": digest_of(asdict(rows))[:DIGITS]}
-    check_folder(folder, "identify.json", asked, overwrite)
+    check_folder(folder, "identify.json", overwrite)
     if loading:
         rows = rows.loading()
     if stretch is not None:
@@ -151,7 +142,7 @@ def identify(
     print_rows("Prediction of held-out modes", predicted)
     if folder is not None:
         with writing(folder):
-            write_json(folder / "identify.json", {"asked": asked, "laws": reports})
+            write_json(folder / "identify.json", {"laws": reports})
             figures.save(figure(models, rows), folder / "identify.png")
         note(f"Results in {folder}")
 
@@ -160,44 +151,29 @@ def print_identified(report: dict) -> None:
     """Print a report of an identification: parameters, differences from the tests, and modes
     that were not measured.
     """
-    title = (
-        f"{report.get('form', report['law']['law'])} fitted to {report['data']}, {report['rows']}"
-        " rows"
-    )
+    form = report.get("form", report["law"]["law"])
+    title = f"{form} fitted to {report['data']}, {report['rows']} rows"
     print_parameters(title, report)
-    _print_differences(
-        f"{title}: fit compared with the tests", report["differences"], report["r_squared"]
+    scores = report["r_squared"]
+    _print_by_mode(
+        f"{title}: fit compared with the tests",
+        {mode: {"R^2": scores.get(mode), **row} for mode, row in report["differences"].items()},
     )
     print_rows(f"{title}: modes that were not measured", report.get("unmeasured", []))
 
 
 def print_parameters(title: str, report: dict) -> None:
     """Print the parameters of a report with their standard errors."""
-    cells = []
-    for name, value in report["parameters"].items():
-        error = report["standard_errors"][name]
-        shown = (
-            "at its bound"
-            if name in report["at_bound"]
-            else "not determined by the data"
-            if error is None
-            else f"{error:.2g}"
-        )
-        cells.append((name, f"{value:.5g}", shown))
+    errors = {
+        name: "not determined by the data" if error is None else f"{error:.2g}"
+        for name, error in report["standard_errors"].items()
+    } | dict.fromkeys(report["at_bound"], "at its bound")
+    cells = [(name, f"{value:.5g}", errors[name]) for name, value in report["parameters"].items()]
     print_table(title, ("parameter", "value", "standard error"), cells, left=1)
 
 
-def _print_differences(title: str, differences: dict, scores: dict | None = None) -> None:
-    """Print, by mode, `scores` (R^2) if given, and the greatest difference from the tests
-    relative to the greatest stress.
-    """
-    print_rows(
-        title,
-        [
-            {"mode": mode, **({"R^2": scores.get(mode)} if scores else {}), **row}
-            for mode, row in differences.items()
-        ],
-    )
+def _print_by_mode(title: str, rows: dict[str, dict]) -> None:
+    print_rows(title, [{"mode": mode, **row} for mode, row in rows.items()])
 
 
 def _with_settings(command: Callable[..., None]) -> Callable[..., None]:
@@ -340,9 +316,7 @@ def _simulate_tests(path: Path, data: TestData, model: StressRegressor) -> dict:
         surrogate = load_surrogate(path)
         stress, off_law, outside = reporting.simulate_tests(surrogate, data, model)
     against_measured = reporting.differences(data, stress)
-    _print_differences(
-        "Tests simulated with the artifact, compared with the data", against_measured
-    )
+    _print_by_mode("Tests simulated with the artifact, compared with the data", against_measured)
     off = (
         "no stress in a test"
         if np.isnan(off_law)

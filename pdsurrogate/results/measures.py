@@ -328,12 +328,8 @@ def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
     values = fields[base]
     values = values.reshape(-1, 3, 3) if values.ndim == 2 and values.shape[1] == 9 else values
     if indices and values.ndim - 1 != len(indices):
-        needed = {
-            1: "no components",
-            2: f"components such as {base}_1",
-            3: f"components such as {base}_22",
-        }[values.ndim]
-        raise ValueError(f"field: {name!r} does not exist: {base} has {needed}")
+        needed = ("no components", f"components such as {base}_1", f"components such as {base}_22")
+        raise ValueError(f"field: {name!r} does not exist: {base} has {needed[values.ndim - 1]}")
     return values[(slice(None), *indices)]
 
 
