@@ -70,15 +70,6 @@ class TestData:
         """Modes of the rows, in the order of their first rows."""
         return list(dict.fromkeys(self.mode.tolist()))
 
-    @property
-    def tests(self) -> np.ndarray:
-        """Identification number of each row's test, shape (n,): biaxial rows of equal state are
-        one test, any other row is its own.
-        """
-        states = np.round(np.sort(np.log(self.stretches), axis=1), 9)
-        _, tests = np.unique(states, axis=0, return_inverse=True)
-        return np.where(self.mode == BIAXIAL, tests.ravel(), len(self) + np.arange(len(self)))
-
     def of(self, *modes: str) -> Self:
         """Return the test data of the given modes of loading; raise ValueError for a mode
         without rows.
