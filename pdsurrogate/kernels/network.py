@@ -19,7 +19,7 @@ import numpy as np
 
 from ..engine.block_arrays import BLOCK, block_rows, put_column, tuple_of
 from ..engine.compile import compile_bond_force, expanded, inlined, kernel, widest_vectors
-from .algebra import entries, total
+from .algebra import entries, state_at, total
 from .elementary import exponential, inverse_square_root, like, select
 from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, write_tractions
 
@@ -294,11 +294,7 @@ def network_block(features: FeatureSet, activation, dtype):
         rows = block_rows(work[0:width])
         kept = block_rows(work[width : width + MOST_SHARED])
         for k in range(BLOCK):
-            a = states[0, k]
-            b = states[1, k]
-            U_mm = states[2, k]
-            J = states[3, k]
-            C33 = states[4, k]
+            a, b, U_mm, J, C33 = state_at(states, k)
             shared = shared_of(a, b, J, C33)
             values = inputs(shared, a, b, U_mm, J, C33, states[5, k])
             put_column(kept, k, shared)
