@@ -135,7 +135,6 @@ def _components(d):
     return {
         "DIMENSION": d,
         "MATRIX": len(matrix),
-        "SYMMETRIC": len(symmetric),
         # Arrays of records: views with rows of a compile-time length, access to one row or column,
         # and writing of a row.
         "vector_rows": rows_of(d),

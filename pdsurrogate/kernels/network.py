@@ -178,20 +178,10 @@ def pack(layers, at_rest, dtype):
     in `dtype`.
 
     `layers` lists (weights, biases), weights of shape (n_in, n_out), the output layer last;
-    `at_rest`, the two outputs in the undeformed state, is appended for subtraction. Raise
-    ValueError for more hidden layers than `MOST_HIDDEN`, for none, or for a number of outputs other
-    than two.
+    `at_rest`, the two outputs in the undeformed state, is appended for subtraction.
     """
     hidden = layers[:-1]
     (output_weights, output_biases) = layers[-1]
-    if not 1 <= len(hidden) <= MOST_HIDDEN:
-        raise ValueError(
-            f"a network needs one to {MOST_HIDDEN} hidden layers, this one has {len(hidden)}"
-        )
-    if output_weights.shape[1] != N_OUTPUTS:
-        raise ValueError(
-            f"a bond-force network has {N_OUTPUTS} outputs, this one {output_weights.shape[1]}"
-        )
     n_inputs = hidden[0][0].shape[0]
     widths = [n_inputs if n_inputs == PAIR and len(hidden) == 1 else _padded(n_inputs)] + [
         _padded(biases.size) for _, biases in hidden
