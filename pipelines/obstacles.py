@@ -121,6 +121,7 @@ SEAL = pds.Scene(
     prescribed=(
         pds.Prescribed(region={"near": (0.0, 0.0)}, x1=0.0, x2=-0.25, name="middle"),
         pds.Prescribed(region={"near": (0.0, 0.5)}, x1=0.0, name="upright"),
+        pds.Prescribed(region={"near": (0.0, -0.5)}, x1=0.0, name="lower"),
     ),
     steps=(pds.Step(to=1.0, outputs=5),),
 )
@@ -152,7 +153,7 @@ def seal():
 
 
 if __name__ == "__main__":
-    force, depth = ("force: .4f", "error of the force (%): +.2f"), "penetration / spacing: .4f"
+    force, depth = ("force: .4f", "error of the force (%): +.2f"), "penetration / spacing: .1e"
     width = "error of the contact width (%): +.2f"
     radius = "cells in the radius of contact", "force: .4f", "Hertz: .4f", "Hertz, layer: .4f"
     spacings, cells = [(0.1,), (0.05,), (0.025,)], [(2,), (3,), (4,)]
