@@ -32,17 +32,6 @@ SECONDS_BETWEEN_TABLES = 1.0
 watched file thus shows increments, but fast runs do not write for each one.
 """
 
-ACCEPTED = "accepted_"
-"""Prefix of the names of arrays in a checkpoint that belong to the last equilibrium on the way
-to an output.
-"""
-
-
-LAST_OUTPUT = "last_output"
-"""Beginning of the names of arrays in a checkpoint to which a stage in equilibrium returns if a
-bond would break.
-"""
-
 
 class Checkpoints:
     """Writer and reader of the checkpoints of a run; for a run without a folder none is written.
@@ -161,8 +150,7 @@ class Checkpoints:
         names, other rows are points.
         """
         of_force = {array.name: array.rows for array in self.run.force.states}
-        name = key.removeprefix(ACCEPTED).removeprefix(f"{LAST_OUTPUT}_")
-        kind = "pairs" if key in ("broken", "recent") else of_force.get(name, "points")
+        kind = "pairs" if key in ("broken", "recent") else of_force.get(key, "points")
         return self._rows(kind)
 
 

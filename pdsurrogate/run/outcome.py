@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 
 from ..forces import ForceModel
-from ..ranks import communicator
 from ..results import Result
 from ..results.folder import INTERRUPTED
 from ..results.provenance import provenance
@@ -41,7 +40,7 @@ def result_of(
     residuals = [level["residual"] for level in state.levels if "residual" in level]
     if failure is not None and run.residual is not None and np.isfinite(run.residual):
         residuals.append(run.residual)
-    outside, started = force.fraction_outside, communicator().size
+    outside = force.fraction_outside
     total, stress = run.body.share.total, run.problem.measures.nominal_stress
     directed = total(run.directed_bonds())
     summary = {
@@ -58,8 +57,7 @@ def result_of(
         "horizon": run.body.horizon,
         "precision": force.precision,
         "correction": force.correction,
-        **({"ranks": run.ranks.size} if started > 1 else {}),
-        **({"ranks_waiting": started - run.ranks.size} if started > run.ranks.size else {}),
+        **({"ranks": run.ranks.size} if run.ranks.size > 1 else {}),
         "threads": run.threads,
         "status": status,
         "converged": failure is None,

@@ -186,7 +186,7 @@ class Transient:
                 self._last_row()
                 raise Interrupted
         if self._books.closes and run.state.dynamics[-1]["remark"] and run.ranks.rank == 0:
-            warnings.warn(run.state.dynamics[-1]["remark"], stacklevel=5)
+            warnings.warn(run.state.dynamics[-1]["remark"], stacklevel=4)
         return True
 
     def _time_due(self, outputs: int) -> float:

@@ -58,7 +58,6 @@ KEYS_OF_RUNS = (
         "correction",
         "support",
         "ranks",
-        "ranks_waiting",
     ),
     *("threads", "converged", "failure", "interrupted"),
     *(
