@@ -67,9 +67,9 @@ class Checkpoints:
         """Return the entries by which a checkpoint is recognized as one of this run: scene,
         force and sizes of the body.
         """
-        run = self.run
-        sizes = {"n_points": self._share.size, "n_pairs": self._share.total(run.counted_pairs())}
-        return {**run.contents, **sizes}
+        run, share = self.run, self._share
+        pairs = share.total(int(share.own[run.body.bonds.first].sum()))
+        return {**run.contents, "n_points": share.size, "n_pairs": pairs}
 
     def write(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
         """Write a checkpoint of the run, with the entries `progress` and the `arrays` of the
@@ -106,7 +106,7 @@ class Checkpoints:
         """
         run, held, identity = self.run, self._held(), self.identity
         shapes = {
-            key: ((self._rows_of(key).total, *array.shape[1:]), array.dtype)
+            key: ((self._rows_of(key).size, *array.shape[1:]), array.dtype)
             for key, array in held.items()
         }
         with run.ranks.together():

@@ -238,30 +238,6 @@ class Run(System):
             row | {"share": outside / max(total, 1), "log_stretch": farthest}
         )
 
-    def unsupported_points(self) -> int:
-        """Return the number of points of the whole body that have too few bonds left for a
-        deformation gradient.
-        """
-        return self.body.share.total(
-            int(np.count_nonzero(~self.force.supported & self.body.share.own))
-        )
-
-    def counted_pairs(self) -> int:
-        """Return the number of pairs whose first point this rank owns: in one process the number
-        of all pairs.
-        """
-        return int(np.count_nonzero(self.body.share.own[self.body.bonds.first]))
-
-    def directed_bonds(self) -> int:
-        """Return the number of directed bonds at this rank's own points, without ghosts: an
-        undirected bond counts at each end.
-        """
-        bonds, own = self.body.bonds, self.body.share.own
-        within = bonds.second < len(self.body)
-        return int(
-            np.count_nonzero(own[bonds.first[within]]) + np.count_nonzero(own[bonds.second[within]])
-        )
-
 
 def _threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
     """Return this rank's number of threads, and warn if the ranks on this machine have more threads
