@@ -18,7 +18,6 @@ from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
 from ..kernels import bond_force, reference_state, surrogate_thickness
 from ..kernels.bond_force import LEAST_NORMAL_STRETCH, along_and_across, lateral_stretch
-from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS, Law, NeoHookean, plane_stress
 from ..materials.response import volume_residual_block
 from ..materials.states import principal_stretches
@@ -30,7 +29,8 @@ from .material_points import MaterialPoints, material_sums
 from .pair_balance import balanced_changes
 from .protocol import ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
-from .term import DomainWatch, MaterialTerm, Term, sum_on_pairs
+from .steps import Step
+from .term import DomainWatch, MaterialTerm, Term
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
 """Relative step of the volume ratio J3 at which the iteration for the thickness ends, by precision
@@ -100,8 +100,9 @@ class PairForces:
         `pdsurrogate.kernels.reference_state.pair_rows`.
     forces : ndarray, shape (n_blocks * BLOCK, 2)
         Dimensionless force on the first point of every pair.
-    find : BoundPass
-        Pass that finds `forces` and counts the pairs outside the model's domain.
+    find : Step
+        Compiled pass that finds `forces` and counts the pairs outside the model's domain; or
+        `evaluate` for a model without compiled code.
     learns_thickness : bool
         Whether the volume ratios J3 of the points are computed with the model, since the law is
         costly to evaluate.
@@ -157,8 +158,12 @@ class PairForces:
         )
         buffers = aligned_rows((threads, bond_force.BUFFER_ROWS, BLOCK), precision)
         memory = buffers, compiled.memory(threads, precision), kinematics.scratch
-        self.find = bond_force.pair_forces.bind(
-            *arrays, *force, memory, self.forces, chunks=kinematics.chunks
+        self.find: Step = (
+            bond_force.pair_forces.bind(
+                *arrays, *force, memory, self.forces, chunks=kinematics.chunks
+            )
+            if compiled.address
+            else self.evaluate
         )
 
     @property
@@ -184,6 +189,38 @@ class PairForces:
         shapes = kinematics.inverse_shape[points.numbers], kinematics.supported[points.numbers]
         rule = reference_state.CORRECTIONS[correction], body.kappa, body.horizon
         reference_state.pair_rows(pairs, *ends, strength, *shapes, *rule, self.geometry)
+
+    def states(self) -> tuple[np.ndarray, BondStates, np.ndarray]:
+        """Return, in a body of one material, the numbers of the pairs that carry a force, their
+        `BondStates`, and their undeformed directions, turned with the material and divided by the
+        length, shape (2, k).
+        """
+        body = self._kinematics.body
+        records = self.points.records
+        self.points.find()
+        pairs = np.flatnonzero(self.geometry[:, 2].ravel()[: len(body.bonds.first)])
+        first = body.bonds.first[pairs]
+        second = body.bonds.second[pairs]
+        x, between = (
+            (at[second] - at[first]).T for at in (body.all_points, self._kinematics.positions)
+        )
+        length = np.hypot(*x)
+        cos, sin, J, C33 = (records[first].astype(float) + records[second]).T
+        turned = np.stack([cos * x[0] - sin * x[1], sin * x[0] + cos * x[1]])
+        n1, n2 = turned = turned / (np.hypot(cos, sin) * length**2)
+        a = n1 * between[0] + n2 * between[1]
+        b = n1 * between[1] - n2 * between[0]
+        return pairs, BondStates(a, b, length / body.horizon, C33 / 2, J / 2), turned
+
+    def evaluate(self) -> None:
+        """Find `forces` in NumPy, for all pairs at once."""
+        pairs, states, (n1, n2) = self.states()
+        T_nn, T_nm, T_mm = self.model.tractions(states)
+        _, _, normal, tilt, *_ = self.geometry[pairs // BLOCK, :, pairs % BLOCK].T
+        along = normal * T_nn + tilt * T_nm
+        across = normal * T_nm + tilt * T_mm
+        self.forces[:] = 0.0
+        self.forces[pairs] = np.stack([n1 * along - n2 * across, n2 * along + n1 * across], axis=1)
 
     def reference_vectors(self) -> np.ndarray:
         """Return the reference vectors (theory (21)) of the pairs, shape (n_pairs, 2)."""
@@ -228,7 +265,7 @@ class BondForces(MaterialTerm):
                 " --energy"
             )
         self._strength = pair_strength(body)
-        self._parts = []
+        self.parts = []
         if binding.portion_of is not None:
             of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]
             shares = np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
@@ -237,51 +274,42 @@ class BondForces(MaterialTerm):
             points = self.points_of(
                 number, None if binding.whole else np.flatnonzero((of_ends == number).any(axis=0))
             )
-            self._parts.append(
+            self.parts.append(
                 PairForces(binding, model, points, self._strength[points.pairs], self.correction)
             )
-            self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
+            if isinstance(self.parts[-1].find, BoundPass):
+                self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
         # Changes that balance pairs, and the first moments that points have lost of them with
         # broken bonds.
         self._changes = (np.empty(0, dtype=np.int64), np.empty((0, 2)))
         self._lost = np.zeros((len(body.all_points), 2, 2))
         if self.correction == "tensor" and body.outward is not None:
             vectors = np.zeros((len(bonds.first), 2), dtype=binding.precision)
-            for part in self._parts:
+            for part in self.parts:
                 of_body = vectors[part.points.pairs]
                 vectors[part.points.pairs] = of_body + part.reference_vectors()[: len(of_body)]
             pairs, changes = balanced_changes(body, vectors)
             self._changes = pairs, changes if binding.whole else changes * shares[pairs, None]
             self._change(pairs)
-        self.learned_thickness = any(part.learns_thickness for part in self._parts)
+        self.learned_thickness = any(part.learns_thickness for part in self.parts)
         self._model = models[0]
         self._domain = models[0].domain if binding.whole else None
         out = np.empty_like(body.points)
-        chunks = self.kinematics.chunks
-        if binding.whole:
-            (part,) = self._parts
-            lists = (
-                bonds.pair_pointers,
-                bonds.incidence_pointers,
-                bonds.incidence,
-            )
-            sums = [sum_pair_forces[2].bind(part.forces, *lists, part.unit, out, chunks=chunks)]
-            self.in_units = [(0, sums[0])]
-        else:
-            sums = material_sums(self.kinematics, self.materials, "forces", self._parts, out)
-            self.in_units = list(enumerate(sums[:-1]))
-        self.bind_steps(*(part.find for part in self._parts), *sums)
+        lists = bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
+        sums = material_sums(self.kinematics, self.parts, "forces", lists, out)
+        self.in_units = list(enumerate(sums[: len(models)]))
+        self.bind_steps(*(part.find for part in self.parts), *sums)
 
     def take_numbers(self, portions: Sequence[Portion]) -> None:
         super().take_numbers(portions)
         self._model = cast("ForceSurrogate", portions[0].model)
-        for part, portion in zip(self._parts, portions, strict=True):
+        for part, portion in zip(self.parts, portions, strict=True):
             part.take_numbers(portion.model)
 
     def diagnose(self, out: np.ndarray) -> str:
         body = self.body
         broken = np.flatnonzero(
-            ~np.isfinite(self.pair_forces(slice(len(body.bonds.first)))).all(axis=1)
+            ~np.isfinite(self.pair_forces(np.arange(len(body.bonds.first)))).all(axis=1)
         )
         if len(broken) == 0:
             return super().diagnose(out)
@@ -319,9 +347,9 @@ class BondForces(MaterialTerm):
                 changes += (factors / body.all_volumes[end])[:, None] * np.einsum(
                     "bij,bj->bi", restored, vectors
                 )
-        for part in self._parts:
-            places, theirs = part.points.places_of_pairs(pairs)
-            part.add(places, changes[np.searchsorted(pairs, theirs)])
+        for part in self.parts:
+            places, chosen = part.points.places_of_pairs(pairs)
+            part.add(places, changes[chosen])
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._strength[pairs] = 0.0
@@ -338,17 +366,15 @@ class BondForces(MaterialTerm):
         self._lost[len(body) :] *= (
             body.ghosts.reflection[:, :, None] * body.ghosts.reflection[:, None]
         )
-        for part in self._parts:
+        for part in self.parts:
             places, _ = part.points.places_of_pairs(changed)
             part.find_geometry(
                 places.astype(np.uint32), self._strength[part.points.pairs], self.correction
             )
         self._change(changed)
 
-    def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
-        if self.binding.whole:
-            return self._parts[0].unit * self._parts[0].forces[pairs].astype(float)
-        return sum_on_pairs(self._parts, "forces", len(self.body.bonds.first))[pairs]
+    def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
+        return self._of_pairs("forces", pairs)
 
     def domain_deviation(self) -> np.ndarray | None:
         if self._domain is None:
@@ -360,7 +386,7 @@ class BondForces(MaterialTerm):
     def beyond_data(self) -> np.ndarray | None:
         if self._domain is None or self._domain.hull is None:
             return None
-        pairs, states = self.bonds()
+        pairs, states, _ = self.parts[0].states()
         counted = self.body.share.own[self.body.bonds.first[pairs]]
         # A bond turned past a right angle has no stretch tensor and is omitted.
         chosen = states.has_stretch_tensor & counted
@@ -370,38 +396,13 @@ class BondForces(MaterialTerm):
         if not self._model.members:
             return None
         body = self.body
-        (pairs, states) = self.bonds()
+        pairs, states, _ = self.parts[0].states()
         found = self._model.member_deviations(self.materials[0].law, states)
         of_points = np.zeros(len(body))
         for ends in (body.bonds.first[pairs], body.bonds.second[pairs]):
             own = ends < len(body)
             np.maximum.at(of_points, ends[own], found[own])
-        return self._parts[0].unit * of_points
-
-    def bonds(self) -> tuple[np.ndarray, BondStates]:
-        """Return the numbers of the pairs that carry a force, and their `BondStates`, in a body
-        of one material.
-        """
-        body = self.body
-        part = self._parts[0]
-        bonds = body.bonds
-        points = body.all_points
-        part.points.find()
-        pairs = np.flatnonzero(part.geometry[:, 2].ravel()[: len(bonds.first)])
-        first = bonds.first[pairs]
-        second = bonds.second[pairs]
-        vectors = points[second] - points[first]
-        between = self.kinematics.positions[second] - self.kinematics.positions[first]
-        length = lengths_of(vectors)
-        cos, sin, J, C33 = (
-            part.points.records[first].astype(float) + part.points.records[second]
-        ).T
-        turn = np.hypot(cos, sin)
-        n1 = (cos * vectors[:, 0] - sin * vectors[:, 1]) / turn
-        n2 = (sin * vectors[:, 0] + cos * vectors[:, 1]) / turn
-        a = (n1 * between[:, 0] + n2 * between[:, 1]) / length**2
-        b = (n1 * between[:, 1] - n2 * between[:, 0]) / length**2
-        return pairs, BondStates(a, b, length / body.horizon, C33 / 2, J / 2)
+        return self.parts[0].unit * of_points
 
 
 def surrogate_states(

@@ -13,6 +13,7 @@ from ..results import Result
 from ..results.lowest_mode import LowestMode
 from ..scenes import Scene
 from ..solvers.equilibrium import NotConverged
+from ..solvers.methods import EnergyMinimizer
 from ..solvers.preconditioner import preconditioner_of
 from ..solvers.stability import lowest_mode
 from .reopened import check_intact, number_of_output
@@ -46,6 +47,10 @@ def lowest_mode_of(
         check_intact(system.problem, result, number, "modes")
         at = system.state.parameter = result.levels[number][loading]
         system.place(system.body.points + result.displacement(number))
+        if system.loads.obstacles:  # finds their pushes
+            EnergyMinimizer(system.loading.free, system.body.volumes).solve(
+                system.loaded, system.positions
+            )
         preconditioner = preconditioner_of(system.loaded, system.loading.free, bending=True)
         try:
             eigenvalue, error, mode = lowest_mode(

@@ -32,6 +32,10 @@ the others wait.
 """
 
 
+PUSHES = "pushes"
+"""Name of the array of `Loads.pushes` in checkpoints."""
+
+
 class Oversubscribed(RuntimeWarning):
     """Warning that the ranks have more threads in total than there are cores: a waiting rank
     loops, on a core that another rank needs.
@@ -112,10 +116,11 @@ class Run(System):
         self.force.seconds, self.force.timed = 0.0, 0
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return, by name, the arrays that together define an equilibrium: the positions, and
-        the state arrays of the force.
+        """Return, by name, the arrays that together define an equilibrium: the positions, the
+        pushes of obstacles, and the state arrays of the force.
         """
-        return {"positions": self.positions, **self.force.state_arrays}
+        contact = {PUSHES: self.loads.pushes} if self.loads.obstacles else {}
+        return {"positions": self.positions, **contact, **self.force.state_arrays}
 
     def takes_double(self) -> bool:
         """Return whether the run may change to double precision: the scene sets no precision,

@@ -95,6 +95,7 @@ class System:
         self, problem: Problem, force: InternalForce, loaded: LoadedForce, parameter: float
     ) -> "System":
         positions, state = self.positions.copy(), State(parameter, parameter)
+        problem.loading.loads.pushes[:] = self.loads.pushes
         return System(problem, force, loaded, self.probes, positions, state)
 
     @contextmanager
