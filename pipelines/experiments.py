@@ -23,9 +23,10 @@ from joblib import Parallel, delayed
 from matplotlib.figure import Figure
 from pages import FIGURES, markdown_table, report
 from scipy.interpolate import CubicSpline, LinearNDInterpolator, NearestNDInterpolator
+from scipy.stats import norm, t
+from sklearn.base import clone
 
 import pdsurrogate as pds
-from pdsurrogate.identification import committee, committee_spread
 
 DATA = FIGURES.parents[1] / "pipelines" / "data"
 TESTS = pds.load_test_data(DATA / "experiment-meunier-2008-tests.csv")
@@ -232,6 +233,25 @@ def figure(energy: dict, spread: np.ndarray, ogden: dict) -> Figure:
     return drawing
 
 
+def committee(regressor) -> list:
+    """Copies of a regressor, each fitted to a random half of the rows of the tests."""
+    random, members = np.random.default_rng(0), []
+    for _ in range(MEMBERS):
+        half = random.choice(np.arange(len(TESTS)), -(-len(TESTS) // 2), replace=False)
+        member = clone(regressor).set_params(random_state=int(random.integers(2**31)))
+        weights = TESTS.balanced_weights()[half]
+        members.append(member.fit(TESTS.stretches[half], TESTS.nominal_stress[half], weights))
+    return members
+
+
+def spread_of(found, members) -> np.ndarray:
+    """Spread of the results of a committee about a result: its double covers 95 % of normal
+    deviations.
+    """
+    rms = np.sqrt(((np.array(members) - np.asarray(found)) ** 2).mean(axis=0))
+    return rms * t.ppf(norm.cdf(2.0), len(members)) / 2.0
+
+
 def holes_found() -> str:
     """Tables and figure of the sheet with holes."""
     fitted = {
@@ -243,13 +263,7 @@ def holes_found() -> str:
     laws = {name: model.law_ for name, model in fitted.items()}
     tables = [tests_table(laws)]
     runs = [(name, spacing) for spacing in SPACINGS for name in laws]
-    members = committee(
-        fitted["energy"],
-        TESTS.stretches,
-        TESTS.nominal_stress,
-        n_members=MEMBERS,
-        sample_weight=TESTS.balanced_weights(),
-    )
+    members = committee(fitted["energy"])
     jobs = [
         *((laws[name], spacing) for name, spacing in runs),
         *((member.law_, SPACINGS[0]) for member in members),
@@ -268,9 +282,9 @@ def holes_found() -> str:
     ]
     tables.append(markdown_table(header, rows))
     coarse = found["energy", SPACINGS[0]]
-    spread = committee_spread(coarse["stretches"], [other["stretches"] for other in others])
+    spread = spread_of(coarse["stretches"], [other["stretches"] for other in others])
     inside = np.abs(coarse["stretches"] - STRETCHES) <= 2 * spread
-    of_grip = committee_spread(coarse["grip"], [other["grip"] for other in others])
+    of_grip = spread_of(coarse["grip"], [other["grip"] for other in others])
     terms = ", ".join(
         f"{weight:.3g} MPa of {term}"
         for term, weight in zip(fitted["energy"].terms_, fitted["energy"].weights_, strict=True)

@@ -15,7 +15,6 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from scipy.linalg import null_space
 
 from ..arguments import check_kind
 from ..problem import Problem, compile_scene
@@ -24,7 +23,6 @@ from ..results import figures
 from ..scenes import Load, Part, Prescribed, Scene
 from ..scenes.regions import label_of_region
 from ..scenes.shapes import Precut
-from ..scenes.solids import DiscCut, ParallelogramCut
 
 OBSTACLE = "#8b8f98"
 """Color of obstacles."""
@@ -258,24 +256,14 @@ def _in_space(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple
             )
     for cut in (cut for cut in scene.precuts if not isinstance(cut, Precut)):
         axes.add_collection3d(
-            Poly3DCollection([_rim(cut)], facecolors=(0, 0, 0, 0.25), edgecolors="black", zorder=6)
+            Poly3DCollection(
+                [cut.edge(0.05 * (high - low).max())[0]],
+                facecolors=(0, 0, 0, 0.25),
+                edgecolors="black",
+                zorder=6,
+            )
         )
     for probe in scene.probes:
         axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7)
         axes.text(*probe.at, f" {probe.name}", zorder=8)
     return figure, axes
-
-
-def _rim(cut: ParallelogramCut | DiscCut) -> np.ndarray:
-    """Return the corners of the polygon that shows a planar cut of a solid, shape (k, 3)."""
-    if isinstance(cut, ParallelogramCut):
-        one, other = map(np.array, cut.sides)
-        return np.array(cut.corner) + np.array([0 * one, one, one + other, other])
-    _, normal, _ = cut.plane()
-    angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)
-    return (
-        np.array(cut.center)
-        + cut.radius
-        * np.column_stack([np.cos(angles), np.sin(angles)])
-        @ null_space(np.array([normal])).T
-    )

@@ -40,7 +40,6 @@ from ..results.folder import (
     FAILED,
     INTERRUPTED,
     RUNNING,
-    check_names,
     check_room,
     make_room,
     occupied,
@@ -283,7 +282,6 @@ def simulate(
     own = folder if ranks.rank == 0 else None  # of the rank that writes
     with ranks.together():  # before any work
         if own and resume:
-            check_names(own, scene.name, resumed=True)
             remove_leftovers(own)
         elif own:
             check_room(own, contents_of(scene, models), overwrite)
@@ -308,6 +306,7 @@ def simulate(
             begun = result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
             if own:
                 run.keep_tables = Record(run, begun.summary).keep_if_due
+                run.keep_tables()  # by which the folder is known as that of this run
 
         def ended(message: str | None, status: str) -> Result:
             result = result_of(run, clock.seconds, began, message, status)

@@ -314,25 +314,25 @@ REFUSED = [
     (
         ({"ball": {"center": (0, 0, 3.0), "radius": 1.0}},),
         {},
-        "obstacles.0.ball: this obstacle is 3D, but .* use half_plane or disc",
+        "obstacles.0.ball: this shape is 3D, but .* use half_plane or disc",
     ),
     ((PLATE | {"x3": 1.0},), {}, r"obstacles.0.x3: a 2D body has no x3, only x1 and x2$"),
     (
         (PLATE | {"disc": {"center": (0.5, 3.0), "radius": 1.0}},),
         {},
-        "an obstacle needs exactly one shape: half_plane, disc",
+        "needs exactly one of half_plane, disc",
     ),
     (
         ({"disc": {"center": (0.5, 3.0, 0.0), "radius": 1.0}},),
         {},
-        "disc.center: needs 2 entries, not 3; this shape is 2D",
+        "disc.center: needs at most 2 entries, not 3",
     ),
     (
         ({"ball": {"center": (0.5, 3.0, 0.0, 0.0), "radius": 1.0}},),
         {},
-        "ball.center: needs 3 entries, not 4",
+        "ball.center: needs at most 3 entries, not 4",
     ),
-    (({"x2": 1.0},), {}, "an obstacle needs exactly one shape"),
+    (({"x2": 1.0},), {}, "needs exactly one of half_plane"),
     ((PLATE,), {"steps": (), "prescribed": ()}, "obstacles: needs steps"),
 ]
 
