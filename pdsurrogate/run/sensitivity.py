@@ -188,8 +188,8 @@ class Differentiated:
         region, ``"materials.0.force.coefficients.0.2.1"``.
     run : Run
         Run of the scene in the present state.
-    at_places : tuple of sparse array, shape (k, n)
-        For each axis, the weights of the points' displacements in those at `places`.
+    at_places : Following or None
+        Map from the displacements of the points to those at `places`.
     control : str or None
         Key of the displacement that the step of the equilibrium controls, so that the loading
         parameter t is an unknown.
@@ -203,9 +203,19 @@ class Differentiated:
         with thread_count(None):
             self.run = run = run_in_double(scene, models)
         self.at_places = (
-            () if places is None else fields_at(run.body, places, run.force.portion_of)[0]
+            None if places is None else fields_at(run.body, places, run.force.portion_of)[0]
         )
         self.numbers = numbers_in(scene, models)
+
+    def moved_places(self, displacements: np.ndarray, parameter: float) -> np.ndarray:
+        """Return the displacements (k, d) at `places`, from those of the points (n, d) at a value
+        of the loading parameter.
+        """
+        if self.at_places is None:
+            return np.empty((0, displacements.shape[1]))
+        loading = self.run.loading
+        planes = loading.planes_at(parameter) - loading.loads.at_rest
+        return self.at_places(displacements, planes)
 
     def changed(self, values: Mapping[str, float]) -> "Differentiated":
         """Return the scene with other values of parameters, by name, on the same body."""
@@ -472,12 +482,13 @@ class Differentiated:
         as for `output_row`.
         """
         run, displacements = self.run, self.run.positions - self.run.body.points
-        row = {"probes": run.probes.displacements(displacements)} | output_row(run, costly=costly)
+        probes = run.probes.displacements(displacements, run.loads.planes_moved)
+        row = {"probes": probes} | output_row(run, costly=costly)
         found = {key: value for key, value in leaves(row) if isinstance(value, float)}
-        moved = [rows @ displacements[:, axis] for axis, rows in enumerate(self.at_places)]
+        moved = self.moved_places(displacements, run.state.parameter)
         return found | {
             f"places.{place}.{axis}": float(u)
-            for place, each in enumerate(zip(*moved, strict=True))
+            for place, each in enumerate(moved)
             for axis, u in enumerate(each)
         }
 
@@ -605,10 +616,10 @@ class Differentiated:
             gradient = np.zeros_like(run.positions)
             if place := re.fullmatch(r"places\.(\d+)\.(\d)", name):
                 number, axis = map(int, place.groups())
-                gradient[:, axis] = self.at_places[axis][[number]].toarray()[0]
+                gradient[:, axis] = self.at_places.component(axis)[[number]].toarray()[0]
             elif place := re.fullmatch(r"probes\.(.+)\.displacement\.(\d)", name):
                 axis = int(place[2])
-                gradient[:, axis] = run.probes.weights(place[1])[axis].toarray()[0]
+                gradient[:, axis] = run.probes.weights(place[1], axis)
             elif name == "energy":
                 _forces(run, run.positions)
                 gradient = -run.loading.internal_forces(run.force)
@@ -645,6 +656,7 @@ class Differentiated:
                     motion = loading.plane_motions(run.state.parameter)[part.plane].copy()
                     motion[axis, -1] += change
                     run.loaded.move_plane(part.plane, motion[:, -1])
+                    run.loads.planes[part.plane] += change * run.loads.normals[part.plane, axis]
             run.loaded(moved, forces)
             return forces
 

@@ -100,29 +100,43 @@ class ContactNodes:
             spacing,
         )
         self.stops = stops
-        self._points = interpolation.points()
+        self._points = np.unique(interpolation.rows.indices)
         numbers = share.everywhere(share.numbers[self._points])
         self._order = np.argsort(np.concatenate(numbers))
         start = sum(map(len, numbers[: share.ranks.rank]))
         self._here = np.argsort(self._order)[start : start + len(self._points)]
-        parts = (share.everywhere(rows[:, self._points]) for rows in interpolation.rows)
-        self._map = Following(
-            tuple(scipy.sparse.hstack(part, format="csc")[:, self._order].tocsr() for part in parts)
-        )
-        self._spread = self._map.T
 
-    def places(self, vectors: np.ndarray) -> np.ndarray:
-        """Return vectors at the places (k, d) from vectors at the points of this rank (n, d)."""
-        return (
-            self._map
-            @ np.concatenate(self.share.everywhere(vectors.take(self._points, axis=0)))[self._order]
-        )
+        def of_all(rows: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+            parts = share.everywhere(rows[:, self._points])
+            return scipy.sparse.hstack(parts, format="csc")[:, self._order].tocsr()
+
+        self._map = interpolation.changed(of_all)
+
+    def _gathered(self, vectors: np.ndarray) -> np.ndarray:
+        """Return the vectors at the points of all ranks on which the places depend."""
+        return np.concatenate(self.share.everywhere(vectors.take(self._points, axis=0)))[
+            self._order
+        ]
+
+    def places(self, vectors: np.ndarray, planes: np.ndarray | None = None) -> np.ndarray:
+        """Return vectors at the places (k, d) from vectors at the points of this rank (n, d) and,
+        across themselves, of planes of symmetry; see `Following`.
+        """
+        return self._map(self._gathered(vectors), planes)
 
     def add(self, forces: np.ndarray, out: np.ndarray) -> None:
         """Add the forces on the points of this rank that result from forces on the places (k, d)
         to `out`, shape (n, d).
         """
-        out[self._points] += (self._spread @ forces)[self._here]
+        out[self._points] += self._map.spread(forces)[self._here]
+
+    def on_planes(
+        self, forces: np.ndarray, positions: np.ndarray, planes: np.ndarray
+    ) -> np.ndarray:
+        """Return what acts on planes of symmetry by forces on the places (k, d), see
+        `Following.on_planes`; 0 on ranks other than the first.
+        """
+        return self._map.on_planes(forces, self._gathered(positions), planes) * self.share.leads
 
     def greatest_frequency(self, stiffness: np.ndarray, mass: np.ndarray) -> float:
         """Return an upper bound of the squared frequencies of points with masses (n,) on springs of
@@ -130,7 +144,7 @@ class ContactNodes:
 
         The bound is the greatest sum of a row of absolute values.
         """
-        parts = (abs(rows) for rows in self._map.rows)
+        parts = (abs(self._map.component(axis)) for axis in range(self.nodes.shape[1]))
         sums = np.max([rows.T @ (stiffness * rows.sum(axis=1)) for rows in parts], axis=0)
         return self.share.greatest((sums[self._here] / mass[self._points]).max(initial=0.0))
 
@@ -167,9 +181,12 @@ class Obstacle:
     barred : mapping of str to ndarray of int
         Places that the obstacle must not touch, by the name of the rigid region that they belong
         to.
+    planes : ndarray, shape (planes,)
+        Positions of the planes of symmetry, set by `Loads`.
     name, amplitude, surface, travel
     """
 
+    planes: np.ndarray
     needs_thickness, no_potential_because = False, None
 
     def __init__(
@@ -227,7 +244,7 @@ class Obstacle:
         """
         for name, places in self.barred.items():
             if (
-                self.gaps(self.at_sites(positions)[places])[0].min(initial=0.0)
+                self.gaps(self.at_sites(positions, self.planes)[places])[0].min(initial=0.0)
                 < -CLOSE * self.surface.spacing
             ):
                 raise Obstructed(
@@ -257,25 +274,29 @@ class Obstacle:
             found |= bool((gaps < -PASSED * surface.spacing).any())
         return bool(surface.share.any(found))
 
-    def at_sites(self, vectors: np.ndarray) -> np.ndarray:
-        """Return vectors at the places (k, d) from vectors at the points (n, d)."""
-        return self.surface.places(vectors)
+    def at_sites(self, vectors: np.ndarray, planes: np.ndarray) -> np.ndarray:
+        """Return vectors at the places (k, d) from vectors at the points (n, d) and planes."""
+        return self.surface.places(vectors, planes)
 
     def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
         """Return the force at every place, shape (k, d); 0 on ranks other than the first."""
         return self._on_places(positions) * self.surface.share.leads
 
     def _on_places(self, positions: np.ndarray) -> np.ndarray:
-        gaps, normals = self.gaps(self.surface.places(positions))
+        gaps, normals = self.gaps(self.surface.places(positions, self.planes))
         return (self.stiffness * np.maximum(-gaps, 0.0))[:, None] * normals
 
     def add(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
         """Add the forces of the obstacle on the points to `out`, shape (n, d)."""
         self.surface.add(self._on_places(positions), out)
 
+    def on_planes(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
+        """Return this rank's part of what acts on the planes, see `Following.on_planes`."""
+        return self.surface.on_planes(self._on_places(positions), positions, self.planes)
+
     def potential(self, positions: np.ndarray) -> float:
         """Return the energy of the penetration; 0 on ranks other than the first."""
-        gaps, _ = self.gaps(self.surface.places(positions))
+        gaps, _ = self.gaps(self.surface.places(positions, self.planes))
         return (
             0.5
             * float((self.stiffness * np.minimum(gaps, 0.0) ** 2).sum())
@@ -291,7 +312,7 @@ class Obstacle:
         """
         facets, places, touching = (
             self.surface.facets,
-            self.surface.places(positions),
+            self.surface.places(positions, self.planes),
             TOUCHING * self.surface.spacing,
         )
         gaps, _ = self.gaps(places)
@@ -368,7 +389,7 @@ class ContactStiffness:
         """Return the gaps and normals of all pairs; the gap is infinite where obstacles do not
         push.
         """
-        places = self._surface.places(positions)
+        places = self._surface.places(positions, self._obstacles[0].planes)
         gaps, normals = (
             np.concatenate(parts)
             for parts in zip(*(one.gaps(places) for one in self._obstacles), strict=True)
