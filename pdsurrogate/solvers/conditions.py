@@ -500,6 +500,8 @@ class Loading:
 
     def _loads_on_planes(self, force: LoadedForce) -> np.ndarray:
         """Return what reaches the planes from the loads, see `Loads.on_planes`."""
+        if not self.loads:
+            return np.zeros((*self.plane_components.shape, 1 + self.body.dimension))
         return self.loads.on_planes(force.positions[: len(self.body)], force.thickness())
 
     def _on_points(self, force: LoadedForce) -> np.ndarray:

@@ -66,7 +66,7 @@ class DeadLoad:
         )
         self.weights = _along_total(forces, share.total(forces.sum(axis=0)))
 
-    def at_sites(self, vectors: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    def at_sites(self, vectors: np.ndarray, planes: np.ndarray | None) -> np.ndarray:
         """Return the vectors at the k points that the load acts on, shape (k, d), from an array
         of all points (n, d).
         """
@@ -127,7 +127,7 @@ class _OnFacets:
     def _on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
         """Return the force on every facet, shape (f, d)."""
 
-    def at_sites(self, vectors: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    def at_sites(self, vectors: np.ndarray, planes: np.ndarray | None) -> np.ndarray:
         """Return vectors at the middles of the facets, shape (f, d), interpolated from positions
         or velocities of all points (n, d) and, across themselves, of the planes.
         """
@@ -477,7 +477,7 @@ class Loads:
         self,
         positions: np.ndarray,
         velocities: np.ndarray,
-        planes: np.ndarray,
+        planes: np.ndarray | None = None,
         thickness: np.ndarray | None = None,
     ) -> float:
         """Return the power of the loads in a state in which the points have the given velocities

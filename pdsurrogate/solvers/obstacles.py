@@ -274,7 +274,7 @@ class Obstacle:
             found |= bool((gaps < -PASSED * surface.spacing).any())
         return bool(surface.share.any(found))
 
-    def at_sites(self, vectors: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    def at_sites(self, vectors: np.ndarray, planes: np.ndarray | None) -> np.ndarray:
         """Return vectors at the places (k, d) from vectors at the points (n, d) and planes."""
         return self.surface.places(vectors, planes)
 

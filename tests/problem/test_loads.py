@@ -36,7 +36,7 @@ def interpolation(body, nodes):
         weights = np.exp(-(((points[own] - node) / (2 * body.spacing)) ** 2).sum(axis=1) / 2)
         affine = np.vstack([np.ones(len(own)), (points[own] - node).T]) * weights
         row[own] = np.linalg.pinv(affine)[:, 0] * weights
-    return Following((sparse.csr_array(rows),))
+    return Following(sparse.csr_array(rows))
 
 
 def surface_of(body, loops):
@@ -167,7 +167,7 @@ def test_resultant_and_moment_of_a_traction():
     total, moment = totals(loads, y)
     force = 1.5 * np.array([0.3, -0.2])
     np.testing.assert_allclose(total, force * HEIGHT, atol=1e-13)
-    nodes = (surface.interpolation @ y)[surface.facets[surface.parts == "right"]]
+    nodes = surface.interpolation(y)[surface.facets[surface.parts == "right"]]
     assert moment == pytest.approx(cross(nodes.mean(axis=1) - ABOUT, force).sum() * 0.1, abs=1e-13)
 
 
@@ -194,7 +194,7 @@ def test_resultant_and_moment_of_a_pressure_on_a_deformed_edge():
     loads = loads_on(body, surface, {"region": "right", "pressure": p, "thickness": "undeformed"})
     total, moment = totals(loads, y)
     ends = surface.nodes[:, 0] == WIDTH
-    nodes = (surface.interpolation @ y)[ends]
+    nodes = surface.interpolation(y)[ends]
     order = np.argsort(surface.nodes[ends, 1])
     low, high = nodes[order[0]], nodes[order[-1]]
     along = high - low
