@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from .body import Body
-from .ghosts import Ghosts
+from .ghosts import WITH_ROUNDING, Ghosts
 from .surface import Following
 
 REACH = 1.3
@@ -261,11 +261,12 @@ class _Surroundings:
     ) -> None:
         points, self.source, self.reach = images.points, images.source, images.reach
         self.shape, self.cell = (len(places), len(points)), body.cell.max()
+        # Points at exactly the reach count, as at 1.5 cells across an edge and 2 along it.
         near = scipy.spatial.cKDTree(places).sparse_distance_matrix(
-            scipy.spatial.cKDTree(points), self.reach, output_type="ndarray"
+            scipy.spatial.cKDTree(points), self.reach * WITH_ROUNDING, output_type="ndarray"
         )
         near = near[np.lexsort((near["j"], near["i"]))]
-        weights = 1 - (near["v"] / self.reach) ** 2
+        weights = np.maximum(0.0, 1 - (near["v"] / self.reach) ** 2)
         if normals is not None:
             offsets = points[near["j"]] - places[near["i"]]
             depths = np.einsum("pd,pnd->pn", offsets, normals[near["i"]])
