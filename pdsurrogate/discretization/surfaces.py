@@ -59,12 +59,12 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
         If holes in three dimensions meet each other or the outline in a way that
         `boundary_of_solids` does not support.
     """
-    extent = float((upper - lower).max())
-    groups = {}
+    extent, groups = float((upper - lower).max()), {}
+    symmetric = [plane for plane in body.planes if plane.symmetric]
     if isinstance(scene.body, Mesh):
         nodes, facets, parts, groups = _of_mesh(scene)
     elif scene.dimension == 3:
-        nodes, facets, parts = boundary_of_solids(scene, body.cell, lower, upper)
+        nodes, facets, parts = boundary_of_solids(scene, body.cell, lower, upper, symmetric)
     else:
         nodes, facets, chain = boundary_of(
             [shape.boundary(body.cell) for shape in (scene.body, *scene.holes)], ROUNDING * extent
