@@ -18,7 +18,6 @@ from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
 from ..kernels import bond_force, reference_state, surrogate_thickness
 from ..kernels.bond_force import LEAST_NORMAL_STRETCH, along_and_across, lateral_stretch
-from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS, Law, NeoHookean, plane_stress
 from ..materials.response import volume_residual_block
 from ..materials.states import principal_stretches
@@ -30,7 +29,8 @@ from .material_points import MaterialPoints, material_sums
 from .pair_balance import balanced_changes
 from .protocol import ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
-from .term import DomainWatch, MaterialTerm, Term, sum_on_pairs
+from .steps import Step
+from .term import DomainWatch, MaterialTerm, Term
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
 """Relative step of the volume ratio J3 at which the iteration for the thickness ends, by precision
@@ -64,7 +64,8 @@ class BondStates:
     def stretches(self) -> np.ndarray:
         """Principal stretches of the bonds in the plane, the greater first, shape (n, 2)."""
         trace = self.a**2 + 2 * self.b**2 + lateral_stretch(self.a, self.b, self.J) ** 2
-        total, difference = np.sqrt(trace + 2 * self.J), np.sqrt(np.maximum(trace - 2 * self.J, 0))
+        total = np.sqrt(trace + 2 * self.J)
+        difference = np.sqrt(np.maximum(trace - 2 * self.J, 0))
         return np.stack([total + difference, total - difference], axis=1) / 2
 
     def chosen(self, which) -> Self:
@@ -99,8 +100,9 @@ class PairForces:
         `pdsurrogate.kernels.reference_state.pair_rows`.
     forces : ndarray, shape (n_blocks * BLOCK, 2)
         Dimensionless force on the first point of every pair.
-    find : BoundPass
-        Pass that finds `forces` and counts the pairs outside the model's domain.
+    find : Step
+        Compiled pass that finds `forces` and counts the pairs outside the model's domain; or
+        `evaluate` for a model without compiled code.
     learns_thickness : bool
         Whether the volume ratios J3 of the points are computed with the model, since the law is
         costly to evaluate.
@@ -109,23 +111,17 @@ class PairForces:
     def __init__(
         self, binding: Binding, model, points: MaterialPoints, strength: np.ndarray, correction: str
     ) -> None:
-        law, kinematics, precision, plane = (
-            points.law,
-            binding.kinematics,
-            binding.precision,
-            binding.settings.plane,
-        )
-        body, threads, blocks = (
-            kinematics.body,
-            kinematics.chunks.threads,
-            len(points.first) // BLOCK,
-        )
-        self.model, self.points, self._kinematics, self._precision = (
-            model,
-            points,
-            kinematics,
-            precision,
-        )
+        law = points.law
+        kinematics = binding.kinematics
+        precision = binding.precision
+        plane = binding.settings.plane
+        body = kinematics.body
+        threads = kinematics.chunks.threads
+        blocks = len(points.first) // BLOCK
+        self.model = model
+        self.points = points
+        self._kinematics = kinematics
+        self._precision = precision
         compiled = model.compiled(precision)
         self._weights = compiled.weights
         if plane == "strain" and not compiled.asks_law:
@@ -134,10 +130,8 @@ class PairForces:
         rows = bond_force.COUNTED_ROW + 1 if divided else 5 if compiled.needs_length else 4
         self.geometry = aligned_rows((blocks, rows, BLOCK), precision)
         if divided:
-            numbers, counted = (
-                np.arange(len(strength)),
-                body.share.own[body.bonds.first[points.pairs]],
-            )
+            numbers = np.arange(len(strength))
+            counted = body.share.own[body.bonds.first[points.pairs]]
             self.geometry[numbers // BLOCK, bond_force.COUNTED_ROW, numbers % BLOCK] = counted
         self.find_geometry(np.arange(len(strength), dtype=np.uint32), strength, correction)
         self.learns_thickness = (
@@ -164,8 +158,12 @@ class PairForces:
         )
         buffers = aligned_rows((threads, bond_force.BUFFER_ROWS, BLOCK), precision)
         memory = buffers, compiled.memory(threads, precision), kinematics.scratch
-        self.find = bond_force.pair_forces.bind(
-            *arrays, *force, memory, self.forces, chunks=kinematics.chunks
+        self.find: Step = (
+            bond_force.pair_forces.bind(
+                *arrays, *force, memory, self.forces, chunks=kinematics.chunks
+            )
+            if compiled.address
+            else self.evaluate
         )
 
     @property
@@ -184,11 +182,45 @@ class PairForces:
         """Compute the rows of `geometry` for some `pairs` of the material; `strength` holds
         `pair_strength` of all its pairs.
         """
-        kinematics, points, body = self._kinematics, self.points, self._kinematics.body
+        kinematics = self._kinematics
+        points = self.points
+        body = self._kinematics.body
         ends = points.first, points.second, body.all_points[points.numbers]
         shapes = kinematics.inverse_shape[points.numbers], kinematics.supported[points.numbers]
         rule = reference_state.CORRECTIONS[correction], body.kappa, body.horizon
         reference_state.pair_rows(pairs, *ends, strength, *shapes, *rule, self.geometry)
+
+    def states(self) -> tuple[np.ndarray, BondStates, np.ndarray]:
+        """Return, in a body of one material, the numbers of the pairs that carry a force, their
+        `BondStates`, and their undeformed directions, turned with the material and divided by the
+        length, shape (2, k).
+        """
+        body = self._kinematics.body
+        records = self.points.records
+        self.points.find()
+        pairs = np.flatnonzero(self.geometry[:, 2].ravel()[: len(body.bonds.first)])
+        first = body.bonds.first[pairs]
+        second = body.bonds.second[pairs]
+        x, between = (
+            (at[second] - at[first]).T for at in (body.all_points, self._kinematics.positions)
+        )
+        length = np.hypot(*x)
+        cos, sin, J, C33 = (records[first].astype(float) + records[second]).T
+        turned = np.stack([cos * x[0] - sin * x[1], sin * x[0] + cos * x[1]])
+        n1, n2 = turned = turned / (np.hypot(cos, sin) * length**2)
+        a = n1 * between[0] + n2 * between[1]
+        b = n1 * between[1] - n2 * between[0]
+        return pairs, BondStates(a, b, length / body.horizon, C33 / 2, J / 2), turned
+
+    def evaluate(self) -> None:
+        """Find `forces` in NumPy, for all pairs at once."""
+        pairs, states, (n1, n2) = self.states()
+        T_nn, T_nm, T_mm = self.model.tractions(states)
+        _, _, normal, tilt, *_ = self.geometry[pairs // BLOCK, :, pairs % BLOCK].T
+        along = normal * T_nn + tilt * T_nm
+        across = normal * T_nm + tilt * T_mm
+        self.forces[:] = 0.0
+        self.forces[pairs] = np.stack([n1 * along - n2 * across, n2 * along + n1 * across], axis=1)
 
     def reference_vectors(self) -> np.ndarray:
         """Return the reference vectors (theory (21)) of the pairs, shape (n_pairs, 2)."""
@@ -199,8 +231,10 @@ class PairForces:
 
     def add(self, pairs: np.ndarray, changes: np.ndarray) -> None:
         """Add `changes` (k, 2) to the reference vectors of some `pairs` that carry force."""
-        block, lane = pairs // BLOCK, pairs % BLOCK
-        (n1, n2, along), (one, other) = self.geometry[block, :3, lane].T.astype(float), changes.T
+        block = pairs // BLOCK
+        lane = pairs % BLOCK
+        (n1, n2, along) = self.geometry[block, :3, lane].T.astype(float)
+        (one, other) = changes.T
         factors = np.where(
             along == 0, 0.0, [n1 * one + n2 * other, n1 * other - n2 * one] / (n1**2 + n2**2)
         )
@@ -218,11 +252,9 @@ class BondForces(MaterialTerm):
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        body, bonds, models = (
-            self.body,
-            self.body.bonds,
-            cast("list[ForceSurrogate]", [portion.model for portion in binding.portions]),
-        )
+        body = self.body
+        bonds = body.bonds
+        models = cast("list[ForceSurrogate]", [portion.model for portion in binding.portions])
         self.correction = binding.settings.correction or (
             "tensor" if all(model.gives_transverse for model in models) else "scalar"
         )
@@ -232,7 +264,8 @@ class BondForces(MaterialTerm):
                 f"{name}: the deviation of members needs plane stress; for plane=strain fit with"
                 " --energy"
             )
-        self._strength, self._parts = pair_strength(body), []
+        self._strength = pair_strength(body)
+        self.parts = []
         if binding.portion_of is not None:
             of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]
             shares = np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
@@ -241,58 +274,49 @@ class BondForces(MaterialTerm):
             points = self.points_of(
                 number, None if binding.whole else np.flatnonzero((of_ends == number).any(axis=0))
             )
-            self._parts.append(
+            self.parts.append(
                 PairForces(binding, model, points, self._strength[points.pairs], self.correction)
             )
-            self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
+            if isinstance(self.parts[-1].find, BoundPass):
+                self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
         # Changes that balance pairs, and the first moments that points have lost of them with
         # broken bonds.
-        self._changes, self._lost = (
-            (np.empty(0, dtype=np.int64), np.empty((0, 2))),
-            np.zeros((len(body.all_points), 2, 2)),
-        )
+        self._changes = (np.empty(0, dtype=np.int64), np.empty((0, 2)))
+        self._lost = np.zeros((len(body.all_points), 2, 2))
         if self.correction == "tensor" and body.outward is not None:
             vectors = np.zeros((len(bonds.first), 2), dtype=binding.precision)
-            for part in self._parts:
+            for part in self.parts:
                 of_body = vectors[part.points.pairs]
                 vectors[part.points.pairs] = of_body + part.reference_vectors()[: len(of_body)]
             pairs, changes = balanced_changes(body, vectors)
             self._changes = pairs, changes if binding.whole else changes * shares[pairs, None]
             self._change(pairs)
-        self.learned_thickness = any(part.learns_thickness for part in self._parts)
-        self._model, self._domain = models[0], models[0].domain if binding.whole else None
-        out, chunks = np.empty_like(body.points), self.kinematics.chunks
-        if binding.whole:
-            (part,), lists = (
-                self._parts,
-                (
-                    bonds.pair_pointers,
-                    bonds.incidence_pointers,
-                    bonds.incidence,
-                ),
-            )
-            sums = [sum_pair_forces[2].bind(part.forces, *lists, part.unit, out, chunks=chunks)]
-            self.in_units = [(0, sums[0])]
-        else:
-            sums = material_sums(self.kinematics, self.materials, "forces", self._parts, out)
-            self.in_units = list(enumerate(sums[:-1]))
-        self.bind_steps(*(part.find for part in self._parts), *sums)
+        self.learned_thickness = any(part.learns_thickness for part in self.parts)
+        self._model = models[0]
+        self._domain = models[0].domain if binding.whole else None
+        out = np.empty_like(body.points)
+        lists = bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
+        sums = material_sums(self.kinematics, self.parts, "forces", lists, out)
+        self.in_units = list(enumerate(sums[: len(models)]))
+        self.bind_steps(*(part.find for part in self.parts), *sums)
 
     def take_numbers(self, portions: Sequence[Portion]) -> None:
         super().take_numbers(portions)
         self._model = cast("ForceSurrogate", portions[0].model)
-        for part, portion in zip(self._parts, portions, strict=True):
+        for part, portion in zip(self.parts, portions, strict=True):
             part.take_numbers(portion.model)
 
     def diagnose(self, out: np.ndarray) -> str:
         body = self.body
         broken = np.flatnonzero(
-            ~np.isfinite(self.pair_forces(slice(len(body.bonds.first)))).all(axis=1)
+            ~np.isfinite(self.pair_forces(np.arange(len(body.bonds.first)))).all(axis=1)
         )
         if len(broken) == 0:
             return super().diagnose(out)
-        i, j = int(body.bonds.first[broken[0]]), int(body.bonds.second[broken[0]])
-        positions, points = self.kinematics.positions, body.all_points
+        i = int(body.bonds.first[broken[0]])
+        j = int(body.bonds.second[broken[0]])
+        positions = self.kinematics.positions
+        points = body.all_points
         stretch = np.linalg.norm(positions[j] - positions[i]) / np.linalg.norm(
             points[j] - points[i]
         )
@@ -314,7 +338,8 @@ class BondForces(MaterialTerm):
         _, here, there = np.intersect1d(pairs, changed, assume_unique=True, return_indices=True)
         changes[here] = of_changed[there]
         if self._lost.any():
-            body, ends = self.body, (self.body.bonds.first[pairs], self.body.bonds.second[pairs])
+            body = self.body
+            ends = (self.body.bonds.first[pairs], self.body.bonds.second[pairs])
             vectors = body.all_points[ends[1]] - body.all_points[ends[0]]
             factors = self._strength[pairs] / (2 * lengths_of(vectors))
             for end in ends:
@@ -322,13 +347,15 @@ class BondForces(MaterialTerm):
                 changes += (factors / body.all_volumes[end])[:, None] * np.einsum(
                     "bij,bj->bi", restored, vectors
                 )
-        for part in self._parts:
-            places, theirs = part.points.places_of_pairs(pairs)
-            part.add(places, changes[np.searchsorted(pairs, theirs)])
+        for part in self.parts:
+            places, chosen = part.points.places_of_pairs(pairs)
+            part.add(places, changes[chosen])
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._strength[pairs] = 0.0
-        body, bonds, (numbers, changes) = self.body, self.body.bonds, self._changes
+        body = self.body
+        bonds = body.bonds
+        (numbers, changes) = self._changes
         broken = np.isin(numbers, pairs)
         gone = numbers[broken]
         vectors = body.all_points[bonds.second[gone]] - body.all_points[bonds.first[gone]]
@@ -339,17 +366,15 @@ class BondForces(MaterialTerm):
         self._lost[len(body) :] *= (
             body.ghosts.reflection[:, :, None] * body.ghosts.reflection[:, None]
         )
-        for part in self._parts:
+        for part in self.parts:
             places, _ = part.points.places_of_pairs(changed)
             part.find_geometry(
                 places.astype(np.uint32), self._strength[part.points.pairs], self.correction
             )
         self._change(changed)
 
-    def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
-        if self.binding.whole:
-            return self._parts[0].unit * self._parts[0].forces[pairs].astype(float)
-        return sum_on_pairs(self._parts, "forces", len(self.body.bonds.first))[pairs]
+    def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
+        return self._of_pairs("forces", pairs)
 
     def domain_deviation(self) -> np.ndarray | None:
         if self._domain is None:
@@ -361,7 +386,7 @@ class BondForces(MaterialTerm):
     def beyond_data(self) -> np.ndarray | None:
         if self._domain is None or self._domain.hull is None:
             return None
-        pairs, states = self.bonds()
+        pairs, states, _ = self.parts[0].states()
         counted = self.body.share.own[self.body.bonds.first[pairs]]
         # A bond turned past a right angle has no stretch tensor and is omitted.
         chosen = states.has_stretch_tensor & counted
@@ -370,38 +395,14 @@ class BondForces(MaterialTerm):
     def member_deviation(self) -> np.ndarray | None:
         if not self._model.members:
             return None
-        body, (pairs, states) = self.body, self.bonds()
-        found, of_points = (
-            self._model.member_deviations(self.materials[0].law, states),
-            np.zeros(len(body)),
-        )
+        body = self.body
+        pairs, states, _ = self.parts[0].states()
+        found = self._model.member_deviations(self.materials[0].law, states)
+        of_points = np.zeros(len(body))
         for ends in (body.bonds.first[pairs], body.bonds.second[pairs]):
             own = ends < len(body)
             np.maximum.at(of_points, ends[own], found[own])
-        return self._parts[0].unit * of_points
-
-    def bonds(self) -> tuple[np.ndarray, BondStates]:
-        """Return the numbers of the pairs that carry a force, and their `BondStates`, in a body
-        of one material.
-        """
-        body, part, bonds, points = self.body, self._parts[0], self.body.bonds, self.body.all_points
-        part.points.find()
-        pairs = np.flatnonzero(part.geometry[:, 2].ravel()[: len(bonds.first)])
-        first, second = bonds.first[pairs], bonds.second[pairs]
-        vectors, between = (
-            points[second] - points[first],
-            self.kinematics.positions[second] - self.kinematics.positions[first],
-        )
-        length = lengths_of(vectors)
-        cos, sin, J, C33 = (
-            part.points.records[first].astype(float) + part.points.records[second]
-        ).T
-        turn = np.hypot(cos, sin)
-        n1 = (cos * vectors[:, 0] - sin * vectors[:, 1]) / turn
-        n2 = (sin * vectors[:, 0] + cos * vectors[:, 1]) / turn
-        a = (n1 * between[:, 0] + n2 * between[:, 1]) / length**2
-        b = (n1 * between[:, 1] - n2 * between[:, 0]) / length**2
-        return pairs, BondStates(a, b, length / body.horizon, C33 / 2, J / 2)
+        return self.parts[0].unit * of_points
 
 
 def surrogate_states(
@@ -418,16 +419,15 @@ def surrogate_states(
     the points determines the states of points outside `domain`.
     """
     limits = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
-    tolerance, volumetric = THICKNESS_TOLERANCE[precision], volume_residual_block(points.law)
+    tolerance = THICKNESS_TOLERANCE[precision]
+    volumetric = volume_residual_block(points.law)
     force = volumetric.address, compiled.address, compiled.constants(points), limits, tolerance
     buffers = aligned_rows((chunks.threads, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1)
     scratch = aligned_rows((chunks.threads, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1)
-    memory, states = (
-        (buffers, compiled.memory(chunks.threads, precision), scratch),
-        (
-            points.gradients,
-            points.volume_ratios,
-        ),
+    memory = (buffers, compiled.memory(chunks.threads, precision), scratch)
+    states = (
+        points.gradients,
+        points.volume_ratios,
     )
     return surrogate_thickness.surrogate_node_states.bind(
         *states, *force, memory, points.records, chunks=chunks
@@ -457,7 +457,8 @@ def pair_strength(body: Body) -> np.ndarray:
     w is the weight of the pair, l its undeformed length, and V_i and V_j are the volumes of its
     ends.
     """
-    bonds, volumes = body.bonds, body.all_volumes
+    bonds = body.bonds
+    volumes = body.all_volumes
     length = lengths_of(body.all_points[bonds.second] - body.all_points[bonds.first])
     return 2 * body.weigh(length) * length * volumes[bonds.first] * volumes[bonds.second]
 
@@ -655,7 +656,8 @@ def exact_bond_force(law: Law, stretch, rotation, C33, J) -> np.ndarray:
     """Return the exact bond force of a law, shape (n, 2), for arguments as in
     `ForceSurrogate.bond_force`.
     """
-    a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+    a = stretch * np.cos(rotation)
+    b = stretch * np.sin(rotation)
     T_nn, T_nm, _ = plane_stress.bond_traction(law, a, b, J, C33)
     return along_and_across(T_nn, T_nm, a, b, stretch)
 

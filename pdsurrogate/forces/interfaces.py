@@ -13,7 +13,7 @@ import scipy
 from ..body.ghosts import symmetric
 from ..kernels.ghosts import fill_matrices, fold_matrices, fold_vectors, place_points
 from .interface_fits import YIELDING, Fits, fitted_jumps
-from .kinematics import Kinematics, find_shapes
+from .kinematics import ChangedWeights, Kinematics, find_shapes
 from .steps import Step, sparse_product
 
 
@@ -67,10 +67,6 @@ class Interfaces:
     left_out : ndarray of int
         Directed bonds across an interface that the gradient and the energy of their first point
         omit.
-    one_sided_bonds : tuple or None
-        For points that omit bonds: the directed bonds of these points, the point of each bond, and
-        the changes of the bonds' weights in the deformation gradients; None if no point omits
-        bonds.
     jumps, changes : ndarray, shapes (n + m, d) and (n + m, d d)
         Jumps of the slope along the normal of every point and ghost, and the changes of its
         gradient, by columns, to the other material.
@@ -90,15 +86,18 @@ class Interfaces:
         breakable: bool,
     ) -> None:
         # With a circle of references the body would stay in memory until a collection of garbage.
-        self._body, self._portion_of, self._kinematics = (
-            kinematics.body,
-            portion_of,
-            weakref.proxy(kinematics),
-        )
-        body, share = self._body, self._body.share
-        n, total, bonds, owners = len(body), len(body.all_points), body.bonds, body.bond_owners
+        self._body = kinematics.body
+        self._portion_of = portion_of
+        self._kinematics = weakref.proxy(kinematics)
+        body = self._body
+        share = self._body.share
+        n = len(body)
+        total = len(body.all_points)
+        bonds = body.bonds
+        owners = body.bond_owners
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbors])
-        self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
+        self.depths = np.zeros(total)
+        self.normals = np.zeros((n, body.dimension))
         near = np.unique(
             kinematics.sources[np.concatenate([owners[across], bonds.neighbors[across]])]
         )
@@ -106,31 +105,31 @@ class Interfaces:
         fits = fitted_jumps(
             body, portion_of, moduli, near[share.own[near]], quadratic, volumes_held, watched
         )
-        self.depths[:n], self.normals[:] = fits.depths, fits.normals
+        self.depths[:n] = fits.depths
+        self.normals[:] = fits.normals
         of_all = share.with_rows_of_others(fits.jumps)
         self._jump = _by_different_rows(fits.jumps)
         self._jump_of_all = _by_different_rows(of_all) if share.divided else self._jump
         share.fill(self.normals)
         body.ghosts.fill(self.depths)
         d = body.dimension
-        self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-        self._one_sided, self._product = (
-            scipy.sparse.csr_array((n * d, total)),
-            partial(sparse_product, kinematics.chunks),
-        )
-        self._one_sided_back = self._one_sided.T.tocsr()
-        self._kept = None
-        weights = kinematics.gradient_weights(kinematics.weighted_bonds, kinematics.inverse_shape)
+        self._product = partial(sparse_product, kinematics.chunks)
+        self._kept: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._one_sided: ChangedWeights | None = None
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
         if share.any(len(self.left_out) > 0):
-            weights = self._leave_out(kinematics, owners, weights, breakable)
-        self._across, self._breakable = (across, owners[across], bonds.neighbors[across]), breakable
-        self._correct, self._correct_back = self._of_corrections(weights[across])
-        self.jumps, self.changes = np.zeros((total, d)), np.zeros((total, d * d))
+            self._leave_out(kinematics, owners)
+        self._across = (across, owners[across], bonds.neighbors[across])
+        self._breakable = breakable
+        self._correct, self._correct_back = self._of_corrections()
+        self._kept = self._kept if breakable else None
+        self.jumps = np.zeros((total, d))
+        self.changes = np.zeros((total, d * d))
         # The matrix that spreads slopes along the normals to columns of gradients; the products
         # with columns are its transpose.
         dyads = self._by_normals(scipy.sparse.diags_array((self.depths[:n] > 0).astype(float)))
-        images, is_image = fits.images, (fits.images.diagonal() != 0).astype(float)
+        images = fits.images
+        is_image = (fits.images.diagonal() != 0).astype(float)
         back = share.with_rows_of_others(images).T.tocsr()
         # Along the normal an image has the gradient of the softer material at the mirrored place,
         # as a clamp's has.
@@ -162,22 +161,18 @@ class Interfaces:
         `gradients` (n + m, d d) are those of these positions, without and then with the
         corrections.
         """
-        n, d, images, chunks = (
-            len(self._body),
-            self._body.dimension,
-            self._body.ghosts,
-            self._kinematics.chunks,
-        )
-        columns, of_changes = gradients[:n].reshape(-1, d), changes[:n].reshape(-1, d)
-        on_ghosts, at_rest = (
-            self._kinematics.gradient_ghosts.of_gradients,
-            (
-                np.zeros((len(images), d)),
-                np.zeros((len(images), d * d)),
-            ),
+        n = len(self._body)
+        d = self._body.dimension
+        images = self._body.ghosts
+        chunks = self._kinematics.chunks
+        columns = gradients[:n].reshape(-1, d)
+        of_changes = changes[:n].reshape(-1, d)
+        on_ghosts = self._kinematics.gradient_ghosts.of_gradients
+        at_rest = (
+            np.zeros((len(images), d)),
+            np.zeros((len(images), d * d)),
         )
         return [
-            *self._product(self._one_sided, positions, columns, add=True, variable=True),
             *self._products(self._jump, positions, jumps),
             *self._product(self._jumps_by_columns, columns, jumps, add=True),
             *(self._tears.steps(positions, jumps) if self._tears else []),
@@ -198,41 +193,49 @@ class Interfaces:
         """Take account of broken pairs, after `Kinematics.weighted_bonds` and
         `Kinematics.inverse_shape` were updated.
         """
-        bonds, kinematics = self._body.bonds, self._kinematics
+        bonds = self._body.bonds
+        kinematics = self._kinematics
         self._tears.lose(bonds.first[pairs], bonds.second[pairs])
-        numbers, owners, _ = self._across
-        of_all = kinematics.weighted_bonds, kinematics.inverse_shape
-        weights = _weights(*of_all, numbers, owners)
         if self._kept is not None:
-            kept, inverse, supported = self._kept
-            beside, points, changes = self.one_sided_bonds or (
-                np.zeros(0, np.int64),
-                np.zeros(0, np.int64),
-                np.zeros((0, 1)),
-            )
-            kept[beside] = kinematics.weighted_bonds[beside]
-            kept[self.left_out] = 0.0
-            find_shapes(self._body, np.unique(points).astype(np.uint32), kept, inverse, supported)
-            # A point whose other bonds no longer determine a gradient has that of all its bonds.
-            weights = np.where(
-                supported[owners, None] > 0, _weights(kept, inverse, numbers, owners), weights
-            )
-            if len(beside):
-                changes[:] = _weights(kept, inverse, beside, points) - _weights(
-                    *of_all, beside, points
-                )
-                changes[supported[points] == 0] = 0.0
-                _refill((self._one_sided, self._one_sided_back), self._of_changes())
-        _refill((self._correct, self._correct_back), self._of_corrections(weights))
+            kept, *shapes = self._kept
+            one_sided = self._one_sided
+            points = one_sided.owners if one_sided else np.zeros(0)
+            if one_sided:
+                kept[one_sided.numbers] = kinematics.weighted_bonds[one_sided.numbers]
+                kept[self.left_out] = 0.0
+            find_shapes(self._body, np.unique(points).astype(np.uint32), kept, *shapes)
+            if one_sided:
+                one_sided.put(self._changes_of(one_sided.numbers))
+        refilled = zip((self._correct, self._correct_back), self._of_corrections(), strict=True)
+        for matrix, other in refilled:
+            matrix.data[:] = other.data
 
-    def _of_corrections(
-        self, weights: np.ndarray
-    ) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
+    def _of_corrections(self) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
         """Return the matrix that maps jumps to corrections of gradients, by the weights of the
         bonds across, and minus its transpose.
         """
-        _, owners, neighbors = self._across
-        return self._with_back(-weights * self.depths[neighbors, None], owners, neighbors)
+        numbers, owners, neighbors = self._across
+        kinematics = self._kinematics
+        weights = _weights(kinematics.weighted_bonds, kinematics.inverse_shape, numbers, owners)
+        if self._kept is not None:
+            weights = weights + self._changes_of(numbers)
+        found = self._on_columns(-weights * self.depths[neighbors, None], owners, neighbors)
+        found.sort_indices()
+        return found, (-found).T.tocsr()
+
+    def _changes_of(self, numbers: np.ndarray) -> np.ndarray:
+        """Return the changes (k, d) of the weights of directed bonds in gradients that omit the
+        bonds `left_out`.
+
+        A point whose other bonds do not determine a gradient has that of all its bonds.
+        """
+        kept, inverse, supported = self._kept
+        kinematics = self._kinematics
+        owners = self._body.bond_owners[numbers]
+        changes = _weights(kept, inverse, numbers, owners) - _weights(
+            kinematics.weighted_bonds, kinematics.inverse_shape, numbers, owners
+        )
+        return np.where(supported[owners, None] > 0, changes, 0.0)
 
     def _by_normals(self, matrix) -> scipy.sparse.csr_array:
         """Return the matrix (n d, n) that maps vectors at points to columns of gradients: v (x)
@@ -266,19 +269,13 @@ class Interfaces:
 
         The k bonds from `owners` to `others` have the weights (k, d) in the gradients of `owners`.
         """
-        d, n, total = self._body.dimension, len(self._body), len(self._body.all_points)
+        d = self._body.dimension
+        n = len(self._body)
+        total = len(self._body.all_points)
         rows = (d * owners.astype(np.int64)[:, None] + np.arange(d)).ravel()
         return scipy.sparse.csr_array(
             (weights.ravel(), (rows, np.repeat(others, d))), shape=(n * d, total)
         )
-
-    def _with_back(
-        self, *bonds: np.ndarray
-    ) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
-        """Return the matrix of `_on_columns`, and minus its transpose."""
-        found = self._on_columns(*bonds)
-        found.sort_indices()
-        return found, (-found).T.tocsr()
 
     def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
         """Return those directed bonds `across` interfaces that the gradient and energy of their
@@ -287,7 +284,8 @@ class Interfaces:
         `owners` are the first points of all directed bonds, and `moduli` the shear moduli of all
         points and ghosts.
         """
-        body, neighbors = self._body, self._body.bonds.neighbors[across]
+        body = self._body
+        neighbors = self._body.bonds.neighbors[across]
         normals = np.vstack([self.normals, body.ghosts.reflected_vectors(self.normals)])[neighbors]
         arms = body.all_points[owners[across]] - body.all_points[neighbors]
         # A bond along the interface counts as one behind it, whatever rounding says.
@@ -296,45 +294,25 @@ class Interfaces:
         )
         return across[(moduli[owners[across]] > YIELDING * moduli[neighbors]) | behind]
 
-    def _leave_out(
-        self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray, breakable: bool
-    ) -> np.ndarray:
-        """Remove the bonds `left_out` from the gradients of their first points; return new
-        `Kinematics.gradient_weights` of all bonds.
+    def _leave_out(self, kinematics: Kinematics, owners: np.ndarray) -> None:
+        """Remove the bonds `left_out` from the gradients of their first points.
 
-        `owners` are the first points of all directed bonds, and `weights` their present weights.
-        Bonds of points whose other bonds do not determine a gradient are removed from `left_out`
-        instead.
+        `owners` are the first points of all directed bonds. Bonds of points whose other bonds do
+        not determine a gradient are removed from `left_out` instead.
         """
         for _ in range(2):
             kept = kinematics.weighted_bonds.copy()
             kept[self.left_out] = 0.0
-            inverse, supported = (
-                np.zeros_like(kinematics.inverse_shape),
-                np.zeros_like(kinematics.supported),
-            )
+            inverse = np.zeros_like(kinematics.inverse_shape)
+            supported = np.zeros_like(kinematics.supported)
             rows = np.unique(owners[self.left_out]).astype(np.uint32)
             find_shapes(self._body, rows, kept, inverse, supported)
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
-        self._kept = (kept, inverse, supported) if breakable else None
+        self._kept = kept, inverse, supported
         touched = np.flatnonzero(supported[owners])
-        if not len(touched):
-            return weights
-        found = kinematics.gradient_weights(kept, inverse)
-        changes = found[touched] - weights[touched]
-        weights = weights.copy()
-        weights[touched] = found[touched]
-        self.one_sided_bonds = touched, owners[touched], changes
-        self._one_sided, self._one_sided_back = self._of_changes()
-        return weights
-
-    def _of_changes(self) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
-        """Return the matrix that maps positions to the changes of gradients by
-        `one_sided_bonds`, and minus its transpose.
-        """
-        numbers, points, changes = self.one_sided_bonds
-        ends = np.concatenate([self._body.bonds.neighbors[numbers], points])
-        return self._with_back(np.concatenate([changes, -changes]), np.tile(points, 2), ends)
+        if len(touched):
+            self._one_sided = ChangedWeights(kinematics, touched, self._changes_of(touched))
+            kinematics.changed.append(self._one_sided)
 
     def cells_across(self, number: int, most: int) -> float:
         """Return the median thickness, in spacings and at most `most`, of the layer of a material
@@ -343,7 +321,8 @@ class Interfaces:
         `number` is the number of the material in `portion_of`, or the number that stands for rigid
         parts there.
         """
-        body, portion_of = self._body, self._portion_of
+        body = self._body
+        portion_of = self._portion_of
         beside = np.flatnonzero(
             (portion_of[: len(body)] == number) & (self.depths[: len(body)] > 0)
         )
@@ -363,7 +342,6 @@ class Interfaces:
         moments: np.ndarray,
         own_moments: np.ndarray,
         on_points: np.ndarray,
-        pulls: np.ndarray,
     ) -> list[Step]:
         """Return the steps that find the forces of an energy that depends on the jumps: the
         transpose of `corrections` and `continuation`.
@@ -378,25 +356,15 @@ class Interfaces:
             in place.
         on_points : ndarray, shape (n, d)
             Receives the forces on the points that determine the jumps.
-        pulls : ndarray, shape (n + m, d)
-            Receives the changes of the forces on the points where gradients omit bonds.
         """
-        n, d, ghosts, product, chunks = (
-            len(self._body),
-            self._body.dimension,
-            self._body.ghosts,
-            self._product,
-            self._kinematics.chunks,
-        )
-        on_jumps, theirs, columns = (
-            np.zeros_like(self.jumps),
-            moments[:n].reshape(-1, d),
-            own_moments.reshape(-1, d),
-        )
-        fold = [
-            fold_vectors.bind(each, ghosts.source, ghosts.parity, chunks=chunks)
-            for each in (on_jumps, pulls)
-        ]
+        n = len(self._body)
+        d = self._body.dimension
+        ghosts = self._body.ghosts
+        product = self._product
+        chunks = self._kinematics.chunks
+        on_jumps = np.zeros_like(self.jumps)
+        theirs = moments[:n].reshape(-1, d)
+        columns = own_moments.reshape(-1, d)
         apart, on_apart = self._tears.steps_back(on_jumps, on_points) if self._tears else ([], [])
         return [
             fold_matrices.bind(
@@ -409,7 +377,7 @@ class Interfaces:
             *product(self._changes_back, theirs, columns, add=True),
             own_moments,
             *product(self._correct_back, columns, on_jumps, add=True, variable=self._breakable),
-            fold[0],
+            fold_vectors.bind(on_jumps, ghosts.source, ghosts.parity, chunks=chunks),
             *apart,
             *product(-self._jumps_by_columns.T, on_jumps, columns, add=True),
             on_jumps[:n],
@@ -421,11 +389,6 @@ class Interfaces:
             ),
             *on_apart,
             own_moments,
-            *(
-                [*product(self._one_sided_back, columns, pulls, every=True, variable=True), fold[1]]
-                if self._one_sided.nnz
-                else []
-            ),
         ]
 
 
@@ -449,31 +412,28 @@ class _Tears:
         fits: Fits,
         apart_back: scipy.sparse.csr_array,
     ) -> None:
-        self._kinematics, self._portion_of, n = (
-            weakref.proxy(kinematics),
-            portion_of,
-            len(kinematics.body),
-        )
-        self._apart, self._apart_back, self._is_image = (
-            fits.apart,
-            apart_back,
-            fits.images.diagonal() != 0,
-        )
-        self._fitted, self._fitted_apart = abs(fits.jumps) + abs(fits.images), abs(fits.apart)
+        self._kinematics = weakref.proxy(kinematics)
+        self._portion_of = portion_of
+        n = len(kinematics.body)
+        self._apart = fits.apart
+        self._apart_back = apart_back
+        self._is_image = fits.images.diagonal() != 0
+        self._fitted = abs(fits.jumps) + abs(fits.images)
+        self._fitted_apart = abs(fits.apart)
         # Points that have lost bonds within one material, and across; factors of the fits of both
         # sides together, and of either side.
-        self._lost, self._intact, self._parted = (
-            np.zeros((2, n), dtype=bool),
-            np.ones((n, 1)),
-            np.zeros((n, 1)),
-        )
+        self._lost = np.zeros((2, n), dtype=bool)
+        self._intact = np.ones((n, 1))
+        self._parted = np.zeros((n, 1))
 
     def steps(self, positions: np.ndarray, jumps: np.ndarray) -> list[Step]:
         """Return the steps that replace jumps, where the sides are parted, by those of separate
         fits, and by zero where neither holds.
         """
-        rows, apart = jumps[: len(self._intact)], np.zeros((len(self._intact), jumps.shape[1]))
-        scale, add = partial(_scale, rows, self._intact), partial(np.add, rows, apart, out=rows)
+        rows = jumps[: len(self._intact)]
+        apart = np.zeros((len(self._intact), jumps.shape[1]))
+        scale = partial(_scale, rows, self._intact)
+        add = partial(np.add, rows, apart, out=rows)
         return [
             *sparse_product(self._kinematics.chunks, self._apart, positions, apart),
             partial(_scale, apart, self._parted),
@@ -487,7 +447,8 @@ class _Tears:
         """Return the steps that divide forces `on_jumps` among the fits, and those that add the
         part of separate fits to `on_points`.
         """
-        rows, parted = on_jumps[: len(self._intact)], np.zeros_like(on_points)
+        rows = on_jumps[: len(self._intact)]
+        parted = np.zeros_like(on_points)
         divide = [
             partial(np.multiply, rows, self._parted, out=parted),
             parted,
@@ -507,15 +468,14 @@ class _Tears:
 
     def lose(self, first: np.ndarray, second: np.ndarray) -> None:
         """Choose the fits of the jumps after bonds between these points, or ghosts, were lost."""
-        share, sources = self._kinematics.body.share, self._kinematics.sources
+        share = self._kinematics.body.share
+        sources = self._kinematics.sources
         across = self._portion_of[first] != self._portion_of[second]
         for lost, chosen in zip(self._lost, (~across, across), strict=True):
             lost[sources[np.concatenate([first[chosen], second[chosen]])]] = True
             share.fill(lost)
-        within, any_lost = (
-            self._fitted @ self._lost[0] > 0,
-            self._fitted @ self._lost.any(axis=0) > 0,
-        )
+        within = self._fitted @ self._lost[0] > 0
+        any_lost = self._fitted @ self._lost.any(axis=0) > 0
         # An image is made from the points of each side alone.
         self._intact[:, 0] = ~np.where(self._is_image, within, any_lost)
         self._parted[:, 0] = ~self._is_image & any_lost & (self._fitted_apart @ self._lost[0] == 0)
@@ -526,7 +486,8 @@ def _by_different_rows(matrix: scipy.sparse.csr_array) -> list[scipy.sparse.csr_
     """Return matrices whose product is `matrix`: a selection of rows, and these rows; only
     `matrix` itself if all its rows differ.
     """
-    filled, different = np.flatnonzero(np.diff(matrix.indptr)), {}
+    filled = np.flatnonzero(np.diff(matrix.indptr))
+    different = {}
     ends = zip(matrix.indptr[filled], matrix.indptr[filled + 1], strict=True)
     keys = [
         matrix.indices[begin:end].tobytes() + matrix.data[begin:end].tobytes()
@@ -552,13 +513,7 @@ def _scale(rows: np.ndarray, factors: np.ndarray) -> None:
 def _weights(
     weighted_bonds: np.ndarray, inverse_shape: np.ndarray, numbers: np.ndarray, owners: np.ndarray
 ) -> np.ndarray:
-    """Return `Kinematics.gradient_weights` of some bonds, given by their numbers and their first
-    points.
+    """Return the weights K^-1 w x V_j (k, d) of directed bonds in the gradients of their first
+    points, given by both numbers.
     """
     return np.einsum("bij,bj->bi", symmetric(inverse_shape[owners]), weighted_bonds[numbers])
-
-
-def _refill(matrices: tuple, found: tuple) -> None:
-    """Replace the entries of matrices by those of others with the same pattern."""
-    for matrix, other in zip(matrices, found, strict=True):
-        matrix.data[:] = other.data

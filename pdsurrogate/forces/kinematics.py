@@ -10,7 +10,6 @@ import scipy
 
 from ..body import Body
 from ..body.body import lengths_of, pointers_to
-from ..body.ghosts import symmetric
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import Chain
 from ..engine.threads import chunks_of
@@ -67,9 +66,11 @@ class Kinematics:
         these.
     interfaces : Interfaces or None
         Interfaces between materials, in a body of several.
-    changed : ChangedWeights or None
-        Changes of the weights of directed bonds in the gradients of their first points, see
-        `change_weights`.
+    changed : list of ChangedWeights
+        Changes of the weights of directed bonds in the gradients of their first points: of bonds
+        that interfaces omit, and those of `balance`.
+    balance : BalancedWeights or None
+        Changes of weights that balance the body, see `change_weights`.
     changes : int
         Number of changes of positions and bonds, by which dependent states detect that they are out
         of date.
@@ -80,8 +81,11 @@ class Kinematics:
     """
 
     def __init__(self, body: Body, precision: str, plane: str = "stress") -> None:
-        self.body, self.plane = body, plane
-        bonds, points, d = body.bonds, body.all_points, body.dimension
+        self.body = body
+        self.plane = plane
+        bonds = body.bonds
+        points = body.all_points
+        d = body.dimension
         total = len(points)
         self.chunks = chunks_of(len(bonds.first))
         self.scratch = aligned_rows((self.chunks.threads, SCRATCH_ROWS, BLOCK), value=1)
@@ -99,9 +103,14 @@ class Kinematics:
             self.supported,
         )
 
-        self.changed: ChangedWeights | None = None
-        self.positions, self.gradients = points.copy(), aligned_rows((total, d * d))
-        self.changes, self.formed, self.elapsed, self._has_steps = 0, False, 0.0, False
+        self.changed: list[ChangedWeights] = []
+        self.balance: BalancedWeights | None = None
+        self.positions = points.copy()
+        self.gradients = aligned_rows((total, d * d))
+        self.changes = 0
+        self.formed = False
+        self.elapsed = 0.0
+        self._has_steps = False
         self.interfaces = None
         self._plane_displacements = np.zeros((len(body.planes), d))
         self._plane_turns = None
@@ -115,10 +124,8 @@ class Kinematics:
         self._place = place_points.bind(
             np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks
         )
-        self._gradient_shifts, self._place_alone = (
-            np.zeros((len(ghosts), d * d)),
-            Chain(self._place),
-        )
+        self._gradient_shifts = np.zeros((len(ghosts), d * d))
+        self._place_alone = Chain(self._place)
 
     @cached_property
     def sources(self) -> np.ndarray:
@@ -134,7 +141,8 @@ class Kinematics:
         An end of these pairs is a point whose shape tensor has changed, or a mirror image of such a
         point.
         """
-        bonds, n = self.body.bonds, len(self.body)
+        bonds = self.body.bonds
+        n = len(self.body)
         self.weighted_bonds[np.concatenate([bonds[pairs] for bonds in self.bonds_of_pairs])] = 0.0
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
@@ -151,10 +159,12 @@ class Kinematics:
         )
         if self.interfaces is not None:
             self.interfaces.break_bonds(pairs)
-        if self.changed is not None:
-            self.changed.renew(touched)
-        self.formed, self.changes = False, self.changes + 1
-        own, outer = bonds.pair_of[entries_of(bonds.pointers, touched)], self.outer_pairs
+        if self.balance is not None:
+            self.balance.renew(touched)
+        self.formed = False
+        self.changes = self.changes + 1
+        own = bonds.pair_of[entries_of(bonds.pointers, touched)]
+        outer = self.outer_pairs
         # other ranks may have broken pairs that this rank does not have
         beside = self.body.share.beside_halo(bonds.first, bonds.second)
         return np.unique(np.concatenate([own, outer[reached[bonds.second[outer]]], beside]))
@@ -179,35 +189,20 @@ class Kinematics:
         """Mirrored pair of each of the `outer_pairs`: for a pair of i and an image of k, the
         pair of k and the same plane's image of i.
         """
-        bonds, ghosts, outer, n = (
-            self.body.bonds,
-            self.body.ghosts,
-            self.outer_pairs,
-            len(self.body),
-        )
+        bonds = self.body.bonds
+        ghosts = self.body.ghosts
+        outer = self.outer_pairs
+        n = len(self.body)
         if not len(ghosts):
             return outer
-        first, ghost, total = (
-            bonds.first[outer].astype(np.int64),
-            bonds.second[outer].astype(np.int64) - n,
-            n + len(ghosts),
-        )
+        first = bonds.first[outer].astype(np.int64)
+        ghost = bonds.second[outer].astype(np.int64) - n
+        total = n + len(ghosts)
         keys = first * total + n + ghost
         # The products exceed 32 bits in bodies of more than 65,535 points.
         wanted = ghosts.source[ghost].astype(np.int64) * total + n + ghosts.mirrored(first, ghost)
         order = np.argsort(keys)
         return outer[order[np.searchsorted(keys, wanted, sorter=order)]]
-
-    def gradient_weights(self, weighted_bonds: np.ndarray, inverse_shape: np.ndarray) -> np.ndarray:
-        """Return the weights K^-1 w x V_j of directed bonds in the deformation gradients of their
-        first points, shape (n_bonds, d).
-
-        `weighted_bonds` holds w x V_j and `inverse_shape` K^-1, as the attributes of the same
-        names.
-        """
-        return np.einsum(
-            "bij,bj->bi", symmetric(inverse_shape)[self.body.bond_owners], weighted_bonds
-        )
 
     def gradient_steps(
         self, positions: np.ndarray, gradients: np.ndarray, unsupported: float
@@ -223,11 +218,10 @@ class Kinematics:
         form = deformation_gradients[self.body.dimension].bind(
             positions, *arrays, unsupported, gradients, chunks=self.chunks
         )
-        return (
-            [form]
-            if self.changed is None
-            else [form, *self.changed.gradient_steps(positions, gradients)]
-        )
+        return [
+            form,
+            *(step for each in self.changed for step in each.gradient_steps(positions, gradients)),
+        ]
 
     def change_weights(
         self, numbers: np.ndarray, changes: np.ndarray, functions: np.ndarray
@@ -244,7 +238,8 @@ class Kinematics:
                 "the first term of a force must be one with an energy if others have one: it"
                 " balances the gradients of all"
             )
-        self.changed = ChangedWeights(self, numbers, changes, functions)
+        self.balance = BalancedWeights(self, numbers, changes, functions)
+        self.changed.append(self.balance)
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
         """Displace a reflection plane by u(X) = displacement + turn X; its images follow when
@@ -306,7 +301,8 @@ class Kinematics:
         positions = np.ascontiguousarray(positions, dtype=float)
         self.body.share.fill(positions)
         self._place.give("given", positions)
-        self.formed, self.changes = False, self.changes + 1
+        self.formed = False
+        self.changes = self.changes + 1
 
     def place(self, positions: np.ndarray, form: bool = False) -> None:
         """Set the positions of the points and ghosts; compute deformation gradients at once if
@@ -427,7 +423,7 @@ def matrices(columns: np.ndarray) -> np.ndarray:
 
 class ChangedWeights:
     """Changes of the weights of some directed bonds in the deformation gradients of their first
-    points, theory (79).
+    points.
 
     Parameters
     ----------
@@ -435,8 +431,6 @@ class ChangedWeights:
     numbers : ndarray of int, shape (k,)
         Numbers of the bonds, rising.
     changes : ndarray, shape (k, d)
-    functions : ndarray, shape (k, d) or (k, d + 1)
-        See `Kinematics.change_weights`.
 
     Attributes
     ----------
@@ -445,26 +439,15 @@ class ChangedWeights:
     numbers, changes
     """
 
-    def __init__(
-        self,
-        kinematics: Kinematics,
-        numbers: np.ndarray,
-        changes: np.ndarray,
-        functions: np.ndarray,
-    ) -> None:
+    def __init__(self, kinematics: Kinematics, numbers: np.ndarray, changes: np.ndarray) -> None:
         # Not the kinematics themselves, which have these changes: a cycle would keep both in
         # memory.
-        self._body, self._chunks = kinematics.body, kinematics.chunks
-        self._weighted_bonds, self._supported = kinematics.weighted_bonds, kinematics.supported
-        # Those of a whole body: what is left of them follows from the bonds that are broken, in
-        # whatever order they broke.
-        self._whole, self._functions, self.numbers, self.changes = (
-            changes,
-            functions,
-            numbers,
-            changes.copy(),
-        )
-        body, d = kinematics.body, kinematics.body.dimension
+        self._body = kinematics.body
+        self._chunks = kinematics.chunks
+        self.numbers = numbers
+        self.changes = changes
+        body = kinematics.body
+        d = body.dimension
         self.owners = body.bond_owners[numbers]
         self._points, self._places = np.unique(self.owners, return_inverse=True)
         ends = np.concatenate([body.bonds.neighbors[numbers].astype(np.int64), self._points])
@@ -510,15 +493,49 @@ class ChangedWeights:
             self._chunks, self._matrices[1], columns, forces, add=True, variable=True
         )
 
+    def put(self, changes: np.ndarray) -> None:
+        """Replace the changes."""
+        self.changes[:] = changes
+        self._fill()
+
+
+class BalancedWeights(ChangedWeights):
+    """Changes of weights with which a uniform stress exerts the load of the boundary, theory (79).
+
+    Parameters
+    ----------
+    kinematics, numbers, changes
+    functions : ndarray, shape (k, d) or (k, d + 1)
+        See `Kinematics.change_weights`.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        numbers: np.ndarray,
+        changes: np.ndarray,
+        functions: np.ndarray,
+    ) -> None:
+        super().__init__(kinematics, numbers, changes.copy())
+        self._weighted_bonds = kinematics.weighted_bonds
+        self._supported = kinematics.supported
+        # Those of a whole body: what is left of them follows from the bonds that are broken, in
+        # whatever order they broke.
+        self._whole = changes
+        self._functions = functions
+
     def renew(self, touched: np.ndarray) -> None:
         """Drop the changes of broken bonds of the points `touched`, and project the others there
         onto those that keep affine motions.
         """
-        body, d, n = self._body, self.changes.shape[1], len(self._body)
+        body = self._body
+        d = self.changes.shape[1]
+        n = len(self._body)
         chosen = np.zeros(n, dtype=bool)
         chosen[touched] = True
         found = np.flatnonzero(chosen[self.owners])
-        owners, numbers = self.owners[found], self.numbers[found]
+        owners = self.owners[found]
+        numbers = self.numbers[found]
         whole = self._weighted_bonds[numbers].any(axis=1)
         functions, changes = (
             each[found] * whole[:, None] for each in (self._functions, self._whole)

@@ -85,19 +85,21 @@ class MaterialPoints:
         pairs=None,
     ) -> None:
         body = kinematics.body
-        self._kinematics, self.law, self.whole = kinematics, law, own is None
-        self.response, self.parameters = (
-            PLANES[kinematics.plane].response.block(law),
-            law.parameters.copy(),
-        )
+        self._kinematics = kinematics
+        self.law = law
+        self.whole = own is None
+        self.response = PLANES[kinematics.plane].response.block(law)
+        self.parameters = law.parameters.copy()
         self.state_pass: BoundPass | None = None
         self.seen: list[BoundPass] = []
-        self._keep, self._found_at = self.seen, -1
+        self._keep = self.seen
+        self._found_at = -1
         if own is None:
             self.numbers = self.pairs = slice(None)
             self.own = slice(len(body)), slice(len(body))
             self.first, self.second = body.bonds.ends_in_blocks(BLOCK)
-            self.positions, self.gradients = kinematics.positions, kinematics.gradients
+            self.positions = kinematics.positions
+            self.gradients = kinematics.gradients
             self.volume_ratios = self.kept_ratios = np.ones(len(self.positions))
         else:
             self._see(own, np.empty(0, dtype=np.int64) if pairs is None else pairs)
@@ -111,27 +113,35 @@ class MaterialPoints:
         """Replace the law by one of the same kind with other numbers; passes that are bound to
         `parameters` evaluate it from then on.
         """
-        self.law, self._found_at = law, -1
+        self.law = law
+        self._found_at = -1
         self.parameters[:] = law.parameters
 
     def _see(self, own: np.ndarray, pairs: np.ndarray) -> None:
         """Set up copies of the arrays for the material's own points and the other ends of its
         pairs, in a body of several materials.
         """
-        kinematics, body = self._kinematics, self._kinematics.body
+        kinematics = self._kinematics
+        body = self._kinematics.body
         ends = body.bonds.first[pairs], body.bonds.second[pairs]
         seen = own.copy()
         seen[np.concatenate(ends)] = True
-        self.pairs, self.numbers, place = pairs, np.flatnonzero(seen), np.cumsum(seen) - 1
+        self.pairs = pairs
+        self.numbers = np.flatnonzero(seen)
+        place = np.cumsum(seen) - 1
         places = np.flatnonzero(own[self.numbers] & (self.numbers < len(body)))
         self.own = places, self.numbers[places]
         self.first, self.second = (
             np.pad(place[end], (0, -len(end) % BLOCK)).astype(np.uint32) for end in ends
         )
-        size, d = len(self.numbers), body.dimension
-        self.positions, self.gradients = aligned_rows((size, d)), aligned_rows((size, d * d))
-        self.volume_ratios, self.kept_ratios = np.ones(size), np.ones(len(own))
-        self.others, every = ~own[self.numbers], np.arange(size)
+        size = len(self.numbers)
+        d = body.dimension
+        self.positions = aligned_rows((size, d))
+        self.gradients = aligned_rows((size, d * d))
+        self.volume_ratios = np.ones(size)
+        self.kept_ratios = np.ones(len(own))
+        self.others = ~own[self.numbers]
+        every = np.arange(size)
         places = (
             kinematics.positions,
             kinematics.gradients,
@@ -142,15 +152,23 @@ class MaterialPoints:
         self.seen = [self.copies(*places, self.positions, self.gradients), ratios]
         self._keep = [self.copied(every, self.numbers, self.volume_ratios, self.kept_ratios)]
 
-    def places_of_pairs(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the places of some pairs of the body, in ascending order, among those of this
-        object, and these pairs themselves.
+    def places_of_pairs(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray | slice]:
+        """Return the places, among the pairs of this object, of those of some `pairs` of the body
+        that are among them, and their indices in `pairs`.
         """
         if self.whole:
-            return pairs, pairs
-        place = np.minimum(np.searchsorted(self.pairs, pairs), len(self.pairs) - 1)
-        within = self.pairs[place] == pairs
-        return place[within], pairs[within]
+            return pairs, slice(None)
+        chosen = np.flatnonzero(np.isin(pairs, self.pairs))
+        return np.searchsorted(self.pairs, pairs[chosen]), chosen
+
+    def pairs_of_points(self, of_body: tuple) -> tuple[np.ndarray, ...]:
+        """Return the pairs of each point of this object, see `pairs_of_points` of `kinematics`;
+        `of_body` are those of the body.
+        """
+        if self.whole:
+            return of_body
+        ends = (end[: len(self.pairs)] for end in (self.first, self.second))
+        return pairs_of_points(*ends, len(self.positions))
 
     def copied(
         self, numbers: np.ndarray, places: np.ndarray, values: np.ndarray, out: np.ndarray
@@ -210,7 +228,8 @@ class MaterialPoints:
         """Return the compiled pass that finds volume ratios and records of the points by the law
         of the material.
         """
-        kinematics, arrays = self._kinematics, (self.gradients, self.volume_ratios)
+        kinematics = self._kinematics
+        arrays = (self.gradients, self.volume_ratios)
         if kinematics.plane != "stress":
             return node_state.held_states[kinematics.body.dimension].bind(
                 *arrays, self.records, chunks=kinematics.chunks
@@ -248,7 +267,8 @@ class MaterialPoints:
         """Return an error message that names a point that has no state by the law, and the
         reason.
         """
-        body, plane = self._kinematics.body, self._kinematics.plane
+        body = self._kinematics.body
+        plane = self._kinematics.plane
         # Images are checked too: beyond a grip the reflected gradient may be turned inside out
         # where the point's own is not.
         place, reason = why_invalid(matrices(self.gradients), "", plane, lambda _: [self.law])
@@ -257,76 +277,56 @@ class MaterialPoints:
         return at_point(body, int(self._kinematics.sources[number]), image + reason)
 
 
-def rows_of(materials: list[MaterialPoints], width: int) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return an array with a row for each point of each material, one material after the other,
-    and its parts, one for each material.
+def rows_of_each(
+    kinematics: Kinematics, materials: list[MaterialPoints], out: np.ndarray, theirs=None
+) -> tuple[list[np.ndarray], list[BoundPass]]:
+    """Return an array with a row for each point of each material, and the pass that sums these
+    rows at the points and ghosts of the body and writes the sums to `out`.
+
+    `theirs` receives the sums over those materials only that are not the point's own. With one
+    material the array is `out` itself.
     """
+    if materials[0].whole:
+        return [out], []
     ends = np.cumsum([len(points.positions) for points in materials])
-    rows = aligned_rows((ends[-1], width))
-    return rows, np.split(rows, ends[:-1])
-
-
-def gathered(
-    kinematics: Kinematics,
-    materials: list[MaterialPoints],
-    rows: np.ndarray,
-    out: np.ndarray,
-    theirs=None,
-) -> BoundPass:
-    """Return the pass that sums the `rows` of all materials (`rows_of`) at the points and ghosts of
-    the body, and writes the sums to `out`.
-
-    `theirs` receives the sums over those materials only that are not the point's own.
-    """
-    numbers, others = (
-        np.concatenate([points.numbers for points in materials]),
-        np.concatenate([points.others for points in materials]),
-    )
+    rows = aligned_rows((ends[-1], out.shape[1]))
+    numbers = np.concatenate([points.numbers for points in materials])
+    others = np.concatenate([points.others for points in materials])
     order = np.argsort(numbers, kind="stable")
-    arrays = (
-        pointers_to(numbers, len(out)),
-        order.astype(np.uint32),
-        others[order],
-        rows,
-        out,
-        out[:0] if theirs is None else theirs,
-    )
-    return gather_rows(rows.shape[1]).bind(*arrays, chunks=kinematics.chunks)
+    pointers = pointers_to(numbers, len(out))
+    arrays = pointers, order.astype(np.uint32), others[order], rows, out
+    theirs = out[:0] if theirs is None else theirs
+    gather = gather_rows(rows.shape[1]).bind(*arrays, theirs, chunks=kinematics.chunks)
+    return np.split(rows, ends[:-1]), [gather]
 
 
 def material_sums(
     kinematics: Kinematics,
-    materials: list[MaterialPoints],
-    quantity: str,
     parts: Sequence,
+    quantity: str,
+    pairs: tuple,
     out: np.ndarray,
     theirs=None,
 ) -> list[BoundPass]:
-    """Return the passes that sum the "forces" or "moments" of pairs at the points of a body of
-    several materials, see `gathered`.
+    """Return the passes that sum the "forces" or "moments" of pairs at the points of a body, see
+    `rows_of_each`.
 
-    `parts` hold the pairs of each material in units of ``part.unit``. There is one pass for each
-    material, in order, and a last one.
+    `parts` hold the pairs of each material in units of ``part.unit``, and `pairs` are those of the
+    points of the body. The first passes are one for each material, in order.
     """
-    rows, of_each = rows_of(materials, out.shape[1])
-    add_up, passes = (
-        {"forces": sum_pair_forces, "moments": sum_moments}[quantity][kinematics.body.dimension],
-        [],
-    )
-    for points, part, own_rows in zip(materials, parts, of_each, strict=True):
-        pairs = pairs_of_points(
-            *(end[: len(points.pairs)] for end in (points.first, points.second)), len(own_rows)
+    add_up = {"forces": sum_pair_forces, "moments": sum_moments}[quantity]
+    rows, gather = rows_of_each(kinematics, [part.points for part in parts], out, theirs)
+    passes = [
+        add_up[kinematics.body.dimension].bind(
+            getattr(part, quantity),
+            *part.points.pairs_of_points(pairs),
+            float(part.unit),
+            own_rows,
+            chunks=kinematics.chunks,
         )
-        passes.append(
-            add_up.bind(
-                getattr(part, quantity),
-                *pairs,
-                float(part.unit),
-                own_rows,
-                chunks=kinematics.chunks,
-            )
-        )
-    return [*passes, gathered(kinematics, materials, rows, out, theirs)]
+        for part, own_rows in zip(parts, rows, strict=True)
+    ]
+    return passes + gather
 
 
 def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]:
@@ -341,7 +341,8 @@ def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]
     InvalidState
         If a point has no state; the message names it.
     """
-    unsolved, begun = None, 0
+    unsolved = None
+    begun = 0
     for points in materials:
         end = begun + len(points.steps)
         if not points.note(counts[begun:end]):

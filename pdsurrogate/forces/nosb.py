@@ -13,7 +13,7 @@ from ..materials import PLANES
 from .binding import Binding
 from .errors import at_point, why_invalid
 from .kinematics import matrices
-from .material_points import gathered, rows_of
+from .material_points import rows_of_each
 from .protocol import ForceModel
 from .term import MaterialTerm, Term
 
@@ -27,19 +27,17 @@ class PointStress(MaterialTerm):
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        kinematics, body, bonds, d = (
-            self.kinematics,
-            self.body,
-            self.body.bonds,
-            self.body.dimension,
-        )
-        self._stresses, passes = aligned_rows((len(body.all_points), d * d)), []
-        self._broken, self._shapes = np.zeros(len(bonds.first), dtype=bool), []
+        kinematics = self.kinematics
+        body = self.body
+        bonds = body.bonds
+        d = body.dimension
+        self._stresses = aligned_rows((len(body.all_points), d * d))
+        passes = []
+        self._broken = np.zeros(len(bonds.first), dtype=bool)
+        self._shapes = []
         materials = [self.points_of(number) for number in range(len(binding.portions))]
-        # P K^-1 of points and images; a single material writes to this array directly.
-        rows, of_each = (
-            (self._stresses, [self._stresses]) if binding.whole else rows_of(materials, d * d)
-        )
+        # P K^-1 of points and images.
+        of_each, gather = rows_of_each(kinematics, materials, self._stresses)
         for points, stresses in zip(materials, of_each, strict=True):
             shapes = kinematics.inverse_shape[points.numbers]
             self._shapes.append((points.numbers, shapes))
@@ -54,8 +52,6 @@ class PointStress(MaterialTerm):
                 nosb.weighted_stresses[d].bind(*state, *law, stresses, chunks=kinematics.chunks)
             )
         self.in_units = list(enumerate(passes))
-        if not binding.whole:
-            passes.append(gathered(kinematics, materials, rows, self._stresses))
         sums = (
             self._stresses,
             bonds.pointers,
@@ -66,11 +62,12 @@ class PointStress(MaterialTerm):
         to_points = nosb.nosb_forces[d].bind(
             *sums, np.empty_like(body.points), chunks=kinematics.chunks
         )
-        self.bind_steps(*passes, to_points)
+        self.bind_steps(*passes, *gather, to_points)
 
     def diagnose(self, out: np.ndarray) -> str:
         F = self.kinematics.deformation_gradients()
-        owners, portions = self.binding.portion_of, self.binding.portions
+        owners = self.binding.portion_of
+        portions = self.binding.portions
         i, reason = why_invalid(
             F,
             "",
@@ -79,9 +76,11 @@ class PointStress(MaterialTerm):
         )
         return at_point(self.body, i, f"it has no stress: {reason}")
 
-    def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
-        bonds, body = self.body.bonds, self.body
-        first, second = bonds.first[pairs], bonds.second[pairs]
+    def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
+        bonds = self.body.bonds
+        body = self.body
+        first = bonds.first[pairs]
+        second = bonds.second[pairs]
         bond = body.all_points[second] - body.all_points[first]
         factor = body.weigh(lengths_of(bond)) * body.all_volumes[first] * body.all_volumes[second]
         factor[self._broken[pairs]] = 0
