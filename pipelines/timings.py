@@ -521,19 +521,18 @@ def of_speed() -> str:
     """Force models of sheets: cost, error and effort, and the figure of the documentation."""
     import comparison
 
-    from pdsurrogate.results import tables
     from pdsurrogate.results.figures import save
-    from pdsurrogate.results.files import write_text
+    from pdsurrogate.results.files import write_json
 
-    report = comparison.compare()
-    save(comparison.pareto_figure(report), FIGURES / "speed.png")
-    write_text(FIGURES / "speed.csv", tables.as_csv(report["models"]))
-    where = "Processor: {processor}, {threads} threads, numba {numba}.".format(**report["machine"])
+    found = comparison.compare()
+    save(comparison.pareto_figure(found), FIGURES / "speed.png")
+    write_json(FIGURES / "speed.json", found)
     shown = [
-        f"{title}:\n\n{markdown_table(*comparison.table(report, title))}"
+        f"{title}:\n\n{markdown_table(*comparison.table(found, title))}"
         for title in comparison.TABLES
     ]
-    return "\n\n".join([f"{where} {comparison.caution(report['models'])}".strip(), *shown])
+    warning = comparison.caution(found["models"])
+    return "\n\n".join([f"Processor: {found['machine']}. {warning}".strip(), *shown])
 
 
 def of_sizes() -> str:

@@ -20,11 +20,11 @@ from ..kernels.energy_density import (
 )
 from ..kernels.network import ACTIVATIONS, GROUP, SMOOTH, pack_units
 from ..materials import PLANES, Law
-from .agreement import invariant_states, isochoric_slopes, isochoric_states, isochoric_stresses
+from .agreement import invariant_states, isochoric_states, isochoric_stresses
 from .bond_energy import EnergyModel, EnergySurrogate, IsochoricEnergy
 from .compiled_force import CompiledBondForce
 from .domain import Domain
-from .learned import CHUNK, Learned, check_shape, greatest_deviations
+from .learned import CHUNK, Learned, check_shape
 from .pair_passes import EnergyDerivatives
 
 ENERGY_FEATURES = ("log J", "log(tr C/(2 J))")
@@ -73,8 +73,6 @@ class LearnedEnergy(Learned, EnergyModel):
     stated : mapping, optional
         Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its
         artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a card.
-    members : tuple of Member, optional
-        Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
         Covariance of its law, if this was fitted to measurements that determine it.
     """
@@ -154,8 +152,6 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
     stated : mapping, optional
         Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its
         artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a card.
-    members : tuple of Member, optional
-        Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
         Covariance of its law, if this was fitted to measurements that determine it.
 
@@ -270,8 +266,6 @@ class IsochoricNetwork(LearnedEnergy):
     stated : mapping, optional
         Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its
         artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a card.
-    members : tuple of Member, optional
-        Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
         Covariance of its law, if this was fitted to measurements that determine it.
 
@@ -387,48 +381,6 @@ class IsochoricNetwork(LearnedEnergy):
 
     def _units(self) -> np.ndarray:
         return pack_units(self.hidden_weights, self.hidden_biases, self.output_weights)
-
-    def member_deviations(self, law: Law, stretches: np.ndarray) -> np.ndarray:
-        """Return the greatest deviation of committee members' principal Kirchhoff stresses from the
-        model's.
-
-        Parameters
-        ----------
-        law : Law
-            Law of the body.
-        stretches : ndarray, shape (n, 3)
-            Isochoric principal stretches, of product 1.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Greatest deviation of any member at each state, in units of mu.
-
-        Examples
-        --------
-        A member that is the model itself does not deviate:
-
-        >>> from dataclasses import replace
-        >>> import numpy as np
-        >>> import pdsurrogate as pds
-        >>> from pdsurrogate.forces.protocol import Member
-        >>> law, model = pds.materials.NeoHookean(), pds.load_surrogate("neo-hookean-isochoric")
-        >>> committee = replace(model, members=(Member(model, law, 1.0),))
-        >>> print(committee.member_deviations(law, np.array([[2.0, 1.0, 0.5]])))
-        [0.]
-        """
-
-        def stresses_of(model: IsochoricNetwork, law: Law, some: slice) -> np.ndarray:
-            squares = stretches[some].T ** 2
-            I1 = squares.sum(axis=0)
-            I2 = (1 / squares).sum(axis=0)
-            inside = model.domain.beyond_bounds(stretches[some]) <= 0
-            slopes = np.empty((2, len(I1)))
-            slopes[:, inside] = model.isochoric_derivatives(I1[inside], I2[inside])[1:]
-            slopes[:, ~inside] = isochoric_slopes(law, I1[~inside], I2[~inside])
-            return isochoric_stresses(squares, *slopes)
-
-        return greatest_deviations(self, law, stresses_of, len(stretches))
 
     def answer(self, *states: np.ndarray) -> np.ndarray:
         I1, I2, squares = states

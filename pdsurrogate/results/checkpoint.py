@@ -14,7 +14,7 @@ from ..array_files import read_arrays
 from .contents import contents_in, differences_between
 from .files import replacing
 
-FORMAT = 12
+FORMAT = 13
 """Number of the format of checkpoints; it rises with every change that an older or newer version
 would misread, and other numbers are refused.
 """
@@ -56,7 +56,6 @@ class Checkpoint(NamedTuple):
         text = json.dumps(
             {"format": FORMAT, "identity": identity, "progress": self.progress}, allow_nan=False
         )
-        # First, so that the head of the file identifies it.
         arrays = {_DESCRIPTION: np.frombuffer(text.encode(), dtype=np.uint8), **self.arrays}
         with replacing(folder / NAME) as temporary, temporary.open("wb") as file:
             np.savez(file, **arrays)

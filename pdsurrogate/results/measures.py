@@ -156,10 +156,6 @@ class PointState:
     deviation : ndarray, shape (n,), or None
         How far the points are beyond the training domain of a surrogate, see
         `InternalForce.learned`; None without a domain.
-    member_deviation : ndarray, shape (n,), or None
-        Greatest deviation of the committee members' stresses from those of the surrogate at each
-        point; a committee is a set of further fits stored with a surrogate, whose spread estimates
-        its error. None without a committee.
     kept : dict of ndarray
         Internal variables that the force model marks for output (`pdsurrogate.forces.term.Kept`
         with ``shown``), by name.
@@ -178,10 +174,7 @@ class PointState:
         self.position, self.volumes = force.body.points, force.body.volumes
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
         self.stress, self.energy_density = force.stress_and_energy()
-        self.deviation, self.member_deviation = (
-            force.learned.domain_deviation(),
-            force.learned.member_deviation(),
-        )
+        self.deviation = force.learned.domain_deviation()
         self.kept = {
             array.name: array.at_points(force.body) for array in force.states if array.shown
         }
@@ -288,7 +281,6 @@ POINT_FIELDS = {
     ),
     "deformation_gradient": PointField(lambda state: state.deformation_gradient, 9, symbol="F"),
     "domain_deviation": PointField(lambda state: state.deviation),
-    "member_deviation": PointField(lambda state: state.member_deviation, unit="stress"),
     "damage": PointField(lambda state: state.damage),
 }
 """Fields on the points by their names in result files."""
@@ -334,12 +326,8 @@ def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
     values = fields[base]
     values = values.reshape(-1, 3, 3) if values.ndim == 2 and values.shape[1] == 9 else values
     if indices and values.ndim - 1 != len(indices):
-        needed = {
-            1: "no components",
-            2: f"components such as {base}_1",
-            3: f"components such as {base}_22",
-        }[values.ndim]
-        raise ValueError(f"field: {name!r} does not exist: {base} has {needed}")
+        needed = ("no components", f"components such as {base}_1", f"components such as {base}_22")
+        raise ValueError(f"field: {name!r} does not exist: {base} has {needed[values.ndim - 1]}")
     return values[(slice(None), *indices)]
 
 

@@ -42,7 +42,6 @@ from ..results.folder import (
     FAILED,
     INTERRUPTED,
     RUNNING,
-    check_names,
     check_room,
     make_room,
     occupied,
@@ -288,7 +287,6 @@ def simulate(
     with ranks.together():  # before any work
         count = working_ranks(scene, ranks)
         if own and resume:
-            check_names(own, scene.name, resumed=True)
             remove_leftovers(own)
         elif own:
             check_room(own, contents_of(scene, models), overwrite)
@@ -362,6 +360,7 @@ def _on_these_ranks(
             begun = result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
             if own:
                 run.keep_tables = Record(run, begun.summary).keep_if_due
+                run.keep_tables()  # by which the folder is known as that of this run
 
         def ended(message: str | None, status: str) -> Result:
             result = result_of(run, clock.seconds, began, message, status)

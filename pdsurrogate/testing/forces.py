@@ -73,6 +73,11 @@ def _scale(force: InternalForce, forces: np.ndarray) -> float:
     return max(float(np.abs(forces).max()), force.law.shear_modulus * force.body.spacing)
 
 
+def _error(force: InternalForce, found: np.ndarray, expected: np.ndarray) -> float:
+    """Return the greatest difference of two arrays of forces, relative to their `_scale`."""
+    return float(np.abs(found - expected).max()) / _scale(force, expected)
+
+
 def _settled(force: InternalForce, positions: np.ndarray) -> np.ndarray:
     """Return the forces of a second evaluation, whose iteration for the volume ratio J3 starts from
     the converged values of the first.
@@ -173,10 +178,7 @@ def objectivity(subject, force, positions):
     for degrees in (15, 110, 170, 200, 275, 360):
         rotation = turn(degrees, subject.dimension)
         turned = _settled(force, positions @ rotation.T + [3.0, -2.0, 1.0][: subject.dimension])
-        errors += [
-            np.abs(turned @ rotation - still).max() / _scale(force, still),
-            abs(_energy(force) - energy),
-        ]
+        errors += [_error(force, turned @ rotation, still), abs(_energy(force) - energy)]
     return errors
 
 
@@ -189,8 +191,7 @@ def another_start(subject, force, positions):
     ratio J3 is the square, 1e-16, and the forces change by K/mu times 1e-16.
     """
     forces_at(force, force.body.points)
-    found, expected = forces_at(force, positions), forces_at(force, positions)
-    return np.abs(found - expected).max() / _scale(force, expected)
+    return _error(force, forces_at(force, positions), forces_at(force, positions))
 
 
 @drawn(1e-9)
@@ -199,10 +200,8 @@ def mirror(subject, force, positions):
     the original.
     """
     across = MIRROR[: subject.dimension]
-    expected = _settled(force, positions) * across
-    return np.abs(_settled(_mirrored(subject), positions * across) - expected).max() / _scale(
-        force, expected
-    )
+    mirrored = _settled(_mirrored(subject), positions * across)
+    return _error(force, mirrored, _settled(force, positions) * across)
 
 
 @drawn(1e-12)
@@ -242,10 +241,9 @@ def order_of_points(subject, force, positions):
     Rounding is 1e-16 for each of some thirty bonds, multiplied by K/mu where the large volumetric
     parts of the bond forces cancel.
     """
-    (renumbered, order), expected = _renumbered(subject), _settled(force, positions)
-    return np.abs(_settled(renumbered, positions[order]) - expected[order]).max() / _scale(
-        force, expected
-    )
+    renumbered, order = _renumbered(subject)
+    found = _settled(renumbered, positions[order])
+    return _error(force, found, _settled(force, positions)[order])
 
 
 @drawn(1e-9)
@@ -260,7 +258,7 @@ def units(subject, force, positions):
     for length, stress in ((1e-9, 1e9), (1e9, 1e-9)):
         other = _in_other_units(subject, length, stress)
         found = _settled(other, length * positions) / (length ** (d - 1) * stress)
-        errors.append(np.abs(found - expected).max() / _scale(force, expected))
+        errors.append(_error(force, found, expected))
     return errors
 
 
@@ -289,10 +287,7 @@ def far_from_the_origin(subject, force, positions):
     """
     (near, far), placed = _near_and_far(subject), GRID * np.rint(positions / GRID)
     expected, found = _settled(near, placed), _settled(far, placed + AWAY)
-    return [
-        np.abs(found - expected).max() / _scale(near, expected),
-        abs(_energy(far) - _energy(near)),
-    ]
+    return [_error(near, found, expected), abs(_energy(far) - _energy(near))]
 
 
 GRADIENTS = (
@@ -455,7 +450,7 @@ def reflected_half(subject: Subject) -> float:
     force = subject.bind(whole)
     expected = forces_at(force, positions)
     found = forces_at(subject.bind(half), positions[left])
-    return np.abs(found - expected[left]).max() / _scale(force, expected)
+    return _error(force, found, expected[left])
 
 
 CUTS = {
