@@ -17,7 +17,7 @@ from ..materials.covariance import numbers_of
 from ..problem.materials import checked_models
 from ..progress import listening
 from ..results import Result
-from ..run.sensitivity import Differentiated
+from ..run.sensitivity import Differentiated, differentiated
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import Scene, SceneError
 from ..scenes.reading import leaves
@@ -294,7 +294,7 @@ class MeasuredScene:
         InvalidState
             If the force is undefined at the measured displacements.
         """
-        base, change, run = self._base, start.max(), self._base.run
+        base, change, run = self._base, start.max(), self._base.system
         others = [
             base.changed(_named_numbers(law_of(start + change * unit)))
             for unit in np.eye(len(start))
@@ -331,7 +331,7 @@ class MeasuredScene:
         """Return the measurements of the rows of a step, and the forces (n, d), where the points
         have given positions (n, d).
         """
-        body.run.state.parameter = self._parameters[step]
+        body.system.state.parameter = self._parameters[step]
         measured, forces = body.evaluated(positions)
         fields = np.array([*measured.values()][-self._places.size :]).reshape(self._places.shape)
         return (
@@ -364,9 +364,14 @@ class MeasuredScene:
         What is smoothed, by local quadratic fits, is their difference from the simulated ones. It
         is zero where components are held.
         """
+<<<<<<< HEAD
         run, moved = self._base.run, self._guesses[step].copy()
         guessed = self._base.moved_places(self._guesses[step], self._parameters[step])
         for axis in range(guessed.shape[1] if len(guessed) else 0):
+=======
+        run, moved = self._base.system, self._guesses[step].copy()
+        for axis, matrix in enumerate(self._base.at_places):
+>>>>>>> main
             here = (self.rows.step == step) & (self.rows.quantity == axis + 1)
             if not here.any():
                 continue
@@ -412,7 +417,7 @@ class MeasuredScene:
         return levels[step - 1] | {"number": step - 1}
 
     def _differentiated(self, scene: Scene) -> Differentiated:
-        return Differentiated(
+        return differentiated(
             scene,
             checked_models(scene, load_surrogate(FORCE)),
             self._places if len(self._places) else None,

@@ -137,10 +137,10 @@ class BondAssociatedStress(MaterialTerm):
             material.law.shear_modulus,
             np.empty_like(body.points),
         )
-        self._sum_forces = sum_pair_forces[2].bind(*sums, chunks=chunks)
+        self._sum_forces = kinematics.bind(sum_pair_forces[2], *sums)
         self.in_units = [(0, self._sum_forces)]
         self._find_forces = Chain(
-            ba_nosb.ba_nosb_forces.bind(*arrays, chunks=chunks), self._sum_forces
+            kinematics.bind(ba_nosb.ba_nosb_forces, *arrays), self._sum_forces
         )
 
     def find(self, out: np.ndarray) -> None:

@@ -366,12 +366,15 @@ def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
     return [*words, "turning"] if rows.shape[1] - rank > len(words) else words
 
 
-def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modulus: float) -> None:
-    """Raise ValueError if held parts move apart faster than shear waves: the result would depend on
-    the motion at the start.
+def check_dynamics(
+    scene: Scene, loading: Loading, stages: tuple[Stage, ...], modulus: float
+) -> None:
+    """Raise ValueError if held parts move apart faster than shear waves in a stage in dynamics, or
+    it needs more than `MOST_STEPS` time steps for sure; `modulus` is the least shear modulus.
 
-    The wave speed follows from the shear modulus `modulus` and the density of each stage in
-    dynamics.
+    With such speeds the result would depend on the motion at the start. The estimate of the steps
+    is generous, as the horizon is longer than the waves that limit the step, and pressure waves are
+    faster than shear waves.
     """
     units = scene.units
     unit = f" {units.length}/{units.time}" if units.length and units.time else ""
@@ -380,52 +383,29 @@ def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modu
             continue
         motion, wave = stage.motion(begin), math.sqrt(modulus / stage.inertia.density)
         speed = _greatest_speed(loading, motion)
-        if speed <= wave:
-            continue
-        if stage.inertia.pace == "stretch_rate":
-            what, slowest = (
-                "the grips",
-                f"the greatest possible rate is {motion.rate * wave / speed:.4g}",
+        if speed > wave:
+            if stage.inertia.pace == "stretch_rate":
+                what = "the grips"
+                slowest = f"the greatest possible rate is {motion.rate * wave / speed:.4g}"
+            else:
+                what = "parts that are held"
+                least = units.amount(motion.duration * speed / wave, "time", ".4g")
+                slowest = f"the shortest possible duration is {least}"
+            apart = (
+                f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at"
+                f" {wave:.4g}{unit}"
             )
-        else:
-            what, least = (
-                "parts that are held",
-                units.amount(motion.duration * speed / wave, "time", ".4g"),
-            )
-            slowest = f"the shortest possible duration is {least}"
-        apart = (
-            f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at"
-            f" {wave:.4g}{unit}"
-        )
-        raise ValueError(f"{stage.key}.{stage.inertia.pace}: {apart}; {slowest}")
-
-
-def check_steps(loading: Loading, stages: tuple[Stage, ...], modulus: float) -> None:
-    """Raise ValueError if a stage in dynamics needs more than `MOST_STEPS` time steps for sure;
-    `modulus` is the least shear modulus.
-
-    The estimate is generous, as the horizon is longer than the waves that limit the step, and
-    pressure waves are faster than shear waves.
-    """
-    for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
-        if stage.inertia is None:
-            continue
+            raise ValueError(f"{stage.key}.{stage.inertia.pace}: {apart}; {slowest}")
         # time of a shear wave through a horizon
-        crossing = loading.body.horizon * math.sqrt(stage.inertia.density / modulus)
-        damped, duration = 2 * (stage.inertia.viscosity or 0.0), stage.motion(begin).duration
-        step = stage.inertia.safety * (
-            crossing if crossing >= damped else crossing * crossing / damped
-        )
-        if duration > MOST_STEPS * step:
-            many = (
-                f"a duration of {duration:.3g} in time steps of less than {step:.1g} needs more"
-                f" than {MOST_STEPS:.0e} steps"
+        crossing, damped = loading.body.horizon / wave, 2 * (stage.inertia.viscosity or 0.0)
+        step = stage.inertia.safety * min(crossing, crossing * crossing / (damped or crossing))
+        if motion.duration > MOST_STEPS * step:
+            raise ValueError(
+                f"{stage.key}: a duration of {motion.duration:.3g} in time steps of less than"
+                f" {step:.1g} needs more than {MOST_STEPS:.0e} steps; check {stage.key}.density,"
+                f" {stage.key}.{stage.inertia.pace}, {stage.key}.viscosity and {stage.key}.safety"
+                " and their units"
             )
-            settings = (
-                f"{stage.key}.density, {stage.key}.{stage.inertia.pace}, {stage.key}.viscosity and"
-                f" {stage.key}.safety"
-            )
-            raise ValueError(f"{stage.key}: {many}; check {settings} and their units")
 
 
 def _greatest_speed(loading: Loading, motion: Motion) -> float:

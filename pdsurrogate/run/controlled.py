@@ -31,9 +31,6 @@ class DisplacementPath:
         Stage with a `control`.
     """
 
-    records_last = False
-    """The outputs before the failure tell how far the displacement was followed."""
-
     def __init__(self, run: Run, stage: Stage) -> None:
         spec, self._control = run.problem.scene.solver, control_of(run, stage.control)
         self.solver = DisplacementControl(

@@ -208,7 +208,7 @@ def output_row(
             row |= run.ranks.to_all(
                 None
                 if displacements is None
-                else _lateral(run.whole, displacements, declared.lateral, box)
+                else _lateral(run.problem.whole, displacements, declared.lateral, box)
             )
     if run.measures_cracks and costly:
         row["cracks"] = crack_rows(run)

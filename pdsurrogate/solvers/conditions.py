@@ -17,12 +17,6 @@ from .loads import AT_REST, LoadedForce, Loads
 from .obstacles import PASSED, TOUCHING, Obstructed
 from .rigid import displaced, moment_of, nearest_turn, rigid_placement
 
-ONE_SIDED = 0.1
-"""Distance along a reflection plane, divided by the horizon, between a point and the mean position
-of its neighbors, beyond which the point counts as next to a free side. The distance is 0 for a full
-horizon, and 0.4 horizons for half of one.
-"""
-
 MOST_MOTIONS = 8
 """Number of values of the loading parameter at which `Loading` keeps the motions of all held parts.
 A step of dynamics asks some twenty times for the motions at four values.
@@ -35,8 +29,7 @@ Chosen above the rounding of coordinates in single precision, and far below a sp
 
 
 class FoldedOver(InvalidState):
-    """Error for a free side of the body that has bulged beyond the plane of a grip next to it:
-    contact there is not computed.
+    """Error for a body that has bulged beyond the plane of a grip: contact there is not computed.
 
     A grip is a reflection plane of which more than one component is held, unlike a plane of
     symmetry.
@@ -312,8 +305,7 @@ class Loading:
             If a point has crossed, or an obstacle has passed the boundary; the message names the
             farthest point, and the plane or obstacle.
         FoldedOver
-            If that point lies next to a free side, and the plane is held along itself too, so that
-            the side can bulge over it.
+            If the plane is held along itself too, so that a free side can bulge over it.
         """
         for obstacle in self.loads.obstacles:
             depths, error = -obstacle.gaps(positions)[0] - PASSED * self.body.spacing, None
@@ -351,17 +343,11 @@ class Loading:
                 what = (
                     f"it lies {beyond[worst]:.3g} beyond the {name}, on the side of its own image"
                 )
-                error = InvalidState(at_point(self.body, worst, what))
-                if (
-                    plane.axis is not None
-                    and self.plane_components[number].sum() > 1
-                    and self._beside_free_side(worst, plane.axis)
-                ):
-                    what += (
-                        "; the free side next to it bulges over what it is bonded to, and would lie"
-                        " against it"
-                    )
-                    error = FoldedOver(at_point(self.body, worst, what))
+                kind = InvalidState
+                if plane.axis is not None and self.plane_components[number].sum() > 1:
+                    kind = FoldedOver
+                    what += "; the body bulges over what it is bonded to, and would lie against it"
+                error = kind(at_point(self.body, worst, what))
             self.body.share.agree(error)
 
     def _check_held(self, name: str, plane: Mirror, motion: np.ndarray) -> None:
@@ -378,18 +364,6 @@ class Loading:
                     f"the obstacle {obstacle.name} lies {deepest:.3g} inside the {name}, whose"
                     " motion is prescribed"
                 )
-
-    def _beside_free_side(self, point: int, axis: int) -> bool:
-        """Return whether a point lies next to a side of the body parallel to `axis`.
-
-        The mean position of its neighbors is then shifted, normal to `axis`, by more than
-        `ONE_SIDED` horizons from the point.
-        """
-        bonds = self.body.bonds
-        neighbors = bonds.neighbors[bonds.pointers[point] : bonds.pointers[point + 1]]
-        arms = self.body.all_points[neighbors] - self.body.points[point]
-        middle = np.average(arms, axis=0, weights=self.body.all_volumes[neighbors])
-        return bool(np.linalg.norm(np.delete(middle, axis)) > ONE_SIDED * self.body.horizon)
 
     def reactions(
         self, force: LoadedForce, on_points: np.ndarray | None = None, of_planes: bool = True
