@@ -364,14 +364,9 @@ class MeasuredScene:
         What is smoothed, by local quadratic fits, is their difference from the simulated ones. It
         is zero where components are held.
         """
-<<<<<<< HEAD
-        run, moved = self._base.run, self._guesses[step].copy()
+        run, moved = self._base.system, self._guesses[step].copy()
         guessed = self._base.moved_places(self._guesses[step], self._parameters[step])
         for axis in range(guessed.shape[1] if len(guessed) else 0):
-=======
-        run, moved = self._base.system, self._guesses[step].copy()
-        for axis, matrix in enumerate(self._base.at_places):
->>>>>>> main
             here = (self.rows.step == step) & (self.rows.quantity == axis + 1)
             if not here.any():
                 continue

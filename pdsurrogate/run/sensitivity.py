@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..body import fields_at
+from ..body import Following, fields_at
 from ..engine.threads import thread_count
 from ..forces import ForceModel
 from ..materials.covariance import with_numbers_of
@@ -183,16 +183,9 @@ class Differentiated:
         Values of the possible parameters by name: numbers of the scene below `PLACES`, and numbers
         of the arrays of learned models, such as ``"force.output_weights.3"`` or, for the model of a
         region, ``"materials.0.force.coefficients.0.2.1"``.
-<<<<<<< HEAD
-    run : Run
-        Run of the scene in the present state.
     at_places : Following or None
-        Map from the displacements of the points to those at `places`.
-=======
-    at_places : tuple of sparse array, shape (k, n)
-        For each axis, the weights of the points' displacements in those at places that are measured
-        besides the outputs.
->>>>>>> main
+        Map from the displacements of the points to those at places that are measured besides the
+        outputs.
     control : str or None
         Key of the displacement that the step of the equilibrium controls, so that the loading
         parameter t is an unknown.
@@ -200,32 +193,19 @@ class Differentiated:
 
     system: System
     numbers: dict[str, float]
-    at_places: tuple = ()
+    at_places: Following | None = None
     control: str | None = None
 
-<<<<<<< HEAD
-    def __init__(
-        self, scene: Scene, models: Sequence[ForceModel], places: np.ndarray | None = None
-    ) -> None:
-        with thread_count(None):
-            self.run = run = run_in_double(scene, models)
-        self.at_places = (
-            None if places is None else fields_at(run.body, places, run.force.portion_of)[0]
-        )
-        self.numbers = numbers_in(scene, models)
-
     def moved_places(self, displacements: np.ndarray, parameter: float) -> np.ndarray:
-        """Return the displacements (k, d) at `places`, from those of the points (n, d) at a value
-        of the loading parameter.
+        """Return the displacements (k, d) at places that are measured, from those of the points
+        (n, d) at a value of the loading parameter.
         """
         if self.at_places is None:
             return np.empty((0, displacements.shape[1]))
-        loading = self.run.loading
+        loading = self.system.loading
         planes = loading.planes_at(parameter) - loading.loads.at_rest
         return self.at_places(displacements, planes)
 
-=======
->>>>>>> main
     def changed(self, values: Mapping[str, float]) -> "Differentiated":
         """Return the scene with other values of parameters, by name, on the same body."""
         problem, at = self.system.problem, self.system.state.parameter
@@ -467,18 +447,11 @@ class Differentiated:
         """Return the measurements where the force was last evaluated, see `evaluated`; `costly`
         as for `output_row`.
         """
-<<<<<<< HEAD
-        run, displacements = self.run, self.run.positions - self.run.body.points
-        probes = run.probes.displacements(displacements, run.loads.planes_moved)
-        row = {"probes": probes} | output_row(run, costly=costly)
-=======
         system, displacements = self.system, self.system.positions - self.system.body.points
-        row = {"probes": system.probes.displacements(displacements)} | output_row(
-            system, costly=costly
-        )
->>>>>>> main
+        probes = system.probes.displacements(displacements, system.loads.planes_moved)
+        row = {"probes": probes} | output_row(system, costly=costly)
         found = {key: value for key, value in leaves(row) if isinstance(value, float)}
-        moved = self.moved_places(displacements, run.state.parameter)
+        moved = self.moved_places(displacements, system.state.parameter)
         return found | {
             f"places.{place}.{axis}": float(u)
             for place, each in enumerate(moved)
@@ -632,11 +605,7 @@ class Differentiated:
                 gradient[:, axis] = self.at_places.component(axis)[[number]].toarray()[0]
             elif place := re.fullmatch(r"probes\.(.+)\.displacement\.(\d)", name):
                 axis = int(place[2])
-<<<<<<< HEAD
-                gradient[:, axis] = run.probes.weights(place[1], axis)
-=======
-                gradient[:, axis] = system.probes.weights(place[1])[axis].toarray()[0]
->>>>>>> main
+                gradient[:, axis] = system.probes.weights(place[1], axis)
             elif name == "energy":
                 _forces(system, system.positions)
                 gradient = -system.loading.internal_forces(system.force)
@@ -672,14 +641,11 @@ class Differentiated:
                 if part.plane is not None and part.holder == holder and axis in part.components:
                     motion = loading.plane_motions(system.state.parameter)[part.plane].copy()
                     motion[axis, -1] += change
-<<<<<<< HEAD
-                    run.loaded.move_plane(part.plane, motion[:, -1])
-                    run.loads.planes[part.plane] += change * run.loads.normals[part.plane, axis]
-            run.loaded(moved, forces)
-=======
                     system.loaded.move_plane(part.plane, motion[:, -1])
+                    system.loads.planes[part.plane] += (
+                        change * system.loads.normals[part.plane, axis]
+                    )
             system.loaded(moved, forces)
->>>>>>> main
             return forces
 
         found = -central_difference(forces_at, self.width * system.body.spacing, self.fine)
@@ -695,7 +661,9 @@ def differentiated(
     """
     with thread_count(None):
         system = bound(compile_scene(scene, models), "float64")
-    at_places = () if places is None else fields_at(system.body, places, system.force.portion_of)[0]
+    at_places = None
+    if places is not None:
+        at_places, _ = fields_at(system.body, places, system.force.portion_of)
     return Differentiated(system, numbers_in(scene, models), at_places)
 
 
