@@ -25,7 +25,7 @@ from .pair_balance import balanced_changes
 from .pair_forces import PairForces
 from .protocol import ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
-from .term import OutsideCounter, MaterialTerm, Term
+from .term import MaterialTerm, OutsideCounter, Term
 
 
 class BondForces(MaterialTerm):

@@ -21,7 +21,7 @@ from .kinematics import matrices
 from .material_points import material_sums
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
-from .term import OutsideCounter, MaterialTerm, whole_volume
+from .term import MaterialTerm, OutsideCounter, whole_volume
 from .volume_energy import VolumeEnergy
 
 
