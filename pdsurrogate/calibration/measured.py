@@ -132,15 +132,12 @@ class MeasuredScene:
         """
         scene = with_law(self.scene, law, spacing)
         result, found = _simulated(scene), np.empty(len(self.rows.step))
-        places = self._interpolation(scene, result)
+        at_places = self._interpolation(scene, result)
         for step in self._steps:
             level, here = self._level(result, step), self.rows.step == step
             row = dict(leaves(level))
-            moved = result.displacement(level["number"])
-            fields = (
-                np.stack([matrix @ moved[:, axis] for axis, matrix in enumerate(places)], axis=1)
-                if places
-                else np.empty((0, 0))
+            fields = at_places(
+                result.displacement(level["number"]), level["stretch" if scene.stretched else "t"]
             )
             found[here] = self._of_rows(
                 here, [sign * self._named(row, name) for name, sign in self.outputs], fields
@@ -325,15 +322,14 @@ class MeasuredScene:
         is zero where components are held.
         """
         run, moved = self._base.system, self._guesses[step].copy()
-        for axis, matrix in enumerate(self._base.at_places):
+        guessed = self._base.moved_places(self._guesses[step], self._parameters[step])
+        for axis in range(guessed.shape[1] if len(guessed) else 0):
             here = (self.rows.step == step) & (self.rows.quantity == axis + 1)
             if not here.any():
                 continue
             held, at = run.loading.free[:, axis] == 0, self._at[here]
             places = np.vstack([self._places[at], run.body.points[held]])
-            off = np.append(
-                y[here] - (matrix @ self._guesses[step][:, axis])[at], np.zeros(held.sum())
-            )
+            off = np.append(y[here] - guessed[at, axis], np.zeros(held.sum()))
             near, weights = local_fit(places, run.body.points, SMOOTHED[self.scene.dimension])
             moved[~held, axis] += (weights * off[near]).sum(axis=1)[~held]
         return moved
@@ -379,20 +375,21 @@ class MeasuredScene:
             self._places if len(self._places) else None,
         )
 
-    def _interpolation(self, scene: Scene, result: Result) -> tuple:
-        """Return, for each axis, the weights of the points' displacements in those at the places
-        of the rows.
+    def _interpolation(
+        self, scene: Scene, result: Result
+    ) -> Callable[[np.ndarray, float], np.ndarray]:
+        """Return the function that gives displacements at the places of the rows from those of the
+        points and the loading parameter.
         """
         if not len(self._places):
-            return ()
+            return lambda *_: np.empty((0, 0))
         try:
             # Beside an interface only points of the same material count, which a result does not
             # tell.
-            return (
-                self._differentiated(scene).at_places
-                if scene.materials
-                else fields_at(result.body, self._places)[0]
-            )
+            follow = None if scene.materials else fields_at(result.body, self._places)[0]
+            if follow is None or follow.across:
+                return self._differentiated(scene).moved_places
+            return lambda displacements, _: follow(displacements)
         except ValueError as error:
             raise ValueError(
                 f"a place of the displacements: {error} (places are those of the undeformed body of"

@@ -20,9 +20,8 @@ from ..solvers.conditions import Loading
 from ..solvers.course import Paths
 from ..solvers.held import Held
 from ..solvers.increments import Motion
-from ..solvers.loads import DeadLoad, Loads, Pressure
+from ..solvers.loads import AnyLoad, DeadLoad, Loads, Pressure, Traction
 from ..solvers.nearest_bonds import RESOLVED, strain_rounding
-from ..solvers.obstacles import Obstacle
 from ..solvers.rigid import rigid_motions
 from .obstacles import obstacles_of
 from .program import NominalStress, Prescription, Stage, known_ends, parameter_of
@@ -434,7 +433,7 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[Law]
         For a region that is empty, a load on an edge that is held by reflection, or an unsuitable
         obstacle; the message names the key.
     """
-    found: list[DeadLoad | Pressure | Obstacle] = [*obstacles_of(scene, body, regions, laws)]
+    found: list[AnyLoad] = [*obstacles_of(scene, body, regions, laws)]
     for number, load in enumerate(scene.loads):
         # Several loads may share a name, as traction and pressure on one edge do; results sum them.
         named = (
@@ -452,6 +451,9 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[Law]
             found.append(
                 Pressure(*named, regions.surface(), facets, load.pressure, deformed, at_edge)
             )
+        elif load.kind == "traction":
+            facets = _facets_of(key, load, body, regions)
+            found.append(Traction(*named, regions.surface(), facets, load.traction))
         else:
             found.append(DeadLoad(*named, *_dead_forces(key, load, body, regions)))
     return Loads(body, found)
@@ -498,22 +500,11 @@ def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.nda
 def _dead_forces(
     key: str, load: Load, body: Body, regions: BodyRegions
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return this rank's own points on which a dead load (traction, force or body force) acts, and
-    its forces on them.
+    """Return this rank's own points on which a force or body force acts, and its forces on them.
 
     Raise ValueError, with the `key` of the load's region, for a load on an edge or face that is
     held by reflection.
     """
-    if load.kind == "traction":
-        facets, surface = _facets_of(key, load, body, regions), regions.surface()
-        corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
-        spread = [
-            sum(others, first).T
-            for first, *others in zip(*(one.rows for one in corners), strict=True)
-        ]
-        sizes = np.stack([rows @ surface.areas()[facets] / len(corners) for rows in spread], axis=1)
-        points = np.flatnonzero(sizes.any(axis=1))
-        return points, sizes[points] * np.array(load.traction)
     held = [edge for edge in map(edge_of, body.planes) if edge in regions.mirrors(load.region)]
     if load.kind == "force" and held:
         # It would pull at points half a cell inside the edge, which are free.

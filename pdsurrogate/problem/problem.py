@@ -381,7 +381,9 @@ def _on_body(
                 "materials: rigid regions are supported on one rank only; run without mpiexec, or"
                 " give the regions a law"
             )
-        vars(body)["loaded"] = any(load.kind in ("traction", "pressure") for load in scene.loads)
+        vars(body)["loaded"] = bool(scene.obstacles) or any(
+            load.kind in ("traction", "pressure") for load in scene.loads
+        )
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages, parameter_of(scene)[1])
         measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))

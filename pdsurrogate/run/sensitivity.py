@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..body import fields_at
+from ..body import Following, fields_at
 from ..engine.threads import thread_count
 from ..forces import ForceModel
 from ..materials.covariance import with_numbers_of
@@ -183,9 +183,9 @@ class Differentiated:
         Values of the possible parameters by name: numbers of the scene below `PLACES`, and numbers
         of the arrays of learned models, such as ``"force.output_weights.3"`` or, for the model of a
         region, ``"materials.0.force.coefficients.0.2.1"``.
-    at_places : tuple of sparse array, shape (k, n)
-        For each axis, the weights of the points' displacements in those at places that are measured
-        besides the outputs.
+    at_places : Following or None
+        Map from the displacements of the points to those at places that are measured besides the
+        outputs.
     control : str or None
         Key of the displacement that the step of the equilibrium controls, so that the loading
         parameter t is an unknown.
@@ -193,8 +193,18 @@ class Differentiated:
 
     system: System
     numbers: dict[str, float]
-    at_places: tuple = ()
+    at_places: Following | None = None
     control: str | None = None
+
+    def moved_places(self, displacements: np.ndarray, parameter: float) -> np.ndarray:
+        """Return the displacements (k, d) at places that are measured, from those of the points
+        (n, d) at a value of the loading parameter.
+        """
+        if self.at_places is None:
+            return np.empty((0, displacements.shape[1]))
+        loading = self.system.loading
+        planes = loading.planes_at(parameter) - loading.loads.at_rest
+        return self.at_places(displacements, planes)
 
     def changed(self, values: Mapping[str, float]) -> "Differentiated":
         """Return the scene with other values of parameters, by name, on the same body."""
@@ -438,14 +448,13 @@ class Differentiated:
         as for `output_row`.
         """
         system, displacements = self.system, self.system.positions - self.system.body.points
-        row = {"probes": system.probes.displacements(displacements)} | output_row(
-            system, costly=costly
-        )
+        probes = system.probes.displacements(displacements, system.loads.planes_moved)
+        row = {"probes": probes} | output_row(system, costly=costly)
         found = {key: value for key, value in leaves(row) if isinstance(value, float)}
-        moved = [rows @ displacements[:, axis] for axis, rows in enumerate(self.at_places)]
+        moved = self.moved_places(displacements, system.state.parameter)
         return found | {
             f"places.{place}.{axis}": float(u)
-            for place, each in enumerate(zip(*moved, strict=True))
+            for place, each in enumerate(moved)
             for axis, u in enumerate(each)
         }
 
@@ -593,10 +602,10 @@ class Differentiated:
             gradient = np.zeros_like(system.positions)
             if place := re.fullmatch(r"places\.(\d+)\.(\d)", name):
                 number, axis = map(int, place.groups())
-                gradient[:, axis] = self.at_places[axis][[number]].toarray()[0]
+                gradient[:, axis] = self.at_places.component(axis)[[number]].toarray()[0]
             elif place := re.fullmatch(r"probes\.(.+)\.displacement\.(\d)", name):
                 axis = int(place[2])
-                gradient[:, axis] = system.probes.weights(place[1])[axis].toarray()[0]
+                gradient[:, axis] = system.probes.weights(place[1], axis)
             elif name == "energy":
                 _forces(system, system.positions)
                 gradient = -system.loading.internal_forces(system.force)
@@ -633,6 +642,9 @@ class Differentiated:
                     motion = loading.plane_motions(system.state.parameter)[part.plane].copy()
                     motion[axis, -1] += change
                     system.loaded.move_plane(part.plane, motion[:, -1])
+                    system.loads.planes[part.plane] += (
+                        change * system.loads.normals[part.plane, axis]
+                    )
             system.loaded(moved, forces)
             return forces
 
@@ -649,7 +661,9 @@ def differentiated(
     """
     with thread_count(None):
         system = bound(compile_scene(scene, models), "float64")
-    at_places = () if places is None else fields_at(system.body, places, system.force.portion_of)[0]
+    at_places = None
+    if places is not None:
+        at_places, _ = fields_at(system.body, places, system.force.portion_of)
     return Differentiated(system, numbers_in(scene, models), at_places)
 
 

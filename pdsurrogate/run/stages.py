@@ -82,7 +82,7 @@ def _begin(run: Run) -> float:
     return (
         run.state.parameter
         if stage is None or stage.control is None
-        else displacement_of(run, stage)
+        else displacement_of(run, stage, run.positions)
     )
 
 

@@ -274,7 +274,7 @@ class Transient:
         """
         run, books, stress = self.run, self._books, self.run.problem.measures.nominal_stress
         reactions, kinetic = (
-            run.loading.reactions(run.force, self.integrator.forces),
+            run.loading.reactions(run.loaded, self.integrator.forces),
             books.kinetic_energy(),
         )
         forces = forces_by_name(run, reactions)

@@ -13,7 +13,7 @@ from ..body.body import sums_at_points
 from ..forces import InternalForce, InvalidState
 from ..forces.errors import at_point
 from .held import Held, Support
-from .loads import AT_REST, Loads
+from .loads import AT_REST, LoadedForce, Loads
 from .obstacles import PASSED, TOUCHING, Obstructed
 from .rigid import displaced, moment_of, nearest_turn, rigid_placement
 
@@ -202,6 +202,13 @@ class Loading:
         """
         return self._motions(parameter).of_planes
 
+    def planes_at(self, parameter: float) -> np.ndarray:
+        """Return the positions of planes of symmetry at a value of the loading parameter, see
+        `Loads.planes`.
+        """
+        moved = self.plane_motions(parameter)[:, :, -1] * self.loads.normals
+        return self.loads.at_rest + moved.sum(axis=1)
+
     def at_rest(self, parameter: float) -> bool:
         """Return whether all held parts are in their undeformed places and all loads are zero,
         at a value of the loading parameter.
@@ -264,6 +271,7 @@ class Loading:
             force.move_plane(
                 number, motion[:, -1], motion[:, :-1] if number in self.turning else None
             )
+        self.loads.planes[:] = self.planes_at(parameter)
 
     def unevenness(self, last: float, now: float, ahead: float) -> float:
         """Return how much the rate of the prescribed motions changes between two increments, `last`
@@ -358,7 +366,7 @@ class Loading:
                 )
 
     def reactions(
-        self, force: InternalForce, on_points: np.ndarray | None = None, of_planes: bool = True
+        self, force: LoadedForce, on_points: np.ndarray | None = None, of_planes: bool = True
     ) -> Reactions:
         """Return the reaction forces of all supports on the body in the state last evaluated.
 
@@ -367,11 +375,11 @@ class Loading:
         over bonds to images (mirrored points) of half the bond force, times the displacement of the
         image per displacement of the plane.  The factor is a half since half the energy of such a
         bond belongs to the mirrored body.  For a single plane the reaction is the sum of the forces
-        of all bonds that cross it.
+        of all bonds that cross it.  It balances the parts of loads that images carry, too.
 
         Parameters
         ----------
-        force : InternalForce
+        force : LoadedForce
         on_points : ndarray, shape (n, d), optional
             Internal force and loads on every point in that state; by default summed from the forces
             of all pairs.
@@ -384,7 +392,7 @@ class Loading:
             crossing = force.pair_forces(bonds)
             np.add.at(on_planes, planes, crossing * shares)
             on_planes, levers = (
-                self._share.total(on_planes),
+                self._share.total(on_planes) - self._loads_on_planes(force)[:, :, 0],
                 (self._levers_on_planes(force, crossing) if self.turning else None),
             )
             levers = None if levers is None else self._share.total(levers)
@@ -409,7 +417,7 @@ class Loading:
         self._add_planes(forces, on_planes)
         return Reactions(forces, on_planes, at_points, levers)
 
-    def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
+    def moments(self, force: LoadedForce, reactions: Reactions) -> np.ndarray:
         """Return the moments of the holders' forces about the origin of the coordinates.
 
         Moments on planes follow from virtual work if the force has an energy; otherwise a bond that
@@ -424,6 +432,7 @@ class Loading:
         levers = np.zeros((len(self.names), self.body.dimension, self.body.dimension))
         if len(self.crossing[0]):
             self._add_planes(levers, self._levers_on_planes(force))
+        self._add_planes(levers, -self._share.leads * self._loads_on_planes(force)[:, :, 1:])
         if reactions.at_points is not None:
             holder, point, component = self.counted
             np.add.at(
@@ -463,7 +472,13 @@ class Loading:
         np.add.at(levers, planes, pulls[:, :, None] * middles[:, None])
         return levers
 
-    def _on_points(self, force: InternalForce) -> np.ndarray:
+    def _loads_on_planes(self, force: LoadedForce) -> np.ndarray:
+        """Return what reaches the planes from the loads, see `Loads.on_planes`."""
+        if not self.loads:
+            return np.zeros((*self.plane_components.shape, 1 + self.body.dimension))
+        return self.loads.on_planes(force.positions[: len(self.body)], force.thickness())
+
+    def _on_points(self, force: LoadedForce) -> np.ndarray:
         """Return internal force plus loads on every point in the state last evaluated, shape (n,
         d).
 
