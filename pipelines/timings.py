@@ -107,10 +107,7 @@ print(json.dumps({{"setup (s)": time.perf_counter() - began}}))
 RUN = """
 import json, sys
 import pdsurrogate as pds
-scene, changes, force, all_work = json.loads(sys.argv[1])
-if all_work:
-    from pdsurrogate.run import waiting
-    waiting.POINTS_PER_RANK = 0
+scene, changes, force = json.loads(sys.argv[1])
 result = pds.simulate(pds.load_scene(scene, changes), force)
 summary, found = result.summary, {}
 for level in result.levels:
@@ -124,7 +121,7 @@ mpi = sys.modules.get("mpi4py.MPI")
 if mpi is None or mpi.COMM_WORLD.rank == 0:
     seconds = summary["seconds_total"] - summary["seconds_compile"]
     found |= {"evaluations": summary["n_force_evaluations"], "run (s)": seconds}
-    print(json.dumps(found | {"working": summary.get("ranks", 1)}))
+    print(json.dumps(found))
 """
 
 PROPERTIES = """
@@ -714,7 +711,7 @@ def against_threads() -> str:
 
 
 def small_bodies() -> str:
-    """One rank against two on small bodies, and two that both work however small the body is."""
+    """One rank against two on small bodies."""
     rows = []
     for sides in ((12, 9, 8), (20, 20, 20), (32, 25, 25), (31, 31, 31), (36, 36, 35)):
         for bulk_modulus in (100.0, 1000.0):
@@ -724,34 +721,19 @@ def small_bodies() -> str:
                 "body.lower": [0.0, -size[1] / 2, -size[2] / 2],
                 "material.bulk_modulus": bulk_modulus,
             }
-            kinds = [
-                (json.dumps(["bonded-block", changes, None, both]), ranks)
-                for both, ranks in ((False, 1), (False, 2), (True, 2))
-            ]
+            words = json.dumps(["bonded-block", changes, None])
             found = [
-                [spent(ROOT, "-c", RUN, words, ranks=ranks) for words, ranks in kinds]
+                [spent(ROOT, "-c", RUN, words, ranks=ranks) for ranks in (1, 2)]
                 for _ in range(3 if np.prod(sides) < 1e4 else 1)
             ]
-            alone, two, both = (
+            alone, two = (
                 median(run["run (s)"] for run in kind) for kind in zip(*found, strict=True)
             )
-            seconds = [f"{two:.2f}", f"{two / alone:.2f}", f"{both:.2f}", f"{both / alone:.2f}"]
+            seconds = [f"{alone:.2f}", f"{two:.2f}", f"{two / alone:.2f}"]
             evaluations = " / ".join(str(run["evaluations"]) for run in found[0])
-            first = [
-                f"{np.prod(sides):,}",
-                f"{bulk_modulus:g}",
-                f"{alone:.2f}",
-                str(found[0][1]["working"]),
-            ]
-            rows.append([*first, *seconds, evaluations])
-    figures = (
-        "two ranks (s)",
-        "two ranks / one",
-        "both at work (s)",
-        "both at work / one",
-        "evaluations",
-    )
-    return markdown_table(["points", "K / μ", "one rank (s)", "working of two", *figures], rows)
+            rows.append([f"{np.prod(sides):,}", f"{bulk_modulus:g}", *seconds, evaluations])
+    figures = "one rank (s)", "two ranks (s)", "two ranks / one", "evaluations"
+    return markdown_table(["points", "K / μ", *figures], rows)
 
 
 def of_parts() -> str:

@@ -6,5 +6,5 @@ from .body import MOST_BONDS, MOST_POINTS, Body, Bonds, Cells, Round, grid
 from .cell_mesh import CellMesh
 from .division import HALO, divided, rows_of
 from .ghosts import Ghosts, HeldBoundary, Mirror, ReflectionPlane
-from .local_fit import fields_at, interpolation
+from .local_fit import fields_at
 from .surface import Faces, Following, Surface

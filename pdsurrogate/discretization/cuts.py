@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from ..body import Cells
+from ..body import Cells, ReflectionPlane
 from ..kernels.polygons import encloses
 from ..scenes.shapes import ENDS
 from ..scenes.solids import AnyPrecut
@@ -142,14 +142,20 @@ class Cuts:
                     yield part
 
     def flat_parts(
-        self, side: int, cell: Sequence[float], nodes: np.ndarray, facets: np.ndarray
+        self,
+        side: int,
+        cell: Sequence[float],
+        nodes: np.ndarray,
+        facets: np.ndarray,
+        planes: Sequence[ReflectionPlane],
     ) -> Iterator[tuple[np.ndarray, ...]]:
         """Yield places (k, 3) beside every cut in space, and the areas times outward normals (k, 3)
         of its facets there.
 
         They are of the face on the side of the normal if `side` is 1, else of the other one, within
         the boundary of the body, given by triangles, `facets` of `nodes`. Facets are about as large
-        as a cell; those that another piece divides are divided there.
+        as a cell; those that another piece divides are divided there. `planes` of symmetry at right
+        angles to a cut continue it: a facet that lies across one stands for its half.
         """
         import shapely  # here, because few bodies need it
 
@@ -174,6 +180,17 @@ class Cuts:
             shapely.prepare(face)
             for part in shapely.get_parts(face):
                 low, high = np.reshape(part.bounds, (2, 2))
+                through = []
+                for plane in planes:
+                    along = np.abs(axes[:, plane.axis]).argmax()
+                    level = (plane.position - place[plane.axis]) * axes[along, plane.axis]
+                    if abs(axes[along, plane.axis]) < 1 - ENDS:
+                        continue
+                    for one, other in ((low, high), (high, low)):
+                        if abs(one[along] - level) <= self._rounding:
+                            one[along] = 2 * level - other[along]
+                            through.append((along, level))
+                            break
                 counts = np.maximum(
                     1, np.rint(np.linalg.norm((high - low)[:, None] * axes / cell, axis=1))
                 ).astype(int)
@@ -194,6 +211,9 @@ class Cuts:
                     areas[areas > self._rounding * size.min()],
                 )
                 centers = shapely.get_coordinates(shapely.centroid(tiles))
+                for along, level in through:
+                    across = np.abs(centers[:, along] - level) < size[along] / 2
+                    centers[across & (counts[along] % 2 == 1), along] = level
                 yield place + centers @ axes, -side * areas[:, None] * normal
 
     def _belong(self, number: int, places: np.ndarray) -> np.ndarray:

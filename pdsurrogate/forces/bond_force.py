@@ -159,9 +159,7 @@ class PairForces:
         buffers = aligned_rows((threads, bond_force.BUFFER_ROWS, BLOCK), precision)
         memory = buffers, compiled.memory(threads, precision), kinematics.scratch
         self.find: Step = (
-            bond_force.pair_forces.bind(
-                *arrays, *force, memory, self.forces, chunks=kinematics.chunks
-            )
+            kinematics.bind(bond_force.pair_forces, *arrays, *force, memory, self.forces)
             if compiled.address
             else self.evaluate
         )

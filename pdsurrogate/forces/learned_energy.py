@@ -119,10 +119,28 @@ class LearnedEnergy(Learned, EnergyModel):
         >>> round(value, 3), round(slope, 3)
         (-31.53, -0.893)
         """
-        value, slope, _ = ACTIVATIONS[self.activation](self.hidden_biases)
-        return float((value * self.output_weights).sum()), float(
-            (slope * self.output_weights * self.hidden_weights[0]).sum()
+        value, slope, *_ = self._sums(np.zeros(()), np.zeros(()))
+        return float(value), float(slope)
+
+    def _sums(self, first: np.ndarray, second: np.ndarray) -> list[np.ndarray]:
+        """Return the output of the network at values of both features, its first derivatives by
+        them, and its second ones.
+
+        The sums are written out, since in matrix products the order of summation would depend on
+        the number of states.
+        """
+        w1, w2 = self.hidden_weights
+        v = self.output_weights
+        value, slope, curvature = ACTIVATIONS[self.activation](
+            first[..., None] * w1 + second[..., None] * w2 + self.hidden_biases
         )
+        slope = slope * v
+        curvature = curvature * v
+        terms = value * v, slope * w1, slope * w2
+        return [
+            term.sum(axis=-1)
+            for term in (*terms, curvature * w1 * w1, curvature * w1 * w2, curvature * w2 * w2)
+        ]
 
 
 @dataclass(frozen=True, repr=False)
@@ -184,23 +202,10 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
 
     def _derivatives(self, trace, J):
         constant, flat = self.at_rest
-        (w1, w2) = self.hidden_weights
-        v = self.output_weights
         x = np.log(J)
-        u = np.log(trace / (2 * J))
-        value, slope, curvature = ACTIVATIONS[self.activation](
-            x[:, None] * w1 + u[:, None] * w2 + self.hidden_biases
-        )
-        slope = slope * v
-        curvature = curvature * v
-        # The sums are written out, since in matrix products the order of summation would depend on
-        # the number of states.
-        by_x = (slope * w1).sum(axis=1) - flat
-        by_u = (slope * w2).sum(axis=1)
-        xx = (curvature * w1 * w1).sum(axis=1)
-        xu = (curvature * w1 * w2).sum(axis=1)
-        uu = (curvature * w2 * w2).sum(axis=1)
-        psi = (value * v).sum(axis=1) - constant - flat * x
+        value, by_x, by_u, xx, xu, uu = self._sums(x, np.log(trace / (2 * J)))
+        by_x = by_x - flat
+        psi = value - constant - flat * x
         return (
             psi,
             by_u / trace,
@@ -317,16 +322,9 @@ class IsochoricNetwork(LearnedEnergy):
         >>> W.round(3).tolist()
         [0.0, 0.5]
         """
-        I1, I2 = (np.asarray(value, dtype=float)[..., None] for value in (I1, I2))
-        (w1, w2) = self.hidden_weights
-        v = self.output_weights
-        value, slope, _ = ACTIVATIONS[self.activation](
-            np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases
-        )
-        slope = slope * v
-        # The sums are written out as in `EnergyNetwork`.
-        W = (value * v).sum(axis=-1) - self.at_rest[0]
-        return W, (slope * w1).sum(axis=-1) / I1[..., 0], (slope * w2).sum(axis=-1) / I2[..., 0]
+        I1, I2 = (np.asarray(value, dtype=float) for value in (I1, I2))
+        W, by_first, by_second, *_ = self._sums(np.log(I1 / 3), np.log(I2 / 3))
+        return W - self.at_rest[0], by_first / I1, by_second / I2
 
     def isochoric_energy(
         self, law: Law, plane: str, outside: str, precision: str

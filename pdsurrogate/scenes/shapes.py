@@ -552,7 +552,7 @@ class Cut(StrictModel):
         ...     center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0)
         ... ).edge(0.1)
         >>> places.shape, round(float(lengths.sum()), 3)
-        ((26, 3), 2.513)
+        ((28, 3), 2.513)
         """
 
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:

@@ -37,7 +37,7 @@ KEYS_OF_RUNS, KEYS_OF_LEVELS, KEYS_OF_CRACKS, KEYS_OF_FITS = (
     for keys in (
         """
         scene force material materials plane thickness n_points n_bonds n_directed_bonds
-        n_ghost_points spacing cell_size horizon precision correction support ranks ranks_waiting
+        n_ghost_points spacing cell_size horizon precision correction support ranks
         threads converged failure interrupted residual n_force_evaluations seconds_total
         seconds_compile ns_per_directed_bond fallback_fraction status beyond_data held_at_points
         fraction_outside_domain unsupported_points units grip_areas levels digests scene_as_run

@@ -290,7 +290,7 @@ def test_a_corner_that_folds_over_the_plate_is_told():
         pds.simulate(gasket())
     told = str(caught.value)
     assert "beyond the bottom edge" in told
-    assert "the free side next to it bulges over what it is bonded to" in told
+    assert "the body bulges over what it is bonded to" in told
     assert "contact is modeled at obstacles alone, and a smaller spacing folds earlier" in told
     assert "use a smaller spacing" not in told
 

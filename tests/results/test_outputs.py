@@ -273,7 +273,6 @@ def test_every_key_of_the_summary_is_in_its_table(folders):
     } - {"levels"} == set(table_under("key of `summary.json`")) - {
         "levels",
         "ranks",
-        "ranks_waiting",
     } - set(OF_TORN_MATERIALS)  # of several ranks, and of fracture in several materials
     levels = set().union(*(level for summary in summaries for level in summary["levels"]))
     assert levels == set(table_under("key in `levels`"))

@@ -413,7 +413,7 @@ def check_boundary(surface, body, volume):
     assert surface.followed().all()
     F, shift = np.array([[1.2, 0.1, 0.3], [0.0, 0.9, 0.2], [-0.1, 0.4, 1.1]]), [1, 2, 3]
     np.testing.assert_allclose(
-        surface.interpolation @ (body.points @ F.T + shift),
+        surface.interpolation(body.points @ F.T + shift),
         surface.nodes @ F.T + shift,
         rtol=0,
         atol=1e-12,
