@@ -13,7 +13,7 @@ from .. import artifacts
 from ..body import Body
 from ..body.local_fit import text_of
 from ..forces import ForceModel, ForceSettings, InternalForce, Portion
-from ..forces.interface_fits import YIELDING
+from ..forces.interface_search import YIELDING
 from ..scenes import Part, Scene, SceneError
 from ..scenes.consistency import gives_fracture_energy
 from ..scenes.regions import label_of_region

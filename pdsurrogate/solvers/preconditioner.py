@@ -241,7 +241,7 @@ def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> P
         return displacements
 
     def update() -> None:
-        dilatation.take()
+        dilatation.linearize()
         return laplacian.update()
 
     return Preconditioner(solve, update)
