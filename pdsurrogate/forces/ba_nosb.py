@@ -74,7 +74,8 @@ class BondAssociatedStress(MaterialTerm):
         if body.separates is not None:
             # The neighborhood of an image is that of its source, reflected.
             image, other = around_images.T
-            flips, source = body.ghosts.reflection[image - n], points[body.ghosts.source[image - n]]
+            flips = body.ghosts.reflection[image - n]
+            source = points[body.ghosts.source[image - n]]
             ends = source + flips * (points[other] - points[image])
             around_images = around_images[~body.separates(source, ends)]
         self._table = np.concatenate([bonds.neighbors, around_images[:, 1].astype(np.uint32)])
