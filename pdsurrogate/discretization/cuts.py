@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from ..body import Cells
+from ..body import Cells, ReflectionPlane
 from ..kernels.polygons import encloses
-from ..scenes.shapes import ENDS
 from ..scenes.solids import AnyPrecut
 
 if TYPE_CHECKING:
@@ -31,11 +30,6 @@ ALONG_ROWS = 1e-3
 counts as lying along it.
 """
 
-Crosses = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Function that takes starts and ends of segments (k, d) and returns flags (k,) of those that
-cross a cut.
-"""
-
 
 class Cuts:
     """Cuts of a body, together: a bond is cut if it crosses one of the pieces, or meets an end at
@@ -51,6 +45,8 @@ class Cuts:
         Distance within which places coincide.
     inside : callable
         ``inside(places)`` returns whether places (k, d) lie in the body, shape (k,).
+    planes : sequence of ReflectionPlane, optional
+        Planes beyond which the body and its cuts are continued by mirror images.
 
     Attributes
     ----------
@@ -65,16 +61,21 @@ class Cuts:
         pieces: Sequence[AnyPrecut],
         rounding: float,
         inside: Callable[[np.ndarray], np.ndarray],
+        planes: Sequence[ReflectionPlane] = (),
     ) -> None:
-        self.pieces, self._rounding, self._inside = pieces, rounding, inside
+        self.pieces, self._rounding, self._inside, self._planes = pieces, rounding, inside, planes
         self.beside = 4 * BESIDE * rounding
 
+    def only(self, number: int) -> Cuts:
+        """Return the cut of one piece alone."""
+        return Cuts(self.pieces[number : number + 1], self._rounding, self._inside, self._planes)
+
     def touched(self, number: int, places: np.ndarray) -> np.ndarray:
-        """Return which places (k, d) on a piece, given by its number, another piece touches or
-        the boundary of the body.
+        """Return which places (k, d) on a piece, given by its number, another piece touches, the
+        boundary of the body or a plane of reflection.
         """
         axes = np.eye(places.shape[1])
-        touched = np.zeros(len(places), dtype=bool)
+        touched = self._depths(places) <= self._rounding
         for step in (*axes, *-axes):
             touched |= ~self._inside(places + self._rounding * step)
         for other, piece in enumerate(self.pieces):
@@ -82,12 +83,24 @@ class Cuts:
                 touched |= piece.distances(places) <= self._rounding
         return touched
 
-    def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return which segments from `starts` to `ends` (k, d) are cut.
+    def crosses(
+        self, starts: np.ndarray, ends: np.ndarray, planes: Sequence[ReflectionPlane] | None = None
+    ) -> np.ndarray:
+        """Return which segments from `starts` to `ends` (k, d) are cut; beyond the reflection
+        planes (all, or `planes`) cuts are continued by their mirror images.
 
         Points on a cut count as lying to the left of each piece on which they are, in space on the
         side of its normal.
         """
+        crossing, planes = self._cross(starts, ends), self._planes if planes is None else planes
+        for number, plane in enumerate(planes):
+            beyond = np.flatnonzero(plane.mirrored(ends)[1] < 0)
+            images = (2 * plane.mirrored(end)[0] - end for end in (starts[beyond], ends[beyond]))
+            crossing[beyond] |= self.crosses(*images, planes[number + 1 :])
+        return crossing
+
+    def _cross(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return which segments meet a cut where it lies on the body's side of all planes."""
         near, beside = np.zeros(len(starts), dtype=bool), BESIDE * self._rounding
         for piece in self.pieces:
             place, normal, _ = piece.plane()
@@ -111,35 +124,22 @@ class Cuts:
         Each is given by its two ends (2, 2). Parts outside the body, of which `boundary` are the
         two ends of each facet (f, 2, 2), are left out.
         """
-        for number, piece in enumerate(self.pieces):
-            ends = piece.edge(1.0)[0]
-            start, along = ends[0], ends[1] - ends[0]
-            length = float(np.linalg.norm(along))
-            shares = [0.0, 1.0]
-            for other in (piece for index, piece in enumerate(self.pieces) if index != number):
-                theirs = other.edge(1.0)[0]
-                met = [piece.met_by(theirs[:1], theirs[1:], self._rounding)[1], theirs]
-                places = np.concatenate(met)
-                places = places[
-                    (piece.distances(places) <= self._rounding)
-                    & (other.distances(places) <= self._rounding)
-                ]
-                shares += ((places - start) @ along / length**2).tolist()
-            starts, sides = boundary[:, 0] - start, boundary[:, 1] - boundary[:, 0]
-            across = along[0] * sides[:, 1] - along[1] * sides[:, 0]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                share = (starts[:, 0] * sides[:, 1] - starts[:, 1] * sides[:, 0]) / across
-                of_side = (starts[:, 0] * along[1] - starts[:, 1] * along[0]) / across
-            shares += share[
-                (of_side >= -ENDS) & (of_side <= 1 + ENDS) & (share > 0) & (share < 1)
-            ].tolist()
-            shares = np.unique(np.clip(shares, 0, 1))
-            for low, high in pairwise(
-                shares[np.append(True, np.diff(shares) > self._rounding / length)]
-            ):
-                part = start + np.array([[low], [high]]) * along
-                if encloses(part.mean(axis=0)[None], boundary[:, 0], boundary[:, 1])[0]:
-                    yield part
+        import shapely  # here, because few bodies need it
+
+        lines = shapely.linestrings([piece.edge(1.0)[0] for piece in self.pieces])
+        for number, line in enumerate(lines):
+            others = np.delete(lines, number)
+            met = shapely.get_parts(
+                shapely.intersection(line, [*others, shapely.multilinestrings(boundary)])
+            )
+            ends = shapely.points(shapely.get_coordinates(others))
+            ends = ends[shapely.dwithin(line, ends, self._rounding)]
+            met = np.concatenate([met[shapely.get_dimensions(met) == 0], ends])
+            along = np.unique([0, *shapely.line_locate_point(line, met), shapely.length(line)])
+            along = along[np.append(True, np.diff(along) > self._rounding)]
+            for part in pairwise(shapely.get_coordinates(line.interpolate(along))):
+                if encloses(np.mean(part, axis=0)[None], boundary[:, 0], boundary[:, 1])[0]:
+                    yield np.array(part)
 
     def flat_parts(
         self, side: int, cell: Sequence[float], nodes: np.ndarray, facets: np.ndarray
@@ -196,6 +196,11 @@ class Cuts:
                 centers = shapely.get_coordinates(shapely.centroid(tiles))
                 yield place + centers @ axes, -side * areas[:, None] * normal
 
+    def _depths(self, places: np.ndarray) -> np.ndarray:
+        """Return the least depths of places (k, d) below the planes of reflection, shape (k,)."""
+        depths = (plane.mirrored(places)[1] for plane in self._planes)
+        return np.min([np.full(len(places), np.inf), *depths], axis=0)
+
     def _belong(self, number: int, places: np.ndarray) -> np.ndarray:
         """Return which places (k, d) on the plane of a piece belong to it: those within it, and
         those of its edge that are touched.
@@ -205,7 +210,7 @@ class Cuts:
         edge = np.flatnonzero(~found & (piece.distances(places) <= self._rounding))
         if len(edge):
             found[edge] = self.touched(number, places[edge])
-        return found
+        return found & (self._depths(places) >= -self._rounding)
 
     def _lie_on(self, number: int, places: np.ndarray) -> np.ndarray:
         place, normal, _ = self.pieces[number].plane()

@@ -7,13 +7,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 
-from ..body import Body, CellMesh, Cells, Round
+from ..body import Body, CellMesh, Cells, Mirror, ReflectionPlane, Round
 from ..body.cloud_cells import cubes, voronoi_cells
 from ..body.local_fit import REACH
 from ..scenes import Box, Circle, Ellipse, Mesh, Rectangle, Scene, SceneError, Sphere
@@ -22,7 +21,7 @@ from ..scenes.regions import edge_names
 from ..scenes.solids import Prism
 from .chains import ROUNDING
 from .clouds import nearest_volumes, relaxed_points
-from .cuts import Crosses, Cuts, between_cells
+from .cuts import Cuts, between_cells
 from .interfaces import TIED, divided_volumes, round_interfaces, sides_of
 from .meshes import Sides, mesh_of
 from .planes import held_boundaries, reflected_edges, reflection_planes
@@ -74,21 +73,9 @@ above rounding, and far below 1e-6, by which the areas of two grips are told apa
 """
 
 CUT_SHIFT = 1e-6
-"""Distance, in extents of the body, from a grip's plane to the cut that determines its area:
-more than the rounding of single precision.
-"""
-
-
-AT_BOX = 1e-4
-"""Distance, in cells, from a side of the bounding box within which a precut counts as ending at or
-lying in this side. Chosen: above the rounding of coordinates that a scene states, and far below the
-distance of points from the boundary.
-"""
-
-BESIDE = 0.01
-"""Share of a bond on either side of the bounding box, which it leaves, in which it can meet a
-precut within `AT_BOX` of the box. Chosen: a hundredth of a bond that leaves the box is longer than
-`AT_BOX`.
+"""Distance, in extents of the body, from a grip's plane to the cut that determines its area, and
+from a plane of reflection within which a precut ends at or lies in it: more than the rounding of
+single precision.
 """
 
 IN_LINE = 1e-3
@@ -145,7 +132,8 @@ def discretize(
         # the sides differ by little: by the mean or the larger one some at a distance of (3, 1)
         # cells come in along one direction alone, and errors in pure shear are half as large again.
         horizon = scene.horizon_ratio * (spacing if isinstance(scene.body, Mesh) else min(cell))
-        cuts = _cuts(scene, horizon, np.array(cell), lower, upper)
+        precuts = cuts_of(scene, lower, upper, between=True, planes=planes)
+        cuts = _cuts(scene, precuts, horizon, np.array(cell), lower, upper)
         lattice = not isinstance(scene.body, Mesh) and scene.body.arrangement == "lattice"
         inside, rounds = (
             partial(_inside, scene) if lattice and np.ptp(volumes) else None,
@@ -180,7 +168,7 @@ def discretize(
         )
         if part_of is not None:
             body = part_of(body)
-        _check_precuts(scene, body, lower, upper)
+        _check_precuts(scene, body, precuts)
         return body, lower, upper
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
@@ -641,14 +629,18 @@ def _places_in_a_cell(dimension: int) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def _cuts(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray):
+def _cuts(
+    scene: Scene,
+    precuts: Cuts,
+    horizon: float,
+    cell: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+):
     """Return ``separates(starts, ends)``, which flags bonds that precuts or empty space cut;
     None if a scene has neither.
     """
-    tests = []
-    if scene.precuts:
-        crosses = cuts_of(scene, lower, upper, between=True).crosses
-        tests.append(partial(_crosses, crosses, cell, lower, upper))
+    tests = [precuts.crosses] if scene.precuts else []
     if not isinstance(scene.body, Mesh) and (scene.holes or not _surely_convex(scene)):
         tests.append(_across_empty_space(scene, horizon, cell, lower, upper))
     if not tests:
@@ -663,85 +655,34 @@ def _cuts(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upp
     return separates
 
 
-def cuts_of(scene: Scene, lower: np.ndarray, upper: np.ndarray, between: bool = False) -> Cuts:
-    """Return the precuts of a scene whose body has a bounding box with the given corners.
+def cuts_of(
+    scene: Scene,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    between: bool = False,
+    planes: Sequence[Mirror] = (),
+) -> Cuts:
+    """Return the precuts of a scene whose body has a bounding box with the given corners,
+    continued beyond the reflection planes among `planes`.
 
     Those along rows of a lattice lie where the scene has them, or if `between`, on the boundary
     between the cells of these rows.
     """
-    rounding = ROUNDING * float((upper - lower).max())
-    if isinstance(scene.body, Mesh):
-        return Cuts(scene.precuts, rounding, partial(_outside_holes, scene))
-    pieces = scene.precuts
-    if between and scene.body.arrangement == "lattice":
-        pieces = between_cells(pieces, Cells.filling(lower, upper, scene.spacing), rounding)
-    return Cuts(pieces, rounding, partial(_inside, scene))
+    extent, pieces = float((upper - lower).max()), scene.precuts
+    flat = [plane for plane in planes if isinstance(plane, ReflectionPlane)]
+    if between and not isinstance(scene.body, Mesh) and scene.body.arrangement == "lattice":
+        cells = Cells.filling(lower, upper, scene.spacing)
+        pieces = between_cells(pieces, cells, ROUNDING * extent)
 
+    def into_planes(places: np.ndarray) -> np.ndarray:
+        for plane in flat:
+            feet, depths = plane.mirrored(places)
+            places = np.where(np.abs(depths)[:, None] < CUT_SHIFT * extent, feet, places)
+        return places
 
-def _crosses(
-    crosses: Crosses,
-    cell: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    starts: np.ndarray,
-    ends: np.ndarray,
-) -> np.ndarray:
-    """Return whether bonds, which start in the body, cross cuts, according to ``crosses(starts,
-    ends)`` for segments in its bounding box.
-
-    Beyond the box the body and the cuts are continued by reflection. A bond of a point and an image
-    is cut if its mirror image, of the same two points, is, so that the forces of both balance.
-    """
-    inner = ((ends >= lower) & (ends <= upper)).all(axis=1)
-    crossing = np.zeros(len(starts), dtype=bool)
-    crossing[inner] = crosses(starts[inner], ends[inner])
-    outer, beyond = starts[~inner], ends[~inner]
-    planes = np.where(beyond < lower, lower, upper)
-    out = (beyond < lower) | (beyond > upper)
-    folded = [np.where(out, 2 * planes - places, places) for places in (beyond, outer)]
-    crossing[~inner] = _cross_folded(crosses, cell, lower, upper, outer, beyond)
-    crossing[~inner] |= _cross_folded(crosses, cell, lower, upper, *folded)
-    return crossing
-
-
-def _cross_folded(
-    crosses: Crosses,
-    cell: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    origin: np.ndarray,
-    ends: np.ndarray,
-) -> np.ndarray:
-    """Return whether bonds that leave the bounding box cross cuts, folded back into it."""
-    crossing, way = np.zeros(len(origin), dtype=bool), ends - origin
-
-    # A part that ends on the cut's line need not cross it. Folded a little inside the box, a bond
-    # crosses a cut that ends at the box; folded a little outside, it crosses a cut that lies in a
-    # side of the box. Elsewhere the place of the fold must not move.
-    for margin in (0.0, AT_BOX * cell.min(), -AT_BOX * cell.min()):
-        low, high = lower - margin, upper + margin
-        to_box = np.clip(origin + way, low, high) - origin
-        leaves = np.sort(
-            np.divide(to_box, way, out=np.ones_like(way), where=to_box != way), axis=1
-        ).T
-        beside = [
-            part
-            for leave in leaves
-            for part in (
-                (leave - BESIDE * (leave < 1), leave),
-                (leave, leave + BESIDE * (leave < 1)),
-            )
-        ]
-        for begin, end in (
-            beside if margin else pairwise((np.zeros(len(way)), *leaves, np.ones(len(way))))
-        ):
-            places = [origin + share[:, None] * way for share in (begin, end)]
-            middle = (places[0] + places[1]) / 2
-            mirror = np.clip(middle, low, high)
-            crossing |= crosses(
-                *(np.where(mirror == middle, place, 2 * mirror - place) for place in places)
-            )
-    return crossing
+    inside = _outside_holes if isinstance(scene.body, Mesh) else _inside
+    pieces = [piece.moved(into_planes) for piece in pieces] if flat else pieces
+    return Cuts(pieces, ROUNDING * extent, partial(inside, scene), flat)
 
 
 def _surely_convex(scene: Scene) -> bool:
@@ -820,13 +761,13 @@ def _directions(dimension: int) -> np.ndarray:
     return shortest / np.linalg.norm(shortest, axis=1)[:, None]
 
 
-def _check_precuts(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -> None:
+def _check_precuts(scene: Scene, body: Body, cuts: Cuts) -> None:
     """Raise ValueError if a precut crosses no bond, or crosses one that another precut in the
     same line or plane crosses too.
     """
     cut, before = body.all_points[body.bonds.cut], []
     for number, precut in enumerate(scene.precuts):
-        crossed = _crosses(precut.crosses, body.cell, lower, upper, cut[:, 0], cut[:, 1])
+        crossed = cuts.only(number).crosses(cut[:, 0], cut[:, 1])
         if not body.share.any(crossed.any()):
             raise ValueError(
                 f"precuts.{number}: the precut crosses no bond; it is outside the body, in a hole,"
