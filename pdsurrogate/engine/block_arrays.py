@@ -120,7 +120,8 @@ def rows_of(length):
 
 block_rows = rows_of(BLOCK)
 
-pair_records, quad_records = rows_of(2), rows_of(4)
+pair_records = rows_of(2)
+quad_records = rows_of(4)
 
 
 @intrinsic
@@ -242,7 +243,8 @@ def stack_rows(typingctx, count, x):
     result_type = types.Array(x, 2, "C")
 
     def codegen(context, builder, signature, arguments):
-        real, index = context.get_value_type(x), context.get_value_type(types.intp)
+        real = context.get_value_type(x)
+        index = context.get_value_type(types.intp)
         memory = cgutils.alloca_once(builder, ir.ArrayType(real, rows * BLOCK))
         memory.align = CACHE_LINE
         data = builder.bitcast(memory, real.as_pointer())

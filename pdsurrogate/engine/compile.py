@@ -86,7 +86,9 @@ class CacheFile(IndexDataCacheFile):
 
     def __init__(self, *arguments) -> None:
         super().__init__(*arguments)
-        self._mark, self._is_marked, self._lock = Path(f"{self._index_path}.compiling"), False, None
+        self._mark = Path(f"{self._index_path}.compiling")
+        self._is_marked = False
+        self._lock = None
 
     def load(self, key):
         """Return the code stored under a key; wait for it if another process compiles the
@@ -191,7 +193,8 @@ class DigestCache(FunctionCache):
         self, function: Callable, digest: str | None = None, parallel: bool = False
     ) -> None:
         super().__init__(function)
-        self._digest, self._parallel = digest, parallel
+        self._digest = digest
+        self._parallel = parallel
         self._cache_file = None
 
     def _open(self) -> None:
@@ -291,7 +294,8 @@ def parallel_kernel(function: Callable) -> Callable:
     return _enable_cache(numba.njit(parallel=True, **OPTIONS)(function), function, parallel=True)
 
 
-_real, _sizes = types.CPointer(types.float64), types.CPointer(types.int64)
+_real = types.CPointer(types.float64)
+_sizes = types.CPointer(types.int64)
 
 
 MOST_VALUES = 1 << 40
@@ -407,15 +411,11 @@ def compile_bond_force(
 
     def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
         widest_vectors()
-        states, traction = (
-            carray(states, (state_rows, BLOCK)),
-            carray(traction, (result_rows, BLOCK)),
-        )
-        sizes, weights, work = (
-            carray(sizes, (MOST_VALUES,)),
-            carray(weights, (MOST_VALUES,)),
-            carray(work, (MOST_VALUES, BLOCK)),
-        )
+        states = carray(states, (state_rows, BLOCK))
+        traction = carray(traction, (result_rows, BLOCK))
+        sizes = carray(sizes, (MOST_VALUES,))
+        weights = carray(weights, (MOST_VALUES,))
+        work = carray(work, (MOST_VALUES, BLOCK))
         body(
             states,
             sizes,
@@ -442,7 +442,8 @@ def block_function_of(build: Callable, signature, *parts) -> CFunc:
         key = digest, str(signature)
     except NotKeyable:
         # It is unknown whether previously compiled code is still valid.
-        digest, key = None, object()
+        digest = None
+        key = object()
     if key not in _BLOCK_FUNCTIONS:
         _BLOCK_FUNCTIONS[key] = compile_block_function(build(*_ready(parts)), signature, digest)
     return _BLOCK_FUNCTIONS[key]
@@ -463,7 +464,8 @@ def _copy(function: Callable) -> Callable:
         function.__defaults__,
         function.__closure__,
     )
-    copy.__kwdefaults__, copy.__qualname__ = function.__kwdefaults__, function.__qualname__
+    copy.__kwdefaults__ = function.__kwdefaults__
+    copy.__qualname__ = function.__qualname__
     return copy
 
 
@@ -493,7 +495,8 @@ class CompilationClock(event.TimingListener):
     def on_start(self, event) -> None:
         super().on_start(event)
         if self._announce is not None:
-            announce, self._announce = self._announce, None
+            announce = self._announce
+            self._announce = None
             announce()
 
 

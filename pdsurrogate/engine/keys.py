@@ -221,11 +221,14 @@ def _is_of_library(value) -> bool:
     Such a value enters a digest by its name, not by its code.
     """
     if inspect.ismodule(value):
-        name, file = value.__name__, getattr(value, "__file__", None)
+        name = value.__name__
+        file = getattr(value, "__file__", None)
     elif isinstance(value, python_types.FunctionType):
-        name, file = value.__module__, value.__code__.co_filename
+        name = value.__module__
+        file = value.__code__.co_filename
     elif isinstance(value, type | python_types.BuiltinFunctionType | np.ufunc):
-        name, file = getattr(value, "__module__", None) or type(value).__module__, None
+        name = getattr(value, "__module__", None) or type(value).__module__
+        file = None
     else:
         return False
     root = _root(name)

@@ -70,7 +70,9 @@ def _run_on_threads(calls, following, counts, found):
     """
     threads = following.shape[0]
     for number in range(calls.shape[0]):
-        code, arguments, chunks = calls[number, 0], calls[number, 1], calls[number, 2]
+        code = calls[number, 0]
+        arguments = calls[number, 1]
+        chunks = calls[number, 2]
         for owner in range(threads):
             following[owner, 0] = owner * chunks // threads
         for thread in prange(threads):
@@ -208,7 +210,8 @@ class Pass:
 
     def __init__(self, function: Callable) -> None:
         self.function = function
-        self.__doc__, self.__name__ = function.__doc__, function.__name__
+        self.__doc__ = function.__doc__
+        self.__name__ = function.__name__
         self.names = tuple(inspect.signature(function).parameters)[1:]
         self._code: dict[tuple, CFunc] = {}
         self._compiled = expanded(function)
@@ -233,10 +236,8 @@ class Pass:
         """
         if kinds not in self._code:
             numba_types = tuple(map(_type_of, kinds))
-            unpack, source = (
-                _unpacker(numba_types),
-                ENTRY.format(", ".join(f"items[{number}]" for number in range(len(kinds)))),
-            )
+            unpack = _unpacker(numba_types)
+            source = ENTRY.format(", ".join(f"items[{number}]" for number in range(len(kinds))))
             digest = compiled_digest(
                 self.function, unpack, [str(one) for one in numba_types], source
             )
@@ -274,12 +275,11 @@ class BoundPass:
             raise TypeError(
                 f"{what.__name__} takes {len(what.names)} arguments, not {len(arguments)}"
             )
-        self._pass, self._kept, self._places = (
-            what,
-            dict(zip(what.names, arguments, strict=True)),
-            {},
-        )
-        kinds, words = [], []
+        self._pass = what
+        self._kept = dict(zip(what.names, arguments, strict=True))
+        self._places = {}
+        kinds = []
+        words = []
         for name, value in self._kept.items():
             self._places[name] = len(words)
             kind, of_value = _described(f"{what.__name__}: {name}", value)

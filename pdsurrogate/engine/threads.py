@@ -193,10 +193,12 @@ def thread_count(threads: int | None, limit: bool = False) -> Iterator[int]:
     if _lost and threads not in (None, 1):
         _say_lost()
         threads = 1
-    most, most_before = most_threads(), _most
+    most = most_threads()
+    most_before = _most
     if threads is not None and not 1 <= threads <= most:
         raise ValueError(f"threads must be between 1 and {most} on this machine, not {threads}")
-    before, used = threads_in_use(), threads or most
+    before = threads_in_use()
+    used = threads or most
     numba.set_num_threads(used)
     _most = used if limit else _most
     try:

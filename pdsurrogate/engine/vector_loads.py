@@ -108,7 +108,8 @@ def _fetch(builder, data, start, count, to_write=False):
 
     They may lie beyond the end of the array: then nothing happens.
     """
-    number, byte = ir.IntType(32), ir.IntType(8).as_pointer()
+    number = ir.IntType(32)
+    byte = ir.IntType(8).as_pointer()
     ask = builder.module.declare_intrinsic(
         "llvm.prefetch", [byte], ir.FunctionType(ir.VoidType(), [byte, number, number, number])
     )
@@ -243,7 +244,8 @@ def _transposed(builder, rows):
     """Return the transpose of four vectors of equal length: one vector of four lanes for each
     component.
     """
-    count, ends = rows[0].type.count, (0, 2)
+    count = rows[0].type.count
+    ends = (0, 2)
     if count == 4:
         low, high = (
             [_shuffle(builder, rows[n], rows[n + 1], lanes) for n in ends]
@@ -569,7 +571,8 @@ def sum_records(length, sign, fetched):
 
     @writes
     def add_up(builder, records, own, listed, others, factor, point, out):
-        indices, size = listed[0], listed[1] if fetched else None
+        indices = listed[0]
+        size = listed[1] if fetched else None
         combine = builder.fadd if sign > 0 else builder.fsub
         sums = (
             _sum_of(builder, records, length, *bonds, size=size)
@@ -633,10 +636,8 @@ def multiply_pairs(dimension):
             for record, mine, other in zip(
                 _record(builder, records, b, length), own, others, strict=True
             ):
-                product, count = (
-                    builder.fmul(record, builder.fadd(mine, other), flags=_CONTRACT),
-                    record.type.count,
-                )
+                product = builder.fmul(record, builder.fadd(mine, other), flags=_CONTRACT)
+                count = record.type.count
                 totals[count] = (
                     builder.fadd(totals[count], product, flags=_CONTRACT)
                     if count in totals
@@ -665,7 +666,8 @@ def sum_scaled_records(dimension):
 
     @writes
     def add_up(builder, records, factors, own, listed, others, point, outputs):
-        indices, size = listed[0], listed[1] if dimension == 3 else None
+        indices = listed[0]
+        size = listed[1] if dimension == 3 else None
 
         def components(sums):
             return [
@@ -735,7 +737,8 @@ def sums_of_rows(typingctx, table, begin, row, first, second):
     with two outputs each, are loaded as one vector: written as sixteen sums, LLVM gathers every
     number by itself, which takes three times as long.
     """
-    real, flags = table.dtype, ("contract", "reassoc", "nsz")
+    real = table.dtype
+    flags = ("contract", "reassoc", "nsz")
 
     def codegen(context, builder, signature, arguments):
         data, begin, row, weights, across = (

@@ -64,10 +64,14 @@ def bond_states(law: Law, first, second):
     several angles to the principal axes.
     """
     angle = 0.3 + np.arange(len(first))
-    cos, sin = np.cos(angle), np.sin(angle)
-    a, b, J = first * cos**2 + second * sin**2, (second - first) * sin * cos, first * second
+    cos = np.cos(angle)
+    sin = np.sin(angle)
+    a = first * cos**2 + second * sin**2
+    b = (second - first) * sin * cos
+    J = first * second
     C33 = plane_stress.thickness_stretch_squared(law, first**2 + second**2, J)
-    stretch, rotation = np.hypot(a, b), np.arctan2(b, a)
+    stretch = np.hypot(a, b)
+    rotation = np.arctan2(b, a)
     return (stretch, rotation, np.linspace(0.2, 1, len(first)), C33, J), exact_bond_force(
         law, stretch, rotation, C33, J
     )
@@ -80,7 +84,8 @@ def invariant_states(law: Law, first, second):
     `first` and `second` are the principal stretches, shape (n,); the states are a tuple of tr C, J,
     and these stretches.
     """
-    trace, J = first**2 + second**2, first * second
+    trace = first**2 + second**2
+    J = first * second
     p, q, *_ = plane_stress.response(law, trace, J, plane_stress.volume_ratio(law, trace, J))
     return (trace, J, first, second), np.stack(
         [p * first + q / first, p * second + q / second], axis=1
@@ -97,12 +102,14 @@ def isochoric_states(law: Law, first, second):
     three stretches are multiplied by the factor that takes it to the end of the range.
     """
     logs = np.log([first, second, np.ones_like(first)])
-    low, high = logs.min(), logs.max()
+    low = logs.min()
+    high = logs.max()
     logs -= logs.mean(axis=0)
     # Within the bounds of the two that were given.
     logs *= np.minimum(1, np.minimum(low / logs.min(axis=0), high / logs.max(axis=0)))
     squares = np.exp(2 * logs)
-    I1, I2 = squares.sum(axis=0), (1 / squares).sum(axis=0)
+    I1 = squares.sum(axis=0)
+    I2 = (1 / squares).sum(axis=0)
     return (I1, I2, squares), isochoric_stresses(squares, *isochoric_slopes(law, I1, I2))
 
 
@@ -170,16 +177,12 @@ def check_agreement(model, law: Law, exact, remedy: str) -> None:
     size = np.linalg.norm(right, axis=1)
     error = np.linalg.norm(model.answer(*states) - right, axis=1).max()
     if model.stated is None:
-        reference, most, said = (
-            size.max(),
-            MOST_UNSTATED,
-            f"the greatest force, more than {100 * MOST_UNSTATED:g} %",
-        )
+        reference = size.max()
+        most = MOST_UNSTATED
+        said = f"the greatest force, more than {100 * MOST_UNSTATED:g} %"
     else:
-        reference, most = (
-            np.sqrt((size**2).mean()),
-            MOST_OF_STATED * max(model.stated["max"], ROUNDING),
-        )
+        reference = np.sqrt((size**2).mean())
+        most = MOST_OF_STATED * max(model.stated["max"], ROUNDING)
         said = (
             "their root mean square, but its card states a greatest error of"
             f" {100 * model.stated['max']:.2g} %"

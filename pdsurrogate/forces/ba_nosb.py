@@ -38,14 +38,15 @@ class BondAssociatedStress(MaterialTerm):
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        material, body, kinematics = self.points_of(0), self.body, self.kinematics
-        bonds, points, volumes, chunks = (
-            body.bonds,
-            body.all_points,
-            body.all_volumes,
-            kinematics.chunks,
-        )
-        n, total = len(body), len(points)
+        material = self.points_of(0)
+        body = self.body
+        kinematics = self.kinematics
+        bonds = body.bonds
+        points = body.all_points
+        volumes = body.all_volumes
+        chunks = kinematics.chunks
+        n = len(body)
+        total = len(points)
 
         # Directed bonds by owner: a point's own, then those of images toward points of the body.
         order = np.argsort(bonds.second[kinematics.outer_pairs], kind="stable")
@@ -82,10 +83,8 @@ class BondAssociatedStress(MaterialTerm):
         body.ghosts.fill(horizon_volumes)
 
         table = self._table_pointers, self._table
-        self._common_pointers, self._common = (
-            np.zeros(len(owners) + 1, dtype=np.uint64),
-            np.empty(0, dtype=np.uint16),
-        )
+        self._common_pointers = np.zeros(len(owners) + 1, dtype=np.uint64)
+        self._common = np.empty(0, dtype=np.uint16)
         for count in (True, False):
             common = count, self._common_pointers, self._common
             ba_nosb.list_common_points(
@@ -98,12 +97,14 @@ class BondAssociatedStress(MaterialTerm):
             direction * body.weigh(np.linalg.norm(direction, axis=1))[:, None]
         )
         self._inverse_shapes = np.empty((len(owners), 3))
-        weighted, shared = (*table, self._table_weights), (self._common_pointers, self._common)
+        weighted = (*table, self._table_weights)
+        shared = (self._common_pointers, self._common)
         shapes = self._inverse_shapes, self.bond_vectors
         ba_nosb.bond_references(
             points, volumes, weighted, (owners, targets), shared, horizon_volumes, *shapes
         )
-        self._volume_ratios, self.bond_forces = np.ones(len(owners)), np.empty((len(owners), 2))
+        self._volume_ratios = np.ones(len(owners))
+        self.bond_forces = np.empty((len(owners), 2))
         self.state.append(
             StateArray("bond_volume_ratios", "bonds", self._volume_ratios[: len(bonds.neighbors)])
         )
@@ -156,7 +157,9 @@ class BondAssociatedStress(MaterialTerm):
         """Return an error message about a bond without a stress; the gradients of all bonds are
         recomputed for it.
         """
-        body, positions, owners = self.body, self.kinematics.positions, self._owners
+        body = self.body
+        positions = self.kinematics.positions
+        owners = self._owners
         bonds = np.repeat(np.arange(len(owners)), np.diff(self._common_pointers).astype(np.int64))
         entries = self._table_pointers[owners[bonds]].astype(np.int64) + self._common
         vectors = positions[self._table[entries]] - positions[owners[bonds]]

@@ -64,7 +64,8 @@ class BondStates:
     def stretches(self) -> np.ndarray:
         """Principal stretches of the bonds in the plane, the greater first, shape (n, 2)."""
         trace = self.a**2 + 2 * self.b**2 + lateral_stretch(self.a, self.b, self.J) ** 2
-        total, difference = np.sqrt(trace + 2 * self.J), np.sqrt(np.maximum(trace - 2 * self.J, 0))
+        total = np.sqrt(trace + 2 * self.J)
+        difference = np.sqrt(np.maximum(trace - 2 * self.J, 0))
         return np.stack([total + difference, total - difference], axis=1) / 2
 
     def chosen(self, which) -> Self:
@@ -109,23 +110,17 @@ class PairForces:
     def __init__(
         self, binding: Binding, model, points: MaterialPoints, strength: np.ndarray, correction: str
     ) -> None:
-        law, kinematics, precision, plane = (
-            points.law,
-            binding.kinematics,
-            binding.precision,
-            binding.settings.plane,
-        )
-        body, threads, blocks = (
-            kinematics.body,
-            kinematics.chunks.threads,
-            len(points.first) // BLOCK,
-        )
-        self.model, self.points, self._kinematics, self._precision = (
-            model,
-            points,
-            kinematics,
-            precision,
-        )
+        law = points.law
+        kinematics = binding.kinematics
+        precision = binding.precision
+        plane = binding.settings.plane
+        body = kinematics.body
+        threads = kinematics.chunks.threads
+        blocks = len(points.first) // BLOCK
+        self.model = model
+        self.points = points
+        self._kinematics = kinematics
+        self._precision = precision
         compiled = model.compiled(precision)
         self._weights = compiled.weights
         if plane == "strain" and not compiled.asks_law:
@@ -134,10 +129,8 @@ class PairForces:
         rows = bond_force.COUNTED_ROW + 1 if divided else 5 if compiled.needs_length else 4
         self.geometry = aligned_rows((blocks, rows, BLOCK), precision)
         if divided:
-            numbers, counted = (
-                np.arange(len(strength)),
-                body.share.own[body.bonds.first[points.pairs]],
-            )
+            numbers = np.arange(len(strength))
+            counted = body.share.own[body.bonds.first[points.pairs]]
             self.geometry[numbers // BLOCK, bond_force.COUNTED_ROW, numbers % BLOCK] = counted
         self.find_geometry(np.arange(len(strength), dtype=np.uint32), strength, correction)
         self.learns_thickness = (
@@ -184,7 +177,9 @@ class PairForces:
         """Compute the rows of `geometry` for some `pairs` of the material; `strength` holds
         `pair_strength` of all its pairs.
         """
-        kinematics, points, body = self._kinematics, self.points, self._kinematics.body
+        kinematics = self._kinematics
+        points = self.points
+        body = self._kinematics.body
         ends = points.first, points.second, body.all_points[points.numbers]
         shapes = kinematics.inverse_shape[points.numbers], kinematics.supported[points.numbers]
         rule = reference_state.CORRECTIONS[correction], body.kappa, body.horizon
@@ -199,8 +194,10 @@ class PairForces:
 
     def add(self, pairs: np.ndarray, changes: np.ndarray) -> None:
         """Add `changes` (k, 2) to the reference vectors of some `pairs` that carry force."""
-        block, lane = pairs // BLOCK, pairs % BLOCK
-        (n1, n2, along), (one, other) = self.geometry[block, :3, lane].T.astype(float), changes.T
+        block = pairs // BLOCK
+        lane = pairs % BLOCK
+        (n1, n2, along) = self.geometry[block, :3, lane].T.astype(float)
+        (one, other) = changes.T
         factors = np.where(
             along == 0, 0.0, [n1 * one + n2 * other, n1 * other - n2 * one] / (n1**2 + n2**2)
         )
@@ -218,11 +215,9 @@ class BondForces(MaterialTerm):
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        body, bonds, models = (
-            self.body,
-            self.body.bonds,
-            cast("list[ForceSurrogate]", [portion.model for portion in binding.portions]),
-        )
+        body = self.body
+        bonds = body.bonds
+        models = cast("list[ForceSurrogate]", [portion.model for portion in binding.portions])
         self.correction = binding.settings.correction or (
             "tensor" if all(model.gives_transverse for model in models) else "scalar"
         )
@@ -232,7 +227,8 @@ class BondForces(MaterialTerm):
                 f"{name}: the deviation of members needs plane stress; for plane=strain fit with"
                 " --energy"
             )
-        self._strength, self._parts = pair_strength(body), []
+        self._strength = pair_strength(body)
+        self._parts = []
         if binding.portion_of is not None:
             of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]
             shares = np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
@@ -247,10 +243,8 @@ class BondForces(MaterialTerm):
             self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
         # Changes that balance pairs, and the first moments that points have lost of them with
         # broken bonds.
-        self._changes, self._lost = (
-            (np.empty(0, dtype=np.int64), np.empty((0, 2))),
-            np.zeros((len(body.all_points), 2, 2)),
-        )
+        self._changes = (np.empty(0, dtype=np.int64), np.empty((0, 2)))
+        self._lost = np.zeros((len(body.all_points), 2, 2))
         if self.correction == "tensor" and body.outward is not None:
             vectors = np.zeros((len(bonds.first), 2), dtype=binding.precision)
             for part in self._parts:
@@ -260,16 +254,16 @@ class BondForces(MaterialTerm):
             self._changes = pairs, changes if binding.whole else changes * shares[pairs, None]
             self._change(pairs)
         self.learned_thickness = any(part.learns_thickness for part in self._parts)
-        self._model, self._domain = models[0], models[0].domain if binding.whole else None
-        out, chunks = np.empty_like(body.points), self.kinematics.chunks
+        self._model = models[0]
+        self._domain = models[0].domain if binding.whole else None
+        out = np.empty_like(body.points)
+        chunks = self.kinematics.chunks
         if binding.whole:
-            (part,), lists = (
-                self._parts,
-                (
-                    bonds.pair_pointers,
-                    bonds.incidence_pointers,
-                    bonds.incidence,
-                ),
+            (part,) = self._parts
+            lists = (
+                bonds.pair_pointers,
+                bonds.incidence_pointers,
+                bonds.incidence,
             )
             sums = [sum_pair_forces[2].bind(part.forces, *lists, part.unit, out, chunks=chunks)]
             self.in_units = [(0, sums[0])]
@@ -291,8 +285,10 @@ class BondForces(MaterialTerm):
         )
         if len(broken) == 0:
             return super().diagnose(out)
-        i, j = int(body.bonds.first[broken[0]]), int(body.bonds.second[broken[0]])
-        positions, points = self.kinematics.positions, body.all_points
+        i = int(body.bonds.first[broken[0]])
+        j = int(body.bonds.second[broken[0]])
+        positions = self.kinematics.positions
+        points = body.all_points
         stretch = np.linalg.norm(positions[j] - positions[i]) / np.linalg.norm(
             points[j] - points[i]
         )
@@ -314,7 +310,8 @@ class BondForces(MaterialTerm):
         _, here, there = np.intersect1d(pairs, changed, assume_unique=True, return_indices=True)
         changes[here] = of_changed[there]
         if self._lost.any():
-            body, ends = self.body, (self.body.bonds.first[pairs], self.body.bonds.second[pairs])
+            body = self.body
+            ends = (self.body.bonds.first[pairs], self.body.bonds.second[pairs])
             vectors = body.all_points[ends[1]] - body.all_points[ends[0]]
             factors = self._strength[pairs] / (2 * lengths_of(vectors))
             for end in ends:
@@ -328,7 +325,9 @@ class BondForces(MaterialTerm):
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._strength[pairs] = 0.0
-        body, bonds, (numbers, changes) = self.body, self.body.bonds, self._changes
+        body = self.body
+        bonds = body.bonds
+        (numbers, changes) = self._changes
         broken = np.isin(numbers, pairs)
         gone = numbers[broken]
         vectors = body.all_points[bonds.second[gone]] - body.all_points[bonds.first[gone]]
@@ -370,11 +369,10 @@ class BondForces(MaterialTerm):
     def member_deviation(self) -> np.ndarray | None:
         if not self._model.members:
             return None
-        body, (pairs, states) = self.body, self.bonds()
-        found, of_points = (
-            self._model.member_deviations(self.materials[0].law, states),
-            np.zeros(len(body)),
-        )
+        body = self.body
+        (pairs, states) = self.bonds()
+        found = self._model.member_deviations(self.materials[0].law, states)
+        of_points = np.zeros(len(body))
         for ends in (body.bonds.first[pairs], body.bonds.second[pairs]):
             own = ends < len(body)
             np.maximum.at(of_points, ends[own], found[own])
@@ -384,14 +382,16 @@ class BondForces(MaterialTerm):
         """Return the numbers of the pairs that carry a force, and their `BondStates`, in a body
         of one material.
         """
-        body, part, bonds, points = self.body, self._parts[0], self.body.bonds, self.body.all_points
+        body = self.body
+        part = self._parts[0]
+        bonds = body.bonds
+        points = body.all_points
         part.points.find()
         pairs = np.flatnonzero(part.geometry[:, 2].ravel()[: len(bonds.first)])
-        first, second = bonds.first[pairs], bonds.second[pairs]
-        vectors, between = (
-            points[second] - points[first],
-            self.kinematics.positions[second] - self.kinematics.positions[first],
-        )
+        first = bonds.first[pairs]
+        second = bonds.second[pairs]
+        vectors = points[second] - points[first]
+        between = self.kinematics.positions[second] - self.kinematics.positions[first]
         length = lengths_of(vectors)
         cos, sin, J, C33 = (
             part.points.records[first].astype(float) + part.points.records[second]
@@ -418,16 +418,15 @@ def surrogate_states(
     the points determines the states of points outside `domain`.
     """
     limits = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
-    tolerance, volumetric = THICKNESS_TOLERANCE[precision], volume_residual_block(points.law)
+    tolerance = THICKNESS_TOLERANCE[precision]
+    volumetric = volume_residual_block(points.law)
     force = volumetric.address, compiled.address, compiled.constants(points), limits, tolerance
     buffers = aligned_rows((chunks.threads, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1)
     scratch = aligned_rows((chunks.threads, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1)
-    memory, states = (
-        (buffers, compiled.memory(chunks.threads, precision), scratch),
-        (
-            points.gradients,
-            points.volume_ratios,
-        ),
+    memory = (buffers, compiled.memory(chunks.threads, precision), scratch)
+    states = (
+        points.gradients,
+        points.volume_ratios,
     )
     return surrogate_thickness.surrogate_node_states.bind(
         *states, *force, memory, points.records, chunks=chunks
@@ -457,7 +456,8 @@ def pair_strength(body: Body) -> np.ndarray:
     w is the weight of the pair, l its undeformed length, and V_i and V_j are the volumes of its
     ends.
     """
-    bonds, volumes = body.bonds, body.all_volumes
+    bonds = body.bonds
+    volumes = body.all_volumes
     length = lengths_of(body.all_points[bonds.second] - body.all_points[bonds.first])
     return 2 * body.weigh(length) * length * volumes[bonds.first] * volumes[bonds.second]
 
@@ -655,7 +655,8 @@ def exact_bond_force(law: Law, stretch, rotation, C33, J) -> np.ndarray:
     """Return the exact bond force of a law, shape (n, 2), for arguments as in
     `ForceSurrogate.bond_force`.
     """
-    a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+    a = stretch * np.cos(rotation)
+    b = stretch * np.sin(rotation)
     T_nn, T_nm, _ = plane_stress.bond_traction(law, a, b, J, C33)
     return along_and_across(T_nn, T_nm, a, b, stretch)
 

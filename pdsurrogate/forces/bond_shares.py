@@ -41,9 +41,12 @@ class BondShares:
     """
 
     def __init__(self, kinematics: Kinematics, precision: str) -> None:
-        self._kinematics, self._body = kinematics, kinematics.body
-        body, bonds = self._body, self._body.bonds
-        n, total = len(body), len(body.all_points)
+        self._kinematics = kinematics
+        self._body = kinematics.body
+        body = self._body
+        bonds = self._body.bonds
+        n = len(body)
+        total = len(body.all_points)
         length = lengths_of(body.all_points[bonds.second] - body.all_points[bonds.first])
         self.strength = (
             body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
@@ -75,11 +78,12 @@ class BondShares:
         `pairs` must contain all pairs whose `strength`, or whose ends' flags
         `Kinematics.supported`, have changed.
         """
-        kinematics, body, bonds, n = self._kinematics, self._body, self._body.bonds, len(self._body)
-        touched, affected = (
-            np.zeros(len(body.all_points), dtype=bool),
-            np.zeros(len(bonds.first), dtype=bool),
-        )
+        kinematics = self._kinematics
+        body = self._body
+        bonds = self._body.bonds
+        n = len(self._body)
+        touched = np.zeros(len(body.all_points), dtype=bool)
+        affected = np.zeros(len(bonds.first), dtype=bool)
         touched[bonds.first[pairs]] = touched[bonds.second[pairs]] = True
         touched = np.flatnonzero(touched[:n])
         affected[bonds.pair_of[entries_of(bonds.pointers, touched)]] = True
@@ -113,8 +117,11 @@ class BondShares:
         """Divide the volumes of the points `rows` among their directed bonds; bonds that an
         interface omits get no share.
         """
-        body, bonds, interfaces = self._body, self._body.bonds, self._kinematics.interfaces
-        numbers, strength = bonds.pair_of, self.strength
+        body = self._body
+        bonds = self._body.bonds
+        interfaces = self._kinematics.interfaces
+        numbers = bonds.pair_of
+        strength = self.strength
         if interfaces is not None:
             strength = strength[numbers]
             strength[interfaces.left_out] = 0.0
@@ -144,13 +151,15 @@ class BondShares:
         `weights` for which its energy counts, and in a body divided among ranks the part of that
         volume that this rank counts.
         """
-        body, d = self._body, self._body.dimension
+        body = self._body
+        d = self._body.dimension
         pairs = np.arange(len(body.bonds.first))[pairs]
         vectors = (
             body.all_points[body.bonds.second[pairs]] - body.all_points[body.bonds.first[pairs]]
         )
         length = lengths_of(vectors)
-        places, rows = np.arange(len(pairs)), d + (3 if body.share.divided else 2)
+        places = np.arange(len(pairs))
+        rows = d + (3 if body.share.divided else 2)
         geometry = aligned_rows((-(-len(pairs) // BLOCK), rows, BLOCK), precision)
         geometry[places // BLOCK, : d + 1, places % BLOCK] = np.column_stack(
             [vectors / length[:, None], 1 / length]
@@ -166,7 +175,8 @@ class BondShares:
 
         `places` are the positions of these pairs in the array.
         """
-        body, d = self._body, self._body.dimension
+        body = self._body
+        d = self._body.dimension
         geometry[places // BLOCK, d + 1, places % BLOCK] = weights
         if body.share.divided:
             geometry[places // BLOCK, d + 2, places % BLOCK] = (
@@ -221,8 +231,11 @@ class BondShares:
             Steps that compute the other forces, run after the moments of ghosts have been added to
             those of the points they mirror.
         """
-        body, ghosts, kinematics = self._body, self._body.ghosts, self._kinematics
-        d, chunks = body.dimension, kinematics.chunks
+        body = self._body
+        ghosts = self._body.ghosts
+        kinematics = self._kinematics
+        d = body.dimension
+        chunks = kinematics.chunks
         weigh = weigh_moments[d].bind(
             moments, kinematics.inverse_shape, body.volumes, chunks=chunks
         )
@@ -251,9 +264,12 @@ class BondShares:
         the moments of points and ghosts after the steps of `steps_to_points`; `unit` is a factor of
         the forces alone.
         """
-        n, d, (own, others, incidence) = len(self._body), self._body.dimension, self.pairs_of_points
+        n = len(self._body)
+        d = self._body.dimension
+        (own, others, incidence) = self.pairs_of_points
         pairs = own[n:], others[n:], incidence
-        found, on_ghosts = np.empty_like(stresses[n:]), np.empty_like(self._node_parts)
+        found = np.empty_like(stresses[n:])
+        on_ghosts = np.empty_like(self._node_parts)
         sum_moments[d](moments, *pairs, 1.0, found)
         sum_pair_forces[d](forces, *pairs, unit, on_ghosts[n:])
         add_node_forces[d](stresses, *self._of_ghosts, unit, n, self._node_parts, on_ghosts)

@@ -30,10 +30,8 @@ def by_blocks(
     for at in range(0, n, BLOCK):
         size = min(BLOCK, n - at)
         # Copies of the first state fill the last block, so that all its columns are valid states.
-        rows, result = (
-            np.repeat(states[:, at : at + 1], BLOCK, axis=1).astype(dtype),
-            np.zeros((n_rows, BLOCK), dtype),
-        )
+        rows = np.repeat(states[:, at : at + 1], BLOCK, axis=1).astype(dtype)
+        result = np.zeros((n_rows, BLOCK), dtype)
         rows[:, :size] = states[:, at : at + size]
         evaluate(rows, result)
         found[:, at : at + size] = result[:, :size]

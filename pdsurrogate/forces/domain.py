@@ -94,7 +94,8 @@ class Domain:
         """Return the bounds as an array of constants for the compiled test
         `pdsurrogate.kernels.domain.is_outside`.
         """
-        low, high = np.float64(self.least_stretch) ** 2, np.float64(self.greatest_stretch) ** 2
+        low = np.float64(self.least_stretch) ** 2
+        high = np.float64(self.greatest_stretch) ** 2
         with np.errstate(divide="ignore"):
             return np.array(
                 [

@@ -49,10 +49,8 @@ def why_invalid(
         )
     trace = (F * F).sum(axis=(1, 2))
     order = np.argsort(-trace)[:100]
-    worst, tried = (
-        int(order[0]),
-        [(place, law) for place, number in enumerate(order.tolist()) for law in laws(number)],
-    )
+    worst = int(order[0])
+    tried = [(place, law) for place, number in enumerate(order.tolist()) for law in laws(number)]
     # Line searches meet such states by the thousand: a law is asked about all gradients at once.
     lacking = []
     for law in {id(law): law for _, law in tried}.values():

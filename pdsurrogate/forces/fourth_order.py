@@ -50,14 +50,14 @@ def solution_of(
     gradients are preconditioned on two levels: by damped steps of Jacobi's method, and by linear
     functions on boxes of points, smoothed by such a step.
     """
-    diagonal, found = matrix.diagonal(), np.zeros(right.shape)
+    diagonal = matrix.diagonal()
+    found = np.zeros(right.shape)
     touched = np.flatnonzero((diagonal > FREE * diagonal.max()) & np.isfinite(right).all(axis=1))
-    matrix, diagonal, points = (
-        matrix[touched][:, touched].tocsr(),
-        diagonal[touched],
-        points[touched],
-    )
-    pieces, free = np.unique(pieces[touched], return_inverse=True)[1], np.empty((len(touched), 0))
+    matrix = matrix[touched][:, touched].tocsr()
+    diagonal = diagonal[touched]
+    points = points[touched]
+    pieces = np.unique(pieces[touched], return_inverse=True)[1]
+    free = np.empty((len(touched), 0))
     # Those of whole bodies first, which others with little stiffness would blur.
     for each in (scipy.sparse.csgraph.connected_components(matrix, directed=False)[1], pieces):
         free = _with_free_motions(free, matrix, points, each)
@@ -80,8 +80,11 @@ def conjugate_gradients(
 
     It ends at `RESIDUAL`. The sums do not depend on the number of threads.
     """
-    residual, solution, step = right.copy(), np.zeros_like(right), np.zeros_like(right)
-    before, least = np.ones(right.shape[1]), RESIDUAL * np.abs(right).max(initial=0.0)
+    residual = right.copy()
+    solution = np.zeros_like(right)
+    step = np.zeros_like(right)
+    before = np.ones(right.shape[1])
+    least = RESIDUAL * np.abs(right).max(initial=0.0)
     for _ in range(max(MOST_STEPS, len(right))):
         if np.abs(residual).max(initial=0.0) <= least:
             break

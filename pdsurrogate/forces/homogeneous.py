@@ -81,7 +81,8 @@ def nominal_states(
         force(body.points * given, out)
         return np.diag(force.mean_stress())
 
-    found, beyond = np.full(len(stretches), np.nan), np.full(len(stretches), -np.inf)
+    found = np.full(len(stretches), np.nan)
+    beyond = np.full(len(stretches), -np.inf)
     for row, (first, second) in enumerate(stretches):
         at = np.array([first, second, 1.0])[: body.dimension]
         free = [axis for axis in range(1, body.dimension) if axis == 2 or np.isnan(second)]
@@ -106,12 +107,15 @@ def _relaxed(stress_at, at: np.ndarray, free: list[int]) -> np.ndarray:
     ``stress_at(stretches)`` returns the stresses along the axes at given stretches. The secant
     method starts at the stretches `at`; `free` holds the indices of the free axes.
     """
-    stress, at = stress_at(at), at.copy()
+    stress = stress_at(at)
+    at = at.copy()
     if not free:
         return stress
-    before, moved = at[free[0]], at[free[0]] * (1 + 1e-4)
+    before = at[free[0]]
+    moved = at[free[0]] * (1 + 1e-4)
     for _ in range(MOST_STEPS):
-        previous, at[free] = stress[free].mean(), moved
+        previous = stress[free].mean()
+        at[free] = moved
         stress = stress_at(at)
         residual = stress[free].mean()
         if abs(moved / before - 1) < TOLERANCE or residual == previous:

@@ -157,8 +157,11 @@ class Beside:
 
     def put(self, rows: np.ndarray, depths, normals, others, astray=0.0, rounds=-1) -> None:
         """Write the interfaces of the points `rows`."""
-        self.depths[rows], self.normals[rows], self.others[rows] = depths, normals, others
-        self.astray[rows], self.rounds[rows] = astray, rounds
+        self.depths[rows] = depths
+        self.normals[rows] = normals
+        self.others[rows] = others
+        self.astray[rows] = astray
+        self.rounds[rows] = rounds
 
 
 @dataclass(frozen=True)
@@ -203,34 +206,31 @@ def fitted_jumps(
     `watched` is whether fits to either side alone are wanted; the other arguments are those of
     `Interfaces`.
     """
-    n, modulus_of = len(body), np.zeros(portion_of.max() + 1)
+    n = len(body)
+    modulus_of = np.zeros(portion_of.max() + 1)
     modulus_of[portion_of] = moduli
-    beside, growth, known = (
-        interfaces_beside(body, portion_of, moduli, near, quadratic),
-        np.ones(n),
-        np.zeros(len(near), dtype=bool),
-    )
-    places, both = (
-        body.points[near] + beside.depths[:, None] * beside.normals,
-        np.column_stack([portion_of[near], beside.others]),
-    )
-    places, tree = _rounded(places, body.spacing), scipy.spatial.cKDTree(body.points)
-    stiff, found = (
-        quadratic & (moduli[near] > YIELDING * modulus_of[beside.others]),
-        beside.depths > 0,
-    )
+    beside = interfaces_beside(body, portion_of, moduli, near, quadratic)
+    growth = np.ones(n)
+    known = np.zeros(len(near), dtype=bool)
+    places = body.points[near] + beside.depths[:, None] * beside.normals
+    both = np.column_stack([portion_of[near], beside.others])
+    places = _rounded(places, body.spacing)
+    tree = scipy.spatial.cKDTree(body.points)
+    stiff = quadratic & (moduli[near] > YIELDING * modulus_of[beside.others])
+    found = beside.depths > 0
 
     # The jump of the slope is the same from either side: all fits at a place start from the
     # material of the lower number.
-    rows, upwards = (
-        np.flatnonzero(found & ~stiff),
-        np.where(both[:, 0] < both[:, 1], 1.0, -1.0)[:, None] * beside.normals,
-    )
+    rows = np.flatnonzero(found & ~stiff)
+    upwards = np.where(both[:, 0] < both[:, 1], 1.0, -1.0)[:, None] * beside.normals
     keys = np.column_stack([places, upwards, np.sort(both, axis=1), beside.rounds])[rows]
-    order, which = np.lexsort(keys.T), np.zeros(len(rows), dtype=np.int64)
+    order = np.lexsort(keys.T)
+    which = np.zeros(len(rows), dtype=np.int64)
     which[order[1:]] = np.cumsum((np.diff(keys[order], axis=0) != 0).any(axis=1))
     at = rows[np.unique(which, return_index=True)[1]]
-    fits, torn, good = [], [], np.zeros(len(at), dtype=bool)
+    fits = []
+    torn = []
+    good = np.zeros(len(at), dtype=bool)
     sides = places[at], upwards[at], np.sort(both[at], axis=1), beside.rounds[at]
     for some, around, x, beyond, heights, volumes, reach in _two_sides(
         body, tree, portion_of, *sides
@@ -247,20 +247,21 @@ def fitted_jumps(
                 )
             )
     known[rows] = good[which]
-    rows, which = rows[good[which]], which[good[which]]
+    rows = rows[good[which]]
+    which = which[good[which]]
     chosen = scipy.sparse.csr_array((np.ones(len(rows)), (near[rows], which)), shape=(n, len(at)))
     jumps, apart = (chosen @ _matrix(parts, len(at), n) for parts in (fits, torn))
 
-    odd, images, rows = [], [], np.flatnonzero(found & stiff)
+    odd = []
+    images = []
+    rows = np.flatnonzero(found & stiff)
     sides = places[rows], beside.normals[rows], both[rows], beside.rounds[rows]
     for some, around, x, beyond, _, volumes, reach in _two_sides(body, tree, portion_of, *sides):
         at = rows[some]
-        own, sizes = (
-            (around == near[at, None]) & (volumes > 0),
-            (
-                beside.depths[at] / reach,
-                body.spacing / reach,
-            ),
+        own = (around == near[at, None]) & (volumes > 0)
+        sizes = (
+            beside.depths[at] / reach,
+            body.spacing / reach,
         )
         entries, at_image, known[at] = _mirrored(
             (x, volumes, beyond), beside.normals[at], sizes, own, volumes_held
@@ -271,8 +272,10 @@ def fitted_jumps(
         growth[near[at]] += bent
         odd.append((near[at], around, (known[at] * (1 + bent))[:, None] * entries / reach))
         images.append((near[at], around, (known[at] * (1 + 2 * bent))[:, None] * (at_image - own)))
-    depths, normals = np.zeros(n), np.zeros_like(body.points)
-    depths[near], normals[near] = known * beside.depths, known[:, None] * beside.normals
+    depths = np.zeros(n)
+    normals = np.zeros_like(body.points)
+    depths[near] = known * beside.depths
+    normals[near] = known[:, None] * beside.normals
     jumps = jumps + _matrix(odd, n, n)
     jumps.sort_indices()
     return Fits(depths, normals, jumps, _matrix(images, n, n), apart, growth)
@@ -284,7 +287,8 @@ def interfaces_beside(
     """Return the interfaces next to the points `near`: a circle or sphere, or a plane, or the
     nearest points of a much softer material.
     """
-    found, tree = Beside.nothing(len(near), body.dimension), scipy.spatial.cKDTree(body.all_points)
+    found = Beside.nothing(len(near), body.dimension)
+    tree = scipy.spatial.cKDTree(body.all_points)
     if quadratic:
         _find_rounds(body, tree, portion_of, near, found)
     for some in _slabs(np.flatnonzero(found.depths == 0)):
@@ -355,9 +359,11 @@ def _bend(body: Body, places: np.ndarray, beside: Beside, rows: np.ndarray) -> n
     """Return kappa d of theory (62a) for the points `rows`, images beyond `places`; zero unless
     their interfaces are convex and large.
     """
-    found, (centers, radii) = np.zeros(len(rows)), _shapes(body)
+    found = np.zeros(len(rows))
+    (centers, radii) = _shapes(body)
     curved = np.flatnonzero(beside.rounds[rows] >= 0)
-    which, of_curved = beside.rounds[rows[curved]], rows[curved]
+    which = beside.rounds[rows[curved]]
+    of_curved = rows[curved]
     convex = ((places[curved] - centers[which]) * beside.normals[of_curved]).sum(axis=1) > 0
     large = np.array([each.divides(body.horizon) for each in body.rounds], dtype=bool)[which]
     bent = np.minimum((body.dimension - 1) * beside.depths[of_curved] / radii[which], MOST_CURVED)
@@ -388,11 +394,14 @@ def _two_sides(
         reach = ratio * body.horizon
         for some in _slabs(np.flatnonzero((rounds >= 0) == curved)):
             around, there = _around(tree, places[some], reach * WITH_ROUNDING)
-            kinds, (first, second) = portion_of[around], both[some].T[:, :, None]
-            x, beyond = (body.points[around] - places[some, None]) / reach, kinds == second
+            kinds = portion_of[around]
+            (first, second) = both[some].T[:, :, None]
+            x = (body.points[around] - places[some, None]) / reach
+            beyond = kinds == second
             heights = (x @ normals[some, :, None])[:, :, 0]
             if curved:
-                center, radius = centers[rounds[some]], radii[rounds[some], None]
+                center = centers[rounds[some]]
+                radius = radii[rounds[some], None]
                 outwards = np.sign(((places[some] - center) * normals[some]).sum(axis=1))[:, None]
                 heights = (
                     outwards
@@ -423,7 +432,8 @@ def _find_rounds(
     """Find the circles or spheres next to the points `near` on which the material changes;
     `tree` holds points and ghosts.
     """
-    (centers, radii), reach = _shapes(body), FARTHEST * body.horizon
+    (centers, radii) = _shapes(body)
+    reach = FARTHEST * body.horizon
     large = np.flatnonzero(radii > LEAST_RADIUS * body.spacing)
     if not len(large) or not len(near):
         return
@@ -441,7 +451,9 @@ def _find_rounds(
     order = order[
         (np.abs(distances[order]) <= reach) & (distances[order] != 0) & (lengths[order] > 0)
     ]
-    rows, which, depths = rows[order], which[order], np.abs(distances[order])
+    rows = rows[order]
+    which = which[order]
+    depths = np.abs(distances[order])
     normals = -np.sign(distances[order])[:, None] * arms[order] / lengths[order, None]
     # Of points equally near to the place beyond the interface, those on the interface may be of the
     # own material.
@@ -479,15 +491,12 @@ def _find_planes(
         if not len(rows):
             return
         around, there = _around(tree, places, body.horizon * WITH_ROUNDING)
-        kinds, V = portion_of[around], np.where(there, body.all_volumes[around], 0.0)
-        others, total = (
-            there & (kinds != portion_of[near[rows], None]),
-            V.sum(axis=1, keepdims=True),
-        )
-        least, greatest = (
-            np.where(others, kinds, len(portion_of)).min(axis=1),
-            np.where(others, kinds, -1).max(axis=1),
-        )
+        kinds = portion_of[around]
+        V = np.where(there, body.all_volumes[around], 0.0)
+        others = there & (kinds != portion_of[near[rows], None])
+        total = V.sum(axis=1, keepdims=True)
+        least = np.where(others, kinds, len(portion_of)).min(axis=1)
+        greatest = np.where(others, kinds, -1).max(axis=1)
         x = body.all_points[around] - places[:, None]
         x -= np.einsum("bk,bka->ba", V / total, x)[:, None]
         second = np.einsum("bk,bka,bkc->bac", V, x, x)
@@ -513,10 +522,8 @@ def _find_planes(
             np.inf,
         )
         order = np.argsort(along, axis=1, kind="stable")
-        sums, own = (
-            np.cumsum(np.take_along_axis(V, order, axis=1), axis=1),
-            np.where(others, 0.0, V).sum(axis=1, keepdims=True),
-        )
+        sums = np.cumsum(np.take_along_axis(V, order, axis=1), axis=1)
+        own = np.where(others, 0.0, V).sum(axis=1, keepdims=True)
         behind = (sums < own * (1 + 1e-9)).sum(axis=1, keepdims=True)
         ends = np.take_along_axis(
             order, np.clip(np.hstack([behind - 1, behind]), 0, order.shape[1] - 1), axis=1
@@ -527,7 +534,10 @@ def _find_planes(
             np.abs(depths) <= FARTHEST * body.horizon
         )
         places = (points + depths[:, None] * normals)[good]
-        rows, beyond, normals, depths = rows[good], beyond[good], normals[good], depths[good]
+        rows = rows[good]
+        beyond = beyond[good]
+        normals = normals[good]
+        depths = depths[good]
         astray = (V * (others != (along > ends[:, :1] + NONE * body.spacing)) / total)[good].sum(
             axis=1
         )
@@ -592,7 +602,8 @@ def _weights_of_value(
             @ (weights[:, :, None] * values)
             / weights.sum(axis=1)[:, None, None]
         )
-    good, found = np.linalg.cond(second, "fro") < worst, np.zeros_like(weights)
+    good = np.linalg.cond(second, "fro") < worst
+    found = np.zeros_like(weights)
     solved = np.linalg.solve(second[good], np.broadcast_to(wanted, second.shape[:2])[good, :, None])
     found[good] = (
         weights[good] * (values[good] @ solved)[:, :, 0] / weights[good].sum(axis=1, keepdims=True)
@@ -610,10 +621,8 @@ def _jump_of_sides(
     the points of the other side.
     """
     weights = volumes * np.maximum(1 - (x * x).sum(axis=2), 0.0)
-    values, wanted = (
-        np.dstack([np.ones_like(weights), x]),
-        np.column_stack([np.zeros(len(x)), normals]),
-    )
+    values = np.dstack([np.ones_like(weights), x])
+    wanted = np.column_stack([np.zeros(len(x)), normals])
     (theirs, one), (own, two) = (
         _weights_of_value(values, weights * side, wanted, WORST_CONDITION)
         for side in (beyond, ~beyond)
@@ -642,10 +651,12 @@ def _jump_of_slopes(
         Distances from the interface of points beyond it, zero for others.
     quadratic : bool
     """
-    d, weights = x.shape[2], volumes * np.maximum(1 - (x * x).sum(axis=2), 0.0)
+    d = x.shape[2]
+    weights = volumes * np.maximum(1 - (x * x).sum(axis=2), 0.0)
     curved = [x[:, :, a] * x[:, :, b] for a in range(d) for b in range(a + 1)]
     values = np.dstack([beyond, np.ones_like(beyond), x, *curved, beyond[:, :, None] * x])
-    found, good = np.zeros_like(weights), np.zeros(len(x), dtype=bool)
+    found = np.zeros_like(weights)
+    good = np.zeros(len(x), dtype=bool)
     for count in (values.shape[2], 2 + d) if quadratic else (2 + d,):
         left = np.flatnonzero(~good)
         found[left], good[left] = _weights_of_value(
@@ -685,7 +696,8 @@ def _mirrored(
         Whether the deformed place on the interface follows from the stiff point and its gradient;
         the weights then omit the gradient's term.
     """
-    (x, volumes, beyond), (depths, spacing) = at, sizes
+    (x, volumes, beyond) = at
+    (depths, spacing) = sizes
     mirrored, good = _interpolation(x, volumes * beyond, depths[:, None] * normals, spacing)
     if by_gradient:
         return (mirrored - own) / depths[:, None], mirrored, good
@@ -704,11 +716,9 @@ def _interpolation(
     function.
     """
     arms = (x - places[:, None]) / spacing
-    distances, found, good = (
-        np.linalg.norm(arms, axis=2),
-        np.zeros_like(volumes),
-        np.zeros(len(x), dtype=bool),
-    )
+    distances = np.linalg.norm(arms, axis=2)
+    found = np.zeros_like(volumes)
+    good = np.zeros(len(x), dtype=bool)
     for reach in NEAREST:
         # A point at the place itself has all the weight.
         weights = volumes * np.maximum(1 - distances / reach, 0.0) ** 2 / (distances**2 + 1e-8)

@@ -90,15 +90,18 @@ class Interfaces:
         breakable: bool,
     ) -> None:
         # With a circle of references the body would stay in memory until a collection of garbage.
-        self._body, self._portion_of, self._kinematics = (
-            kinematics.body,
-            portion_of,
-            weakref.proxy(kinematics),
-        )
-        body, share = self._body, self._body.share
-        n, total, bonds, owners = len(body), len(body.all_points), body.bonds, body.bond_owners
+        self._body = kinematics.body
+        self._portion_of = portion_of
+        self._kinematics = weakref.proxy(kinematics)
+        body = self._body
+        share = self._body.share
+        n = len(body)
+        total = len(body.all_points)
+        bonds = body.bonds
+        owners = body.bond_owners
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbors])
-        self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
+        self.depths = np.zeros(total)
+        self.normals = np.zeros((n, body.dimension))
         near = np.unique(
             kinematics.sources[np.concatenate([owners[across], bonds.neighbors[across]])]
         )
@@ -106,7 +109,8 @@ class Interfaces:
         fits = fitted_jumps(
             body, portion_of, moduli, near[share.own[near]], quadratic, volumes_held, watched
         )
-        self.depths[:n], self.normals[:] = fits.depths, fits.normals
+        self.depths[:n] = fits.depths
+        self.normals[:] = fits.normals
         of_all = share.with_rows_of_others(fits.jumps)
         self._jump = _by_different_rows(fits.jumps)
         self._jump_of_all = _by_different_rows(of_all) if share.divided else self._jump
@@ -114,23 +118,24 @@ class Interfaces:
         body.ghosts.fill(self.depths)
         d = body.dimension
         self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-        self._one_sided, self._product = (
-            scipy.sparse.csr_array((n * d, total)),
-            partial(sparse_product, kinematics.chunks),
-        )
+        self._one_sided = scipy.sparse.csr_array((n * d, total))
+        self._product = partial(sparse_product, kinematics.chunks)
         self._one_sided_back = self._one_sided.T.tocsr()
         self._kept = None
         weights = kinematics.gradient_weights(kinematics.weighted_bonds, kinematics.inverse_shape)
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
         if share.any(len(self.left_out) > 0):
             weights = self._leave_out(kinematics, owners, weights, breakable)
-        self._across, self._breakable = (across, owners[across], bonds.neighbors[across]), breakable
+        self._across = (across, owners[across], bonds.neighbors[across])
+        self._breakable = breakable
         self._correct, self._correct_back = self._of_corrections(weights[across])
-        self.jumps, self.changes = np.zeros((total, d)), np.zeros((total, d * d))
+        self.jumps = np.zeros((total, d))
+        self.changes = np.zeros((total, d * d))
         # The matrix that spreads slopes along the normals to columns of gradients; the products
         # with columns are its transpose.
         dyads = self._by_normals(scipy.sparse.diags_array((self.depths[:n] > 0).astype(float)))
-        images, is_image = fits.images, (fits.images.diagonal() != 0).astype(float)
+        images = fits.images
+        is_image = (fits.images.diagonal() != 0).astype(float)
         back = share.with_rows_of_others(images).T.tocsr()
         # Along the normal an image has the gradient of the softer material at the mirrored place,
         # as a clamp's has.
@@ -162,19 +167,16 @@ class Interfaces:
         `gradients` (n + m, d d) are those of these positions, without and then with the
         corrections.
         """
-        n, d, images, chunks = (
-            len(self._body),
-            self._body.dimension,
-            self._body.ghosts,
-            self._kinematics.chunks,
-        )
-        columns, of_changes = gradients[:n].reshape(-1, d), changes[:n].reshape(-1, d)
-        on_ghosts, at_rest = (
-            self._kinematics.gradient_ghosts.of_gradients,
-            (
-                np.zeros((len(images), d)),
-                np.zeros((len(images), d * d)),
-            ),
+        n = len(self._body)
+        d = self._body.dimension
+        images = self._body.ghosts
+        chunks = self._kinematics.chunks
+        columns = gradients[:n].reshape(-1, d)
+        of_changes = changes[:n].reshape(-1, d)
+        on_ghosts = self._kinematics.gradient_ghosts.of_gradients
+        at_rest = (
+            np.zeros((len(images), d)),
+            np.zeros((len(images), d * d)),
         )
         return [
             *self._product(self._one_sided, positions, columns, add=True, variable=True),
@@ -198,7 +200,8 @@ class Interfaces:
         """Take account of broken pairs, after `Kinematics.weighted_bonds` and
         `Kinematics.inverse_shape` were updated.
         """
-        bonds, kinematics = self._body.bonds, self._kinematics
+        bonds = self._body.bonds
+        kinematics = self._kinematics
         self._tears.lose(bonds.first[pairs], bonds.second[pairs])
         numbers, owners, _ = self._across
         of_all = kinematics.weighted_bonds, kinematics.inverse_shape
@@ -266,7 +269,9 @@ class Interfaces:
 
         The k bonds from `owners` to `others` have the weights (k, d) in the gradients of `owners`.
         """
-        d, n, total = self._body.dimension, len(self._body), len(self._body.all_points)
+        d = self._body.dimension
+        n = len(self._body)
+        total = len(self._body.all_points)
         rows = (d * owners.astype(np.int64)[:, None] + np.arange(d)).ravel()
         return scipy.sparse.csr_array(
             (weights.ravel(), (rows, np.repeat(others, d))), shape=(n * d, total)
@@ -287,7 +292,8 @@ class Interfaces:
         `owners` are the first points of all directed bonds, and `moduli` the shear moduli of all
         points and ghosts.
         """
-        body, neighbors = self._body, self._body.bonds.neighbors[across]
+        body = self._body
+        neighbors = self._body.bonds.neighbors[across]
         normals = np.vstack([self.normals, body.ghosts.reflected_vectors(self.normals)])[neighbors]
         arms = body.all_points[owners[across]] - body.all_points[neighbors]
         # A bond along the interface counts as one behind it, whatever rounding says.
@@ -309,10 +315,8 @@ class Interfaces:
         for _ in range(2):
             kept = kinematics.weighted_bonds.copy()
             kept[self.left_out] = 0.0
-            inverse, supported = (
-                np.zeros_like(kinematics.inverse_shape),
-                np.zeros_like(kinematics.supported),
-            )
+            inverse = np.zeros_like(kinematics.inverse_shape)
+            supported = np.zeros_like(kinematics.supported)
             rows = np.unique(owners[self.left_out]).astype(np.uint32)
             find_shapes(self._body, rows, kept, inverse, supported)
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
@@ -343,7 +347,8 @@ class Interfaces:
         `number` is the number of the material in `portion_of`, or the number that stands for rigid
         parts there.
         """
-        body, portion_of = self._body, self._portion_of
+        body = self._body
+        portion_of = self._portion_of
         beside = np.flatnonzero(
             (portion_of[: len(body)] == number) & (self.depths[: len(body)] > 0)
         )
@@ -381,18 +386,14 @@ class Interfaces:
         pulls : ndarray, shape (n + m, d)
             Receives the changes of the forces on the points where gradients omit bonds.
         """
-        n, d, ghosts, product, chunks = (
-            len(self._body),
-            self._body.dimension,
-            self._body.ghosts,
-            self._product,
-            self._kinematics.chunks,
-        )
-        on_jumps, theirs, columns = (
-            np.zeros_like(self.jumps),
-            moments[:n].reshape(-1, d),
-            own_moments.reshape(-1, d),
-        )
+        n = len(self._body)
+        d = self._body.dimension
+        ghosts = self._body.ghosts
+        product = self._product
+        chunks = self._kinematics.chunks
+        on_jumps = np.zeros_like(self.jumps)
+        theirs = moments[:n].reshape(-1, d)
+        columns = own_moments.reshape(-1, d)
         fold = [
             fold_vectors.bind(each, ghosts.source, ghosts.parity, chunks=chunks)
             for each in (on_jumps, pulls)
@@ -449,31 +450,28 @@ class _Tears:
         fits: Fits,
         apart_back: scipy.sparse.csr_array,
     ) -> None:
-        self._kinematics, self._portion_of, n = (
-            weakref.proxy(kinematics),
-            portion_of,
-            len(kinematics.body),
-        )
-        self._apart, self._apart_back, self._is_image = (
-            fits.apart,
-            apart_back,
-            fits.images.diagonal() != 0,
-        )
-        self._fitted, self._fitted_apart = abs(fits.jumps) + abs(fits.images), abs(fits.apart)
+        self._kinematics = weakref.proxy(kinematics)
+        self._portion_of = portion_of
+        n = len(kinematics.body)
+        self._apart = fits.apart
+        self._apart_back = apart_back
+        self._is_image = fits.images.diagonal() != 0
+        self._fitted = abs(fits.jumps) + abs(fits.images)
+        self._fitted_apart = abs(fits.apart)
         # Points that have lost bonds within one material, and across; factors of the fits of both
         # sides together, and of either side.
-        self._lost, self._intact, self._parted = (
-            np.zeros((2, n), dtype=bool),
-            np.ones((n, 1)),
-            np.zeros((n, 1)),
-        )
+        self._lost = np.zeros((2, n), dtype=bool)
+        self._intact = np.ones((n, 1))
+        self._parted = np.zeros((n, 1))
 
     def steps(self, positions: np.ndarray, jumps: np.ndarray) -> list[Step]:
         """Return the steps that replace jumps, where the sides are parted, by those of separate
         fits, and by zero where neither holds.
         """
-        rows, apart = jumps[: len(self._intact)], np.zeros((len(self._intact), jumps.shape[1]))
-        scale, add = partial(_scale, rows, self._intact), partial(np.add, rows, apart, out=rows)
+        rows = jumps[: len(self._intact)]
+        apart = np.zeros((len(self._intact), jumps.shape[1]))
+        scale = partial(_scale, rows, self._intact)
+        add = partial(np.add, rows, apart, out=rows)
         return [
             *sparse_product(self._kinematics.chunks, self._apart, positions, apart),
             partial(_scale, apart, self._parted),
@@ -487,7 +485,8 @@ class _Tears:
         """Return the steps that divide forces `on_jumps` among the fits, and those that add the
         part of separate fits to `on_points`.
         """
-        rows, parted = on_jumps[: len(self._intact)], np.zeros_like(on_points)
+        rows = on_jumps[: len(self._intact)]
+        parted = np.zeros_like(on_points)
         divide = [
             partial(np.multiply, rows, self._parted, out=parted),
             parted,
@@ -507,15 +506,14 @@ class _Tears:
 
     def lose(self, first: np.ndarray, second: np.ndarray) -> None:
         """Choose the fits of the jumps after bonds between these points, or ghosts, were lost."""
-        share, sources = self._kinematics.body.share, self._kinematics.sources
+        share = self._kinematics.body.share
+        sources = self._kinematics.sources
         across = self._portion_of[first] != self._portion_of[second]
         for lost, chosen in zip(self._lost, (~across, across), strict=True):
             lost[sources[np.concatenate([first[chosen], second[chosen]])]] = True
             share.fill(lost)
-        within, any_lost = (
-            self._fitted @ self._lost[0] > 0,
-            self._fitted @ self._lost.any(axis=0) > 0,
-        )
+        within = self._fitted @ self._lost[0] > 0
+        any_lost = self._fitted @ self._lost.any(axis=0) > 0
         # An image is made from the points of each side alone.
         self._intact[:, 0] = ~np.where(self._is_image, within, any_lost)
         self._parted[:, 0] = ~self._is_image & any_lost & (self._fitted_apart @ self._lost[0] == 0)
@@ -526,7 +524,8 @@ def _by_different_rows(matrix: scipy.sparse.csr_array) -> list[scipy.sparse.csr_
     """Return matrices whose product is `matrix`: a selection of rows, and these rows; only
     `matrix` itself if all its rows differ.
     """
-    filled, different = np.flatnonzero(np.diff(matrix.indptr)), {}
+    filled = np.flatnonzero(np.diff(matrix.indptr))
+    different = {}
     ends = zip(matrix.indptr[filled], matrix.indptr[filled + 1], strict=True)
     keys = [
         matrix.indices[begin:end].tobytes() + matrix.data[begin:end].tobytes()

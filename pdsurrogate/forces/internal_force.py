@@ -112,12 +112,10 @@ class InternalForce:
 
     def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
         settings.check_body(body)
-        self.body, self.portions, self.breakable, self.plane = (
-            body,
-            portions,
-            settings.breakable,
-            settings.plane,
-        )
+        self.body = body
+        self.portions = portions
+        self.breakable = settings.breakable
+        self.plane = settings.plane
         self.law = max((portion.law for portion in portions), key=lambda law: law.shear_modulus)
         self.laws = [(portion.law, portion.points) for portion in portions]
         self.precision = max(portion.model.usual_precision(settings) for portion in portions)
@@ -170,11 +168,12 @@ class InternalForce:
         """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and
         ghosts, which are infinite for rigid ones.
         """
-        body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self.body.bond_owners
-        around, length = (
-            moduli[bonds.neighbors],
-            lengths_of(body.all_points[bonds.neighbors] - body.points[owners]),
-        )
+        body = self.body
+        bonds = body.bonds
+        n = len(body)
+        owners = body.bond_owners
+        around = moduli[bonds.neighbors]
+        length = lengths_of(body.all_points[bonds.neighbors] - body.points[owners])
         # A bond between very different moduli carries the force of the softer material: each point
         # counts its own modulus only.
         apart = self.has_energy & (
@@ -204,7 +203,8 @@ class InternalForce:
             If bonds are outside the domain of a model, and the settings have ``outside="raise"``.
         """
         self.evaluations += 1
-        began, error = time.perf_counter(), None
+        began = time.perf_counter()
+        error = None
         for watch in self._watches:
             watch.found = 0
         try:
@@ -414,10 +414,8 @@ class InternalForce:
         across an interface count twice.
         """
         total = self.body.share.total
-        outside, pairs = (
-            total(self.pairs_outside),
-            total(sum(watch.n_pairs for watch in self._watches)),
-        )
+        outside = total(self.pairs_outside)
+        pairs = total(sum(watch.n_pairs for watch in self._watches))
         return outside / max(1, self.evaluations * pairs)
 
 

@@ -31,7 +31,8 @@ def kernel_tractions(
         As for `ForceSurrogate.bond_force`.
     """
     stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
-    a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+    a = stretch * np.cos(rotation)
+    b = stretch * np.sin(rotation)
     return _evaluate(
         model, law, dtype, (a, b, lateral_stretch(a, b, J), J, C33, length), TRACTION_ROWS
     ).T
@@ -44,7 +45,8 @@ def kernel_bond_force(model: ForceSurrogate, law: Law, dtype):
 
     def bond_force(stretch, rotation, length, C33, J) -> np.ndarray:
         T_nn, T_nm, _ = kernel_tractions(model, law, dtype, stretch, rotation, length, C33, J).T
-        cos, sin = np.cos(rotation), np.sin(rotation)
+        cos = np.cos(rotation)
+        sin = np.sin(rotation)
         return np.stack([T_nn * cos + T_nm * sin, T_nm * cos - T_nn * sin], axis=1)
 
     return bond_force

@@ -80,8 +80,11 @@ class Kinematics:
     """
 
     def __init__(self, body: Body, precision: str, plane: str = "stress") -> None:
-        self.body, self.plane = body, plane
-        bonds, points, d = body.bonds, body.all_points, body.dimension
+        self.body = body
+        self.plane = plane
+        bonds = body.bonds
+        points = body.all_points
+        d = body.dimension
         total = len(points)
         self.chunks = chunks_of(len(bonds.first))
         self.scratch = aligned_rows((self.chunks.threads, SCRATCH_ROWS, BLOCK), value=1)
@@ -100,8 +103,12 @@ class Kinematics:
         )
 
         self.changed: ChangedWeights | None = None
-        self.positions, self.gradients = points.copy(), aligned_rows((total, d * d))
-        self.changes, self.formed, self.elapsed, self._has_steps = 0, False, 0.0, False
+        self.positions = points.copy()
+        self.gradients = aligned_rows((total, d * d))
+        self.changes = 0
+        self.formed = False
+        self.elapsed = 0.0
+        self._has_steps = False
         self.interfaces = None
         self._plane_displacements = np.zeros((len(body.planes), d))
         self._plane_turns = None
@@ -115,10 +122,8 @@ class Kinematics:
         self._place = place_points.bind(
             np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks
         )
-        self._gradient_shifts, self._place_alone = (
-            np.zeros((len(ghosts), d * d)),
-            Chain(self._place),
-        )
+        self._gradient_shifts = np.zeros((len(ghosts), d * d))
+        self._place_alone = Chain(self._place)
 
     @cached_property
     def sources(self) -> np.ndarray:
@@ -134,7 +139,8 @@ class Kinematics:
         An end of these pairs is a point whose shape tensor has changed, or a mirror image of such a
         point.
         """
-        bonds, n = self.body.bonds, len(self.body)
+        bonds = self.body.bonds
+        n = len(self.body)
         self.weighted_bonds[np.concatenate([bonds[pairs] for bonds in self.bonds_of_pairs])] = 0.0
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
@@ -153,8 +159,10 @@ class Kinematics:
             self.interfaces.break_bonds(pairs)
         if self.changed is not None:
             self.changed.renew(touched)
-        self.formed, self.changes = False, self.changes + 1
-        own, outer = bonds.pair_of[entries_of(bonds.pointers, touched)], self.outer_pairs
+        self.formed = False
+        self.changes = self.changes + 1
+        own = bonds.pair_of[entries_of(bonds.pointers, touched)]
+        outer = self.outer_pairs
         # other ranks may have broken pairs that this rank does not have
         beside = self.body.share.beside_halo(bonds.first, bonds.second)
         return np.unique(np.concatenate([own, outer[reached[bonds.second[outer]]], beside]))
@@ -179,19 +187,15 @@ class Kinematics:
         """Mirrored pair of each of the `outer_pairs`: for a pair of i and an image of k, the
         pair of k and the same plane's image of i.
         """
-        bonds, ghosts, outer, n = (
-            self.body.bonds,
-            self.body.ghosts,
-            self.outer_pairs,
-            len(self.body),
-        )
+        bonds = self.body.bonds
+        ghosts = self.body.ghosts
+        outer = self.outer_pairs
+        n = len(self.body)
         if not len(ghosts):
             return outer
-        first, ghost, total = (
-            bonds.first[outer].astype(np.int64),
-            bonds.second[outer].astype(np.int64) - n,
-            n + len(ghosts),
-        )
+        first = bonds.first[outer].astype(np.int64)
+        ghost = bonds.second[outer].astype(np.int64) - n
+        total = n + len(ghosts)
         keys = first * total + n + ghost
         # The products exceed 32 bits in bodies of more than 65,535 points.
         wanted = ghosts.source[ghost].astype(np.int64) * total + n + ghosts.mirrored(first, ghost)
@@ -306,7 +310,8 @@ class Kinematics:
         positions = np.ascontiguousarray(positions, dtype=float)
         self.body.share.fill(positions)
         self._place.give("given", positions)
-        self.formed, self.changes = False, self.changes + 1
+        self.formed = False
+        self.changes = self.changes + 1
 
     def place(self, positions: np.ndarray, form: bool = False) -> None:
         """Set the positions of the points and ghosts; compute deformation gradients at once if
@@ -454,17 +459,18 @@ class ChangedWeights:
     ) -> None:
         # Not the kinematics themselves, which have these changes: a cycle would keep both in
         # memory.
-        self._body, self._chunks = kinematics.body, kinematics.chunks
-        self._weighted_bonds, self._supported = kinematics.weighted_bonds, kinematics.supported
+        self._body = kinematics.body
+        self._chunks = kinematics.chunks
+        self._weighted_bonds = kinematics.weighted_bonds
+        self._supported = kinematics.supported
         # Those of a whole body: what is left of them follows from the bonds that are broken, in
         # whatever order they broke.
-        self._whole, self._functions, self.numbers, self.changes = (
-            changes,
-            functions,
-            numbers,
-            changes.copy(),
-        )
-        body, d = kinematics.body, kinematics.body.dimension
+        self._whole = changes
+        self._functions = functions
+        self.numbers = numbers
+        self.changes = changes.copy()
+        body = kinematics.body
+        d = body.dimension
         self.owners = body.bond_owners[numbers]
         self._points, self._places = np.unique(self.owners, return_inverse=True)
         ends = np.concatenate([body.bonds.neighbors[numbers].astype(np.int64), self._points])
@@ -514,11 +520,14 @@ class ChangedWeights:
         """Drop the changes of broken bonds of the points `touched`, and project the others there
         onto those that keep affine motions.
         """
-        body, d, n = self._body, self.changes.shape[1], len(self._body)
+        body = self._body
+        d = self.changes.shape[1]
+        n = len(self._body)
         chosen = np.zeros(n, dtype=bool)
         chosen[touched] = True
         found = np.flatnonzero(chosen[self.owners])
-        owners, numbers = self.owners[found], self.numbers[found]
+        owners = self.owners[found]
+        numbers = self.numbers[found]
         whole = self._weighted_bonds[numbers].any(axis=1)
         functions, changes = (
             each[found] * whole[:, None] for each in (self._functions, self._whole)

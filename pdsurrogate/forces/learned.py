@@ -205,7 +205,8 @@ class Learned(ForceModel):
         ...     pds.materials.NeoHookean(shear_modulus=2.0, bulk_modulus=200.0)
         ... )
         """
-        shape, serves = self.shape_of(law), f"force={self.exact}, which supports every law"
+        shape = self.shape_of(law)
+        serves = f"force={self.exact}, which supports every law"
         if law.name != self.law:
             raise ValueError(
                 f"{self.name} describes the law {self.law}, not {law.name}; force={self.exact}"
@@ -218,7 +219,8 @@ class Learned(ForceModel):
             )
         for key, value in shape.items():
             if not np.isclose(value, self.shape[key], rtol=1e-9, atol=0):
-                own, other = float(self.shape[key]), float(value)
+                own = float(self.shape[key])
+                other = float(value)
                 raise ValueError(
                     f"{self.name} describes {self.law} with {key} = {own!r}, not {other!r}; fit"
                     f" another, or use {serves}"

@@ -188,20 +188,22 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
 
     def _derivatives(self, trace, J):
         constant, flat = self.at_rest
-        (w1, w2), v = self.hidden_weights, self.output_weights
-        x, u = np.log(J), np.log(trace / (2 * J))
+        (w1, w2) = self.hidden_weights
+        v = self.output_weights
+        x = np.log(J)
+        u = np.log(trace / (2 * J))
         value, slope, curvature = ACTIVATIONS[self.activation](
             x[:, None] * w1 + u[:, None] * w2 + self.hidden_biases
         )
-        slope, curvature = slope * v, curvature * v
+        slope = slope * v
+        curvature = curvature * v
         # The sums are written out, since in matrix products the order of summation would depend on
         # the number of states.
-        by_x, by_u = (slope * w1).sum(axis=1) - flat, (slope * w2).sum(axis=1)
-        xx, xu, uu = (
-            (curvature * w1 * w1).sum(axis=1),
-            (curvature * w1 * w2).sum(axis=1),
-            (curvature * w2 * w2).sum(axis=1),
-        )
+        by_x = (slope * w1).sum(axis=1) - flat
+        by_u = (slope * w2).sum(axis=1)
+        xx = (curvature * w1 * w1).sum(axis=1)
+        xu = (curvature * w1 * w2).sum(axis=1)
+        uu = (curvature * w2 * w2).sum(axis=1)
         psi = (value * v).sum(axis=1) - constant - flat * x
         return (
             psi,
@@ -322,7 +324,8 @@ class IsochoricNetwork(LearnedEnergy):
         [0.0, 0.5]
         """
         I1, I2 = (np.asarray(value, dtype=float)[..., None] for value in (I1, I2))
-        (w1, w2), v = self.hidden_weights, self.output_weights
+        (w1, w2) = self.hidden_weights
+        v = self.output_weights
         value, slope, _ = ACTIVATIONS[self.activation](
             np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases
         )
@@ -359,7 +362,8 @@ class IsochoricNetwork(LearnedEnergy):
         ... ).precision
         'float64'
         """
-        response, exact = PLANES[plane].isochoric_response, IsochoricEnergy.exact(law, plane)
+        response = PLANES[plane].isochoric_response
+        exact = IsochoricEnergy.exact(law, plane)
         parts = ACTIVATIONS[self.activation], response.invariants, response.of_invariants
         block = block_function_of(
             kernel.network_block, isochoric_energy_signature(precision), *parts
@@ -416,7 +420,8 @@ class IsochoricNetwork(LearnedEnergy):
 
         def stresses_of(model: IsochoricNetwork, law: Law, some: slice) -> np.ndarray:
             squares = stretches[some].T ** 2
-            I1, I2 = squares.sum(axis=0), (1 / squares).sum(axis=0)
+            I1 = squares.sum(axis=0)
+            I2 = (1 / squares).sum(axis=0)
             inside = model.domain.beyond_bounds(stretches[some]) <= 0
             slopes = np.empty((2, len(I1)))
             slopes[:, inside] = model.isochoric_derivatives(I1[inside], I2[inside])[1:]

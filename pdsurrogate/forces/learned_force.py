@@ -177,7 +177,8 @@ class LearnedBondForce(Learned, ForceSurrogate):
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
         stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
-        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+        a = stretch * np.cos(rotation)
+        b = stretch * np.sin(rotation)
         U_mm = lateral_stretch(a, b, J)
         features = FEATURE_SETS[self.feature_set]
         with np.errstate(
@@ -211,7 +212,8 @@ class LearnedBondForce(Learned, ForceSurrogate):
         return greatest_deviations(self, law, force_of, len(states.a))
 
     def compiled(self, dtype) -> CompiledBondForce:
-        features, found = FEATURE_SETS[self.feature_set], CompiledBondForce(*self.packed(dtype))
+        features = FEATURE_SETS[self.feature_set]
+        found = CompiledBondForce(*self.packed(dtype))
         if (
             features.anchored is not None
             and np.abs(self.bond_force([1.0], [0.0], [1.0], [1.0], [1.0])).max() < 1e-9
@@ -499,7 +501,8 @@ class SplineForce(LearnedBondForce):
 
     def check_arrays(self) -> None:
         super().check_arrays()
-        count, shape = len(self.features), self.coefficients.shape
+        count = len(self.features)
+        shape = self.coefficients.shape
         if count not in spline.FEATURES:
             raise ValueError(
                 f"a spline takes two or three features, {self.feature_set} are {count}"

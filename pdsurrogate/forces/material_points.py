@@ -85,19 +85,21 @@ class MaterialPoints:
         pairs=None,
     ) -> None:
         body = kinematics.body
-        self._kinematics, self.law, self.whole = kinematics, law, own is None
-        self.response, self.parameters = (
-            PLANES[kinematics.plane].response.block(law),
-            law.parameters.copy(),
-        )
+        self._kinematics = kinematics
+        self.law = law
+        self.whole = own is None
+        self.response = PLANES[kinematics.plane].response.block(law)
+        self.parameters = law.parameters.copy()
         self.state_pass: BoundPass | None = None
         self.seen: list[BoundPass] = []
-        self._keep, self._found_at = self.seen, -1
+        self._keep = self.seen
+        self._found_at = -1
         if own is None:
             self.numbers = self.pairs = slice(None)
             self.own = slice(len(body)), slice(len(body))
             self.first, self.second = body.bonds.ends_in_blocks(BLOCK)
-            self.positions, self.gradients = kinematics.positions, kinematics.gradients
+            self.positions = kinematics.positions
+            self.gradients = kinematics.gradients
             self.volume_ratios = self.kept_ratios = np.ones(len(self.positions))
         else:
             self._see(own, np.empty(0, dtype=np.int64) if pairs is None else pairs)
@@ -111,27 +113,35 @@ class MaterialPoints:
         """Replace the law by one of the same kind with other numbers; passes that are bound to
         `parameters` evaluate it from then on.
         """
-        self.law, self._found_at = law, -1
+        self.law = law
+        self._found_at = -1
         self.parameters[:] = law.parameters
 
     def _see(self, own: np.ndarray, pairs: np.ndarray) -> None:
         """Set up copies of the arrays for the material's own points and the other ends of its
         pairs, in a body of several materials.
         """
-        kinematics, body = self._kinematics, self._kinematics.body
+        kinematics = self._kinematics
+        body = self._kinematics.body
         ends = body.bonds.first[pairs], body.bonds.second[pairs]
         seen = own.copy()
         seen[np.concatenate(ends)] = True
-        self.pairs, self.numbers, place = pairs, np.flatnonzero(seen), np.cumsum(seen) - 1
+        self.pairs = pairs
+        self.numbers = np.flatnonzero(seen)
+        place = np.cumsum(seen) - 1
         places = np.flatnonzero(own[self.numbers] & (self.numbers < len(body)))
         self.own = places, self.numbers[places]
         self.first, self.second = (
             np.pad(place[end], (0, -len(end) % BLOCK)).astype(np.uint32) for end in ends
         )
-        size, d = len(self.numbers), body.dimension
-        self.positions, self.gradients = aligned_rows((size, d)), aligned_rows((size, d * d))
-        self.volume_ratios, self.kept_ratios = np.ones(size), np.ones(len(own))
-        self.others, every = ~own[self.numbers], np.arange(size)
+        size = len(self.numbers)
+        d = body.dimension
+        self.positions = aligned_rows((size, d))
+        self.gradients = aligned_rows((size, d * d))
+        self.volume_ratios = np.ones(size)
+        self.kept_ratios = np.ones(len(own))
+        self.others = ~own[self.numbers]
+        every = np.arange(size)
         places = (
             kinematics.positions,
             kinematics.gradients,
@@ -210,7 +220,8 @@ class MaterialPoints:
         """Return the compiled pass that finds volume ratios and records of the points by the law
         of the material.
         """
-        kinematics, arrays = self._kinematics, (self.gradients, self.volume_ratios)
+        kinematics = self._kinematics
+        arrays = (self.gradients, self.volume_ratios)
         if kinematics.plane != "stress":
             return node_state.held_states[kinematics.body.dimension].bind(
                 *arrays, self.records, chunks=kinematics.chunks
@@ -248,7 +259,8 @@ class MaterialPoints:
         """Return an error message that names a point that has no state by the law, and the
         reason.
         """
-        body, plane = self._kinematics.body, self._kinematics.plane
+        body = self._kinematics.body
+        plane = self._kinematics.plane
         # Images are checked too: beyond a grip the reflected gradient may be turned inside out
         # where the point's own is not.
         place, reason = why_invalid(matrices(self.gradients), "", plane, lambda _: [self.law])
@@ -278,10 +290,8 @@ def gathered(
 
     `theirs` receives the sums over those materials only that are not the point's own.
     """
-    numbers, others = (
-        np.concatenate([points.numbers for points in materials]),
-        np.concatenate([points.others for points in materials]),
-    )
+    numbers = np.concatenate([points.numbers for points in materials])
+    others = np.concatenate([points.others for points in materials])
     order = np.argsort(numbers, kind="stable")
     arrays = (
         pointers_to(numbers, len(out)),
@@ -309,10 +319,10 @@ def material_sums(
     material, in order, and a last one.
     """
     rows, of_each = rows_of(materials, out.shape[1])
-    add_up, passes = (
-        {"forces": sum_pair_forces, "moments": sum_moments}[quantity][kinematics.body.dimension],
-        [],
-    )
+    add_up = {"forces": sum_pair_forces, "moments": sum_moments}[quantity][
+        kinematics.body.dimension
+    ]
+    passes = []
     for points, part, own_rows in zip(materials, parts, of_each, strict=True):
         pairs = pairs_of_points(
             *(end[: len(points.pairs)] for end in (points.first, points.second)), len(own_rows)
@@ -341,7 +351,8 @@ def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]
     InvalidState
         If a point has no state; the message names it.
     """
-    unsolved, begun = None, 0
+    unsolved = None
+    begun = 0
     for points in materials:
         end = begun + len(points.steps)
         if not points.note(counts[begun:end]):

@@ -27,14 +27,14 @@ class PointStress(MaterialTerm):
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        kinematics, body, bonds, d = (
-            self.kinematics,
-            self.body,
-            self.body.bonds,
-            self.body.dimension,
-        )
-        self._stresses, passes = aligned_rows((len(body.all_points), d * d)), []
-        self._broken, self._shapes = np.zeros(len(bonds.first), dtype=bool), []
+        kinematics = self.kinematics
+        body = self.body
+        bonds = body.bonds
+        d = body.dimension
+        self._stresses = aligned_rows((len(body.all_points), d * d))
+        passes = []
+        self._broken = np.zeros(len(bonds.first), dtype=bool)
+        self._shapes = []
         materials = [self.points_of(number) for number in range(len(binding.portions))]
         # P K^-1 of points and images; a single material writes to this array directly.
         rows, of_each = (
@@ -70,7 +70,8 @@ class PointStress(MaterialTerm):
 
     def diagnose(self, out: np.ndarray) -> str:
         F = self.kinematics.deformation_gradients()
-        owners, portions = self.binding.portion_of, self.binding.portions
+        owners = self.binding.portion_of
+        portions = self.binding.portions
         i, reason = why_invalid(
             F,
             "",
@@ -80,8 +81,10 @@ class PointStress(MaterialTerm):
         return at_point(self.body, i, f"it has no stress: {reason}")
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
-        bonds, body = self.body.bonds, self.body
-        first, second = bonds.first[pairs], bonds.second[pairs]
+        bonds = self.body.bonds
+        body = self.body
+        first = bonds.first[pairs]
+        second = bonds.second[pairs]
         bond = body.all_points[second] - body.all_points[first]
         factor = body.weigh(lengths_of(bond)) * body.all_volumes[first] * body.all_volumes[second]
         factor[self._broken[pairs]] = 0

@@ -51,7 +51,8 @@ U_mm, then J, C33, and length.
 RESULTS = {"bond_force": ("t_n", "t_tau"), "energy": ("W", "dW/dI1bar", "dW/dI2bar")}
 """Values that the methods of a user's own force return, in their order."""
 
-MOST_OFF, NOTED = 1e-2, 2e-3
+MOST_OFF = 1e-2
+NOTED = 2e-3
 """Relative errors beyond which a user's own force is refused (`MOST_OFF`), and beyond which there
 is a warning (`NOTED`).
 
@@ -131,7 +132,8 @@ class OwnBondForce(ForceSurrogate):
                 "a force needs a method bond_force(stretch, rotation, length, C33, J) or"
                 f" energy(I1bar, I2bar), not {thing!r}"
             )
-        self.thing, self.name = thing, type(thing).__name__
+        self.thing = thing
+        self.name = type(thing).__name__
         self.failure: RuntimeError | None = None
         # a bond force takes precedence over an energy
         self._gives_force = callable(getattr(thing, "bond_force", None))
@@ -218,7 +220,8 @@ class OwnBondForce(ForceSurrogate):
         """Return what a method of the user's object gives at n states, shape (values, n), after
         checks for shape and finite numbers.
         """
-        names, count = RESULTS[method], len(next(iter(states.values())))
+        names = RESULTS[method]
+        count = len(next(iter(states.values())))
         try:
             found = getattr(self.thing, method)(*states.values())
             rows = (
@@ -256,8 +259,10 @@ class OwnBondForce(ForceSurrogate):
         T_mm is T_nn of a perpendicular bond, whose stretch tensor has the components U_mm and
         -U_nm.
         """
-        count, twice = len(a), np.concatenate([[length, C33, J]] * 2, axis=1)
-        normal, shear = np.concatenate([a, U_mm]), np.concatenate([b, -b])
+        count = len(a)
+        twice = np.concatenate([[length, C33, J]] * 2, axis=1)
+        normal = np.concatenate([a, U_mm])
+        shear = np.concatenate([b, -b])
         stretch = np.hypot(normal, shear)
         t_n, t_tau = self._force(stretch, np.arctan2(shear, normal), *twice).T / stretch
         along = t_n * normal - t_tau * shear
@@ -335,7 +340,9 @@ class OwnBondForce(ForceSurrogate):
         """Check that the user's derivatives are those of the energy; warn if its shear modulus
         is not 1 (a forgotten factor).
         """
-        of_W, names, (first, second) = [1, 0, 0], RESULTS["energy"], np.eye(2)
+        of_W = [1, 0, 0]
+        names = RESULTS["energy"]
+        (first, second) = np.eye(2)
         derivatives = [(names[1], 1, of_W, first), (names[2], 2, of_W, second)]
         states = dict(zip(("I1bar", "I2bar"), np.array(INVARIANTS), strict=True))
         compare = partial(
@@ -360,11 +367,13 @@ class OwnBondForce(ForceSurrogate):
         """Check that the user's bond force vanishes at rest and is isotropic; `found` is the
         force at the bonds `TRIAL`.
         """
-        trial, rest = bond_arrays(*TRIAL), bond_arrays(1.0, 0.0, TRIAL[2], 1.0, 1.0)
+        trial = bond_arrays(*TRIAL)
+        rest = bond_arrays(1.0, 0.0, TRIAL[2], 1.0, 1.0)
         stretch, rotation, length, C33, J = trial
         size = np.linalg.norm(found, axis=1).max()
         mirrored = self._force(stretch, -rotation, length, C33, J) * [1, -1]
-        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+        a = stretch * np.cos(rotation)
+        b = stretch * np.sin(rotation)
         U_mm = lateral_stretch(a, b, J)
         T_nn, T_nm, T_mm = self._tractions(a, b, U_mm, J, C33, length)
         for bonds, off, what in (
@@ -408,7 +417,8 @@ class OwnBondForce(ForceSurrogate):
             return super().bind(body, law, settings)
 
     def cause_of(self, error: RuntimeError) -> RuntimeError:
-        failure, self.failure = self.failure, None
+        failure = self.failure
+        self.failure = None
         return failure or error
 
     def payload(self) -> dict:

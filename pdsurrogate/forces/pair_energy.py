@@ -51,7 +51,9 @@ class PairEnergy(MaterialTerm):
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        body, d, whole = self.body, self.body.dimension, binding.whole
+        body = self.body
+        d = body.dimension
+        whole = binding.whole
         if self.selective is None:
             self.selective = binding.settings.plane != "stress"
         self.shares = BondShares(self.kinematics, binding.precision)
@@ -61,13 +63,12 @@ class PairEnergy(MaterialTerm):
             changes = balanced_changes(binding, self.shares)
             if changes is not None:
                 self.kinematics.change_weights(*changes)
-        self._model, models = (
-            binding.portions[0].model,
-            [portion.model for portion in binding.portions],
-        )
+        self._model = binding.portions[0].model
+        models = [portion.model for portion in binding.portions]
         self._domain = self._model.domain if whole else None
         owners = None if whole else binding.portion_of[body.bond_owners]
-        each, self._own_bonds = [], []
+        each = []
+        self._own_bonds = []
         for number, model in enumerate(models):
             own = None if whole else owners == number
             # A material has energy in its own bonds.
@@ -87,10 +88,13 @@ class PairEnergy(MaterialTerm):
             self.volume = VolumeEnergy(binding, self.shares, self._parts, all_volumes)
         else:
             self._parts = [PairEnergies(*one) for one in each]
-        self._energy, self._stresses = 0.0, aligned_rows((len(body.all_points), d * d))
-        self._on_points, chunks = np.zeros((len(body.all_points), d)), self.kinematics.chunks
+        self._energy = 0.0
+        self._stresses = aligned_rows((len(body.all_points), d * d))
+        self._on_points = np.zeros((len(body.all_points), d))
+        chunks = self.kinematics.chunks
         if whole:
-            (part,), pairs = self._parts, self.shares.pairs_of_points
+            (part,) = self._parts
+            pairs = self.shares.pairs_of_points
             gather = [sum_moments[d].bind(part.moments, *pairs, 1.0, self._stresses, chunks=chunks)]
             further = [
                 sum_pair_forces[d].bind(part.forces, *pairs, 1.0, self._on_points, chunks=chunks)
@@ -112,7 +116,8 @@ class PairEnergy(MaterialTerm):
             )
             gather = moments + forces
             self.in_units = [*enumerate(moments[:-1]), *enumerate(forces[:-1])]
-            self._on_jumps, self._pulls = np.zeros((len(body), d)), np.zeros_like(self._on_points)
+            self._on_jumps = np.zeros((len(body), d))
+            self._pulls = np.zeros_like(self._on_points)
             seen = seen_forces, seen_moments, self._stresses[: len(body)]
             further = self.kinematics.interfaces.steps_back(*seen, self._on_jumps, self._pulls)
         to_points = [
@@ -123,14 +128,12 @@ class PairEnergy(MaterialTerm):
         before, after = (
             (seen, []) if self.volume is None else (self.volume.dilatation_steps, self.volume.steps)
         )
-        leading, after = (
-            [] if binding.number else self.kinematics.steps(),
-            [
-                *after,
-                *(part.find for part in self._parts),
-                *to_points,
-            ],
-        )
+        leading = [] if binding.number else self.kinematics.steps()
+        after = [
+            *after,
+            *(part.find for part in self._parts),
+            *to_points,
+        ]
         self._find_forces, self._find_all = (
             Steps(body.share, *first, *before, *after) for first in ([], leading)
         )
@@ -202,9 +205,13 @@ class PairEnergy(MaterialTerm):
         pair with a ghost includes the force that the mirrored pair exerts on the ghost of this
         first point.
         """
-        bonds, body, n = self.body.bonds, self.body, len(self.body)
-        first, second = bonds.first[pairs], bonds.second[pairs]
-        stresses, of_pairs = matrices(self._stresses[:n]), self._of_pairs("forces")
+        bonds = self.body.bonds
+        body = self.body
+        n = len(body)
+        first = bonds.first[pairs]
+        second = bonds.second[pairs]
+        stresses = matrices(self._stresses[:n])
+        of_pairs = self._of_pairs("forces")
 
         def of_firsts(chosen: np.ndarray) -> np.ndarray:
             """Return the part of the forces that does not come from the moments of the second
@@ -216,11 +223,9 @@ class PairEnergy(MaterialTerm):
             )
 
         numbers = np.arange(len(bonds.first))[pairs]
-        forces, within, outer = (
-            of_firsts(numbers),
-            np.flatnonzero(second < n),
-            np.flatnonzero(second >= n),
-        )
+        forces = of_firsts(numbers)
+        within = np.flatnonzero(second < n)
+        outer = np.flatnonzero(second >= n)
         partners = self.kinematics.mirrored_pairs[
             np.searchsorted(self.kinematics.outer_pairs, numbers[outer])
         ]
@@ -237,7 +242,9 @@ class PairEnergy(MaterialTerm):
         """Return corrections of the forces of all pairs where bonds are omitted from gradients
         or have changed weights; None if none do.
         """
-        interfaces, bonds, body = self.kinematics.interfaces, self.body.bonds, self.body
+        interfaces = self.kinematics.interfaces
+        bonds = self.body.bonds
+        body = self.body
         weights = self.kinematics.changed
         found = [] if weights is None else [(weights.numbers, weights.owners, weights.changes)]
         if interfaces is not None and interfaces.one_sided_bonds is not None:
@@ -262,7 +269,8 @@ class PairEnergy(MaterialTerm):
         return None if self.binding.whole else self._on_jumps
 
     def levers_on_planes(self) -> np.ndarray:
-        kinematics, body = self.kinematics, self.body
+        kinematics = self.kinematics
+        body = self.body
         forces, moments = self.shares.on_ghosts(
             self._of_pairs("forces"), self._of_pairs("moments"), self._stresses, self._unit
         )
@@ -278,12 +286,12 @@ class PairEnergy(MaterialTerm):
         """Return the volume mean of the bonds' first Piola-Kirchhoff stresses, (d, d): the
         derivative of the energy by a homogeneous F.
         """
-        bonds, points, d = self.body.bonds, self.body.all_points, self.body.dimension
-        forces, moments, found = (
-            self._of_pairs("forces"),
-            self._of_pairs("moments"),
-            np.zeros((d, d)),
-        )
+        bonds = self.body.bonds
+        points = self.body.all_points
+        d = self.body.dimension
+        forces = self._of_pairs("forces")
+        moments = self._of_pairs("moments")
+        found = np.zeros((d, d))
         for part in bonds.slabs():
             pairs = part.start + np.flatnonzero(self.body.share.own[bonds.first[part]])
             vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
@@ -295,17 +303,13 @@ class PairEnergy(MaterialTerm):
     def released_by(self, motion: np.ndarray) -> float | None:
         if not self.binding.whole:
             return None
-        kinematics, bonds, points, d = (
-            self.kinematics,
-            self.body.bonds,
-            self.body.all_points,
-            self.body.dimension,
-        )
-        own, positions, density = (
-            self.body.share.own,
-            kinematics.positions[: len(motion)].copy(),
-            self.stress_and_energy()[1],
-        )
+        kinematics = self.kinematics
+        bonds = self.body.bonds
+        points = self.body.all_points
+        d = self.body.dimension
+        own = self.body.share.own
+        positions = kinematics.positions[: len(motion)].copy()
+        density = self.stress_and_energy()[1]
         kinematics.form_gradients()
         before = kinematics.gradients.copy()
         # Gradients are affine in the positions, so that their changes are the gradients of the
@@ -318,11 +322,10 @@ class PairEnergy(MaterialTerm):
         pairs = np.flatnonzero(own[bonds.first] & (moved[bonds.first] | moved[bonds.second]))
         ahead = self._gradients(pairs)
         kinematics.place(positions, form=True)
-        F, vectors = (
-            self._gradients(pairs),
-            points[bonds.second[pairs]] - points[bonds.first[pairs]],
-        )
-        turned, moments = F @ (ahead - F), self._of_pairs("moments")[pairs].reshape(-1, d, d)
+        F = self._gradients(pairs)
+        vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
+        turned = F @ (ahead - F)
+        moments = self._of_pairs("moments")[pairs].reshape(-1, d, d)
         along = np.einsum(
             "bi,bij,bj->", self._of_pairs("forces")[pairs], turned, vectors, dtype=float
         )
@@ -379,10 +382,12 @@ class PairEnergy(MaterialTerm):
         return found if self.volume is None else self.volume.smoothing.matrix() @ found
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
-        part, plane = self._parts[0], PLANES[self.kinematics.plane]
+        part = self._parts[0]
+        plane = PLANES[self.kinematics.plane]
         if not self.binding.whole or part.model.domain is None:
             return super().stress_and_energy()
-        F, law = self.kinematics.deformation_gradients(), part.points.law
+        F = self.kinematics.deformation_gradients()
+        law = part.points.law
         if self.selective:
             found = part.isochoric.evaluate(*plane.isochoric_state(F))
             return plane.stress_and_energy(
@@ -432,16 +437,15 @@ class PairEnergy(MaterialTerm):
         (theory (27)).
         """
         self.kinematics.form_gradients()
-        first, second, gradients = (
-            self.body.bonds.first[pairs],
-            self.body.bonds.second[pairs],
-            self.kinematics.gradients,
-        )
+        first = self.body.bonds.first[pairs]
+        second = self.body.bonds.second[pairs]
+        gradients = self.kinematics.gradients
         vectors, between = (
             at[second] - at[first] for at in (self.body.all_points, self.kinematics.positions)
         )
         length = np.linalg.norm(vectors, axis=1)[:, None]
-        n, F = vectors / length, matrices(gradients[first] + gradients[second]) / 2
+        n = vectors / length
+        F = matrices(gradients[first] + gradients[second]) / 2
         return F + (between / length - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
 
     def _without_energy(self) -> str:

@@ -57,18 +57,17 @@ class Pairs:
     find: BoundPass
 
     def __init__(self, model, points: MaterialPoints, geometry: np.ndarray, precision: str) -> None:
-        self.model, self.points, self.geometry = model, points, geometry
-        count, d = len(points.first), points.positions.shape[1]
-        self.forces, self.moments = (
-            aligned_rows((count, d), precision),
-            aligned_rows((count, d * d), precision),
-        )
-        self.places, self.pairs = (
-            (points.positions, points.gradients),
-            (
-                (points.first, points.second),
-                geometry,
-            ),
+        self.model = model
+        self.points = points
+        self.geometry = geometry
+        count = len(points.first)
+        d = points.positions.shape[1]
+        self.forces = aligned_rows((count, d), precision)
+        self.moments = aligned_rows((count, d * d), precision)
+        self.places = (points.positions, points.gradients)
+        self.pairs = (
+            (points.first, points.second),
+            geometry,
         )
         self._energies = np.zeros(len(geometry))
 
@@ -112,12 +111,16 @@ class PairEnergies(Pairs):
         points: MaterialPoints,
         weights: np.ndarray,
     ) -> None:
-        kinematics, precision, domain = binding.kinematics, binding.precision, model.domain
+        kinematics = binding.kinematics
+        precision = binding.precision
+        domain = model.domain
         super().__init__(
             model, points, shares.geometry(points.pairs, weights, precision), precision
         )
-        compiled, threads = model.compiled(precision), kinematics.chunks.threads
-        self._weights, self._precision = compiled.weights, precision
+        compiled = model.compiled(precision)
+        threads = kinematics.chunks.threads
+        self._weights = compiled.weights
+        self._precision = precision
         guard = (
             {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(
                 binding.outside, bond_energy.COUNTED
@@ -198,18 +201,17 @@ class SelectivePairs(Pairs):
         volumes: np.ndarray,
         own,
     ) -> None:
-        dimension, chunks = points.positions.shape[1], binding.kinematics.chunks
+        dimension = points.positions.shape[1]
+        chunks = binding.kinematics.chunks
         self.isochoric = isochoric = model.isochoric_energy(
             points.law, binding.settings.plane, binding.outside, binding.precision
         )
         # the volumes are computed from this array
         geometry = shares.geometry(points.pairs, weights, "float64")
         super().__init__(model, points, geometry, isochoric.precision)
-        self.pressures, self.volume_energies, self.volumes = (
-            np.zeros(len(points.positions)),
-            np.zeros(0),
-            volumes,
-        )
+        self.pressures = np.zeros(len(points.positions))
+        self.volume_energies = np.zeros(0)
+        self.volumes = volumes
         self.end_shares = aligned_rows((len(geometry), 2, BLOCK))
         pairs = np.arange(len(binding.kinematics.body.bonds.first))[points.pairs]
         shares.fill_end_shares(self.end_shares, np.arange(len(pairs)), pairs, own)
@@ -224,13 +226,11 @@ class SelectivePairs(Pairs):
         self.find_volumes = selective_energy.pair_volumes[dimension].bind(
             *self.places, self.pairs, self.buffers, volumes, chunks=chunks
         )
-        shares_and_energy, results = (
-            (self.end_shares, *isochoric.arguments),
-            (
-                self._energies,
-                self.forces,
-                self.moments,
-            ),
+        shares_and_energy = (self.end_shares, *isochoric.arguments)
+        results = (
+            self._energies,
+            self.forces,
+            self.moments,
         )
         self.find = selective_energy.pair_energies[dimension].bind(
             *self.places,
@@ -244,10 +244,8 @@ class SelectivePairs(Pairs):
 
     def take_numbers(self, model) -> None:
         super().take_numbers(model)
-        self.isochoric.parameters[:], self.isochoric.weights[:] = (
-            self.points.law.parameters,
-            model.isochoric_weights,
-        )
+        self.isochoric.parameters[:] = self.points.law.parameters
+        self.isochoric.weights[:] = model.isochoric_weights
 
     def energy(self) -> float:
         return super().energy() + float(self.volume_energies.sum())

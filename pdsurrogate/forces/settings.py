@@ -43,7 +43,8 @@ OTHERS = {
 """Advice for error messages about a model that does not support a plane: which models do, by the
 plane.
 """
-ROTATION, OUTSIDE = "polar", "fallback"
+ROTATION = "polar"
+OUTSIDE = "fallback"
 """Default rotation of a horizon and default policy outside the domain, for models that honor
 these settings.
 """
@@ -98,7 +99,8 @@ class ForceSettings:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            key, value = field.name, getattr(self, field.name)
+            key = field.name
+            value = getattr(self, field.name)
             if value not in (field.default, *SETTINGS[key]):
                 raise ValueError(
                     f"{key} must be one of {', '.join(map(str, SETTINGS[key]))}, not {value!r}"
@@ -131,7 +133,8 @@ class ForceSettings:
         mine does not support correction=tensor; it supports correction=none
         """
         for field in fields(self):
-            key, value = field.name, getattr(self, field.name)
+            key = field.name
+            value = getattr(self, field.name)
             # The default of every setting but the plane is a value that all models accept.
             usual = value == field.default and (key != "plane" or key not in honors)
             if usual or value in honors.get(key, ()):

@@ -33,43 +33,42 @@ class Smoothing:
     """
 
     def __init__(self, body: Body, carries: np.ndarray, breakable: bool = False) -> None:
-        bonds, ghosts, n = body.bonds, body.ghosts, len(body)
+        bonds = body.bonds
+        ghosts = body.ghosts
+        n = len(body)
         mirrors = np.concatenate(
             [np.ones(n, dtype=bool), (ghosts.parity == ghosts.reflection).all(axis=1)]
         )
         found = []
         for part in bonds.slabs():
-            first, second = bonds.first[part], bonds.second[part]
+            first = bonds.first[part]
+            second = bonds.second[part]
             offsets = np.abs(body.all_points[second] - body.all_points[first]) / body.cell
             near = carries[part] & mirrors[second] & (offsets < 2).all(axis=1)
             found.append(
                 (part.start + np.flatnonzero(near), (0.5 - offsets[near] / 4).prod(axis=1))
             )
         pairs, weights = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        first, second = bonds.first[pairs], bonds.second[pairs]
+        first = bonds.first[pairs]
+        second = bonds.second[pairs]
         weights *= body.volumes[first] * body.all_volumes[second] / body.cell.prod()
         within = second < n
         second = np.concatenate([np.arange(n, dtype=np.uint32), ghosts.source])[second]
         rows = np.concatenate([first, second[within]])
         order = np.argsort(rows, kind="stable")
-        self._pointers, self._columns = (
-            pointers_to(rows, n),
-            np.concatenate([second, first[within]])[order],
-        )
-        self._volumes, self._most, self._share, self._single = (
-            body.volumes,
-            1 - 0.5**body.dimension,
-            body.share,
-            None,
-        )
+        self._pointers = pointers_to(rows, n)
+        self._columns = np.concatenate([second, first[within]])[order]
+        self._volumes = body.volumes
+        self._most = 1 - 0.5**body.dimension
+        self._share = body.share
+        self._single = None
         raw = np.concatenate([weights, weights[within]])[order]
-        self._weights, self._own = np.empty(len(raw)), np.empty(n)
+        self._weights = np.empty(len(raw))
+        self._own = np.empty(n)
         self._limit(raw)
         if breakable:
-            self._raw, self._pairs = (
-                raw,
-                np.concatenate([pairs, pairs[within]])[order].astype(np.uint32),
-            )
+            self._raw = raw
+            self._pairs = np.concatenate([pairs, pairs[within]])[order].astype(np.uint32)
 
     def _limit(self, raw: np.ndarray) -> None:
         """Set the weights from unlimited weights `raw`, so that the neighbors of a point have

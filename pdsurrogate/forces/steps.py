@@ -71,7 +71,8 @@ def sparse_product(
         matrix = scipy.sparse.csr_array(matrix)
         matrix.eliminate_zeros()
         matrix.sort_indices()
-    pointers, width = matrix.indptr.astype(np.int64), values.shape[1]
+    pointers = matrix.indptr.astype(np.int64)
+    width = values.shape[1]
     rows = np.arange(matrix.shape[0]) if every else np.flatnonzero(np.diff(pointers))
     entries = (
         rows,

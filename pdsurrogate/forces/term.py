@@ -221,7 +221,8 @@ class Term(ABC):
         f is the force and x the reference vector of a bond; half of a bond with a ghost lies within
         the body. The stress is work-conjugate to the mean deformation gradient.
         """
-        bonds, points = self.body.bonds, self.body.all_points
+        bonds = self.body.bonds
+        points = self.body.all_points
         share = np.where(bonds.second < len(self.body), 1.0, 0.5) * self.body.share.own[bonds.first]
         vectors = points[bonds.second] - points[bonds.first]
         return np.einsum(
@@ -325,20 +326,14 @@ class MaterialTerm(Term):
         each of `watches` in their order. The last must be the pass that writes the forces on the
         points to its argument `out`, and returns how many of them are not finite.
         """
-        share, states = (
-            self.body.share,
-            [step for points in self.materials for step in points.steps],
-        )
+        share = self.body.share
+        states = [step for points in self.materials for step in points.steps]
         leading = [] if self.binding.number else self.kinematics.steps()
-        self.places, self._leading = (
-            bool(leading),
-            sum(isinstance(step, BoundPass) for step in leading),
-        )
-        self._sum, self._find_forces, self._find_all = (
-            steps[-1],
-            Steps(share, *steps),
-            Steps(share, *leading, *states, *steps),
-        )
+        self.places = bool(leading)
+        self._leading = sum(isinstance(step, BoundPass) for step in leading)
+        self._sum = steps[-1]
+        self._find_forces = Steps(share, *steps)
+        self._find_all = Steps(share, *leading, *states, *steps)
 
     def find(self, out: np.ndarray) -> None:
         """Write the forces on the points to `out`, as for `Term`.
@@ -376,7 +371,8 @@ class MaterialTerm(Term):
         """Return the derivative U' of the volumetric energy at the points, in units of mu, shape
         (n,).
         """
-        found, J3 = np.zeros(len(self.body)), self.volume_ratios()
+        found = np.zeros(len(self.body))
+        J3 = self.volume_ratios()
         for portion in self.binding.portions:
             found[portion.points] = portion.law.volumetric(
                 J3[portion.points], portion.law.parameters
@@ -389,10 +385,13 @@ class MaterialTerm(Term):
 
         See `InternalForce.stress_and_energy`.
         """
-        n, plane = len(self.body), self.kinematics.plane
-        F, J3 = self.kinematics.deformation_gradients(), self.volume_ratios()
+        n = len(self.body)
+        plane = self.kinematics.plane
+        F = self.kinematics.deformation_gradients()
+        J3 = self.volume_ratios()
         bulk = None if plane == "stress" else self._bulk_stresses()
-        stress, energy = np.zeros((n, 3, 3)), np.zeros(n)  # rigid points have no law
+        stress = np.zeros((n, 3, 3))
+        energy = np.zeros(n)  # rigid points have no law
         for portion in self.binding.portions:
             at = portion.points
             states = F[at], J3[at], None if bulk is None else bulk[at]
@@ -427,15 +426,15 @@ class DomainWatch:
     def __init__(
         self, binding: Binding, model: Any, points: MaterialPoints, quantity: str, stand_in: str
     ) -> None:
-        body, self._policy, self._model, self._names = (
-            binding.kinematics.body,
-            binding.outside,
-            model,
-            (quantity, stand_in),
-        )
-        self.bounded, self._share = model.domain is not None, body.share
+        body = binding.kinematics.body
+        self._policy = binding.outside
+        self._model = model
+        self._names = (quantity, stand_in)
+        self.bounded = model.domain is not None
+        self._share = body.share
         self.n_pairs = int(np.count_nonzero(body.share.own[body.bonds.first[points.pairs]]))
-        self.found, self._warned = 0, False
+        self.found = 0
+        self._warned = False
 
     def settle(self) -> None:
         """Apply the policy (error, warning or nothing) to the number of pairs found, once all ranks

@@ -65,15 +65,18 @@ class VolumeEnergy:
         parts: Sequence[SelectivePairs],
         volumes: np.ndarray,
     ) -> None:
-        self.binding, self.shares, self.parts = binding, shares, parts
-        body, chunks, n = (
-            binding.kinematics.body,
-            binding.kinematics.chunks,
-            len(binding.kinematics.body),
-        )
-        bonds, breakable = body.bonds, binding.settings.breakable
+        self.binding = binding
+        self.shares = shares
+        self.parts = parts
+        body = binding.kinematics.body
+        chunks = binding.kinematics.chunks
+        n = len(body)
+        bonds = body.bonds
+        breakable = binding.settings.breakable
         self.smoothing = Smoothing(body, self._carrying(), breakable)
-        means, self.dilatations, slopes = np.ones(n), np.ones(n), np.zeros(n)
+        means = np.ones(n)
+        self.dilatations = np.ones(n)
+        slopes = np.zeros(n)
         self.places = self._places()
         shares_of_bonds = bonds.pointers, self.places, shares.bond_shares
         find_means = selective_energy.means_over_bonds.bind(
@@ -97,17 +100,23 @@ class VolumeEnergy:
         # Ghosts' volumes lie beyond the body: they have no pressure, and no share.
         pressures = parts[0].pressures if binding.whole else np.zeros(n)
         spread = self.smoothing.bind(slopes, pressures, chunks), pressures[:n]
-        counted, before, passes, after, shown = body.volumes * body.share.own, [], [], [], []
+        counted = body.volumes * body.share.own
+        before = []
+        passes = []
+        after = []
+        shown = []
         for part in parts:
             places, numbers = part.points.own
             # If all points are of one material, these are views of the arrays of all points.
-            own_ratios, own_slopes = self.dilatations[numbers], slopes[numbers]
+            own_ratios = self.dilatations[numbers]
+            own_slopes = slopes[numbers]
             part.volume_energies = np.zeros(-(-len(own_ratios) // BLOCK))
             law = volume_energy_block(part.points.law).address, part.points.parameters, part.buffers
             arrays = own_ratios, counted[numbers], *law, part.volume_energies, own_slopes
             passes.append(selective_energy.volume_energies.bind(*arrays, chunks=chunks))
             if not binding.whole:
-                copied, every = part.points.copied, np.arange(len(numbers))
+                copied = part.points.copied
+                every = np.arange(len(numbers))
                 before.append(copied(numbers, every, self.dilatations, own_ratios))
                 after.append(copied(every, numbers, own_slopes, slopes))
                 # The pressures go to the points of each material; other materials and images have
@@ -119,13 +128,13 @@ class VolumeEnergy:
         """Return, for every directed bond, the index into `volumes` of its det F_ij in the
         motion of its first point's material.
         """
-        binding, bonds, start = self.binding, self.binding.kinematics.body.bonds, 0
+        binding = self.binding
+        bonds = binding.kinematics.body.bonds
+        start = 0
         if binding.whole:
             return bonds.pair_of
-        owners, places = (
-            binding.portion_of[binding.kinematics.body.bond_owners],
-            np.zeros(len(bonds.pair_of), dtype=np.uint32),
-        )
+        owners = binding.portion_of[binding.kinematics.body.bond_owners]
+        places = np.zeros(len(bonds.pair_of), dtype=np.uint32)
         for number, part in enumerate(self.parts):
             place = np.zeros(len(bonds.first), dtype=np.uint32)
             place[part.points.pairs] = start + np.arange(len(part.points.pairs))
@@ -143,7 +152,8 @@ class VolumeEnergy:
         volumes = self.binding.kinematics.body.volumes
         found = volumes * max(part.unit for part in self.parts)
         for part in self.parts:
-            law, (_, own) = part.points.law, part.points.own
+            law = part.points.law
+            (_, own) = part.points.own
             found[own] = (
                 part.unit * volumes[own] * law.volumetric(self.dilatations[own], law.parameters)[2]
             )
@@ -161,11 +171,9 @@ class VolumeEnergy:
 
     def _carrying(self) -> np.ndarray:
         """Return flags of the pairs within one material that carry forces."""
-        carries, bonds, binding = (
-            self.shares.carrying(self.binding.settings.breakable),
-            self.binding.kinematics.body.bonds,
-            self.binding,
-        )
+        carries = self.shares.carrying(self.binding.settings.breakable)
+        bonds = self.binding.kinematics.body.bonds
+        binding = self.binding
         return (
             carries
             if binding.whole
@@ -193,48 +201,45 @@ class LinearizedDilatation:
 
     def __init__(self, volumes: Sequence[VolumeEnergy]) -> None:
         volume = volumes[0]
-        kinematics, shares, interfaces = (
-            volume.binding.kinematics,
-            volume.shares,
-            volume.binding.kinematics.interfaces,
-        )
-        body, chunks, whole = kinematics.body, kinematics.chunks, volume.binding.whole
-        bonds, ghosts, d, n, total = (
-            body.bonds,
-            body.ghosts,
-            body.dimension,
-            len(body),
-            len(body.all_points),
-        )
-        self._volumes, self._volume, self._body, self._chunks = volumes, volume, body, chunks
-        length, sizes = (
-            dilatation.record_length(d),
-            [len(part.points.first) for part in volume.parts],
-        )
+        kinematics = volume.binding.kinematics
+        shares = volume.shares
+        interfaces = kinematics.interfaces
+        body = kinematics.body
+        chunks = kinematics.chunks
+        whole = volume.binding.whole
+        bonds = body.bonds
+        ghosts = body.ghosts
+        d = body.dimension
+        n = len(body)
+        total = len(body.all_points)
+        self._volumes = volumes
+        self._volume = volume
+        self._body = body
+        self._chunks = chunks
+        length = dilatation.record_length(d)
+        sizes = [len(part.points.first) for part in volume.parts]
         of_pairs, means, pressures = (
             np.zeros(size, dtype=np.float32) for size in (sum(sizes), n, total)
         )
-        self._changes, self._values = np.zeros(n, dtype=np.float32), means
+        self._changes = np.zeros(n, dtype=np.float32)
+        self._values = means
         # Displacements and changes of gradients of points and ghosts, the forces on them, and the
         # moments by their gradients.
-        displacements, gradients = np.zeros((total, d)), aligned_rows((total, d * d))
+        displacements = np.zeros((total, d))
+        gradients = aligned_rows((total, d * d))
         # the gradients are no longer needed when the forces are computed
-        self._forces, moments = (
-            np.zeros((total, d)),
-            gradients,
-        )
+        self._forces = np.zeros((total, d))
+        moments = gradients
         (jumps, changes), seen = (
             ((np.zeros((total, d)), np.zeros((total, d * d))) for _ in range(2))
             if not whole
             else ((None, None), None)
         )
         self._beside = [] if whole else [np.zeros((n, d)), np.zeros((total, d))]
-        self._linearize, find, gather, materials = (
-            [],
-            [],
-            [],
-            [part.points for part in volume.parts],
-        )
+        self._linearize = []
+        find = []
+        gather = []
+        materials = [part.points for part in volume.parts]
         all_rows, of_each = (
             zip(*(rows_of(materials, width) for width in (d, d * d)), strict=True)
             if not whole
@@ -243,18 +248,15 @@ class LinearizedDilatation:
         for number, (part, by_pair) in enumerate(
             zip(volume.parts, np.split(of_pairs, np.cumsum(sizes)[:-1]), strict=True)
         ):
-            points, size = part.points, len(part.points.positions)
-            derivatives, records = (
-                aligned_rows((len(by_pair), length), np.float32),
-                aligned_rows((size, length), np.float32),
-            )
+            points = part.points
+            size = len(part.points.positions)
+            derivatives = aligned_rows((len(by_pair), length), np.float32)
+            records = aligned_rows((size, length), np.float32)
             places = points.positions, points.gradients, part.pairs, part.buffers, derivatives
             self._linearize.append(dilatation.volume_derivatives[d].bind(*places, chunks=chunks))
-            moved, on_points, theirs = (
-                (displacements, gradients),
-                (self._forces, moments),
-                pressures,
-            )
+            moved = (displacements, gradients)
+            on_points = (self._forces, moments)
+            theirs = pressures
             pairs = shares.pairs_of_points
             if not whole:
                 pairs = pairs_of_points(
@@ -282,18 +284,18 @@ class LinearizedDilatation:
         if not whole:
             for rows, *out in zip(all_rows, (self._forces, moments), seen, strict=True):
                 gather.append(gathered(kinematics, materials, rows, *out))
-        corrections, continuation, further = [], [], []
+        corrections = []
+        continuation = []
+        further = []
         if interfaces is not None:
             corrections, continuation = interfaces.steps(displacements, gradients, jumps, changes)
             further = interfaces.steps_back(*seen, moments[:n], *self._beside)
-        images, of_ghosts = (
-            (
-                ghosts.source,
-                ghosts.parity,
-                np.zeros_like(ghosts.parity),
-            ),
-            kinematics.gradient_ghosts.of_gradients,
+        images = (
+            ghosts.source,
+            ghosts.parity,
+            np.zeros_like(ghosts.parity),
         )
+        of_ghosts = kinematics.gradient_ghosts.of_gradients
         self._place = place_points.bind(
             np.ascontiguousarray(body.points), *images, displacements, chunks=chunks
         )
@@ -369,9 +371,12 @@ class LinearizedDilatation:
         c_k are the `coefficients`, T_k are Chebyshev polynomials; the sum is taken by Clenshaw's
         recurrence.
         """
-        smoothing, chunks, n = self._volume.smoothing, self._chunks, len(self._body)
+        smoothing = self._volume.smoothing
+        chunks = self._chunks
+        n = len(self._body)
         values, once, found, *sums = np.zeros((5, n), dtype=np.float32)
-        (first, second), steps = sums, []
+        (first, second) = sums
+        steps = []
         for k in reversed(range(len(coefficients))):
             # b_k = c_k v + 2 (2 W^2 - I) b_(k + 1) - b_(k + 2), which is overwritten; the result
             # has W^2 once.

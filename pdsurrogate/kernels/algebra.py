@@ -77,7 +77,8 @@ def _components(d):
     """
     axes = range(d)
     upper = [(r, c) for r in axes for c in range(r, d)]
-    symmetric, matrix = range(len(upper)), range(d * d)
+    symmetric = range(len(upper))
+    matrix = range(d * d)
     # Places of the entries (r, c) of symmetric matrices and of matrices, and which of these lie on
     # the diagonal.
     Z = {place: n for n, (r, c) in enumerate(upper) for place in ((r, c), (c, r))}
@@ -104,7 +105,8 @@ def _components(d):
 
         `places` maps the row and column of an entry of F to its index in that variable.
         """
-        (a, b), (e, f) = ((r + 1) % d, (r + 2) % d), ((c + 1) % d, (c + 2) % d)
+        (a, b) = ((r + 1) % d, (r + 2) % d)
+        (e, f) = ((c + 1) % d, (c + 2) % d)
         if d == 2:
             return f"{'' if r == c else '-'}{name}[{places[a, e]}]"
         return (
@@ -218,7 +220,8 @@ def _plane(algebra):
         `result` (p, q) is a law's response in the `state` (tr C, J, J3), and `unit` is a factor,
         such as the shear modulus.
         """
-        p, q = result[0] * unit, result[1] / state[1] * unit
+        p = result[0] * unit
+        q = result[1] / state[1] * unit
         return algebra.plus_matrix(
             algebra.times_matrix(p, F), algebra.times_matrix(q, algebra.cofactor(F))
         )
@@ -266,7 +269,9 @@ def _space(algebra):
         `result` (p, q, r) is a law's response to F, and `unit` is a factor, such as the shear
         modulus; `state` is unused.
         """
-        p, q, r = result[0] * unit, result[1] * unit, result[2] * unit
+        p = result[0] * unit
+        q = result[1] * unit
+        r = result[2] * unit
         P = algebra.plus_matrix(
             algebra.times_matrix(p, F), algebra.times_matrix(q, algebra.cofactor(F))
         )

@@ -94,8 +94,11 @@ def put_parts(pair, moment, k, reference, P, half):
     the undeformed bond; the rows of `reference` are n1, n2 and 1/l, where l is the undeformed
     length; `half` is 0.5.
     """
-    n1, n2, inverse_length = reference[0, k], reference[1, k], reference[2, k]
-    h1, h2 = half * P[2], half * P[3]
+    n1 = reference[0, k]
+    n2 = reference[1, k]
+    inverse_length = reference[2, k]
+    h1 = half * P[2]
+    h2 = half * P[3]
     put_row(pair, k, (inverse_length * P[0], inverse_length * P[1]))
     put_row(moment, k, (-n2 * h1, -n2 * h2, n1 * h1, n1 * h2))
 
@@ -218,7 +221,8 @@ def pair_energies(
         total = 0.0
         for k in range(BLOCK):
             bond_volume = reference[3, k]
-            p, q = bond_volume * (result[1, k] + result[1, k]), bond_volume * result[2, k]
+            p = bond_volume * (result[1, k] + result[1, k])
+            q = bond_volume * result[2, k]
             P = stress((columns[0, k], columns[1, k]), (columns[2, k], columns[3, k]), p, q)
             put_parts(pair, moment, k, reference, P, half)
             total += np.float64(reference[counted, k] * result[0, k])

@@ -25,7 +25,9 @@ from .algebra import algebra_of, entries
 from .domain import N_LIMITS, is_outside, share_inside
 from .elementary import inverse_square_root, like, quotient
 
-UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
+UNGUARDED = 0
+TURNED = 1
+FALL_BACK = 2
 """Guards for bonds outside the domain of a force model. UNGUARDED: the model has no domain. TURNED:
 they are counted, and those turned so far that no stretch tensor exists get the exact force.
 FALL_BACK: they are counted, and all of them get the exact force.
@@ -49,7 +51,9 @@ begin at row 0, the deformed bond vectors at `BOND`, the tractions at `TRACTION`
 force at `EXACT_TRACTION`, and the sums of the records (cos, sin, J, C33) of both points at `MEANS`.
 """
 
-MODEL, VOLUMETRIC, OWN = 0, 1, 2
+MODEL = 0
+VOLUMETRIC = 1
+OWN = 2
 """Indices in the array ``sizes`` of a model in plane strain: the addresses of the model's block
 function and of the law's volumetric block function, and the first of the model's own sizes.
 """
@@ -182,9 +186,13 @@ def pair_forces(
     exact_traction = block_rows(buffer[EXACT_TRACTION:MEANS])
     means = block_rows(buffer[MEANS:BUFFER_ROWS])
     real = buffer.dtype.type
-    zero, half, one, tiny = real(0.0), real(0.5), real(1.0), real(1e-30)
+    zero = real(0.0)
+    half = real(0.5)
+    one = real(1.0)
+    tiny = real(1e-30)
     # Loads from an array would prevent vectorization.
-    outer, inner = tuple_of(domain[0], N_LIMITS), tuple_of(domain[1], N_LIMITS)
+    outer = tuple_of(domain[0], N_LIMITS)
+    inner = tuple_of(domain[1], N_LIMITS)
     counted = COUNTED_ROW if geometry.shape[1] > COUNTED_ROW else 2
     count = 0
     for block in share_of(geometry.shape[0], chunk):
@@ -240,13 +248,11 @@ def pair_forces(
                     exact_traction,
                 )
                 for k in range(BLOCK):
-                    a, b, U_mm, J, C33 = (
-                        states[0, k],
-                        states[1, k],
-                        states[2, k],
-                        states[3, k],
-                        states[4, k],
-                    )
+                    a = states[0, k]
+                    b = states[1, k]
+                    U_mm = states[2, k]
+                    J = states[3, k]
+                    C33 = states[4, k]
                     if (
                         reference[2, k] != zero
                         and reference[counted, k] > zero

@@ -29,7 +29,8 @@ def volume_derivatives(algebra):
     bond vector and deformation gradients.
     """
     of_bond = gradient_of_bond(algebra)
-    matrix, dimension = algebra.MATRIX, algebra.DIMENSION
+    matrix = algebra.MATRIX
+    dimension = algebra.DIMENSION
     length = dimension
 
     @Pass

@@ -80,7 +80,9 @@ def share_inside(a, b, U_mm, J, C33, outer, inner):
     trace = a * a + b * b + b * b + U_mm * U_mm
     total = np.sqrt(trace + J + J)
     difference = np.sqrt(max(trace - J - J, 0.0))
-    least, greatest, bulk = 0.5 * (total - difference), 0.5 * (total + difference), J * J * C33
+    least = 0.5 * (total - difference)
+    greatest = 0.5 * (total + difference)
+    bulk = J * J * C33
     share = min(
         _rise(least, np.sqrt(outer[0]), np.sqrt(inner[0])),
         _rise(greatest, np.sqrt(outer[1]), np.sqrt(inner[1])),
@@ -108,8 +110,12 @@ def edge_distances(trace, J, limits):
     J^2/H (one is above), tr C > L + J^2/L (one is below), J > H (both are above) or J < L (both are
     below). Each distance is about the relative change of the offending squared stretch.
     """
-    low, high, inverse_low, inverse_high = limits[0], limits[1], limits[2], limits[3]
-    square, one = J * J, like(J, 1.0)
+    low = limits[0]
+    high = limits[1]
+    inverse_low = limits[2]
+    inverse_high = limits[3]
+    square = J * J
+    one = like(J, 1.0)
     return (
         trace / (high + square * inverse_high) - one,
         one - (low + square * inverse_low) / trace,
@@ -125,9 +131,15 @@ def exact_share(trace, J, limits):
 
     A switch at the edge itself would make the energy jump by the error of the fit.
     """
-    low, high, inverse_low, inverse_high = limits[0], limits[1], limits[2], limits[3]
-    above, below = high + J * J * inverse_high, low + J * J * inverse_low
-    by_above, by_below, zero = 2.0 * J * inverse_high, 2.0 * J * inverse_low, 0.0 * J
+    low = limits[0]
+    high = limits[1]
+    inverse_low = limits[2]
+    inverse_high = limits[3]
+    above = high + J * J * inverse_high
+    below = low + J * J * inverse_low
+    by_above = 2.0 * J * inverse_high
+    by_below = 2.0 * J * inverse_low
+    zero = 0.0 * J
     d1, d2, d3, d4 = edge_distances(trace, J, limits)
     one_above = _share_within(d1, 1.0 / above, -trace * by_above / (above * above))
     one_below = _share_within(d2, below / (trace * trace), -by_below / trace)
@@ -165,7 +177,8 @@ def distance_coefficients(low, high):
     I2bar).
     """
     low, high = max(low, high**-2), min(high, low**-2)
-    a, b = low**2, high**2
+    a = low**2
+    b = high**2
     return np.array([[1 - a**3, a * a, -a], [1 - b**-3, -1 / b, b**-2]])
 
 

@@ -63,7 +63,9 @@ def _format(x):
 def _inverse_cube_root(x):
     real, whole, digits = _format(x)
     guess, steps = (1419967488.0, 3) if digits == 23 else (6142909891733356544.0, 5)
-    first, one, third = real(guess), real(1.0), real(1.0 / 3.0)
+    first = real(guess)
+    one = real(1.0)
+    third = real(1.0 / 3.0)
 
     def implementation(x):
         # A first guess within 6 % from the exponent bits, then Newton's iteration for r**-3 = x.
@@ -110,7 +112,10 @@ def _polynomial(coefficients, real):
 def _logarithm(x):
     real, whole, digits = _format(x)
     root, terms = (whole(0x3F3504F3), 4) if digits == 23 else (whole(0x3FE6A09E667F3BCD), 10)
-    digits, one, two, log_2 = whole(digits), real(1.0), real(2.0), real(math.log(2.0))
+    digits = whole(digits)
+    one = real(1.0)
+    two = real(2.0)
+    log_2 = real(math.log(2.0))
     artanh = _polynomial([1.0 / n for n in range(3, 3 + 2 * terms, 2)], real)
 
     def implementation(x):
@@ -130,19 +135,17 @@ def _logarithm(x):
 def _exponential(x):
     real, whole, digits = _format(x)
     if digits == 23:
-        terms, bias, constants = 8, 127, (-87.0, 88.0, 0.693359375, -2.12194440e-4)
+        terms = 8
+        bias = 127
+        constants = (-87.0, 88.0, 0.693359375, -2.12194440e-4)
     else:
-        terms, bias, constants = (
-            14,
-            1023,
-            (-708.0, 709.0, 6.93145751953125e-1, 1.42860682030941723212e-6),
-        )
+        terms = 14
+        bias = 1023
+        constants = (-708.0, 709.0, 6.93145751953125e-1, 1.42860682030941723212e-6)
     low, high, first, second, half, inverse = map(real, (*constants, 0.5, 1 / math.log(2.0)))
-    digits, bias, taylor = (
-        whole(digits),
-        whole(bias),
-        _polynomial([1 / math.factorial(n) for n in range(terms)], real),
-    )
+    digits = whole(digits)
+    bias = whole(bias)
+    taylor = _polynomial([1 / math.factorial(n) for n in range(terms)], real)
 
     def implementation(x):
         # x = k log 2 + r with |r| <= log(2)/2; e**r by its Taylor polynomial; 2**k through the

@@ -103,9 +103,11 @@ def network_energy_density(activation, dtype):
             result[1, k] = 0
             result[2, k] = 0
         add_units(features, weights, units, result)
-        constant, slope = weights[last], weights[last + 1]
+        constant = weights[last]
+        slope = weights[last + 1]
         for k in range(BLOCK):
-            by_log_J, by_log_ratio = result[1, k] - slope, result[2, k]
+            by_log_J = result[1, k] - slope
+            by_log_ratio = result[2, k]
             result[0, k] = result[0, k] - constant - slope * features[0, k]
             result[1, k] = by_log_ratio / states[0, k]
             result[2, k] = (by_log_J - by_log_ratio) / states[1, k]

@@ -171,16 +171,16 @@ def write_tractions(features: FeatureSet):
 
     @expanded
     def write(states, kept, at_rest, traction):
-        rest0, rest1 = at_rest[0], at_rest[1]
+        rest0 = at_rest[0]
+        rest1 = at_rest[1]
         for k in range(BLOCK):
-            a, b, U_mm, J, C33 = (
-                states[0, k],
-                states[1, k],
-                states[2, k],
-                states[3, k],
-                states[4, k],
-            )
-            o1, o2 = traction[0, k] - rest0, traction[1, k] - rest1
+            a = states[0, k]
+            b = states[1, k]
+            U_mm = states[2, k]
+            J = states[3, k]
+            C33 = states[4, k]
+            o1 = traction[0, k] - rest0
+            o2 = traction[1, k] - rest1
             put_column(traction, k, traction_of(shared_at(kept, k), o1, o2, a, b, U_mm, J, C33))
 
     return write

@@ -35,20 +35,25 @@ ROWS = 4
 stress across its plane) and the energy W.
 """
 
-UNITS, GUARD, OUTSIDE = 0, 1, 2
+UNITS = 0
+GUARD = 1
+OUTSIDE = 2
 """Indices in the array ``sizes`` of a learned energy: its number of hidden units, its guard
 (`EXTRAPOLATE`, `COUNT` or `TAKE_OVER`), and the counter of the states found outside the domain.
 """
 
 N_SIZES = 3
 
-AT_REST, FIRST_UNIT = 6, 7
+AT_REST = 6
+FIRST_UNIT = 7
 """Indices in the array ``weights`` of a learned energy, after the three coefficients (of 1, I1bar,
 I2bar) of each of the two distances: the value of the network in the undeformed state, and the first
 of the weights of the hidden units.
 """
 
-EXTRAPOLATE, COUNT, TAKE_OVER = 0, 1, 2
+EXTRAPOLATE = 0
+COUNT = 1
+TAKE_OVER = 2
 """Guards for states outside the domain: nothing is done, they are counted, or they are counted and
 the exact energy replaces the learned one.
 """
@@ -76,7 +81,8 @@ def network_block(activation, invariants, of_invariants):
         states = carray(states, (3, BLOCK))
         result = carray(result, (ROWS, BLOCK))
         sizes = carray(sizes, (N_SIZES,))
-        units, guard = sizes[UNITS], sizes[GUARD]
+        units = sizes[UNITS]
+        guard = sizes[GUARD]
         weights = carray(weights, (FIRST_UNIT + GROUP * units,))
         one = like(states[0, 0], 1.0)
         zero = like(one, 0.0)

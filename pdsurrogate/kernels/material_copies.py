@@ -75,7 +75,8 @@ def gather_rows(width: int) -> Pass:
         for i in share_of(out.shape[0], chunk):
             finite = True
             for c in range(width):
-                total, foreign = 0.0, 0.0
+                total = 0.0
+                foreign = 0.0
                 for e in range(pointers[i], pointers[i + 1]):
                     value = values[places[e], c]
                     total += value

@@ -28,7 +28,8 @@ def add_unspanned(points, pointers, neighbors, first, second, sources, touching,
     """
     n = pointers.shape[0] - 1
     for b in range(first.shape[0]):
-        i, j = first[b], second[b]
+        i = first[b]
+        j = second[b]
         if near[b] or (j >= n and sources[b] != i):
             continue
         square = 0.0

@@ -45,7 +45,9 @@ MOST_HIDDEN = 3
 features need no more.
 """
 
-N_WORK_ROWS, N_HIDDEN, WIDTHS = 0, 1, 2
+N_WORK_ROWS = 0
+N_HIDDEN = 1
+WIDTHS = 2
 """Indices in a network's array of sizes: its number of rows of working memory, its number of hidden
 layers, and the first of the widths of its inputs and hidden layers.
 """
@@ -126,7 +128,8 @@ def units_of(n_inputs):
 column_of_pair, column_of_group = (
     entries("rows, k", [f"rows[{r}, k]" for r in range(count)]) for count in (PAIR, GROUP)
 )
-units_of_pair, units_of_group = units_of(PAIR), units_of(GROUP)
+units_of_pair = units_of(PAIR)
+units_of_group = units_of(GROUP)
 
 
 def pack_units(hidden_weights, hidden_biases, output_weights):
@@ -159,7 +162,10 @@ def unit_sums(activation):
                 a1, d1, _ = activate(z[1])
                 a2, d2, _ = activate(z[2])
                 a3, d3, _ = activate(z[3])
-                d0, d1, d2, d3 = w[12] * d0, w[13] * d1, w[14] * d2, w[15] * d3
+                d0 = w[12] * d0
+                d1 = w[13] * d1
+                d2 = w[14] * d2
+                d3 = w[15] * d3
                 sums[0, k] += w[12] * a0 + w[13] * a1 + w[14] * a2 + w[15] * a3
                 sums[1, k] += w[4] * d0 + w[5] * d1 + w[6] * d2 + w[7] * d3
                 sums[2, k] += w[8] * d0 + w[9] * d1 + w[10] * d2 + w[11] * d3
@@ -176,7 +182,8 @@ def pack(layers, at_rest, dtype):
     ValueError for more hidden layers than `MOST_HIDDEN`, for none, or for a number of outputs other
     than two.
     """
-    hidden, (output_weights, output_biases) = layers[:-1], layers[-1]
+    hidden = layers[:-1]
+    (output_weights, output_biases) = layers[-1]
     if not 1 <= len(hidden) <= MOST_HIDDEN:
         raise ValueError(
             f"a network needs one to {MOST_HIDDEN} hidden layers, this one has {len(hidden)}"
@@ -256,12 +263,10 @@ def add_outputs(activate, column, units, n_weights):
         v = tuple_of(output_weights, n_outputs)
         for k in range(BLOCK):
             z = units(w, column(rows, k))
-            z0, z1, z2, z3 = (
-                activate(z[0])[0],
-                activate(z[1])[0],
-                activate(z[2])[0],
-                activate(z[3])[0],
-            )
+            z0 = activate(z[0])[0]
+            z1 = activate(z[1])[0]
+            z2 = activate(z[2])[0]
+            z3 = activate(z[3])[0]
             outputs[0, k] += v[0] * z0 + v[1] * z1 + v[2] * z2 + v[3] * z3
             outputs[1, k] += v[4] * z0 + v[5] * z1 + v[6] * z2 + v[7] * z3
 
@@ -275,8 +280,10 @@ def network_block(features: FeatureSet, activation, dtype):
 
     The function takes the sizes and weights from `pack` as arguments.
     """
-    shared_of, inputs = inlined(features.shared), inlined(features.inputs)
-    activate, put_tractions = inlined(activation), write_tractions(features)
+    shared_of = inlined(features.shared)
+    inputs = inlined(features.inputs)
+    activate = inlined(activation)
+    put_tractions = write_tractions(features)
     add_from_pair = add_outputs(activate, column_of_pair, units_of_pair, GROUP * (1 + PAIR))
     add_from_group = add_outputs(activate, column_of_group, units_of_group, GROUP * (1 + GROUP))
     add_from_units = add_outputs(activate, column_of_group, inlined(lambda w, x: x), GROUP)
@@ -287,13 +294,11 @@ def network_block(features: FeatureSet, activation, dtype):
         rows = block_rows(work[0:width])
         kept = block_rows(work[width : width + MOST_SHARED])
         for k in range(BLOCK):
-            a, b, U_mm, J, C33 = (
-                states[0, k],
-                states[1, k],
-                states[2, k],
-                states[3, k],
-                states[4, k],
-            )
+            a = states[0, k]
+            b = states[1, k]
+            U_mm = states[2, k]
+            J = states[3, k]
+            C33 = states[4, k]
             shared = shared_of(a, b, J, C33)
             values = inputs(shared, a, b, U_mm, J, C33, states[5, k])
             put_column(kept, k, shared)

@@ -97,7 +97,8 @@ def chebyshev_sums(typingctx, counts, x1, x2, weights):
                 values.append(builder.fsub(product(twice, values[m]), values[p - m], flags=_FLAGS))
             return values[:count]
 
-        inner, outer = chebyshev(x1, max(terms)), chebyshev(x2, len(terms))
+        inner = chebyshev(x1, max(terms))
+        outer = chebyshev(x2, len(terms))
         sums = [[ir.Constant(x1.type, 0.0)] for _ in range(N_OUTPUTS)]
         for count, factor in zip(terms, outer, strict=True):
             parts = [
@@ -120,27 +121,27 @@ def polynomial_block(features: FeatureSet, counts, dtype):
     `counts` are the numbers of terms from `pack`. The function takes the weights from `pack` as an
     argument, and ignores its sizes.
     """
-    shared_of, inputs, traction_of = (
-        inlined(features.shared),
-        inlined(features.inputs),
-        inlined(features.traction),
-    )
+    shared_of = inlined(features.shared)
+    inputs = inlined(features.inputs)
+    traction_of = inlined(features.traction)
     terms = ",".join(str(count) for count in counts)
     rest = SCALING + N_OUTPUTS * sum(counts)
     size = rest + N_OUTPUTS
 
     def polynomial(states, sizes, weights, response, parameters, work, scratch, traction):
         values = tuple_of(weights, size)
-        center1, center2, scale1, scale2 = values[0], values[1], values[2], values[3]
-        rest0, rest1 = values[rest], values[rest + 1]
+        center1 = values[0]
+        center2 = values[1]
+        scale1 = values[2]
+        scale2 = values[3]
+        rest0 = values[rest]
+        rest1 = values[rest + 1]
         for k in range(BLOCK):
-            a, b, U_mm, J, C33 = (
-                states[0, k],
-                states[1, k],
-                states[2, k],
-                states[3, k],
-                states[4, k],
-            )
+            a = states[0, k]
+            b = states[1, k]
+            U_mm = states[2, k]
+            J = states[3, k]
+            C33 = states[4, k]
             shared = shared_of(a, b, J, C33)
             x1, x2 = inputs(shared, a, b, U_mm, J, C33, states[5, k])
             one, two = chebyshev_sums(

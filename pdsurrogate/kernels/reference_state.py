@@ -21,7 +21,8 @@ at an intact corner: 0.59 in the plane, 0.61 in three dimensions at 1.75 spacing
 Chosen far below these, and above 0, the value of a single row or layer.
 """
 
-SCALAR_CORRECTION, TENSOR_CORRECTION = 1, 2
+SCALAR_CORRECTION = 1
+TENSOR_CORRECTION = 2
 CORRECTIONS = {"none": 0, "scalar": SCALAR_CORRECTION, "tensor": TENSOR_CORRECTION}
 """Codes of the corrections of the bond force at incomplete horizons, by the names that settings
 use.
@@ -123,7 +124,8 @@ def pair_rows(
                 tilt_factor = strength[b] * (z[1] * x[0] - z[0] * x[1]) / square
             elif correction == SCALAR_CORRECTION:
                 # fac = 2 kappa / tr K.
-                K, L = plane.inverse_symmetric(A), plane.inverse_symmetric(B)
+                K = plane.inverse_symmetric(A)
+                L = plane.inverse_symmetric(B)
                 normal_factor = strength[b] * (1.0 / (K[0] + K[2]) + 1.0 / (L[0] + L[2]))
             else:
                 normal_factor = strength[b] / kappa

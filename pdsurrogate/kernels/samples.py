@@ -40,12 +40,18 @@ def sum_nearest(chunk, points, starts, grid, metric, raster, material, masks, bu
     n1, n2, n3, side = grid
     g1, g2, g3 = metric
     half = side / 2
-    own, best, which = sums[chunk.thread], buffers[chunk.thread, 0], buffers[chunk.thread, 1]
+    own = sums[chunk.thread]
+    best = buffers[chunk.thread, 0]
+    which = buffers[chunk.thread, 1]
     for cell in share_of(material.shape[0], chunk):
         if material[cell] == -2:
             continue
-        i1, i2, i3 = cell % n1, cell // n1 % n2, cell // (n1 * n2)
-        o1, o2, o3 = float(i1 * side), float(i2 * side), float(i3 * side)
+        i1 = cell % n1
+        i2 = cell // n1 % n2
+        i3 = cell // (n1 * n2)
+        o1 = float(i1 * side)
+        o2 = float(i2 * side)
+        o3 = float(i3 * side)
         reach = 0
         farthest = np.inf
         # Points outside the block of cells are at least `reach` cells away.
@@ -59,12 +65,12 @@ def sum_nearest(chunk, points, starts, grid, metric, raster, material, masks, bu
                         for p in range(
                             starts[row + max(i1 - reach, 0)], starts[row + min(i1 + reach + 1, n1)]
                         ):
-                            p1, p2, p3 = points[p, 0] - o1, points[p, 1] - o2, points[p, 2] - o3
-                            a1, a2, a3 = (
-                                abs(p1 - half),
-                                abs(p2 - half),
-                                abs(p3 - half) if n3 > 1 else 0.0,
-                            )
+                            p1 = points[p, 0] - o1
+                            p2 = points[p, 1] - o2
+                            p3 = points[p, 2] - o3
+                            a1 = abs(p1 - half)
+                            a2 = abs(p2 - half)
+                            a3 = abs(p3 - half) if n3 > 1 else 0.0
                             if search == 0:
                                 least = min(
                                     least,
@@ -80,11 +86,9 @@ def sum_nearest(chunk, points, starts, grid, metric, raster, material, masks, bu
                             ):
                                 number = float(p)
                                 for s in range(raster.shape[1]):
-                                    d1, d2, d3 = (
-                                        raster[0, s] - p1,
-                                        raster[1, s] - p2,
-                                        raster[2, s] - p3,
-                                    )
+                                    d1 = raster[0, s] - p1
+                                    d2 = raster[1, s] - p2
+                                    d3 = raster[2, s] - p3
                                     distance = g1 * d1 * d1 + g2 * d2 * d2 + g3 * d3 * d3
                                     closer = distance < best[s]
                                     best[s] = distance if closer else best[s]

@@ -12,7 +12,8 @@ from ..engine.vector_loads import fetch
 from .algebra import ByDimension
 from .elementary import like
 
-STATE_ROWS, RESULT_ROWS = 3, 4
+STATE_ROWS = 3
+RESULT_ROWS = 4
 """Numbers of rows of the states and of the result of an isochoric response; the last row of the
 result is the energy.
 """
@@ -46,7 +47,8 @@ def gradient_of_bond(algebra):
     Fbar is the mean of the deformation gradients of the two points, y the deformed bond vector, n
     and l are the direction and the length of the undeformed bond.
     """
-    length, volume = algebra.DIMENSION, algebra.DIMENSION + 1
+    length = algebra.DIMENSION
+    volume = algebra.DIMENSION + 1
 
     @inlined
     def of_bond(sums, bonds, reference, k):
@@ -75,7 +77,8 @@ def pair_volumes(algebra):
     """Build the pass that computes det F_ij, the volume ratio, of every pair of points."""
     of_bond = gradient_of_bond(algebra)
     matrix = algebra.MATRIX
-    fetch_geometry, fetch_volumes = fetch(4 * (algebra.DIMENSION + 2)), fetch(4, to_write=True)
+    fetch_geometry = fetch(4 * (algebra.DIMENSION + 2))
+    fetch_volumes = fetch(4, to_write=True)
 
     @Pass
     def pair_volumes(chunk, positions, gradients, pairs, buffers, volumes):
@@ -187,14 +190,16 @@ def pair_energies(algebra):
     which include the points' pressures.
     """
     of_bond = gradient_of_bond(algebra)
-    matrix, dimension = algebra.MATRIX, algebra.DIMENSION
-    state_rows, result_rows = matrix + dimension, matrix + dimension + STATE_ROWS
-    length, volume = dimension, dimension + 1
-    fetch_geometry, fetch_shares = fetch(4 * (dimension + 2)), fetch(4 * 2)
-    fetch_force, fetch_moment = (
-        fetch(4 * dimension, to_write=True),
-        fetch(4 * matrix, to_write=True),
-    )
+    matrix = algebra.MATRIX
+    dimension = algebra.DIMENSION
+    state_rows = matrix + dimension
+    result_rows = matrix + dimension + STATE_ROWS
+    length = dimension
+    volume = dimension + 1
+    fetch_geometry = fetch(4 * (dimension + 2))
+    fetch_shares = fetch(4 * 2)
+    fetch_force = fetch(4 * dimension, to_write=True)
+    fetch_moment = fetch(4 * matrix, to_write=True)
 
     @Pass
     def pair_energies(

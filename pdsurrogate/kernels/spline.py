@@ -31,14 +31,17 @@ SCALING = 2 * MOST_FEATURES
 of each feature, zero for a missing third feature.
 """
 
-N_WEIGHTS, CELLS = 0, 1
+N_WEIGHTS = 0
+CELLS = 1
 """Indices in a spline's array of sizes: the length of its weights, and the first of its numbers
 of cells along each feature.
 """
 
 N_SIZES = CELLS + MOST_FEATURES
 
-OFFSET, SHARES, KEPT = 0, 1, 1 + MOST_FEATURES * SUPPORT
+OFFSET = 0
+SHARES = 1
+KEPT = 1 + MOST_FEATURES * SUPPORT
 """First rows of the parts of working memory: the index at which a state's coefficients begin, the
 values of the four B-splines of each feature, and the values that `FeatureSet.shared` returns.
 """
@@ -72,7 +75,8 @@ def cubic_weights(u):
     one = like(u, 1.0)
     v = one - u
     sixth = like(u, 1 / 6)
-    first, last = sixth * v * v * v, sixth * u * u * u
+    first = sixth * v * v * v
+    last = sixth * u * u * u
     second = like(u, 2 / 3) - u * u * (one - like(u, 0.5) * u)
     return first, second, one - first - second - last, last
 
@@ -84,11 +88,9 @@ def spline_block(features: FeatureSet, dtype):
 
     The function takes the sizes and weights from `pack` as arguments.
     """
-    shared_of, inputs, put_tractions = (
-        inlined(features.shared),
-        inlined(features.inputs),
-        write_tractions(features),
-    )
+    shared_of = inlined(features.shared)
+    inputs = inlined(features.inputs)
+    put_tractions = write_tractions(features)
     weights_at = inlined(cubic_weights)
     # With two features the first of three has one cell and one weight.
     layers = SUPPORT ** (len(features.names) - 2)
@@ -100,41 +102,43 @@ def spline_block(features: FeatureSet, dtype):
         along = block_rows(work[SHARES + 2 * SUPPORT : KEPT])
         kept = block_rows(work[KEPT:WORK_ROWS])
         real = weights.dtype.type
-        zero, one = real(0.0), real(1.0)
-        low0, low1, low2 = weights[0], weights[1], weights[2]
-        scale0, scale1, scale2 = weights[3], weights[4], weights[5]
-        cells0, cells1, cells2 = real(sizes[CELLS]), real(sizes[CELLS + 1]), real(sizes[CELLS + 2])
+        zero = real(0.0)
+        one = real(1.0)
+        low0 = weights[0]
+        low1 = weights[1]
+        low2 = weights[2]
+        scale0 = weights[3]
+        scale1 = weights[4]
+        scale2 = weights[5]
+        cells0 = real(sizes[CELLS])
+        cells1 = real(sizes[CELLS + 1])
+        cells2 = real(sizes[CELLS + 2])
         row = N_OUTPUTS * (sizes[CELLS + 2] + SUPPORT - 1)
         layer = row * (sizes[CELLS + 1] + SUPPORT - 1)
-        size1, size0 = real(row), real(layer)
+        size1 = real(row)
+        size0 = real(layer)
         for k in range(BLOCK):
-            a, b, U_mm, J, C33 = (
-                states[0, k],
-                states[1, k],
-                states[2, k],
-                states[3, k],
-                states[4, k],
-            )
+            a = states[0, k]
+            b = states[1, k]
+            U_mm = states[2, k]
+            J = states[3, k]
+            C33 = states[4, k]
             shared = shared_of(a, b, J, C33)
             put_column(kept, k, shared)
             values = inputs(shared, a, b, U_mm, J, C33, states[5, k])
-            t0, t1, t2 = (
-                (values[0] - low0) * scale0,
-                (values[-2] - low1) * scale1,
-                (values[-1] - low2) * scale2,
-            )
+            t0 = (values[0] - low0) * scale0
+            t1 = (values[-2] - low1) * scale1
+            t2 = (values[-1] - low2) * scale2
             # These comparisons map NaN to the lower end.
-            t0, t1, t2 = (
-                t0 if t0 > zero else zero,
-                t1 if t1 > zero else zero,
-                t2 if t2 > zero else zero,
-            )
-            t0, t1, t2 = min(t0, cells0), min(t1, cells1), min(t2, cells2)
-            i0, i1, i2 = (
-                min(np.floor(t0), cells0 - one),
-                min(np.floor(t1), cells1 - one),
-                min(np.floor(t2), cells2 - one),
-            )
+            t0 = t0 if t0 > zero else zero
+            t1 = t1 if t1 > zero else zero
+            t2 = t2 if t2 > zero else zero
+            t0 = min(t0, cells0)
+            t1 = min(t1, cells1)
+            t2 = min(t2, cells2)
+            i0 = min(np.floor(t0), cells0 - one)
+            i1 = min(np.floor(t1), cells1 - one)
+            i2 = min(np.floor(t2), cells2 - one)
             # Single precision holds this whole number exactly: tables are far smaller than 2^24.
             places[OFFSET, k] = real(SCALING) + i0 * size0 + i1 * size1 + real(N_OUTPUTS) * i2
             put_column(ahead, k, weights_at(t0 - i0))
@@ -146,10 +150,12 @@ def spline_block(features: FeatureSet, dtype):
             columns = along[0, k], along[1, k], along[2, k], along[3, k]
             first, second = sums_of_rows(weights, begin, row, rows, columns)
             if layers > 1:
-                first, second = first * ahead[0, k], second * ahead[0, k]
+                first = first * ahead[0, k]
+                second = second * ahead[0, k]
                 for n in range(1, layers):
                     more, other = sums_of_rows(weights, begin + n * layer, row, rows, columns)
-                    first, second = first + more * ahead[n, k], second + other * ahead[n, k]
+                    first = first + more * ahead[n, k]
+                    second = second + other * ahead[n, k]
             traction[0, k] = first
             traction[1, k] = second
         put_tractions(states, kept, weights[sizes[N_WEIGHTS] - N_OUTPUTS :], traction)

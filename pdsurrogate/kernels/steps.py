@@ -70,7 +70,8 @@ def greatest_strain(displacements, points, first, second):
     """
     largest = 0.0
     for b in range(first.shape[0]):
-        i, j = first[b], second[b]
+        i = first[b]
+        j = second[b]
         if j < points.shape[0]:
             square = 0.0
             change = 0.0

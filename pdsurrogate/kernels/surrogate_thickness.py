@@ -79,7 +79,8 @@ def surrogate_node_states(
     moved = scratch[chunk.thread, 14]
     bond = block_rows(buffers[chunk.thread, 0:6])
     traction = block_rows(buffers[chunk.thread, 6:9])
-    outer, inner = tuple_of(domain[0], N_LIMITS), tuple_of(domain[1], N_LIMITS)
+    outer = tuple_of(domain[0], N_LIMITS)
+    inner = tuple_of(domain[1], N_LIMITS)
     count = 0
     for block in share_of((n + BLOCK - 1) // BLOCK, chunk):
         at = block * BLOCK

@@ -20,7 +20,10 @@ def convected_rotations(chunk, gradients, records):
     `chunk`.
     """
     for i in share_of(gradients.shape[0], chunk):
-        F11, F21, F12, F22 = gradients[i, 0], gradients[i, 1], gradients[i, 2], gradients[i, 3]
+        F11 = gradients[i, 0]
+        F21 = gradients[i, 1]
+        F12 = gradients[i, 2]
+        F22 = gradients[i, 3]
         angle = 0.5 * (
             np.arcsin(F21 / np.sqrt(F11 * F11 + F21 * F21))
             - np.arcsin(F12 / np.sqrt(F12 * F12 + F22 * F22))
