@@ -10,6 +10,7 @@ import scipy
 
 from ..kernels.polygons import distances_to_segments, encloses
 from ..ranks import Share
+from .cell_mesh import outward
 from .ghosts import HeldBoundary, Mirror
 
 IN_PLANE = 1e-6
@@ -179,11 +180,7 @@ class Surface:
         """Return the outward normals times areas, in the plane times lengths, in the reference
         state, shape (f, d).
         """
-        if self.nodes.shape[1] == 3:
-            first, second, third = self.nodes[self.facets].transpose(1, 0, 2)
-            return np.cross(second - first, third - first) / 2
-        first, second = self.nodes[self.facets].transpose(1, 0, 2)
-        return np.stack([second[:, 1] - first[:, 1], first[:, 0] - second[:, 0]], axis=1)
+        return outward(self.nodes[self.facets])
 
     def areas(self) -> np.ndarray:
         """Return the areas of the facets in the reference state, in the plane their lengths,

@@ -14,6 +14,7 @@ import scipy
 from ..body import Cells, ReflectionPlane
 from ..kernels.polygons import encloses
 from ..scenes.solids import AnyPrecut
+from .cells import lattice_of
 
 if TYPE_CHECKING:
     import shapely
@@ -177,9 +178,7 @@ class Cuts:
                 counts = np.maximum(
                     1, np.rint(np.linalg.norm((high - low)[:, None] * axes / cell, axis=1))
                 ).astype(int)
-                grid = np.stack(
-                    np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1
-                ).reshape(-1, 2)
+                grid = lattice_of(*map(np.arange, counts))
                 size = (high - low) / counts
                 tiles = shapely.box(*(low + grid * size).T, *(low + (grid + 1) * size).T)
                 whole = shapely.contains_properly(face, tiles)

@@ -10,19 +10,8 @@ import scipy
 from ..body import Round
 from ..body.body import lengths_of, owners_and_items
 from ..scenes import Region, Scene
+from .cells import MOST_PLACES, nearest_of
 from .chains import ROUNDING
-
-MOST_PLACES = 1_000_000
-"""Number of sampled places in cells whose sides are found together. Chosen: their coordinates
-take 16 or 24 MB.
-"""
-
-TIED = 1e-6
-"""Relative difference of distances up to which points are equally near to a part of a cell, which
-is then divided among them: on the diagonal of a circle rounding, and so the unit of length, would
-otherwise choose one of two. Chosen: far above rounding, and far below the distance of sampled
-places.
-"""
 
 
 def round_interfaces(scene: Scene) -> tuple[Round, ...]:
@@ -137,12 +126,9 @@ def divided_volumes(
                 mine, heirs = other == side, whole[own[whole] == side]
                 if not len(heirs):  # an inclusion smaller than a cell has no point
                     continue
-                tree = scipy.spatial.cKDTree(points[heirs])
-                giver, heir = owners_and_items(
-                    tree.query_ball_point(middles[mine], tree.query(middles[mine])[0] * (1 + TIED))
-                )
+                giver, heir, share = nearest_of(points[heirs], middles[mine])
                 volume = sides.prod() * part[mine].mean(axis=1)
                 found[cells[mine]] -= volume
-                np.add.at(found, heirs[heir], (volume / np.bincount(giver))[giver])
+                np.add.at(found, heirs[heir], share * volume[giver])
             numbers = np.where(part, own[cells, None], numbers)
     return found

@@ -13,7 +13,8 @@ from ..scenes.loading import Prescribed
 from ..scenes.model import EDGES, Scene
 from ..scenes.regions import RegionReference, edge_names
 from ..scenes.shapes import Outline, Shape
-from .meshes import MeshFile, mesh_of
+from .mesh_files import MeshFile
+from .meshes import mesh_of
 
 LEAST_RADIUS = 2.0
 """Least radius of curvature, in spacings, of a boundary that mirrored points hold. The torque on a
@@ -71,7 +72,7 @@ def _is_curved(mesh: MeshFile, group: str | None) -> bool:
     """
     if group not in mesh.side_groups or not len(mesh.side_groups[group]):
         return False
-    places = mesh.nodes[np.unique(mesh.side_groups[group])]
+    places = mesh.cells.nodes[np.unique(mesh.side_groups[group])]
     extents = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
     return bool(extents[-1] > FLAT * extents[0])
 
