@@ -6,10 +6,9 @@ from typing import Annotated
 from typer import Argument, Option
 
 from ..results import Result, figures, load_result
-from ..results.drawings import html_page
+from ..results.drawings import SHOWN_SHARE, html_page
 from ..results.files import head_of, write_text
 from ..results.folder import RUNNING
-from ..results.loading_curve import SHOWN_SHARE
 from ..results.tables import column_unit
 from ..scenes.model import with_unit
 from .command import PictureFolder, check_folder

@@ -177,7 +177,7 @@ class BondAssociatedStress(MaterialTerm):
             f"its bond to ({x1:.4g}, {x2:.4g}) has no stress: {reason}",
         )
 
-    def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
+    def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
         forward = self._forward[pairs]
         return self.binding.portions[0].law.shear_modulus * (
             self.bond_forces[forward] - self.bond_forces[self._reverse[forward]]

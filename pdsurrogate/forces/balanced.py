@@ -13,6 +13,7 @@ from ..body import Body, rows_of
 from ..body.body import lengths_of
 from ..body.ghosts import symmetric
 from ..engine.block_arrays import aligned_rows
+from ..kernels.ghosts import fold_vectors
 from ..ranks.share import connected
 from .fourth_order import solution_of
 from .interface_fits import YIELDING
@@ -291,9 +292,12 @@ def _through_jumps(
             seen = (volumes * (portion_of[ends] != number))[:, None]
             np.add.at(forces, ends, sign * seen / length * along)
             np.add.at(moments, ends, seen * transverse)
+    ghosts = body.ghosts
     Steps(
         body.share,
-        *kinematics.interfaces.steps_back(forces, moments, own_moments, on_points, pulls),
+        *kinematics.interfaces.steps_back(forces, moments, own_moments, on_points),
+        *(step for each in kinematics.changed for step in each.pull_steps(own_moments, pulls)),
+        fold_vectors.bind(pulls, ghosts.source, ghosts.parity, chunks=kinematics.chunks),
     )()
     factors[:] = matrices(own_moments)
     return on_points + pulls[:n]

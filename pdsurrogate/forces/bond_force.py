@@ -18,7 +18,6 @@ from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
 from ..kernels import bond_force, reference_state, surrogate_thickness
 from ..kernels.bond_force import LEAST_NORMAL_STRETCH, along_and_across, lateral_stretch
-from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS, Law, NeoHookean, plane_stress
 from ..materials.response import volume_residual_block
 from ..materials.states import principal_stretches
@@ -30,7 +29,7 @@ from .material_points import MaterialPoints, material_sums
 from .pair_balance import balanced_changes
 from .protocol import ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
-from .term import DomainWatch, MaterialTerm, Term, sum_on_pairs
+from .term import DomainWatch, MaterialTerm, Term
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
 """Relative step of the volume ratio J3 at which the iteration for the thickness ends, by precision
@@ -228,7 +227,7 @@ class BondForces(MaterialTerm):
                 " --energy"
             )
         self._strength = pair_strength(body)
-        self._parts = []
+        self.parts = []
         if binding.portion_of is not None:
             of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]
             shares = np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
@@ -237,7 +236,7 @@ class BondForces(MaterialTerm):
             points = self.points_of(
                 number, None if binding.whole else np.flatnonzero((of_ends == number).any(axis=0))
             )
-            self._parts.append(
+            self.parts.append(
                 PairForces(binding, model, points, self._strength[points.pairs], self.correction)
             )
             self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
@@ -247,41 +246,31 @@ class BondForces(MaterialTerm):
         self._lost = np.zeros((len(body.all_points), 2, 2))
         if self.correction == "tensor" and body.outward is not None:
             vectors = np.zeros((len(bonds.first), 2), dtype=binding.precision)
-            for part in self._parts:
+            for part in self.parts:
                 of_body = vectors[part.points.pairs]
                 vectors[part.points.pairs] = of_body + part.reference_vectors()[: len(of_body)]
             pairs, changes = balanced_changes(body, vectors)
             self._changes = pairs, changes if binding.whole else changes * shares[pairs, None]
             self._change(pairs)
-        self.learned_thickness = any(part.learns_thickness for part in self._parts)
+        self.learned_thickness = any(part.learns_thickness for part in self.parts)
         self._model = models[0]
         self._domain = models[0].domain if binding.whole else None
         out = np.empty_like(body.points)
-        chunks = self.kinematics.chunks
-        if binding.whole:
-            (part,) = self._parts
-            lists = (
-                bonds.pair_pointers,
-                bonds.incidence_pointers,
-                bonds.incidence,
-            )
-            sums = [sum_pair_forces[2].bind(part.forces, *lists, part.unit, out, chunks=chunks)]
-            self.in_units = [(0, sums[0])]
-        else:
-            sums = material_sums(self.kinematics, self.materials, "forces", self._parts, out)
-            self.in_units = list(enumerate(sums[:-1]))
-        self.bind_steps(*(part.find for part in self._parts), *sums)
+        lists = bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
+        sums = material_sums(self.kinematics, self.parts, "forces", lists, out)
+        self.in_units = list(enumerate(sums[: len(models)]))
+        self.bind_steps(*(part.find for part in self.parts), *sums)
 
     def take_numbers(self, portions: Sequence[Portion]) -> None:
         super().take_numbers(portions)
         self._model = cast("ForceSurrogate", portions[0].model)
-        for part, portion in zip(self._parts, portions, strict=True):
+        for part, portion in zip(self.parts, portions, strict=True):
             part.take_numbers(portion.model)
 
     def diagnose(self, out: np.ndarray) -> str:
         body = self.body
         broken = np.flatnonzero(
-            ~np.isfinite(self.pair_forces(slice(len(body.bonds.first)))).all(axis=1)
+            ~np.isfinite(self.pair_forces(np.arange(len(body.bonds.first)))).all(axis=1)
         )
         if len(broken) == 0:
             return super().diagnose(out)
@@ -319,9 +308,9 @@ class BondForces(MaterialTerm):
                 changes += (factors / body.all_volumes[end])[:, None] * np.einsum(
                     "bij,bj->bi", restored, vectors
                 )
-        for part in self._parts:
-            places, theirs = part.points.places_of_pairs(pairs)
-            part.add(places, changes[np.searchsorted(pairs, theirs)])
+        for part in self.parts:
+            places, chosen = part.points.places_of_pairs(pairs)
+            part.add(places, changes[chosen])
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._strength[pairs] = 0.0
@@ -338,17 +327,15 @@ class BondForces(MaterialTerm):
         self._lost[len(body) :] *= (
             body.ghosts.reflection[:, :, None] * body.ghosts.reflection[:, None]
         )
-        for part in self._parts:
+        for part in self.parts:
             places, _ = part.points.places_of_pairs(changed)
             part.find_geometry(
                 places.astype(np.uint32), self._strength[part.points.pairs], self.correction
             )
         self._change(changed)
 
-    def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
-        if self.binding.whole:
-            return self._parts[0].unit * self._parts[0].forces[pairs].astype(float)
-        return sum_on_pairs(self._parts, "forces", len(self.body.bonds.first))[pairs]
+    def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
+        return self._of_pairs("forces", pairs)
 
     def domain_deviation(self) -> np.ndarray | None:
         if self._domain is None:
@@ -376,14 +363,14 @@ class BondForces(MaterialTerm):
         for ends in (body.bonds.first[pairs], body.bonds.second[pairs]):
             own = ends < len(body)
             np.maximum.at(of_points, ends[own], found[own])
-        return self._parts[0].unit * of_points
+        return self.parts[0].unit * of_points
 
     def bonds(self) -> tuple[np.ndarray, BondStates]:
         """Return the numbers of the pairs that carry a force, and their `BondStates`, in a body
         of one material.
         """
         body = self.body
-        part = self._parts[0]
+        part = self.parts[0]
         bonds = body.bonds
         points = body.all_points
         part.points.find()

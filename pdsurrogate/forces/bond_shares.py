@@ -212,9 +212,7 @@ class BondShares:
             self._body.bonds.second[pairs] < len(self._body), other, 0.0
         )
 
-    def steps_to_points(
-        self, moments: np.ndarray, forces: np.ndarray, unit: float, *before: Step
-    ) -> list[Step]:
+    def steps_to_points(self, moments: np.ndarray, forces: np.ndarray, *before: Step) -> list[Step]:
         """Return the steps of an evaluation that turn moments of points into forces, and add forces
         on ghosts to the points they mirror.
 
@@ -225,8 +223,6 @@ class BondShares:
             steps.
         forces : ndarray, shape (n + m, d), or (n, d) without ghosts
             Forces to which the steps add.
-        unit : float
-            Factor of all forces.
         *before : Step
             Steps that compute the other forces, run after the moments of ghosts have been added to
             those of the points they mirror.
@@ -241,13 +237,11 @@ class BondShares:
         )
         of_both = (self._of_points, 0), (self._of_ghosts, len(body))
         own, others = (
-            add_node_forces[d].bind(
-                moments, *bonds, unit, first, self._node_parts, forces, chunks=chunks
-            )
+            add_node_forces[d].bind(moments, *bonds, first, self._node_parts, forces, chunks=chunks)
             for bonds, first in of_both
         )
-        if kinematics.changed is not None:
-            before = *before, *kinematics.changed.pull_steps(moments, forces)
+        for changed in kinematics.changed:
+            before = *before, *changed.pull_steps(moments, forces)
         if not len(ghosts):
             return [moments, *before, weigh, own]
         fold = fold_matrices.bind(moments, *kinematics.gradient_ghosts.of_gradients, chunks=chunks)
@@ -255,14 +249,13 @@ class BondShares:
         return [fold, moments, *before, weigh, own, others, fold_forces]
 
     def on_ghosts(
-        self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray, unit: float
+        self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the forces on the ghosts, shape (m, d), and the moments of the ghosts, shape (m, d
         d).
 
         `forces` (n_pairs, d) and `moments` (n_pairs, d d) are those of the pairs, and `stresses`
-        the moments of points and ghosts after the steps of `steps_to_points`; `unit` is a factor of
-        the forces alone.
+        the moments of points and ghosts after the steps of `steps_to_points`.
         """
         n = len(self._body)
         d = self._body.dimension
@@ -271,10 +264,10 @@ class BondShares:
         found = np.empty_like(stresses[n:])
         on_ghosts = np.empty_like(self._node_parts)
         sum_moments[d](moments, *pairs, 1.0, found)
-        sum_pair_forces[d](forces, *pairs, unit, on_ghosts[n:])
-        add_node_forces[d](stresses, *self._of_ghosts, unit, n, self._node_parts, on_ghosts)
-        if (changed := self._kinematics.changed) is not None:
-            pulls = unit * self.pulls(stresses, changed.owners, changed.changes)
+        sum_pair_forces[d](forces, *pairs, 1.0, on_ghosts[n:])
+        add_node_forces[d](stresses, *self._of_ghosts, n, self._node_parts, on_ghosts)
+        if (changed := self._kinematics.balance) is not None:
+            pulls = self.pulls(stresses, changed.owners, changed.changes)
             np.subtract.at(on_ghosts, self._body.bonds.neighbors[changed.numbers], pulls)
         return on_ghosts[n:], found
 

@@ -13,7 +13,7 @@ import scipy
 from ..body.ghosts import symmetric
 from ..kernels.ghosts import fill_matrices, fold_matrices, fold_vectors, place_points
 from .interface_fits import YIELDING, Fits, fitted_jumps
-from .kinematics import Kinematics, find_shapes
+from .kinematics import ChangedWeights, Kinematics, find_shapes
 from .steps import Step, sparse_product
 
 
@@ -67,10 +67,6 @@ class Interfaces:
     left_out : ndarray of int
         Directed bonds across an interface that the gradient and the energy of their first point
         omit.
-    one_sided_bonds : tuple or None
-        For points that omit bonds: the directed bonds of these points, the point of each bond, and
-        the changes of the bonds' weights in the deformation gradients; None if no point omits
-        bonds.
     jumps, changes : ndarray, shapes (n + m, d) and (n + m, d d)
         Jumps of the slope along the normal of every point and ghost, and the changes of its
         gradient, by columns, to the other material.
@@ -117,18 +113,16 @@ class Interfaces:
         share.fill(self.normals)
         body.ghosts.fill(self.depths)
         d = body.dimension
-        self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-        self._one_sided = scipy.sparse.csr_array((n * d, total))
         self._product = partial(sparse_product, kinematics.chunks)
-        self._one_sided_back = self._one_sided.T.tocsr()
-        self._kept = None
-        weights = kinematics.gradient_weights(kinematics.weighted_bonds, kinematics.inverse_shape)
+        self._kept: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._one_sided: ChangedWeights | None = None
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
         if share.any(len(self.left_out) > 0):
-            weights = self._leave_out(kinematics, owners, weights, breakable)
+            self._leave_out(kinematics, owners)
         self._across = (across, owners[across], bonds.neighbors[across])
         self._breakable = breakable
-        self._correct, self._correct_back = self._of_corrections(weights[across])
+        self._correct, self._correct_back = self._of_corrections()
+        self._kept = self._kept if breakable else None
         self.jumps = np.zeros((total, d))
         self.changes = np.zeros((total, d * d))
         # The matrix that spreads slopes along the normals to columns of gradients; the products
@@ -179,7 +173,6 @@ class Interfaces:
             np.zeros((len(images), d * d)),
         )
         return [
-            *self._product(self._one_sided, positions, columns, add=True, variable=True),
             *self._products(self._jump, positions, jumps),
             *self._product(self._jumps_by_columns, columns, jumps, add=True),
             *(self._tears.steps(positions, jumps) if self._tears else []),
@@ -203,39 +196,46 @@ class Interfaces:
         bonds = self._body.bonds
         kinematics = self._kinematics
         self._tears.lose(bonds.first[pairs], bonds.second[pairs])
-        numbers, owners, _ = self._across
-        of_all = kinematics.weighted_bonds, kinematics.inverse_shape
-        weights = _weights(*of_all, numbers, owners)
         if self._kept is not None:
-            kept, inverse, supported = self._kept
-            beside, points, changes = self.one_sided_bonds or (
-                np.zeros(0, np.int64),
-                np.zeros(0, np.int64),
-                np.zeros((0, 1)),
-            )
-            kept[beside] = kinematics.weighted_bonds[beside]
-            kept[self.left_out] = 0.0
-            find_shapes(self._body, np.unique(points).astype(np.uint32), kept, inverse, supported)
-            # A point whose other bonds no longer determine a gradient has that of all its bonds.
-            weights = np.where(
-                supported[owners, None] > 0, _weights(kept, inverse, numbers, owners), weights
-            )
-            if len(beside):
-                changes[:] = _weights(kept, inverse, beside, points) - _weights(
-                    *of_all, beside, points
-                )
-                changes[supported[points] == 0] = 0.0
-                _refill((self._one_sided, self._one_sided_back), self._of_changes())
-        _refill((self._correct, self._correct_back), self._of_corrections(weights))
+            kept, *shapes = self._kept
+            one_sided = self._one_sided
+            points = one_sided.owners if one_sided else np.zeros(0)
+            if one_sided:
+                kept[one_sided.numbers] = kinematics.weighted_bonds[one_sided.numbers]
+                kept[self.left_out] = 0.0
+            find_shapes(self._body, np.unique(points).astype(np.uint32), kept, *shapes)
+            if one_sided:
+                one_sided.put(self._changes_of(one_sided.numbers))
+        refilled = zip((self._correct, self._correct_back), self._of_corrections(), strict=True)
+        for matrix, other in refilled:
+            matrix.data[:] = other.data
 
-    def _of_corrections(
-        self, weights: np.ndarray
-    ) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
+    def _of_corrections(self) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
         """Return the matrix that maps jumps to corrections of gradients, by the weights of the
         bonds across, and minus its transpose.
         """
-        _, owners, neighbors = self._across
-        return self._with_back(-weights * self.depths[neighbors, None], owners, neighbors)
+        numbers, owners, neighbors = self._across
+        kinematics = self._kinematics
+        weights = _weights(kinematics.weighted_bonds, kinematics.inverse_shape, numbers, owners)
+        if self._kept is not None:
+            weights = weights + self._changes_of(numbers)
+        found = self._on_columns(-weights * self.depths[neighbors, None], owners, neighbors)
+        found.sort_indices()
+        return found, (-found).T.tocsr()
+
+    def _changes_of(self, numbers: np.ndarray) -> np.ndarray:
+        """Return the changes (k, d) of the weights of directed bonds in gradients that omit the
+        bonds `left_out`.
+
+        A point whose other bonds do not determine a gradient has that of all its bonds.
+        """
+        kept, inverse, supported = self._kept
+        kinematics = self._kinematics
+        owners = self._body.bond_owners[numbers]
+        changes = _weights(kept, inverse, numbers, owners) - _weights(
+            kinematics.weighted_bonds, kinematics.inverse_shape, numbers, owners
+        )
+        return np.where(supported[owners, None] > 0, changes, 0.0)
 
     def _by_normals(self, matrix) -> scipy.sparse.csr_array:
         """Return the matrix (n d, n) that maps vectors at points to columns of gradients: v (x)
@@ -277,14 +277,6 @@ class Interfaces:
             (weights.ravel(), (rows, np.repeat(others, d))), shape=(n * d, total)
         )
 
-    def _with_back(
-        self, *bonds: np.ndarray
-    ) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
-        """Return the matrix of `_on_columns`, and minus its transpose."""
-        found = self._on_columns(*bonds)
-        found.sort_indices()
-        return found, (-found).T.tocsr()
-
     def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
         """Return those directed bonds `across` interfaces that the gradient and energy of their
         first point omit (`left_out`).
@@ -302,15 +294,11 @@ class Interfaces:
         )
         return across[(moduli[owners[across]] > YIELDING * moduli[neighbors]) | behind]
 
-    def _leave_out(
-        self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray, breakable: bool
-    ) -> np.ndarray:
-        """Remove the bonds `left_out` from the gradients of their first points; return new
-        `Kinematics.gradient_weights` of all bonds.
+    def _leave_out(self, kinematics: Kinematics, owners: np.ndarray) -> None:
+        """Remove the bonds `left_out` from the gradients of their first points.
 
-        `owners` are the first points of all directed bonds, and `weights` their present weights.
-        Bonds of points whose other bonds do not determine a gradient are removed from `left_out`
-        instead.
+        `owners` are the first points of all directed bonds. Bonds of points whose other bonds do
+        not determine a gradient are removed from `left_out` instead.
         """
         for _ in range(2):
             kept = kinematics.weighted_bonds.copy()
@@ -320,25 +308,11 @@ class Interfaces:
             rows = np.unique(owners[self.left_out]).astype(np.uint32)
             find_shapes(self._body, rows, kept, inverse, supported)
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
-        self._kept = (kept, inverse, supported) if breakable else None
+        self._kept = kept, inverse, supported
         touched = np.flatnonzero(supported[owners])
-        if not len(touched):
-            return weights
-        found = kinematics.gradient_weights(kept, inverse)
-        changes = found[touched] - weights[touched]
-        weights = weights.copy()
-        weights[touched] = found[touched]
-        self.one_sided_bonds = touched, owners[touched], changes
-        self._one_sided, self._one_sided_back = self._of_changes()
-        return weights
-
-    def _of_changes(self) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
-        """Return the matrix that maps positions to the changes of gradients by
-        `one_sided_bonds`, and minus its transpose.
-        """
-        numbers, points, changes = self.one_sided_bonds
-        ends = np.concatenate([self._body.bonds.neighbors[numbers], points])
-        return self._with_back(np.concatenate([changes, -changes]), np.tile(points, 2), ends)
+        if len(touched):
+            self._one_sided = ChangedWeights(kinematics, touched, self._changes_of(touched))
+            kinematics.changed.append(self._one_sided)
 
     def cells_across(self, number: int, most: int) -> float:
         """Return the median thickness, in spacings and at most `most`, of the layer of a material
@@ -368,7 +342,6 @@ class Interfaces:
         moments: np.ndarray,
         own_moments: np.ndarray,
         on_points: np.ndarray,
-        pulls: np.ndarray,
     ) -> list[Step]:
         """Return the steps that find the forces of an energy that depends on the jumps: the
         transpose of `corrections` and `continuation`.
@@ -383,8 +356,6 @@ class Interfaces:
             in place.
         on_points : ndarray, shape (n, d)
             Receives the forces on the points that determine the jumps.
-        pulls : ndarray, shape (n + m, d)
-            Receives the changes of the forces on the points where gradients omit bonds.
         """
         n = len(self._body)
         d = self._body.dimension
@@ -394,10 +365,6 @@ class Interfaces:
         on_jumps = np.zeros_like(self.jumps)
         theirs = moments[:n].reshape(-1, d)
         columns = own_moments.reshape(-1, d)
-        fold = [
-            fold_vectors.bind(each, ghosts.source, ghosts.parity, chunks=chunks)
-            for each in (on_jumps, pulls)
-        ]
         apart, on_apart = self._tears.steps_back(on_jumps, on_points) if self._tears else ([], [])
         return [
             fold_matrices.bind(
@@ -410,7 +377,7 @@ class Interfaces:
             *product(self._changes_back, theirs, columns, add=True),
             own_moments,
             *product(self._correct_back, columns, on_jumps, add=True, variable=self._breakable),
-            fold[0],
+            fold_vectors.bind(on_jumps, ghosts.source, ghosts.parity, chunks=chunks),
             *apart,
             *product(-self._jumps_by_columns.T, on_jumps, columns, add=True),
             on_jumps[:n],
@@ -422,11 +389,6 @@ class Interfaces:
             ),
             *on_apart,
             own_moments,
-            *(
-                [*product(self._one_sided_back, columns, pulls, every=True, variable=True), fold[1]]
-                if self._one_sided.nnz
-                else []
-            ),
         ]
 
 
@@ -551,13 +513,7 @@ def _scale(rows: np.ndarray, factors: np.ndarray) -> None:
 def _weights(
     weighted_bonds: np.ndarray, inverse_shape: np.ndarray, numbers: np.ndarray, owners: np.ndarray
 ) -> np.ndarray:
-    """Return `Kinematics.gradient_weights` of some bonds, given by their numbers and their first
-    points.
+    """Return the weights K^-1 w x V_j (k, d) of directed bonds in the gradients of their first
+    points, given by both numbers.
     """
     return np.einsum("bij,bj->bi", symmetric(inverse_shape[owners]), weighted_bonds[numbers])
-
-
-def _refill(matrices: tuple, found: tuple) -> None:
-    """Replace the entries of matrices by those of others with the same pattern."""
-    for matrix, other in zip(matrices, found, strict=True):
-        matrix.data[:] = other.data

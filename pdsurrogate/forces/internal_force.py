@@ -329,7 +329,7 @@ class InternalForce:
         """Return the force on the first point of given pairs, by default of all, in the state
         last evaluated, shape (k, d).
         """
-        chosen = slice(len(self.body.bonds.first)) if pairs is None else pairs
+        chosen = np.arange(len(self.body.bonds.first)) if pairs is None else pairs
         return reduce(add, (term.pair_forces(chosen) for term in self.terms))
 
     def forces_beside_pairs(self) -> np.ndarray | None:

@@ -10,7 +10,6 @@ import scipy
 
 from ..body import Body
 from ..body.body import lengths_of, pointers_to
-from ..body.ghosts import symmetric
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import Chain
 from ..engine.threads import chunks_of
@@ -67,9 +66,11 @@ class Kinematics:
         these.
     interfaces : Interfaces or None
         Interfaces between materials, in a body of several.
-    changed : ChangedWeights or None
-        Changes of the weights of directed bonds in the gradients of their first points, see
-        `change_weights`.
+    changed : list of ChangedWeights
+        Changes of the weights of directed bonds in the gradients of their first points: of bonds
+        that interfaces omit, and those of `balance`.
+    balance : BalancedWeights or None
+        Changes of weights that balance the body, see `change_weights`.
     changes : int
         Number of changes of positions and bonds, by which dependent states detect that they are out
         of date.
@@ -102,7 +103,8 @@ class Kinematics:
             self.supported,
         )
 
-        self.changed: ChangedWeights | None = None
+        self.changed: list[ChangedWeights] = []
+        self.balance: BalancedWeights | None = None
         self.positions = points.copy()
         self.gradients = aligned_rows((total, d * d))
         self.changes = 0
@@ -157,8 +159,8 @@ class Kinematics:
         )
         if self.interfaces is not None:
             self.interfaces.break_bonds(pairs)
-        if self.changed is not None:
-            self.changed.renew(touched)
+        if self.balance is not None:
+            self.balance.renew(touched)
         self.formed = False
         self.changes = self.changes + 1
         own = bonds.pair_of[entries_of(bonds.pointers, touched)]
@@ -202,17 +204,6 @@ class Kinematics:
         order = np.argsort(keys)
         return outer[order[np.searchsorted(keys, wanted, sorter=order)]]
 
-    def gradient_weights(self, weighted_bonds: np.ndarray, inverse_shape: np.ndarray) -> np.ndarray:
-        """Return the weights K^-1 w x V_j of directed bonds in the deformation gradients of their
-        first points, shape (n_bonds, d).
-
-        `weighted_bonds` holds w x V_j and `inverse_shape` K^-1, as the attributes of the same
-        names.
-        """
-        return np.einsum(
-            "bij,bj->bi", symmetric(inverse_shape)[self.body.bond_owners], weighted_bonds
-        )
-
     def gradient_steps(
         self, positions: np.ndarray, gradients: np.ndarray, unsupported: float
     ) -> list[Step]:
@@ -227,11 +218,10 @@ class Kinematics:
         form = deformation_gradients[self.body.dimension].bind(
             positions, *arrays, unsupported, gradients, chunks=self.chunks
         )
-        return (
-            [form]
-            if self.changed is None
-            else [form, *self.changed.gradient_steps(positions, gradients)]
-        )
+        return [
+            form,
+            *(step for each in self.changed for step in each.gradient_steps(positions, gradients)),
+        ]
 
     def change_weights(
         self, numbers: np.ndarray, changes: np.ndarray, functions: np.ndarray
@@ -248,7 +238,8 @@ class Kinematics:
                 "the first term of a force must be one with an energy if others have one: it"
                 " balances the gradients of all"
             )
-        self.changed = ChangedWeights(self, numbers, changes, functions)
+        self.balance = BalancedWeights(self, numbers, changes, functions)
+        self.changed.append(self.balance)
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
         """Displace a reflection plane by u(X) = displacement + turn X; its images follow when
@@ -432,7 +423,7 @@ def matrices(columns: np.ndarray) -> np.ndarray:
 
 class ChangedWeights:
     """Changes of the weights of some directed bonds in the deformation gradients of their first
-    points, theory (79).
+    points.
 
     Parameters
     ----------
@@ -440,8 +431,6 @@ class ChangedWeights:
     numbers : ndarray of int, shape (k,)
         Numbers of the bonds, rising.
     changes : ndarray, shape (k, d)
-    functions : ndarray, shape (k, d) or (k, d + 1)
-        See `Kinematics.change_weights`.
 
     Attributes
     ----------
@@ -450,25 +439,13 @@ class ChangedWeights:
     numbers, changes
     """
 
-    def __init__(
-        self,
-        kinematics: Kinematics,
-        numbers: np.ndarray,
-        changes: np.ndarray,
-        functions: np.ndarray,
-    ) -> None:
+    def __init__(self, kinematics: Kinematics, numbers: np.ndarray, changes: np.ndarray) -> None:
         # Not the kinematics themselves, which have these changes: a cycle would keep both in
         # memory.
         self._body = kinematics.body
         self._chunks = kinematics.chunks
-        self._weighted_bonds = kinematics.weighted_bonds
-        self._supported = kinematics.supported
-        # Those of a whole body: what is left of them follows from the bonds that are broken, in
-        # whatever order they broke.
-        self._whole = changes
-        self._functions = functions
         self.numbers = numbers
-        self.changes = changes.copy()
+        self.changes = changes
         body = kinematics.body
         d = body.dimension
         self.owners = body.bond_owners[numbers]
@@ -515,6 +492,37 @@ class ChangedWeights:
         return sparse_product(
             self._chunks, self._matrices[1], columns, forces, add=True, variable=True
         )
+
+    def put(self, changes: np.ndarray) -> None:
+        """Replace the changes."""
+        self.changes[:] = changes
+        self._fill()
+
+
+class BalancedWeights(ChangedWeights):
+    """Changes of weights with which a uniform stress exerts the load of the boundary, theory (79).
+
+    Parameters
+    ----------
+    kinematics, numbers, changes
+    functions : ndarray, shape (k, d) or (k, d + 1)
+        See `Kinematics.change_weights`.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        numbers: np.ndarray,
+        changes: np.ndarray,
+        functions: np.ndarray,
+    ) -> None:
+        super().__init__(kinematics, numbers, changes.copy())
+        self._weighted_bonds = kinematics.weighted_bonds
+        self._supported = kinematics.supported
+        # Those of a whole body: what is left of them follows from the bonds that are broken, in
+        # whatever order they broke.
+        self._whole = changes
+        self._functions = functions
 
     def renew(self, touched: np.ndarray) -> None:
         """Drop the changes of broken bonds of the points `touched`, and project the others there

@@ -152,15 +152,23 @@ class MaterialPoints:
         self.seen = [self.copies(*places, self.positions, self.gradients), ratios]
         self._keep = [self.copied(every, self.numbers, self.volume_ratios, self.kept_ratios)]
 
-    def places_of_pairs(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the places of some pairs of the body, in ascending order, among those of this
-        object, and these pairs themselves.
+    def places_of_pairs(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray | slice]:
+        """Return the places, among the pairs of this object, of those of some `pairs` of the body
+        that are among them, and their indices in `pairs`.
         """
         if self.whole:
-            return pairs, pairs
-        place = np.minimum(np.searchsorted(self.pairs, pairs), len(self.pairs) - 1)
-        within = self.pairs[place] == pairs
-        return place[within], pairs[within]
+            return pairs, slice(None)
+        chosen = np.flatnonzero(np.isin(pairs, self.pairs))
+        return np.searchsorted(self.pairs, pairs[chosen]), chosen
+
+    def pairs_of_points(self, of_body: tuple) -> tuple[np.ndarray, ...]:
+        """Return the pairs of each point of this object, see `pairs_of_points` of `kinematics`;
+        `of_body` are those of the body.
+        """
+        if self.whole:
+            return of_body
+        ends = (end[: len(self.pairs)] for end in (self.first, self.second))
+        return pairs_of_points(*ends, len(self.positions))
 
     def copied(
         self, numbers: np.ndarray, places: np.ndarray, values: np.ndarray, out: np.ndarray
@@ -269,74 +277,56 @@ class MaterialPoints:
         return at_point(body, int(self._kinematics.sources[number]), image + reason)
 
 
-def rows_of(materials: list[MaterialPoints], width: int) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return an array with a row for each point of each material, one material after the other,
-    and its parts, one for each material.
+def rows_of_each(
+    kinematics: Kinematics, materials: list[MaterialPoints], out: np.ndarray, theirs=None
+) -> tuple[list[np.ndarray], list[BoundPass]]:
+    """Return an array with a row for each point of each material, and the pass that sums these
+    rows at the points and ghosts of the body and writes the sums to `out`.
+
+    `theirs` receives the sums over those materials only that are not the point's own. With one
+    material the array is `out` itself.
     """
+    if materials[0].whole:
+        return [out], []
     ends = np.cumsum([len(points.positions) for points in materials])
-    rows = aligned_rows((ends[-1], width))
-    return rows, np.split(rows, ends[:-1])
-
-
-def gathered(
-    kinematics: Kinematics,
-    materials: list[MaterialPoints],
-    rows: np.ndarray,
-    out: np.ndarray,
-    theirs=None,
-) -> BoundPass:
-    """Return the pass that sums the `rows` of all materials (`rows_of`) at the points and ghosts of
-    the body, and writes the sums to `out`.
-
-    `theirs` receives the sums over those materials only that are not the point's own.
-    """
+    rows = aligned_rows((ends[-1], out.shape[1]))
     numbers = np.concatenate([points.numbers for points in materials])
     others = np.concatenate([points.others for points in materials])
     order = np.argsort(numbers, kind="stable")
-    arrays = (
-        pointers_to(numbers, len(out)),
-        order.astype(np.uint32),
-        others[order],
-        rows,
-        out,
-        out[:0] if theirs is None else theirs,
-    )
-    return gather_rows(rows.shape[1]).bind(*arrays, chunks=kinematics.chunks)
+    pointers = pointers_to(numbers, len(out))
+    arrays = pointers, order.astype(np.uint32), others[order], rows, out
+    theirs = out[:0] if theirs is None else theirs
+    gather = gather_rows(rows.shape[1]).bind(*arrays, theirs, chunks=kinematics.chunks)
+    return np.split(rows, ends[:-1]), [gather]
 
 
 def material_sums(
     kinematics: Kinematics,
-    materials: list[MaterialPoints],
-    quantity: str,
     parts: Sequence,
+    quantity: str,
+    pairs: tuple,
     out: np.ndarray,
     theirs=None,
 ) -> list[BoundPass]:
-    """Return the passes that sum the "forces" or "moments" of pairs at the points of a body of
-    several materials, see `gathered`.
+    """Return the passes that sum the "forces" or "moments" of pairs at the points of a body, see
+    `rows_of_each`.
 
-    `parts` hold the pairs of each material in units of ``part.unit``. There is one pass for each
-    material, in order, and a last one.
+    `parts` hold the pairs of each material in units of ``part.unit``, and `pairs` are those of the
+    points of the body. The first passes are one for each material, in order.
     """
-    rows, of_each = rows_of(materials, out.shape[1])
-    add_up = {"forces": sum_pair_forces, "moments": sum_moments}[quantity][
-        kinematics.body.dimension
+    add_up = {"forces": sum_pair_forces, "moments": sum_moments}[quantity]
+    rows, gather = rows_of_each(kinematics, [part.points for part in parts], out, theirs)
+    passes = [
+        add_up[kinematics.body.dimension].bind(
+            getattr(part, quantity),
+            *part.points.pairs_of_points(pairs),
+            float(part.unit),
+            own_rows,
+            chunks=kinematics.chunks,
+        )
+        for part, own_rows in zip(parts, rows, strict=True)
     ]
-    passes = []
-    for points, part, own_rows in zip(materials, parts, of_each, strict=True):
-        pairs = pairs_of_points(
-            *(end[: len(points.pairs)] for end in (points.first, points.second)), len(own_rows)
-        )
-        passes.append(
-            add_up.bind(
-                getattr(part, quantity),
-                *pairs,
-                float(part.unit),
-                own_rows,
-                chunks=kinematics.chunks,
-            )
-        )
-    return [*passes, gathered(kinematics, materials, rows, out, theirs)]
+    return passes + gather
 
 
 def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]:

@@ -13,7 +13,7 @@ from ..materials import PLANES
 from .binding import Binding
 from .errors import at_point, why_invalid
 from .kinematics import matrices
-from .material_points import gathered, rows_of
+from .material_points import rows_of_each
 from .protocol import ForceModel
 from .term import MaterialTerm, Term
 
@@ -36,10 +36,8 @@ class PointStress(MaterialTerm):
         self._broken = np.zeros(len(bonds.first), dtype=bool)
         self._shapes = []
         materials = [self.points_of(number) for number in range(len(binding.portions))]
-        # P K^-1 of points and images; a single material writes to this array directly.
-        rows, of_each = (
-            (self._stresses, [self._stresses]) if binding.whole else rows_of(materials, d * d)
-        )
+        # P K^-1 of points and images.
+        of_each, gather = rows_of_each(kinematics, materials, self._stresses)
         for points, stresses in zip(materials, of_each, strict=True):
             shapes = kinematics.inverse_shape[points.numbers]
             self._shapes.append((points.numbers, shapes))
@@ -54,8 +52,6 @@ class PointStress(MaterialTerm):
                 nosb.weighted_stresses[d].bind(*state, *law, stresses, chunks=kinematics.chunks)
             )
         self.in_units = list(enumerate(passes))
-        if not binding.whole:
-            passes.append(gathered(kinematics, materials, rows, self._stresses))
         sums = (
             self._stresses,
             bonds.pointers,
@@ -66,7 +62,7 @@ class PointStress(MaterialTerm):
         to_points = nosb.nosb_forces[d].bind(
             *sums, np.empty_like(body.points), chunks=kinematics.chunks
         )
-        self.bind_steps(*passes, to_points)
+        self.bind_steps(*passes, *gather, to_points)
 
     def diagnose(self, out: np.ndarray) -> str:
         F = self.kinematics.deformation_gradients()
@@ -80,7 +76,7 @@ class PointStress(MaterialTerm):
         )
         return at_point(self.body, i, f"it has no stress: {reason}")
 
-    def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
+    def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
         bonds = self.body.bonds
         body = self.body
         first = bonds.first[pairs]

@@ -11,7 +11,6 @@ from ..engine.passes import BoundPass
 from ..errors import InvalidState
 from ..kernels import bond_energy
 from ..kernels.domain import BLEND
-from ..kernels.sums import sum_moments, sum_pair_forces
 from ..materials import PLANES, Law, plane_stress
 from ..materials.states import principal_stretches
 from .balanced import balanced_changes
@@ -22,7 +21,7 @@ from .kinematics import matrices
 from .material_points import material_sums
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
-from .term import DomainWatch, MaterialTerm, sum_on_pairs, whole_volume
+from .term import DomainWatch, MaterialTerm, whole_volume
 from .volume_energy import VolumeEnergy
 
 
@@ -57,9 +56,8 @@ class PairEnergy(MaterialTerm):
         if self.selective is None:
             self.selective = binding.settings.plane != "stress"
         self.shares = BondShares(self.kinematics, binding.precision)
-        if (
-            self.kinematics.changed is None
-        ):  # they do not depend on the energy, and two terms have them in common
+        # They do not depend on the energy, and two terms have them in common.
+        if self.kinematics.balance is None:
             changes = balanced_changes(binding, self.shares)
             if changes is not None:
                 self.kinematics.change_weights(*changes)
@@ -81,48 +79,37 @@ class PairEnergy(MaterialTerm):
             sizes = [len(points.first) for points in self.materials]
             all_volumes = np.ones(sum(sizes))
             volumes = np.split(all_volumes, np.cumsum(sizes)[:-1])
-            self._parts = [
+            self.parts = [
                 SelectivePairs(*one, *more)
                 for one, *more in zip(each, volumes, self._own_bonds, strict=True)
             ]
-            self.volume = VolumeEnergy(binding, self.shares, self._parts, all_volumes)
+            self.volume = VolumeEnergy(binding, self.shares, self.parts, all_volumes)
         else:
-            self._parts = [PairEnergies(*one) for one in each]
+            self.parts = [PairEnergies(*one) for one in each]
         self._energy = 0.0
         self._stresses = aligned_rows((len(body.all_points), d * d))
         self._on_points = np.zeros((len(body.all_points), d))
-        chunks = self.kinematics.chunks
-        if whole:
-            (part,) = self._parts
-            pairs = self.shares.pairs_of_points
-            gather = [sum_moments[d].bind(part.moments, *pairs, 1.0, self._stresses, chunks=chunks)]
-            further = [
-                sum_pair_forces[d].bind(part.forces, *pairs, 1.0, self._on_points, chunks=chunks)
-            ]
-        else:
-            seen_forces, seen_moments = (
-                np.zeros_like(array) for array in (self._on_points, self._stresses)
+        self._on_jumps = None if whole else np.zeros((len(body), d))
+        seen = [None, None]
+        if not whole:
+            seen = [np.zeros_like(array) for array in (self._on_points, self._stresses)]
+        shares = self.shares
+        forces, moments = (
+            material_sums(self.kinematics, self.parts, quantity, shares.pairs_of_points, *arrays)
+            for quantity, *arrays in (
+                ("forces", self._on_points, seen[0]),
+                ("moments", self._stresses, seen[1]),
             )
-            moments = material_sums(
-                self.kinematics,
-                self.materials,
-                "moments",
-                self._parts,
-                self._stresses,
-                seen_moments,
-            )
-            forces = material_sums(
-                self.kinematics, self.materials, "forces", self._parts, self._on_points, seen_forces
-            )
-            gather = moments + forces
-            self.in_units = [*enumerate(moments[:-1]), *enumerate(forces[:-1])]
-            self._on_jumps = np.zeros((len(body), d))
-            self._pulls = np.zeros_like(self._on_points)
-            seen = seen_forces, seen_moments, self._stresses[: len(body)]
-            further = self.kinematics.interfaces.steps_back(*seen, self._on_jumps, self._pulls)
+        )
+        self.in_units = [*enumerate(forces[: len(models)]), *enumerate(moments[: len(models)])]
+        further = []
+        if not whole:
+            own = self._stresses[: len(body)]
+            further = self.kinematics.interfaces.steps_back(*seen, own, self._on_jumps)
         to_points = [
-            *gather,
-            *self.shares.steps_to_points(self._stresses, self._on_points, 1.0, *further),
+            *moments,
+            *forces,
+            *shares.steps_to_points(self._stresses, self._on_points, *further),
         ]
         seen = [step for points in self.materials for step in points.seen]
         before, after = (
@@ -131,7 +118,7 @@ class PairEnergy(MaterialTerm):
         leading = [] if binding.number else self.kinematics.steps()
         after = [
             *after,
-            *(part.find for part in self._parts),
+            *(part.find for part in self.parts),
             *to_points,
         ]
         self._find_forces, self._find_all = (
@@ -142,17 +129,10 @@ class PairEnergy(MaterialTerm):
         )
         self.places = bool(leading)
 
-    @property
-    def _unit(self) -> float:
-        """Unit of the forces that the passes compute: the shear modulus of the material; 1 for
-        several, whose sums have their own units.
-        """
-        return self._parts[0].unit if self.binding.whole else 1.0
-
     def take_numbers(self, portions: Sequence[Portion]) -> None:
         super().take_numbers(portions)
         self._model = portions[0].model
-        for part, portion in zip(self._parts, portions, strict=True):
+        for part, portion in zip(self.parts, portions, strict=True):
             part.take_numbers(portion.model)
 
     def find(self, out: np.ndarray) -> None:
@@ -177,27 +157,21 @@ class PairEnergy(MaterialTerm):
         """
         self._energy = np.nan
         found = steps()
-        outside, _, inside_out = zip(*(part.counts() for part in self._parts), strict=True)
+        outside, _, inside_out = zip(*(part.counts() for part in self.parts), strict=True)
         invalid = sum(found[: -self._after])
         if self.volume is not None and self.body.share.any(invalid):
-            return [0] * len(self._parts), invalid, 0
+            return [0] * len(self.parts), invalid, 0
         if not any(inside_out):
-            self._energy = sum(part.unit * part.energy() for part in self._parts)
-        np.multiply(self._on_points[: len(out)], self._unit, out=out)
-        if not self.binding.whole:
-            out += self._on_jumps + self._pulls[: len(out)]
+            self._energy = sum(part.unit * part.energy() for part in self.parts)
+        out[:] = self._on_points[: len(out)]
+        if self._on_jumps is not None:
+            out += self._on_jumps
         return list(outside), sum(inside_out), sum(found[-self._sums :])
-
-    def _of_pairs(self, quantity: str) -> np.ndarray:
-        """Return "forces" or "moments" of all pairs, (n_pairs, …), divided by `_unit`."""
-        if self.binding.whole:
-            return getattr(self._parts[0], quantity)
-        return sum_on_pairs(self._parts, quantity, len(self.body.bonds.first))
 
     def energy(self) -> float:
         return self._energy
 
-    def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
+    def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
         """Return the forces of pairs on their first points: from the energies of the pairs, and
         from the moments of their two ends.
 
@@ -211,16 +185,15 @@ class PairEnergy(MaterialTerm):
         first = bonds.first[pairs]
         second = bonds.second[pairs]
         stresses = matrices(self._stresses[:n])
-        of_pairs = self._of_pairs("forces")
 
         def of_firsts(chosen: np.ndarray) -> np.ndarray:
             """Return the part of the forces that does not come from the moments of the second
             ends.
             """
             vectors = body.all_points[bonds.second[chosen]] - body.all_points[bonds.first[chosen]]
-            return of_pairs[chosen] + self.shares.strength[chosen, None] * np.einsum(
-                "bij,bj->bi", stresses[bonds.first[chosen]], vectors
-            )
+            return self._of_pairs("forces", chosen) + self.shares.strength[
+                chosen, None
+            ] * np.einsum("bij,bj->bi", stresses[bonds.first[chosen]], vectors)
 
         numbers = np.arange(len(bonds.first))[pairs]
         forces = of_firsts(numbers)
@@ -234,7 +207,6 @@ class PairEnergy(MaterialTerm):
         forces[within] += self.shares.strength[numbers[within], None] * np.einsum(
             "bij,bj->bi", stresses[second[within]], vectors
         )
-        forces *= self._unit
         changed = self._from_one_side()
         return forces if changed is None else forces + changed[pairs]
 
@@ -242,17 +214,13 @@ class PairEnergy(MaterialTerm):
         """Return corrections of the forces of all pairs where bonds are omitted from gradients
         or have changed weights; None if none do.
         """
-        interfaces = self.kinematics.interfaces
         bonds = self.body.bonds
         body = self.body
-        weights = self.kinematics.changed
-        found = [] if weights is None else [(weights.numbers, weights.owners, weights.changes)]
-        if interfaces is not None and interfaces.one_sided_bonds is not None:
-            found.append(interfaces.one_sided_bonds)
+        found = [(each.numbers, each.owners, each.changes) for each in self.kinematics.changed]
         if not found:
             return None
         numbers, owners, changes = (np.concatenate(each) for each in zip(*found, strict=True))
-        pulls = self._unit * self.shares.pulls(self._stresses, owners, changes)
+        pulls = self.shares.pulls(self._stresses, owners, changes)
         pulls[bonds.first[bonds.pair_of[numbers]] != owners] *= -1
         changed = np.stack(
             [np.bincount(bonds.pair_of[numbers], pull, len(bonds.first)) for pull in pulls.T],
@@ -266,20 +234,21 @@ class PairEnergy(MaterialTerm):
         return changed
 
     def forces_beside_pairs(self) -> np.ndarray | None:
-        return None if self.binding.whole else self._on_jumps
+        return self._on_jumps
 
     def levers_on_planes(self) -> np.ndarray:
         kinematics = self.kinematics
         body = self.body
+        pairs = np.arange(len(body.bonds.first))
         forces, moments = self.shares.on_ghosts(
-            self._of_pairs("forces"), self._of_pairs("moments"), self._stresses, self._unit
+            self._of_pairs("forces", pairs), self._of_pairs("moments", pairs), self._stresses
         )
         own = body.share.own[
             body.ghosts.source, None
         ]  # images count where the points that they mirror do
         places = kinematics.positions, matrices(kinematics.gradients)
         return kinematics.gradient_ghosts.levers_on_planes(
-            *places, forces * own, self._unit * matrices(moments * own)
+            *places, forces * own, matrices(moments * own)
         )
 
     def mean_stress(self) -> np.ndarray:
@@ -289,16 +258,14 @@ class PairEnergy(MaterialTerm):
         bonds = self.body.bonds
         points = self.body.all_points
         d = self.body.dimension
-        forces = self._of_pairs("forces")
-        moments = self._of_pairs("moments")
         found = np.zeros((d, d))
         for part in bonds.slabs():
             pairs = part.start + np.flatnonzero(self.body.share.own[bonds.first[part]])
             vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
-            found += forces[pairs].astype(float).T @ vectors
+            found += self._of_pairs("forces", pairs).T @ vectors
             # P (I - n (x) n) is twice the moment.
-            found += 2 * moments[pairs].sum(axis=0, dtype=float).reshape(d, d).T
-        return self._unit * found / whole_volume(self.body)
+            found += 2 * self._of_pairs("moments", pairs).sum(axis=0).reshape(d, d).T
+        return found / whole_volume(self.body)
 
     def released_by(self, motion: np.ndarray) -> float | None:
         if not self.binding.whole:
@@ -325,21 +292,18 @@ class PairEnergy(MaterialTerm):
         F = self._gradients(pairs)
         vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
         turned = F @ (ahead - F)
-        moments = self._of_pairs("moments")[pairs].reshape(-1, d, d)
-        along = np.einsum(
-            "bi,bij,bj->", self._of_pairs("forces")[pairs], turned, vectors, dtype=float
-        )
+        along = np.einsum("bi,bij,bj->", self._of_pairs("forces", pairs), turned, vectors)
         # P (I - n (x) n) is twice the moment
-        across = 2 * np.einsum("bji,bij->", moments, turned, dtype=float)
-        return float(
-            self._unit * (along + across) - (self.body.volumes * density * growth)[own].sum()
-        )
+        moments = self._of_pairs("moments", pairs).reshape(-1, d, d)
+        across = 2 * np.einsum("bji,bij->", moments, turned)
+        return float(along + across - (self.body.volumes * density * growth)[own].sum())
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self.shares.strength[pairs] = 0.0
         around = self.shares.renew(changed)
-        for part, own in zip(self._parts, self._own_bonds, strict=True):
-            places, of_part = part.points.places_of_pairs(around)
+        for part, own in zip(self.parts, self._own_bonds, strict=True):
+            places, chosen = part.points.places_of_pairs(around)
+            of_part = around[chosen]
             self.shares.put_weights(
                 part.geometry, places, of_part, self.shares.weights_of(of_part, own)
             )
@@ -353,7 +317,7 @@ class PairEnergy(MaterialTerm):
         of their area or volume.
         """
         found = [super().collapsed_pairs()]
-        for part, own in zip(self._parts, self._own_bonds, strict=True):
+        for part, own in zip(self.parts, self._own_bonds, strict=True):
             if self.selective or part.counts()[1]:
                 pairs = np.arange(len(self.body.bonds.first))[part.points.pairs]
                 J = (
@@ -382,7 +346,7 @@ class PairEnergy(MaterialTerm):
         return found if self.volume is None else self.volume.smoothing.matrix() @ found
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
-        part = self._parts[0]
+        part = self.parts[0]
         plane = PLANES[self.kinematics.plane]
         if not self.binding.whole or part.model.domain is None:
             return super().stress_and_energy()
@@ -419,7 +383,9 @@ class PairEnergy(MaterialTerm):
     def member_deviation(self) -> np.ndarray | None:
         if not self.selective or not self._model.members:
             return None
-        return self._unit * self._model.member_deviations(self.materials[0].law, self._stretches())
+        return self.parts[0].unit * self._model.member_deviations(
+            self.materials[0].law, self._stretches()
+        )
 
     def _stretches(self) -> np.ndarray:
         """Return the principal stretches of the points, shape (n, k); for a selective energy the

@@ -178,7 +178,7 @@ class Term(ABC):
         """
 
     @abstractmethod
-    def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
+    def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
         """Return the force on the first point of given pairs in the state last evaluated, shape
         (k, d).
         """
@@ -226,7 +226,7 @@ class Term(ABC):
         share = np.where(bonds.second < len(self.body), 1.0, 0.5) * self.body.share.own[bonds.first]
         vectors = points[bonds.second] - points[bonds.first]
         return np.einsum(
-            "b,bi,bj->ij", share, self.pair_forces(slice(len(bonds.first))), vectors
+            "b,bi,bj->ij", share, self.pair_forces(np.arange(len(bonds.first))), vectors
         ) / whole_volume(self.body)
 
     def energy(self) -> float:
@@ -282,6 +282,8 @@ class MaterialTerm(Term):
 
     Attributes
     ----------
+    parts : sequence
+        Pairs of each material, for terms that have forces of pairs.
     in_units : list of tuple
         Passes with an argument ``unit``, each after the number of the material whose shear modulus
         it is.
@@ -290,6 +292,7 @@ class MaterialTerm(Term):
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
         self.in_units: list[tuple[int, BoundPass]] = []
+        self.parts: Sequence = ()
 
     def take_numbers(self, portions: Sequence[Portion]) -> None:
         super().take_numbers(portions)
@@ -357,6 +360,16 @@ class MaterialTerm(Term):
     def diagnose(self, out: np.ndarray) -> str:
         """Return an error message that names a point whose force in `out` is not finite."""
         return locate(self.body, out, "the force on it is not finite")
+
+    def _of_pairs(self, quantity: str, pairs: np.ndarray) -> np.ndarray:
+        """Return the "forces" or "moments" of given pairs, summed over the `parts` of all
+        materials.
+        """
+        found = np.zeros((len(pairs), getattr(self.parts[0], quantity).shape[1]))
+        for part in self.parts:
+            places, chosen = part.points.places_of_pairs(pairs)
+            found[chosen] += part.unit * getattr(part, quantity)[places].astype(float)
+        return found
 
     def volume_ratios(self) -> np.ndarray:
         """Return the volume ratios J3 of the points, shape (n,); 1 for rigid points."""
@@ -464,20 +477,6 @@ class DomainWatch:
                 OutsideDomainWarning,
                 stacklevel=3,
             )
-
-
-def sum_on_pairs(parts: Sequence, quantity: str, count: int) -> np.ndarray:
-    """Return the sum of a quantity of the `count` pairs (undirected bonds) of a body over several
-    materials.
-
-    Each of `parts` holds the pairs of one material; its attribute named `quantity` is in units of
-    ``part.unit``.
-    """
-    found = np.zeros((count, getattr(parts[0], quantity).shape[1]))
-    for part in parts:
-        pairs = part.points.pairs
-        found[pairs] += part.unit * getattr(part, quantity)[: len(pairs)].astype(float)
-    return found
 
 
 def whole_volume(body: Body) -> float:

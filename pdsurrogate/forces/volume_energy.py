@@ -16,8 +16,7 @@ from ..kernels.ghosts import fill_matrices, place_points
 from ..materials.response import volume_energy_block
 from .binding import Binding
 from .bond_shares import BondShares
-from .kinematics import pairs_of_points
-from .material_points import gathered, rows_of
+from .material_points import rows_of_each
 from .pair_passes import SelectivePairs
 from .smoothing import Smoothing
 from .steps import Steps
@@ -206,7 +205,6 @@ class LinearizedDilatation:
         interfaces = kinematics.interfaces
         body = kinematics.body
         chunks = kinematics.chunks
-        whole = volume.binding.whole
         bonds = body.bonds
         ghosts = body.ghosts
         d = body.dimension
@@ -230,39 +228,31 @@ class LinearizedDilatation:
         # the gradients are no longer needed when the forces are computed
         self._forces = np.zeros((total, d))
         moments = gradients
-        (jumps, changes), seen = (
-            ((np.zeros((total, d)), np.zeros((total, d * d))) for _ in range(2))
-            if not whole
-            else ((None, None), None)
-        )
-        self._beside = [] if whole else [np.zeros((n, d)), np.zeros((total, d))]
+        several = interfaces is not None
+        jumps = np.zeros((total, d)) if several else None
+        changes = np.zeros((total, d * d)) if several else None
+        seen = [np.zeros((total, width)) for width in (d, d * d)] if several else [None, None]
+        self._on_jumps = np.zeros((n, d)) if several else 0.0
         self._linearize = []
         find = []
         gather = []
-        materials = [part.points for part in volume.parts]
-        all_rows, of_each = (
-            zip(*(rows_of(materials, width) for width in (d, d * d)), strict=True)
-            if not whole
-            else ((), ())
+        (of_forces, sum_forces), (of_moments, sum_moments) = (
+            rows_of_each(kinematics, [part.points for part in volume.parts], *out)
+            for out in zip((self._forces, moments), seen, strict=True)
         )
-        for number, (part, by_pair) in enumerate(
-            zip(volume.parts, np.split(of_pairs, np.cumsum(sizes)[:-1]), strict=True)
-        ):
+        of_parts = np.split(of_pairs, np.cumsum(sizes)[:-1]), of_forces, of_moments
+        for part, by_pair, *on_points in zip(volume.parts, *of_parts, strict=True):
             points = part.points
-            size = len(part.points.positions)
+            size = len(points.positions)
             derivatives = aligned_rows((len(by_pair), length), np.float32)
             records = aligned_rows((size, length), np.float32)
             places = points.positions, points.gradients, part.pairs, part.buffers, derivatives
             self._linearize.append(dilatation.volume_derivatives[d].bind(*places, chunks=chunks))
-            moved = (displacements, gradients)
-            on_points = (self._forces, moments)
+            moved = [displacements, gradients]
             theirs = pressures
-            pairs = shares.pairs_of_points
-            if not whole:
-                pairs = pairs_of_points(
-                    *(end[: len(points.pairs)] for end in (points.first, points.second)), size
-                )
-                moved = on_points = tuple(rows[number] for rows in of_each)
+            pairs = points.pairs_of_points(shares.pairs_of_points)
+            if several:
+                moved = on_points
                 theirs = np.zeros(size, dtype=np.float32)
                 find.append(points.copies(displacements, gradients, jumps, changes, *moved))
                 # Shares of ends in other materials are zero, so that their pressures do not count.
@@ -281,15 +271,13 @@ class LinearizedDilatation:
                     derivatives, by_pair, *pairs, *on_points, chunks=chunks
                 ),
             ]
-        if not whole:
-            for rows, *out in zip(all_rows, (self._forces, moments), seen, strict=True):
-                gather.append(gathered(kinematics, materials, rows, *out))
+        gather += sum_forces + sum_moments
         corrections = []
         continuation = []
         further = []
-        if interfaces is not None:
+        if several:
             corrections, continuation = interfaces.steps(displacements, gradients, jumps, changes)
-            further = interfaces.steps_back(*seen, moments[:n], *self._beside)
+            further = interfaces.steps_back(*seen, moments[:n], self._on_jumps)
         images = (
             ghosts.source,
             ghosts.parity,
@@ -328,11 +316,9 @@ class LinearizedDilatation:
             volume.smoothing.bind(means, pressures, chunks),
             pressures[:n],
             *gather,
-            *shares.steps_to_points(moments, self._forces, 1.0, *further),
+            *shares.steps_to_points(moments, self._forces, *further),
         )
-        self._rigid = (
-            np.zeros(n, dtype=bool) if whole else volume.binding.portion_of[:n] == len(volume.parts)
-        )
+        self._rigid = several and volume.binding.portion_of[:n] == len(volume.parts)
         self.stiffness = body.volumes * max(part.unit for part in volume.parts)
 
     def take(self) -> None:
@@ -360,9 +346,7 @@ class LinearizedDilatation:
         unit = power_of_two(self._body.share.sum(np.abs(pressures)))
         np.divide(pressures, unit, out=self._values, casting="same_kind")
         self._find_forces()
-        return -unit * sum(
-            (each[: len(values)] for each in self._beside), self._forces[: len(values)]
-        )
+        return -unit * (self._forces[: len(values)] + self._on_jumps)
 
     def polynomial(self, coefficients: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Return a function that applies a polynomial of the smoothing W to values (n,): the sum of

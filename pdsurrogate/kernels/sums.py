@@ -85,7 +85,6 @@ def add_node_forces(algebra):
         neighbors,
         weighted_bonds,
         volumes,
-        unit,
         first_point,
         node_parts,
         out,
@@ -95,7 +94,7 @@ def add_node_forces(algebra):
 
         S is the moment, K the shape tensor and V the volume of a point, w the weight and x the
         undeformed vector of a bond; `weighted_bonds` holds w x V_j. `stresses` holds S K^-1/V from
-        `weigh_moments`, and the sums are multiplied by `unit`. The directed bonds are those of the
+        `weigh_moments`. The directed bonds are those of the
         points from `first_point` on; `out` is changed at these points only. `node_parts` is working
         memory with the shape of `out`.
         """
@@ -107,7 +106,7 @@ def add_node_forces(algebra):
             )
             force = algebra.plus(
                 algebra.vector_at(out, i),
-                algebra.times(unit * volumes[i], algebra.vector_at(node_parts, i)),
+                algebra.times(volumes[i], algebra.vector_at(node_parts, i)),
             )
             algebra.put(out, i, force)
             without_force += algebra.not_finite(force)

@@ -1,35 +1,35 @@
-"""Drawings of a `Result`: pictures of its states, curves, an animation of its dynamics, and a
-page of HTML that needs no other file.
+"""Drawings of a `Result`: pictures of its states, curves, and a page of HTML that needs no other
+file.
 """
 
 import base64
 import io
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from string import Template
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from PIL import Image
 
 from ..html_tables import html_facts
 from ..progress import event
 from . import figures
-from .files import MARK, replacing
-from .loading_curve import NEGLIGIBLE, loading_curve
 from .measures import greatest_of, label_of, scalars_of
-from .tables import columns_of, facts, html_history
+from .tables import columns_of, facts, html_history, kind_of
 
-FRAMES_PER_SECOND = 8
-"""Frames of an animation per second. Chosen: single states can be told apart, and the usual
-number of them takes some seconds.
+SHOWN_SHARE = 1e-3
+"""Size of a force component, divided by that of the greatest component, above which it is drawn or
+printed. Chosen: smaller ones may be residuals, which an equilibrium leaves up to a thousandth of
+the forces that drive the body.
 """
 
 PAGE = Path(__file__).with_name("page.html")
 """Path of the template that `html_page` fills in."""
+
+MOST_PANELS = 4
+"""Greatest number of states in a figure of a run."""
 
 MOST_OUTPUTS = 40
 """Greatest number of states on a page of HTML; from a longer run, states are chosen evenly. Chosen:
@@ -54,23 +54,22 @@ def states_figure(
     All states have one color scale, whose ends are `limits` or by default those of
     `figures.limits_of`.
     """
-    # A state may have to be read from its file.
-    states = [result.states[number][1] for number in numbers]
-    values, titles = (
-        [scalars_of(fields, field) for fields in states],
-        [title_of(result, number) for number in numbers],
-    )
-    limits = limits or figures.limits_of(
-        np.concatenate(values), max(greatest_of(fields, field) for fields in states)
-    )
-    places = [result.scene.units.label(place, "length") for place in figures.PLACES]
     return figures.contour_figure(
         [result.cells(number) for number in numbers],
-        values,
+        [scalars_of(result.states[number][1], field) for number in numbers],
         label_of(field, result.scene.units),
-        titles,
-        limits,
-        places,
+        [title_of(result, number) for number in numbers],
+        limits or _limits_in(result, field, numbers),
+        [result.scene.units.label(place, "length") for place in figures.PLACES],
+    )
+
+
+def _limits_in(result, field: str, numbers: list[int]) -> figures.Limits:
+    """Return the ends of the scale of colors of a field in some states."""
+    states = [result.states[number][1] for number in numbers]
+    return figures.limits_of(
+        np.concatenate([scalars_of(fields, field) for fields in states]),
+        max(greatest_of(fields, field) for fields in states),
     )
 
 
@@ -78,166 +77,101 @@ def whole_figure(result) -> Figure:
     """Return the figure of `Result.figure`, of the deformed body at every level or at a few
     chosen outputs.
     """
-    scene = result.scene
-    chosen = chosen_states(result, 6 if scene.dimension == 2 and scene.fracture is None else 4)
-    if scene.fracture is not None and chosen[-1] in in_dynamics(result):
+    scene, chosen = result.scene, chosen_states(result)
+    if scene.fracture is not None and result.states.moments[-1].time:
         field = "damage"
+    elif scene.stretched:
+        field = f"displacement_{(scene.loaded_axis + 1) % scene.dimension + 1}"
     else:
-        field = (
-            f"displacement_{(scene.loaded_axis + 1) % scene.dimension + 1}"
-            if scene.stretched
-            else "displacement"
-        )
+        field = "displacement"
     return states_figure(result, field, chosen)
 
 
-def in_dynamics(result) -> list[int]:
-    """Return the numbers of the states that were recorded in dynamics."""
-    if result.scene.stretched:
-        return list(range(len(result.levels), len(result.states)))
-    return [number for number, level in enumerate(result.levels) if "time" in level]
-
-
-def chosen_states(result, most: int) -> list[int]:
-    """Return the numbers of the states in a figure of a run: all if grips load the body without
-    dynamics, otherwise at most `most`.
-
-    These are spread evenly over all outputs, or, with grips or fracture, over the outputs from the
-    first one in dynamics on. If bonds break in dynamics, the states are spread evenly over the
-    number of broken bonds.
+def chosen_states(result) -> list[int]:
+    """Return the numbers of the states in a figure of a run, at most `MOST_PANELS`: evenly spread,
+    or, if bonds break in dynamics, evenly over the number of broken bonds.
     """
-    moving, count, stretched = in_dynamics(result), len(result.states), result.scene.stretched
-    if not count or (stretched and result.scene.dynamics is None):
-        return list(range(count))
-    cracks = bool(moving) and result.scene.fracture is not None
-    chosen = np.linspace(
-        moving[0] if moving and (stretched or cracks) else 0, count - 1, min(most, count)
-    )
-    if cracks:
-        broken = np.array([entry["broken_bonds"] for entry in result.summary["crack"]["tips"]])
-        if broken[-1] > 0:
-            # Frames are distributed evenly over the growth of the crack, which is a small part of
-            # the time.
-            chosen = np.array(moving)[
-                np.searchsorted(broken, np.linspace(0.1, 1.0, most) * broken[-1])
-            ]
-    return sorted(set(chosen.round().astype(int).tolist()))
+    tips = result.summary.get("crack", {}).get("tips", ())
+    broken = np.array([entry["broken_bonds"] for entry in tips])
+    if broken.any():
+        # The growth of a crack is a small part of the time.
+        begin, shares = len(result.states) - len(broken), np.linspace(0.1, 1.0, MOST_PANELS)
+        return sorted({*(begin + np.searchsorted(broken, shares * broken[-1])).tolist()})
+    return _spread(len(result.states), MOST_PANELS)
+
+
+def _spread(count: int, most: int) -> list[int]:
+    """Return at most so many of the numbers below a count, evenly spread."""
+    return np.linspace(0, count - 1, min(most, count)).round().astype(int).tolist()
 
 
 def title_of(result, number: int) -> str:
-    """Return the title of a state for figures: its stretch or loading parameter, and in dynamics
-    the time.
+    """Return the title of a state for figures: its stretch or loading parameter, and once there
+    were dynamics the time.
     """
-    moment, moving = result.states.moments[number], number in in_dynamics(result)
-    if result.scene.stretched:
-        at = f"stretch {moment.stretch:.3f}" if moving else f"stretch {moment.stretch:g}"
-    else:
-        at = f"t = {moment.t:.3g}"
-    return f"{at}, {result.scene.units.amount(moment.time, 'time', '.4g')}" if moving else at
+    moment = result.states.moments[number]
+    at = f"t = {moment.t:.3g}" if moment.stretch is None else f"stretch {moment.stretch:.4g}"
+    units = result.scene.units
+    return f"{at}, {units.amount(moment.time, 'time', '.4g')}" if moment.time else at
 
 
 def loading_figure(result) -> Figure:
-    """Return a figure of nominal stress over stretch if grips load the body, otherwise of its
-    `loading_curve`.
+    """Return a figure of nominal stress over stretch if grips load the body, otherwise of the
+    forces on it, or of displacements if no motion is prescribed.
     """
     scene = result.scene
-    if scene.stretched:
-        rows = [
-            {"stretch": 1.0, "nominal_stress": 0.0},
-            *result.levels,
-            *(row for row in result.history if "time" in row),
-        ]
-        known = [level for level in result.levels if "nominal_stress_reference" in level]
-        references = [(level["stretch"], level["nominal_stress_reference"]) for level in known]
-        curves = {"peridynamics": [row["nominal_stress"] for row in rows]}
-        return figures.curves_figure(
-            [row["stretch"] for row in rows],
-            curves,
-            "stretch",
-            scene.units.label("nominal stress", "stress"),
-            references,
-        )
-    law = scene.material and scene.material.build()
-    volume = result.summary["n_points"] * result.summary["spacing"] ** scene.dimension
-    return figures.curves_figure(
-        *loading_curve(scene, result.history),
-        least=NEGLIGIBLE * volume * law.shear_modulus if law else 0.0,
-    )
+    if not scene.stretched:
+        moves = scene.obstacles or any(any(e.displacement) or e.rotation for e in scene.prescribed)
+        return _figure_of(result, *(("force", "force") if moves else ("length", "displacement")))
+    known = [level for level in result.levels if "nominal_stress_reference" in level]
+    references = [(level["stretch"], level["nominal_stress_reference"]) for level in known]
+    return _figure_of(result, "stress", "nominal stress", references)
 
 
-def energies_figure(result) -> Figure | None:
-    """Return a figure of the energies in the history against time, stretch or the loading
-    parameter; None if there are no energies.
+def _figure_of(
+    result, kind: str, what: str, references: Sequence[tuple[float, float]] = ()
+) -> Figure:
+    """Return a figure of the columns of the history whose unit is of a kind, over the stretch, the
+    time or the loading parameter.
+
+    Columns of less than `SHOWN_SHARE` of the greatest are left out.
     """
-    rows, units = [row for row in result.history if "strain_energy" in row], result.scene.units
-    timed = [row for row in rows if "time" in row]
-    key, start = (
-        ("time", [])
-        if timed
-        else ("stretch", [{"stretch": 1.0}])
-        if result.scene.stretched
-        else ("t", [{"t": 0.0}])
-    )
-    rows = start + (timed or rows)
-    names = [
-        column for column in columns_of(rows) if column == "work" or column.endswith("_energy")
-    ]
-    if not names:
-        return None
-    energies = {name.replace("_", " "): [row.get(name, 0.0) for row in rows] for name in names}
-    xlabel = units.label("time", "time") if timed else {"t": "loading parameter t"}.get(key, key)
-    what = "energy" if len(names) > 1 else names[0].replace("_", " ")
+    scene, history = result.scene, result.history
+    key = "stretch" if scene.stretched else "t"
+    timed = [row for row in history if "time" in row]
+    if timed and not scene.stretched:
+        key, history = "time", timed
+    greatest = {
+        column: max(abs(row.get(column, 0.0)) for row in history)
+        for column in columns_of(history)
+        if kind_of(column) == kind and not column.startswith("moment_")
+    }
+    least = SHOWN_SHARE * max(greatest.values(), default=0.0)
+    rows = [{key: 1.0 if key == "stretch" else 0.0}, *history]
     return figures.curves_figure(
-        [row[key] for row in rows], energies, xlabel, units.label(what, "energy")
+        [row[key] for row in rows],
+        {
+            column.removeprefix(f"{what}_").replace("_", " "): [
+                row.get(column, 0.0) for row in rows
+            ]
+            for column, size in greatest.items()
+            if size >= least
+        },
+        {"time": scene.units.label("time", "time"), "t": "loading parameter t"}.get(key, key),
+        scene.units.label(what, kind),
+        references,
     )
 
 
 def save_drawings(result, folder: Path) -> None:
-    """Draw the loading curve, the deformed body and an animation of a result, as far as they
-    apply, and write them to a folder.
+    """Draw the loading curve and the deformed body of a result, as far as they apply, and write
+    them to a folder.
     """
-    name = result.scene.name
-    moves = not result.scene.stretched or result.scene.dynamics is not None
-    if moves:
+    scene, name = result.scene, result.scene.name
+    if not scene.stretched or scene.dynamics is not None:
         figures.save(loading_figure(result), folder / f"{name}-loading.png")
     if not result.states.in_pieces:
         figures.save(whole_figure(result), folder / f"{name}.png")
-        if moves:
-            _save_animation(result, folder / f"{name}.gif")
-
-
-def _save_animation(result, path: Path) -> None:
-    """Write a GIF of the states of a sheet in dynamics, colored by damage if the run has this
-    field, else by the greatest stretch.
-
-    Write nothing for a solid or for a run without dynamics.
-    """
-    numbers = in_dynamics(result)
-    if not numbers or result.scene.dimension == 3:  # ParaView shows a series of solids
-        return
-    fields = result.states[numbers[-1]][1]
-    quantity = "damage" if "damage" in fields else "principal_stretch"
-    limits = (0.0, 1.0) if quantity == "damage" else (1.0, float(fields[quantity].max()))
-    figure = states_figure(result, quantity, numbers[-1:], limits)
-    figure.set_dpi(100)
-    canvas, axis, frames = FigureCanvasAgg(figure), figure.axes[0], []
-    drawn, outline, *_ = axis.collections
-    for number in numbers:
-        cells, moved = result.cells(number)
-        drawn.set_verts(figures.polygons_of(cells, moved))
-        drawn.set_array(result.states[number][1][quantity])
-        outline.set_segments((cells.nodes + moved)[cells.outer_sides[0]])
-        axis.title.set_text(title_of(result, number))
-        canvas.draw()
-        frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
-    with replacing(path) as temporary:
-        series = {
-            "save_all": True,
-            "append_images": frames[1:],
-            "duration": 1000 // FRAMES_PER_SECOND,
-            "loop": 0,
-        }
-        frames[0].save(temporary, format="GIF", comment=MARK, **series)
 
 
 def html_page(result, fields: Sequence[str] = ()) -> str:
@@ -257,25 +191,24 @@ def html_page(result, fields: Sequence[str] = ()) -> str:
         If the result has no such field.
     """
     count = len(result.states)
-    shown = np.unique(
-        np.linspace(0, count - 1, min(MOST_OUTPUTS, count)).round().astype(int)
-    ).tolist()
-    chosen = list(fields) or (
-        [name for name in USUAL if name in result.field_names()] if shown else []
-    )
+    shown = _spread(count, MOST_OUTPUTS)
+    known = result.field_names() if shown else ()
+    chosen = list(fields) or [name for name in USUAL if name in known]
     pictures = {field: [] for field in chosen}
     for field, uris in pictures.items():
-        for uri in _pictures(result, field, shown):
-            uris.append(uri)
+        # A run in dynamics has fields that its states in equilibrium lack.
+        has = [
+            number for number in shown if field not in known or field in result.field_names(number)
+        ]
+        limits = _limits_in(result, field, has)
+        for number in shown:
+            uris.append(_uri(result.plot(field, number, limits)) if number in has else "")
             event("drawing", sum(map(len, pictures.values())), len(chosen) * len(shown))
-    titles, labels = (
-        [title_of(result, number) for number in shown],
-        {field: label_of(field, result.scene.units) for field in chosen},
-    )
-    curves = {
-        "loading curve": loading_figure(result) if result.history else None,
-        "energies": energies_figure(result),
-    }
+    titles = [title_of(result, number) for number in shown]
+    labels = {field: label_of(field, result.scene.units) for field in chosen}
+    curves = {"loading": loading_figure(result)} if result.history else {}
+    if "energy" in map(kind_of, columns_of(result.history)):
+        curves["energy"] = _figure_of(result, "energy", "energy")
     history = result.history[:: max(1, -(-len(result.history) // MOST_ROWS))]
     return Template(PAGE.read_text("utf-8")).substitute(
         title=escape(f"{result.summary['scene']}, {result.summary['force']}"),
@@ -284,9 +217,7 @@ def html_page(result, fields: Sequence[str] = ()) -> str:
         hidden="" if shown and chosen else "hidden",
         left_out=f"<p>{len(shown)} of {count} outputs are shown.</p>" if len(shown) < count else "",
         curves="".join(
-            f'<figure><img alt="{what}" src="{_uri(one)}"></figure>'
-            for what, one in curves.items()
-            if one is not None
+            f'<figure><img alt="{what}" src="{_uri(one)}"></figure>' for what, one in curves.items()
         ),
         summary=facts(result),
         history=html_history(history, result.scene.units),
@@ -296,26 +227,6 @@ def html_page(result, fields: Sequence[str] = ()) -> str:
             "</", "<\\/"
         ),
     )
-
-
-def _pictures(result, field: str, shown: list[int]) -> Iterator[str]:
-    """Yield, for each state number in `shown`, a picture colored by a field, as a data URI; all
-    pictures have the same color scale.
-
-    For a state without the field yield an empty text; raise ValueError if the last state in `shown`
-    lacks the field.
-    """
-    values = {}
-    for number in shown:
-        try:
-            values[number] = scalars_of(result.states[number][1], field)
-        except ValueError:
-            if number == shown[-1]:
-                raise
-    greatest = max((greatest_of(result.states[number][1], field) for number in values), default=0.0)
-    limits = figures.limits_of(np.concatenate(list(values.values())), greatest) if values else None
-    for number in shown:
-        yield _uri(result.plot(field, number, limits)) if number in values else ""
 
 
 def _uri(figure) -> str:

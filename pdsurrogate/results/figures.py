@@ -1,6 +1,4 @@
-"""Figures of deformed bodies, in the plane or from outside and cut through the middle, and of
-curves.
-"""
+"""Figures of deformed bodies, of solids from outside, and of curves."""
 
 from collections.abc import Sequence
 from itertools import cycle
@@ -10,11 +8,11 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import LightSource, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
-from mpl_toolkits.mplot3d.proj3d import proj_transform
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from ..body.cell_mesh import CellMesh
 from .files import MARK, replacing
@@ -54,11 +52,6 @@ AT_REST = {"colors": "0.55", "linewidths": 0.8, "capstyle": "round", "snap": Fal
 PAGE = np.array([5.8, 4.6])
 """Greatest width and height in inches of the panels of a figure together."""
 
-CREASE = 0.5
-"""Cosine of the angle between the normals of neighboring sides of a solid below which their
-common edge is drawn.
-"""
-
 ONE_COLOR = 1e-4
 """Least range of a scale of colors, divided by the greatest absolute value of the field: a
 component that varies by much less, as by residuals of a solver (some 1e-6), has one color.
@@ -81,17 +74,6 @@ ELEVATION, AZIMUTH = 22.0, -58.0
 _UP, _ROUND = np.radians([ELEVATION, AZIMUTH])
 EYE = np.array([np.cos(_UP) * np.cos(_ROUND), np.cos(_UP) * np.sin(_ROUND), np.sin(_UP)])
 """Unit vector from a solid to the viewer, by `ELEVATION` and `AZIMUTH`."""
-
-ACROSS_AND_UP = np.array(
-    [
-        [-np.sin(_ROUND), np.cos(_ROUND), 0],
-        [-EYE[2] * np.cos(_ROUND), -EYE[2] * np.sin(_ROUND), np.cos(_UP)],
-    ]
-)
-"""Unit vectors in space that point to the right and upward in a view from outside."""
-
-TRIAD = 30.0
-"""Length in points of the arrows that show the directions of the axes."""
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -169,13 +151,9 @@ def curves_figure(
     xlabel: str,
     ylabel: str,
     references: Sequence[tuple[float, float]] = (),
-    least: float = 0.0,
 ) -> Figure:
     """Return a figure of named curves over the common abscissae `x`, with reference values (x, y)
     as circles.
-
-    The vertical axis shows at least the values up to `least` of either sign, so that residuals look
-    like zero.
     """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(4.8, 3.2), layout="constrained")
@@ -199,9 +177,7 @@ def curves_figure(
         ):  # above: within the curves, which may go anywhere, it would lie over one
             figure.legend(loc="outside upper center", ncols=3 if len(axis.lines) != 4 else 2)
         low, high = axis.get_ylim()
-        if max(-low, high) < least:
-            axis.set_ylim(-least, least)
-        elif low < 0 < high:
+        if low < 0 < high:
             axis.axhline(0, color="0.7", lw=0.6, zorder=0)
         axis.set(xlabel=xlabel, ylabel=ylabel)
         axis.locator_params(axis="x", nbins=MOST_TICKS)
@@ -219,10 +195,8 @@ def contour_figure(
     """Return a figure of a deformed body in one or more states, colored by values of the cells, all
     to one scale of colors and of length.
 
-    Bodies in the plane are side by side or one below the other, whichever fits a page. A solid has
-    a row for each state: a view from outside, and a section through the middle, whose plane is
-    normal to the direction in which the solid is thinnest. A gray line is the outline of the
-    undeformed body.
+    The states are side by side or one below the other, whichever fits a page. A gray line is the
+    outline of an undeformed body in the plane.
 
     Parameters
     ----------
@@ -239,281 +213,71 @@ def contour_figure(
     places : sequence of str
         Labels of the axes.
     """
-    draw = _solids if moved[0][0].dimension == 3 else _sheets
-    with matplotlib.rc_context(STYLE):
-        figure, drawn, axes = draw(
-            moved, values, titles, limits or limits_of(np.concatenate(values)), places
-        )
-        height = figure.get_figheight()
-        style = (
-            {"aspect": 30, "pad": 0.02, "shrink": min(1.0, 3.6 / height)}
-            if height > 2.4
-            else {"location": "bottom", "aspect": 40}
-        )
-        figure.colorbar(drawn, ax=axes, label=label, **style)
-        if any(nodes.any() for _, nodes in moved):
-            figure.legend(
-                handles=[LineCollection([], label="undeformed", **AT_REST)],
-                loc="outside lower right",
-                borderpad=0,
-            )
-        return figure
-
-
-def _box_of(moved: Moved) -> np.ndarray:
-    """Return the lower and the upper corner of the space that a body fills at rest and in all
-    states, shape (2, d).
-    """
-    places = [moved[0][0].nodes, *(cells.nodes + displacement for cells, displacement in moved)]
-    return np.array(
-        [
-            np.min([nodes.min(axis=0) for nodes in places], axis=0),
-            np.max([nodes.max(axis=0) for nodes in places], axis=0),
-        ]
-    )
-
-
-def _sheets(
-    moved: Moved, values: list[np.ndarray], titles: list[str], limits: Limits, places: Sequence[str]
-) -> tuple[Figure, Any, Any]:
-    """Return the figure of `contour_figure` for bodies in the plane, without its color bar, with
-    the last drawn cells and the axes.
-    """
-    box = _box_of(moved)
-    count, (width, height) = len(moved), box[1] - box[0]
+    rest, count = moved[0][0], len(moved)
+    nodes = np.concatenate([rest.nodes, *(cells.nodes + way for cells, way in moved)])
+    box = np.array([nodes.min(axis=0), nodes.max(axis=0)])
+    flat = rest.dimension == 2
+    limits = limits or limits_of(np.concatenate(values))
+    width, height = size = box[1] - box[0] if flat else np.ones(2)
     # The greatest scale of equal panels that fit a page.
     scale, columns = max(
         (min(PAGE[0] / (n * width), PAGE[1] * n / (count * height)), n)
         for n in range(1, count + 1)
         if count % n == 0
     )
-    rows, panel = count // columns, scale * (box[1] - box[0])
-    figure = Figure(
-        figsize=(columns * panel[0] + 1.5, rows * (panel[1] + 0.4) + 0.8), layout="constrained"
-    )
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-    for axis, (cells, displacement), value, title in zip(
-        axes.flat, moved, values, titles, strict=True
-    ):
-        drawn = draw_cells(axis, cells, displacement, value, limits)
-        axis.add_collection(LineCollection(cells.nodes[cells.outer_sides[0]], **AT_REST))
-        axis.set(title=title, xlabel=places[0], ylabel=places[1])
-        axis.label_outer()
-    room = 0.02 * max(width, height)
-    axis.set(xlim=(box[0, 0] - room, box[1, 0] + room), ylim=(box[0, 1] - room, box[1, 1] + room))
-    for name, inches in zip("xy", panel, strict=True):
-        axis.locator_params(axis=name, nbins=max(2, int(2 * inches)))
-    return figure, drawn, axes
-
-
-def _solids(
-    moved: Moved, values: list[np.ndarray], titles: list[str], limits: Limits, places: Sequence[str]
-) -> tuple[Figure, Any, Any]:
-    """Return the figure of `contour_figure` for solids, without its color bar, with the last
-    drawn section and all axes.
-    """
-    box, colors, (axis, middle) = _box_of(moved), colors_of(limits), cut_of(moved[0][0])
-    across = [other for other in range(3) if other != axis]
-    figure = Figure(figsize=(7.2, 3.0 * len(moved)), layout="constrained")
-    for number, ((cells, displacement), value, title) in enumerate(
-        zip(moved, values, titles, strict=True)
-    ):
-        nodes = cells.nodes + displacement
-        outside = figure.add_subplot(
-            len(moved), 2, 2 * number + 1, projection="3d", computed_zorder=False
+    rows, panel = count // columns, scale * size
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(
+            figsize=(columns * panel[0] + 1.5, rows * (panel[1] + 0.4) + 0.8), layout="constrained"
         )
-        draw_outside(
-            outside,
-            cells,
-            nodes,
-            matplotlib.colormaps[colors["cmap"]](colors["norm"](value)),
-            box,
-            filled=1.0,
+        axes = figure.subplots(
+            *(rows, columns),
+            squeeze=False,
+            sharex=flat,
+            sharey=flat,
+            subplot_kw={} if flat else {"projection": "3d"},
         )
-        outside.add_collection3d(
-            Line3DCollection(cells.nodes[creases(cells)], **AT_REST, zorder=-1), autolim=False
-        )
-        outside.set_title(title)
-        cut = figure.add_subplot(len(moved), 2, 2 * number + 2)
-        polygons, owners, rim = section(cells, nodes, axis, middle)
-        flat = [polygon[:, across] for polygon in polygons]
-        drawn = cut.add_collection(
-            PolyCollection(flat, array=value[owners], edgecolors="face", lw=0.5, **colors)
-        )
-        for lines, style in (
-            (rim, OUTLINE),
-            (section(cells, cells.nodes, axis, middle)[2], AT_REST),
-        ):
-            cut.add_collection(LineCollection(lines[:, :, across], **style))
-        low, high = box[:, across] + 0.02 * np.ptp(box) * np.array([[-1], [1]])
-        cut.set(
-            aspect="equal",
-            xlim=(low[0], high[0]),
-            ylim=(low[1], high[1]),
-            xlabel=places[across[0]],
-            ylabel=places[across[1]],
-        )
-        cut.set_title(f"deformed section, {PLACES[axis]} = {middle:z.3g}")
-    return figure, drawn, figure.axes
-
-
-def cut_of(cells: CellMesh) -> tuple[int, float]:
-    """Return the plane of the section in figures of a solid: its normal axis (0, 1 or 2), the
-    thinnest direction, and where it lies.
-    """
-    # The last of equal sides, so that the cut of a cube shows x1, the direction of loading.
-    sides = np.ptp(cells.nodes, axis=0)[::-1]
-    axis = 2 - int(np.argmin((sides / sides.max()).round(9)))
-    # Through the middles of cells, whose values the section shows.
-    found = (
-        np.concatenate([cells.nodes[block, axis].mean(axis=1) for block in cells.blocks])
-        / sides.max()
-    )
-    layers, counts = np.unique(found.round(9), return_counts=True)
-    layers = layers[counts > counts.max() / 2]
-    return axis, float(
-        min(
-            reversed(layers),
-            key=lambda place: round(abs(place - (found.min() + found.max()) / 2), 6),
-        )
-        * sides.max()
-    )
-
-
-def creases(cells: CellMesh) -> np.ndarray:
-    """Return the nodes at the ends of the edges of an undeformed solid, shape (m, 2), where its
-    surface is creased, see `CREASE`.
-    """
-    corners, _ = cells.outer_sides
-    normals = _normals_of(cells.nodes[corners])
-    edges, number = np.unique(
-        np.sort(_edges_of(corners).reshape(-1, 2), axis=1), axis=0, return_inverse=True
-    )
-    mean = (
-        np.stack(
-            [np.bincount(number.ravel(), np.repeat(component, 4)) for component in normals.T],
-            axis=1,
-        )
-        / 2
-    )
-    # The mean of two unit normals has a length of cos(angle / 2).
-    return edges[((mean**2).sum(axis=1) < (1 + CREASE) / 2) & (edges[:, 0] != edges[:, 1])]
-
-
-def _edges_of(corners: np.ndarray) -> np.ndarray:
-    """Return the nodes at the ends of the edges of sides (n, 4), in order around each, shape (n,
-    4, 2).
-    """
-    return np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
-
-
-def _normals_of(sides: np.ndarray) -> np.ndarray:
-    """Return the unit normals of sides in three dimensions, shape (n, 4, 3), triangles as well,
-    which repeat the last corner.
-    """
-    normals = np.cross(sides[:, 2] - sides[:, 0], sides[:, 3] - sides[:, 1])
-    return normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+        colors = ScalarMappable(**colors_of(limits))
+        for axis, (cells, way), value, title in zip(axes.flat, moved, values, titles, strict=True):
+            axis.set_title(title)
+            if not flat:
+                draw_outside(axis, cells, cells.nodes + way, colors.to_rgba(value), box, places)
+                continue
+            draw_cells(axis, cells, way, value, limits)
+            axis.add_collection(LineCollection(cells.nodes[cells.outer_sides[0]], **AT_REST))
+            axis.set(xlabel=places[0], ylabel=places[1])
+            axis.label_outer()
+        if flat:
+            room = 0.02 * max(size)
+            axis.set(xlim=box[:, 0] + [-room, room], ylim=box[:, 1] + [-room, room])
+            for name, inches in zip("xy", panel, strict=True):
+                axis.locator_params(axis=name, nbins=max(2, int(2 * inches)))
+            if any(way.any() for _, way in moved):
+                undeformed = LineCollection([], label="undeformed", **AT_REST)
+                figure.legend(handles=[undeformed], loc="outside lower right", borderpad=0)
+        figure.colorbar(colors, ax=axes, label=label, aspect=30, pad=0.02 if flat else 0.1)
+        return figure
 
 
 def draw_outside(
-    axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray, box: np.ndarray, filled: float
+    axes,
+    cells: CellMesh,
+    nodes: np.ndarray,
+    of_cells: np.ndarray,
+    box: np.ndarray,
+    places: Sequence[str] = PLACES,
 ) -> None:
-    """Draw a solid from outside: the outer sides of the cells that face the viewer, and the
-    directions of the axes.
+    """Draw the outer sides of the cells of a solid in three-dimensional axes.
 
     `nodes` are the deformed nodes, shape (k, 3), `of_cells` the colors of the cells (RGBA), shape
-    (n, 4), `box` the lower and upper corner of the part of space in view, shape (2, 3), and
-    `filled` the share of the view's width or height that it fills.
+    (n, 4), and `box` the lower and upper corner of the part of space in view, shape (2, 3).
     """
-    axes.set(xlim=box[:, 0], ylim=box[:, 1], zlim=box[:, 2])
-    axes.view_init(ELEVATION, AZIMUTH)
-    axes.set_proj_type("ortho")
-    axes.set_axis_off()
-    axes.set_box_aspect(box[1] - box[0])
-    across_and_up = proj_transform(
-        *box[np.indices((2, 2, 2)), np.arange(3)[:, None, None, None]].reshape(3, -1),
-        axes.get_proj(),
-    )[:2]
-    axes.set_box_aspect(
-        box[1] - box[0], zoom=filled * axes.viewLim.width / np.ptp(across_and_up, axis=1).max()
-    )
     corners, owners = cells.outer_sides
-    sides = nodes[corners]
-    normals = _normals_of(sides)
-    seen = np.flatnonzero(normals @ EYE > 0)
-    brightness = 0.8 + 0.2 * np.clip(normals[seen] @ LightSource(AZIMUTH, 45).direction, 0, 1)
-    colors = of_cells[owners[seen]].copy()
-    colors[:, :3] *= brightness[:, None]
-    axes.add_collection3d(
-        Poly3DCollection(
-            sides[seen], facecolors=colors, edgecolors=colors, linewidths=0.2, zsort="average"
-        )
-    )
-    for name, *way in zip(PLACES, *ACROSS_AND_UP, strict=True):
-        style = {"arrowstyle": "<|-", "lw": 0.8, "color": "0.2", "shrinkA": 2, "shrinkB": 0}
-        at = {
-            "xy": (0.05, 0.04),
-            "xycoords": "axes fraction",
-            "xytext": TRIAD * np.array(way),
-            "textcoords": "offset points",
-        }
-        axes.annotate(
-            name, **at, arrowprops=style, ha="center", va="center", color="0.2", fontsize=8
-        )
-
-
-def section(
-    cells: CellMesh, nodes: np.ndarray, axis: int, position: float
-) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
-    """Return the deformed polygons in which a plane of the undeformed body cuts its cells, and the
-    outline of them all.
-
-    Parameters
-    ----------
-    cells : CellMesh
-        Cells of a solid.
-    nodes : ndarray, shape (k, 3)
-        Deformed positions of the nodes of the cells.
-    axis : int
-        Normal axis of the plane.
-    position : float
-        Coordinate of the plane along the axis.
-
-    Returns
-    -------
-    polygons : list of ndarray, each of shape (corners, 3)
-    owners : ndarray of int
-        Number of the cell to which each polygon belongs.
-    rim : ndarray, shape (m, 2, 3)
-        Segments in which the plane cuts the surface.
-    """
-
-    def cut(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the sides that the plane crosses, and where it enters and leaves them,
-        undeformed and deformed, shape (m, 2, 2, 3).
-        """
-        ends = _edges_of(corners)
-        # Corners on the plane count as below it: of two cells that share a side there, one has the
-        # cut.
-        heights = cells.nodes[ends, axis] - position
-        crossed = (heights[..., 0] > 0) != (heights[..., 1] > 0)
-        there = np.flatnonzero(crossed.sum(axis=1) == 2)
-        ends, heights = ends[there][crossed[there]], heights[there][crossed[there]]
-        share = (heights[:, 0] / (heights[:, 0] - heights[:, 1]))[:, None]
-        places = [
-            ((1 - share) * at[ends[:, 0]] + share * at[ends[:, 1]]).reshape(-1, 2, 3)
-            for at in (cells.nodes, nodes)
-        ]
-        return there, *places
-
-    corners, owners = cells.sides()
-    there, was, now = cut(corners)
-    order = np.argsort(owners[there], kind="stable")
-    found, first = np.unique(owners[there][order], return_index=True)
-    polygons = []
-    for before, after in zip(
-        np.split(was[order], first[1:]), np.split(now[order], first[1:]), strict=True
-    ):
-        flat = np.delete(before.reshape(-1, 3) - before.mean(axis=(0, 1)), axis, axis=1)
-        polygons.append(after.reshape(-1, 3)[np.argsort(np.arctan2(flat[:, 1], flat[:, 0]))][::2])
-    return polygons, found, cut(cells.outer_sides[0])[2]
+    style = {"edgecolors": (0, 0, 0, 0.3), "linewidths": 0.2}
+    sides = Poly3DCollection(nodes[corners], facecolors=of_cells[owners], **style)
+    axes.add_collection3d(sides)
+    axes.set(xlim=box[:, 0], ylim=box[:, 1], zlim=box[:, 2])
+    axes.set(xlabel=places[0], ylabel=places[1], zlabel=places[2])
+    axes.set(proj_type="ortho", aspect="equal")
+    axes.view_init(ELEVATION, AZIMUTH)
+    axes.locator_params(nbins=3)

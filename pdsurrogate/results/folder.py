@@ -2,7 +2,7 @@
 
 A run of a scene called NAME owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (if every rank writes a
 piece, ``NAME-000.pvtu`` and ``NAME-000.piece0.vtu``), ``NAME.png``, ``NAME-loading.png``,
-``NAME.gif``, ``summary.json``, ``history.csv``, ``convergence.csv`` and ``checkpoint.npz``, and,
+``summary.json``, ``history.csv``, ``convergence.csv`` and ``checkpoint.npz``, and,
 while it writes, the lock file ``.pdsurrogate-run``, see `occupied`.
 
 A file with such a name belongs to a run if its first bytes contain `MARK` (state files, PVD index,
@@ -209,7 +209,7 @@ def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:
 
 
 def _files_of(folder: Path, name: str) -> list[Path]:
-    others = (folder / f"{name}{ending}" for ending in (".pvd", ".png", "-loading.png", ".gif"))
+    others = (folder / f"{name}{ending}" for ending in (".pvd", ".png", "-loading.png"))
     return [
         *(path for _, path in state_files(folder, name)),
         *(path for path in others if path.exists()),

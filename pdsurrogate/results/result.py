@@ -380,12 +380,12 @@ class Result:
             write_tables(folder, self.summary, self.history, self.convergence, self.scene.units)
 
     def figure(self) -> Figure:
-        """Return a figure of the deformed body at every level, colored by the displacement across
+        """Return a figure of the deformed body at its outputs, colored by the displacement across
         the loaded direction.
 
-        Runs with loading steps or dynamics are shown at a few outputs; steps are colored by the
-        magnitude of the displacement, and dynamics with fracture by damage.  A solid is shown from
-        outside and in a section through its middle.
+        Runs with more than four outputs are shown at four of them; steps are colored by the
+        magnitude of the displacement, and dynamics with fracture by damage. A solid is shown from
+        outside.
 
         Returns
         -------
@@ -587,7 +587,8 @@ class Result:
 
     def loading_figure(self) -> Figure:
         """Return a figure of nominal stress against stretch if grips load the body, otherwise of
-        forces against the loading parameter t.
+        forces, or of displacements if no motion is prescribed, against the loading parameter t or
+        the time.
 
         Returns
         -------

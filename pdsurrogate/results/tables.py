@@ -45,13 +45,14 @@ def column_unit(column: str, units: Units) -> str | None:
     """Return the unit of a column of the history as text, such as "mm"; None if it has no unit
     or the scene names none.
     """
+    kind = kind_of(column)
+    return kind and getattr(units, kind)
+
+
+def kind_of(column: str) -> str | None:
+    """Return the name in `Units` of the unit of a column of the history; None if it has none."""
     return next(
-        (
-            getattr(units, kind)
-            for pattern, kind in UNITS_OF_COLUMNS.items()
-            if re.fullmatch(pattern, column)
-        ),
-        None,
+        (kind for pattern, kind in UNITS_OF_COLUMNS.items() if re.fullmatch(pattern, column)), None
     )
 
 

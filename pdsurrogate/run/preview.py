@@ -255,7 +255,8 @@ def _in_space(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
-    figures.draw_outside(axes, body.cells, nodes, colors, np.array([low, high]), filled=0.9)
+    places = [scene.units.label(place, "length") for place in figures.PLACES]
+    figures.draw_outside(axes, body.cells, nodes, colors, np.array([low, high]), places)
     for mark in marks:
         if mark.arrow is not None:
             axes.quiver(
@@ -286,17 +287,6 @@ def _in_space(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple
             zorder=8,
             alpha=0.6 if hidden else 1,
         )
-    sides = (
-        f"{place}: {one:.3g} to {other:.3g}"
-        for place, one, other in zip(figures.PLACES, low, high, strict=True)
-    )
-    axes.text2D(
-        0.5,
-        -0.04,
-        scene.units.amount(", ".join(sides), "length"),
-        transform=axes.transAxes,
-        ha="center",
-    )
     return figure, axes
 
 

@@ -474,7 +474,7 @@ def test_without_loads_gradients_beside_an_interface_stay_as_they_are():
         problem = compile_scene(
             pds.Scene(prescribed=held, loads=loads, **keys), [pds.BondEnergyForce()] * 2
         )
-        weights = problem.bind()[0].terms[0].kinematics.changed
+        weights = problem.bind()[0].terms[0].kinematics.balance
         beside = np.abs(problem.body.points[weights.owners, 0] - 0.5) < 6 * 0.05
         assert (np.abs(weights.changes[beside]).max(initial=0.0) > 0.1) == bool(loads)
 

@@ -12,11 +12,9 @@ from matplotlib import image
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.body import CellMesh
 from pdsurrogate.cli import app
 from pdsurrogate.materials import plane_strain, plane_stress, solid
 from pdsurrogate.results import measures, vtk
-from pdsurrogate.results.figures import section
 from pdsurrogate.results.states import deformed_cells
 
 LAW = pds.materials.NeoHookean(2.0, 200.0)
@@ -171,33 +169,6 @@ def test_a_file_holds_cells_and_gives_the_fields_back(tmp_path, body):
     np.testing.assert_allclose(
         (mesh.points + mesh.point_data["displacement"])[:, :d], mesh.points[:, :d] @ F.T, atol=1e-6
     )
-
-
-def test_a_cut_through_the_middle_is_a_section_of_the_body():
-    """Of hexahedra and of tetrahedra; where the corners have moved to."""
-    body = cube(5)
-    cells = body.cells
-    split = ((0, 1, 3, 4), (1, 2, 3, 6), (1, 4, 5, 6), (3, 4, 6, 7), (1, 3, 4, 6))
-    tetrahedra = CellMesh(
-        cells.nodes, (np.concatenate([cells.blocks[0][:, list(corners)] for corners in split]),)
-    )
-    for mesh in (cells, tetrahedra):
-        polygons, owners, rim = section(mesh, 2.0 * mesh.nodes, 2, 0.47)
-        assert len(polygons) == len(owners)
-        areas = [
-            0.5
-            * np.linalg.norm(
-                sum(np.cross(a, b) for a, b in zip(p, np.roll(p, -1, axis=0), strict=True))[2]
-            )
-            for p in polygons
-        ]
-        assert sum(areas) == pytest.approx(4.0)
-        assert all(np.allclose(polygon[:, 2], 0.94) for polygon in polygons)
-        if mesh is not cells:  # tetrahedra of neighbors that do not share their sides
-            continue
-        # Around the section: a square of side 2.
-        assert np.linalg.norm(rim[:, 1] - rim[:, 0], axis=1).sum() == pytest.approx(8.0)
-        assert (np.isclose(rim[..., :2], 0) | np.isclose(rim[..., :2], 2)).any(axis=2).all()
 
 
 def test_a_scene_in_space_has_files_pictures_and_tables(tmp_path):

@@ -230,7 +230,6 @@ def drawn(tmp_path_factory):
     "name",
     [
         "uniaxial-007.vtu",
-        "uniaxial.gif",
         "uniaxial.png",
         "uniaxial-loading.png",
         "uniaxial.pvd",
@@ -261,7 +260,7 @@ def test_files_that_have_names_of_a_runs_own_are_left_and_refused(drawn, tmp_pat
 
 
 def test_all_that_a_run_writes_is_known_again(tmp_path):
-    """Pictures, an animation, states and their index."""
+    """Pictures, states and their index."""
     scene = pds.load_scene(
         "tear",
         {
@@ -277,9 +276,7 @@ def test_all_that_a_run_writes_is_known_again(tmp_path):
     )
     for _ in range(2):
         simulate(scene, "analytic", folder=tmp_path).save(tmp_path)
-    assert {"tear.gif", "tear.png", "tear-loading.png", "tear.pvd", "tear-002.vtu"} <= set(
-        names_in(tmp_path)
-    )
+    assert {"tear.png", "tear-loading.png", "tear.pvd", "tear-002.vtu"} <= set(names_in(tmp_path))
     assert all(is_marked(path) for path in tmp_path.glob("tear*"))
     meshio.read(tmp_path / "tear-002.vtu")
 

@@ -207,7 +207,6 @@ def test_files_of_a_crack_scene(torn):
         "tear.pvd",
         "tear.png",
         "tear-loading.png",
-        "tear.gif",
         NAME,
     } <= names
     last = meshio.read(folder / f"tear-{len(result.states) - 1:03d}.vtu")
@@ -221,10 +220,6 @@ def test_files_of_a_crack_scene(torn):
     )
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["crack"]["broken_bonds"] == int(rows[-1]["broken_bonds"])
-    from PIL import Image
-
-    with Image.open(folder / "tear.gif") as animation:
-        assert animation.n_frames == len(result.states) - len(result.levels)
 
 
 def test_one_axis_of_time_for_the_whole_run(torn):
@@ -265,7 +260,7 @@ def test_one_axis_of_time_for_the_whole_run(torn):
     assert title_of(result, 0) == "stretch 1.1"
     last = result.summary["crack"]["tips"][-1]
     assert (
-        title_of(result, len(times) - 1) == f"stretch {last['stretch']:.3f}, {last['time']:.4g} s"
+        title_of(result, len(times) - 1) == f"stretch {last['stretch']:.4g}, {last['time']:.4g} s"
     )
 
 

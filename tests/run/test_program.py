@@ -178,7 +178,6 @@ def test_a_program_resumes_to_the_same_bits(tmp_path, interrupted):
         "history.csv",
         "sheet.png",
         "sheet-loading.png",
-        "sheet.gif",
         "sheet-000.vtu",
     } <= names
     assert (tmp_path / "cut" / "history.csv").read_text().startswith("step,t,")
