@@ -14,11 +14,10 @@ from itertools import pairwise, product
 import numpy as np
 import scipy
 
-from ..body import Surface
-from ..kernels.polygons import encloses
 from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
 from ..scenes.shapes import Outline
 from ..scenes.solids import Prism, Solid, Straight
+from .cells import lattice_of
 from .chains import ROUNDING, boundary_of, same_places
 
 AWAY = 0.6
@@ -264,29 +263,22 @@ def _flat_face(
     number = same_places(nodes, 4 * tolerance).reshape(-1, 3)
     sides = np.concatenate([number[:, [0, 1]], number[:, [1, 2]], number[:, [2, 0]]])
     sides = sides[rim[sides].all(axis=1)]
-    starts, ends = np.setdiff1d(sides[:, 0], sides[:, 1]), np.setdiff1d(sides[:, 1], sides[:, 0])
+    ends = np.flatnonzero(np.bincount(sides.ravel(), minlength=len(nodes)) == 1)
     added, places = [], list(nodes)
     for other in sphere.halved:
         if other == axis:
             continue
         along = 3 - axis - other
-        line = [
-            end for end in (*starts, *ends) if abs(nodes[end, other] - center[other]) <= tolerance
-        ]
-        line.sort(key=lambda end: nodes[end, along])
+        line = ends[np.abs(nodes[ends, other] - center[other]) <= tolerance]
+        line = line[np.argsort(nodes[line, along])].tolist()
         if len(line) % 2:  # the corner where three flat faces meet
             line.insert(0, len(nodes))
             if len(places) == len(nodes):
                 places.append(center)
         for low, high in zip(line[::2], line[1::2], strict=True):
-            pieces_of_line = max(1, round((places[high][along] - places[low][along]) / cell[along]))
-            between = [low, *range(len(places), len(places) + pieces_of_line - 1), high]
-            places.extend(
-                places[low] + (places[high] - places[low]) * part / pieces_of_line
-                for part in range(1, pieces_of_line)
-            )
-            # A rim that ends at a place goes on along the line.
-            added += pairwise(between if low in ends or high in starts else between[::-1])
+            pieces = max(1, round((places[high][along] - places[low][along]) / cell[along]))
+            added += pairwise([low, *range(len(places), len(places) + pieces - 1), high])
+            places.extend(np.linspace(places[low], places[high], pieces + 1)[1:-1])
     sides = np.concatenate([sides, np.array(added, dtype=int).reshape(-1, 2)])
     flat = np.array(places)[:, across]
     _, _, _, triangles = _triangulated(flat, sides, np.zeros(len(sides), dtype=int), cell[across])
@@ -384,24 +376,22 @@ def _triangulated(
     triangles : ndarray, shape (t, 3, 2)
         Positions of the corners, counter-clockwise.
     """
+    import shapely  # here, because few bodies need it
+
     used, sides = np.unique(sides, return_inverse=True)
-    middle = nodes[used].mean(
-        axis=0
-        # areas and Delaunay's criterion have products of coordinates, which far from the origin are
-        # rounded
-    )
+    # Areas and Delaunay's criterion have products of coordinates, which far from the origin are
+    # rounded.
+    middle = nodes[used].mean(axis=0)
     nodes, sides = (nodes[used] - middle) / cell, sides.reshape(-1, 2)
-    outline = Surface(nodes, sides, np.array([]), None)
+    area = shapely.build_area(shapely.multilinestrings(nodes[sides]))
     lower, upper = nodes.min(axis=0), nodes.max(axis=0)
     count = np.ceil((upper - lower) / 2 / [1, math.sqrt(0.75)]).astype(int) + 1
-    column, row = np.meshgrid(
-        np.arange(-count[0], count[0] + 1), np.arange(-count[1], count[1] + 1), indexing="ij"
-    )
-    lattice = (lower + upper) / 2 + np.stack(
-        [column + row % 2 / 2, math.sqrt(0.75) * row], axis=-1
-    ).reshape(-1, 2)
-    lattice = lattice[outline.encloses(lattice)]
-    lattice = lattice[~np.isfinite(outline.distances(lattice, AWAY))]
+    column, row = lattice_of(*(np.arange(-most, most + 1) for most in count)).T
+    lattice = (lower + upper) / 2 + np.stack([column + row % 2 / 2, math.sqrt(0.75) * row], axis=-1)
+    shapely.prepare(area)
+    lattice = lattice[shapely.contains_xy(area, *lattice.T)]
+    near = shapely.distance(area.boundary, shapely.points(lattice))
+    lattice = lattice[near > AWAY]
     for _ in range(MOST_ROUNDS):
         places = np.concatenate([nodes, lattice])
         # products of two numbers of nodes exceed 32 bits
@@ -420,14 +410,12 @@ def _triangulated(
         sides = np.concatenate([sides, np.stack([middles, sides[missing, 1]], axis=1)])
         sides[missing, 1] = middles
         chain = np.concatenate([chain, chain[missing]])
-    first, second = nodes[sides].transpose(1, 0, 2)
     triangles = places[found]
-    triangles = triangles[encloses(triangles.mean(axis=1), first, second)]
+    triangles = triangles[shapely.contains_xy(area, *triangles.mean(axis=1).T)]
     areas = np.linalg.det(triangles[:, 1:] - triangles[:, :1]) / 2
     triangles[areas < 0] = triangles[areas < 0][:, ::-1]
     triangles = triangles[np.abs(areas) > 1e-12]
-    area = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum() / 2
-    if len(missing) or abs(np.abs(areas).sum() - area) > 1e-9 * area:
+    if len(missing) or abs(np.abs(areas).sum() - area.area) > 1e-9 * area.area:
         raise ValueError(
             "body: its cross-section has corners that are too sharp for a triangulation, so loads"
             " and probes are not possible"
