@@ -67,7 +67,7 @@ def pressed_block(spacings: tuple[float, ...] = (0.1, 0.05, 0.025)) -> list[list
                 f"{spacing:g}",
                 f"{found:.4f}",
                 *errors,
-                f"{depth:.4f}",
+                f"{depth:.1e}",
                 f"{result.summary['n_force_evaluations']}",
             ]
         )
@@ -125,7 +125,7 @@ def indented(cells: int) -> list[str]:
         f"{hertz:.4f}",
         f"{hertz * factor:.4f}",
         *errors,
-        f"{contact['penetration'] * cells:.4f}",
+        f"{contact['penetration'] * cells:.1e}",
     ]
     print(row, flush=True)
     return row
@@ -148,6 +148,7 @@ SEAL = pds.Scene(
     prescribed=(
         pds.Prescribed(region={"near": (0.0, 0.0)}, x1=0.0, x2=-0.25, name="middle"),
         pds.Prescribed(region={"near": (0.0, 0.5)}, x1=0.0, name="upright"),
+        pds.Prescribed(region={"near": (0.0, -0.5)}, x1=0.0, name="lower"),
     ),
     steps=(pds.Step(to=1.0, outputs=5),),
 )

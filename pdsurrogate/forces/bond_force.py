@@ -29,6 +29,7 @@ from .material_points import MaterialPoints, material_sums
 from .pair_balance import balanced_changes
 from .protocol import ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
+from .steps import Step
 from .term import DomainWatch, MaterialTerm, Term
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
@@ -99,8 +100,9 @@ class PairForces:
         `pdsurrogate.kernels.reference_state.pair_rows`.
     forces : ndarray, shape (n_blocks * BLOCK, 2)
         Dimensionless force on the first point of every pair.
-    find : BoundPass
-        Pass that finds `forces` and counts the pairs outside the model's domain.
+    find : Step
+        Compiled pass that finds `forces` and counts the pairs outside the model's domain; or
+        `evaluate` for a model without compiled code.
     learns_thickness : bool
         Whether the volume ratios J3 of the points are computed with the model, since the law is
         costly to evaluate.
@@ -156,8 +158,12 @@ class PairForces:
         )
         buffers = aligned_rows((threads, bond_force.BUFFER_ROWS, BLOCK), precision)
         memory = buffers, compiled.memory(threads, precision), kinematics.scratch
-        self.find = bond_force.pair_forces.bind(
-            *arrays, *force, memory, self.forces, chunks=kinematics.chunks
+        self.find: Step = (
+            bond_force.pair_forces.bind(
+                *arrays, *force, memory, self.forces, chunks=kinematics.chunks
+            )
+            if compiled.address
+            else self.evaluate
         )
 
     @property
@@ -183,6 +189,38 @@ class PairForces:
         shapes = kinematics.inverse_shape[points.numbers], kinematics.supported[points.numbers]
         rule = reference_state.CORRECTIONS[correction], body.kappa, body.horizon
         reference_state.pair_rows(pairs, *ends, strength, *shapes, *rule, self.geometry)
+
+    def states(self) -> tuple[np.ndarray, BondStates, np.ndarray]:
+        """Return, in a body of one material, the numbers of the pairs that carry a force, their
+        `BondStates`, and their undeformed directions, turned with the material and divided by the
+        length, shape (2, k).
+        """
+        body = self._kinematics.body
+        records = self.points.records
+        self.points.find()
+        pairs = np.flatnonzero(self.geometry[:, 2].ravel()[: len(body.bonds.first)])
+        first = body.bonds.first[pairs]
+        second = body.bonds.second[pairs]
+        x, between = (
+            (at[second] - at[first]).T for at in (body.all_points, self._kinematics.positions)
+        )
+        length = np.hypot(*x)
+        cos, sin, J, C33 = (records[first].astype(float) + records[second]).T
+        turned = np.stack([cos * x[0] - sin * x[1], sin * x[0] + cos * x[1]])
+        n1, n2 = turned = turned / (np.hypot(cos, sin) * length**2)
+        a = n1 * between[0] + n2 * between[1]
+        b = n1 * between[1] - n2 * between[0]
+        return pairs, BondStates(a, b, length / body.horizon, C33 / 2, J / 2), turned
+
+    def evaluate(self) -> None:
+        """Find `forces` in NumPy, for all pairs at once."""
+        pairs, states, (n1, n2) = self.states()
+        T_nn, T_nm, T_mm = self.model.tractions(states)
+        _, _, normal, tilt, *_ = self.geometry[pairs // BLOCK, :, pairs % BLOCK].T
+        along = normal * T_nn + tilt * T_nm
+        across = normal * T_nm + tilt * T_mm
+        self.forces[:] = 0.0
+        self.forces[pairs] = np.stack([n1 * along - n2 * across, n2 * along + n1 * across], axis=1)
 
     def reference_vectors(self) -> np.ndarray:
         """Return the reference vectors (theory (21)) of the pairs, shape (n_pairs, 2)."""
@@ -239,7 +277,8 @@ class BondForces(MaterialTerm):
             self.parts.append(
                 PairForces(binding, model, points, self._strength[points.pairs], self.correction)
             )
-            self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
+            if isinstance(self.parts[-1].find, BoundPass):
+                self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
         # Changes that balance pairs, and the first moments that points have lost of them with
         # broken bonds.
         self._changes = (np.empty(0, dtype=np.int64), np.empty((0, 2)))
@@ -347,7 +386,7 @@ class BondForces(MaterialTerm):
     def beyond_data(self) -> np.ndarray | None:
         if self._domain is None or self._domain.hull is None:
             return None
-        pairs, states = self.bonds()
+        pairs, states, _ = self.parts[0].states()
         counted = self.body.share.own[self.body.bonds.first[pairs]]
         # A bond turned past a right angle has no stretch tensor and is omitted.
         chosen = states.has_stretch_tensor & counted
@@ -357,38 +396,13 @@ class BondForces(MaterialTerm):
         if not self._model.members:
             return None
         body = self.body
-        (pairs, states) = self.bonds()
+        pairs, states, _ = self.parts[0].states()
         found = self._model.member_deviations(self.materials[0].law, states)
         of_points = np.zeros(len(body))
         for ends in (body.bonds.first[pairs], body.bonds.second[pairs]):
             own = ends < len(body)
             np.maximum.at(of_points, ends[own], found[own])
         return self.parts[0].unit * of_points
-
-    def bonds(self) -> tuple[np.ndarray, BondStates]:
-        """Return the numbers of the pairs that carry a force, and their `BondStates`, in a body
-        of one material.
-        """
-        body = self.body
-        part = self.parts[0]
-        bonds = body.bonds
-        points = body.all_points
-        part.points.find()
-        pairs = np.flatnonzero(part.geometry[:, 2].ravel()[: len(bonds.first)])
-        first = bonds.first[pairs]
-        second = bonds.second[pairs]
-        vectors = points[second] - points[first]
-        between = self.kinematics.positions[second] - self.kinematics.positions[first]
-        length = lengths_of(vectors)
-        cos, sin, J, C33 = (
-            part.points.records[first].astype(float) + part.points.records[second]
-        ).T
-        turn = np.hypot(cos, sin)
-        n1 = (cos * vectors[:, 0] - sin * vectors[:, 1]) / turn
-        n2 = (sin * vectors[:, 0] + cos * vectors[:, 1]) / turn
-        a = (n1 * between[:, 0] + n2 * between[:, 1]) / length**2
-        b = (n1 * between[:, 1] - n2 * between[:, 0]) / length**2
-        return pairs, BondStates(a, b, length / body.horizon, C33 / 2, J / 2)
 
 
 def surrogate_states(

@@ -45,7 +45,8 @@ class CompiledBondForce:
     Attributes
     ----------
     address : int
-        Address of the function (`pdsurrogate.engine.compile.bond_force_signature`).
+        Address of the function (`pdsurrogate.engine.compile.bond_force_signature`); 0 for a force
+        that is evaluated in NumPy.
     sizes : ndarray of int64
         Integer constants.
     weights : ndarray, in the precision of the bond pass

@@ -213,10 +213,8 @@ class InternalForce:
             else:
                 self._kinematics.place(positions, self._forms)
             self._add_up([term.find for term in self.terms], out)
-        except (
-            RuntimeError
-        ) as found:  # the error concerns the state, or comes from a user's own force
-            error = self.portions[0].model.cause_of(found)
+        except RuntimeError as found:  # it concerns the state, or comes from a user's own force
+            error = found
         outside = sum(watch.found for watch in self._watches)
         self.pairs_outside += outside
         self.most_outside = max(self.most_outside, outside)

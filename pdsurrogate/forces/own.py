@@ -1,8 +1,7 @@
-"""Bond forces and energies that users write in Python, evaluated block by block in NumPy and
-therefore slower than compiled models.
+"""Bond forces and energies that users write in Python, evaluated in NumPy and therefore slower than
+compiled models.
 """
 
-import ctypes
 import warnings
 from collections.abc import Mapping
 from functools import partial
@@ -10,22 +9,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..body import Body
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
-from ..engine.threads import thread_count
 from ..errors import InvalidState
 from ..kernels.bond_force import lateral_stretch
 from ..materials import InvariantLaw, Law
 from ..materials.consistency import compare_derivatives
-from .bond_force import ForceSurrogate, bond_arrays, exact_bond_force
+from .bond_force import BondStates, ForceSurrogate, bond_arrays, exact_bond_force
 from .compiled_force import CompiledBondForce
-from .internal_force import InternalForce
-from .settings import ForceSettings
-
-_CALLED = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4)
-"""Signature of a function compiled for blocks of bonds
-(`pdsurrogate.engine.compile.bond_force_signature`), in double precision.
-"""
 
 TRIAL = (
     [1.0, 1.3, 0.8, 1.1],
@@ -41,11 +30,6 @@ before a run.
 INVARIANTS = ([3.2, 3.6, 4.5, 6.0], [3.25, 3.4, 5.0, 4.5])
 """I1bar and I2bar at which the derivatives of an energy are compared with its values before a
 run.
-"""
-
-REST = np.array([[1.0, 0.0, 1.0, 1.0, 1.0, 1.0]]).T
-"""State of an undeformed bond as a column of a block: stretch-tensor components U_nn, U_nm,
-U_mm, then J, C33, and length.
 """
 
 RESULTS = {"bond_force": ("t_n", "t_tau"), "energy": ("W", "dW/dI1bar", "dW/dI2bar")}
@@ -134,11 +118,8 @@ class OwnBondForce(ForceSurrogate):
             )
         self.thing = thing
         self.name = type(thing).__name__
-        self.failure: RuntimeError | None = None
         # a bond force takes precedence over an energy
         self._gives_force = callable(getattr(thing, "bond_force", None))
-        # a reference is kept, since compiled code holds its address
-        self._callback = _CALLED(self._evaluate_block)
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
         """Return the dimensionless bond force of the user's object.
@@ -252,47 +233,44 @@ class OwnBondForce(ForceSurrogate):
             )
         return rows.astype(float)
 
-    def _tractions(self, a, b, U_mm, J, C33, length) -> np.ndarray:
-        """Return the stress components T_nn, T_nm and T_mm (theory (11)), shape (3, n), of bonds
-        with a = U_nn, b = U_nm and U_mm.
+    def tractions(self, states: BondStates) -> np.ndarray:
+        """Return the stress components T_nn, T_nm and T_mm (theory (11)) of bonds.
 
         T_mm is T_nn of a perpendicular bond, whose stretch tensor has the components U_mm and
         -U_nm.
+
+        Parameters
+        ----------
+        states : BondStates
+            States of n bonds.
+
+        Returns
+        -------
+        ndarray, shape (3, n)
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> from pdsurrogate.forces.bond_force import BondStates
+        >>> class Mine:
+        ...     def energy(self, I1, I2):
+        ...         return 0.5 * (I1 - 3), 0.5 + 0 * I1, 0 * I1
+        >>> rest = BondStates(*np.array([[1.0], [0.0], [1.0], [1.0], [1.0]]))
+        >>> pds.forces.OwnBondForce(Mine()).tractions(rest).shape
+        (3, 1)
         """
-        count = len(a)
-        twice = np.concatenate([[length, C33, J]] * 2, axis=1)
-        normal = np.concatenate([a, U_mm])
+        a, b, J = states.a, states.b, states.J
+        twice = np.concatenate([[states.length, states.C33, J]] * 2, axis=1)
+        normal = np.concatenate([a, lateral_stretch(a, b, J)])
         shear = np.concatenate([b, -b])
         stretch = np.hypot(normal, shear)
         t_n, t_tau = self._force(stretch, np.arctan2(shear, normal), *twice).T / stretch
-        along = t_n * normal - t_tau * shear
-        return np.stack([along[:count], t_n[:count] * b + t_tau[:count] * a, along[count:]])
-
-    def _evaluate_block(
-        self, states, sizes, weights, response, parameters, work, scratch, traction
-    ) -> None:
-        result = _rows_at(traction, TRACTION_ROWS)
-        result[:] = np.nan
-        try:
-            rows = _rows_at(states, STATE_ROWS)
-            # A point without a state is found by the evaluation itself. The user's function sees
-            # neither its bonds nor those that fill the last block, which have no length.
-            has_state = np.isfinite(rows).all(axis=0) & (rows[3] > 0) & (rows[4] > 0)
-            rows = np.where(has_state & (rows[5] > 0), rows, REST)
-            result[:] = np.where(has_state, self._tractions(*rows), np.nan)
-        # an exception cannot pass through compiled code; the evaluation raises it later
-        except Exception as error:
-            self.failure = (
-                error
-                if isinstance(error, RuntimeError)
-                else OwnForceFailed(f"{self.name}: {type(error).__name__}: {error}")
-            )
+        along, theirs = np.split(t_n * normal - t_tau * shear, 2)
+        return np.stack([along, t_n[: len(a)] * b + t_tau[: len(a)] * a, theirs])
 
     def compiled(self, dtype) -> CompiledBondForce:
-        address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
-        return CompiledBondForce(
-            address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0, needs_length=True
-        )
+        return CompiledBondForce(0, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
 
     def check_material(self, law: Law) -> None:
         """Check the user's force at a few bonds, or the derivatives of the user's energy at a few
@@ -375,7 +353,7 @@ class OwnBondForce(ForceSurrogate):
         a = stretch * np.cos(rotation)
         b = stretch * np.sin(rotation)
         U_mm = lateral_stretch(a, b, J)
-        T_nn, T_nm, T_mm = self._tractions(a, b, U_mm, J, C33, length)
+        T_nn, T_nm, T_mm = self.tractions(BondStates(a, b, length, C33, J))
         for bonds, off, what in (
             (
                 rest,
@@ -411,16 +389,6 @@ class OwnBondForce(ForceSurrogate):
             if off[worst] > NOTED:
                 warnings.warn(problem, stacklevel=3)
 
-    def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
-        # Python code must run on the calling thread only.
-        with thread_count(1):
-            return super().bind(body, law, settings)
-
-    def cause_of(self, error: RuntimeError) -> RuntimeError:
-        failure = self.failure
-        self.failure = None
-        return failure or error
-
     def payload(self) -> dict:
         return {"class": f"{type(self.thing).__module__}.{type(self.thing).__qualname__}"}
 
@@ -443,9 +411,3 @@ class _LawOf(InvariantLaw):
         """
         W, W1, W2 = self.own.energy(I1, I2)
         return W, W1, W2, 0 * W, 0 * W, 0 * W
-
-
-def _rows_at(address: int, rows: int) -> np.ndarray:
-    return np.ctypeslib.as_array(
-        ctypes.cast(address, ctypes.POINTER(ctypes.c_double)), (rows, BLOCK)
-    )

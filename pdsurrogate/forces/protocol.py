@@ -207,27 +207,6 @@ class ForceModel(ABC):
             self.default_precision if settings.plane == "stress" else "float64"
         )
 
-    def cause_of(self, error: RuntimeError) -> RuntimeError:
-        """Return the error to report for a failed evaluation: the error in a user's own code that
-        caused it, or else the failure itself.
-
-        Parameters
-        ----------
-        error : RuntimeError
-            Failure of the evaluation.
-
-        Returns
-        -------
-        RuntimeError
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> pds.AnalyticBondForce().cause_of(RuntimeError("no state"))
-        RuntimeError('no state')
-        """
-        return error
-
     def check_material(self, law: Law) -> None:  # noqa: B027 - most models have nothing to check
         """Raise ValueError if the model does not describe a material; a model without learned data
         accepts every law.

@@ -20,8 +20,9 @@ from .regions import BodyRegions
 THIN = 20.0
 """Stiffness of the contact: pressure over penetration, times the spacing and divided by the modulus
 of the material against strain along one axis. Contact is then as stiff as a layer of the material,
-a twentieth of a spacing thick, that cannot bulge. Chosen: a sheet of 32 points pressed by 20 % then
-has a force 0.2 % too low; with 10 it is 0.4 %, and with 50 dynamics take 1.5 times the steps.
+a twentieth of a spacing thick, that cannot bulge. Chosen for dynamics, where a sheet of 32 points
+pressed by 20 % has a force 0.2 % too low; with 10 it is 0.4 %, and with 50 there are 1.5 times the
+steps.
 """
 
 LEAST_RADIUS = 2.0

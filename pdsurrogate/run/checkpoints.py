@@ -14,7 +14,7 @@ from ..ranks import Rows
 from ..results.checkpoint import Checkpoint
 from ..results.states import Moment
 from ..results.tables import write_tables
-from .run import Run
+from .run import PUSHES, Run
 from .state import State
 
 SECONDS_BETWEEN_CHECKPOINTS = 30.0
@@ -145,7 +145,7 @@ class Checkpoints:
 
     def _held(self) -> dict[str, np.ndarray]:
         """Return the arrays, by name, that every checkpoint of the run contains: positions,
-        state of the force, and damage.
+        pushes of obstacles, state of the force, and damage.
         """
         run = self.run
         damage = (
@@ -158,10 +158,14 @@ class Checkpoints:
         its name.
 
         Rows of damage are pairs, rows of a state array are of the kind that `StateArray.rows`
-        names, other rows are points.
+        names, those of pushes are places on the boundary, other rows are points.
         """
         of_force = {array.name: array.rows for array in self.run.force.states}
         name = key.removeprefix(ACCEPTED).removeprefix(f"{LAST_OUTPUT}_")
+        if name == PUSHES:  # on every rank all of them
+            places = len(self.run.loads.pushes)
+            leads = np.full(places, self._share.leads)
+            return Rows(self.run.ranks, np.arange(places), leads, places)
         kind = "pairs" if key in ("broken", "recent") else of_force.get(name, "points")
         return self._rows(kind)
 

@@ -200,11 +200,13 @@ class Equilibria:
         self._checkpoints.write({"gave_up": self.solver.gave_up, "way": kept}, arrays)
 
     def _output_arrays(self) -> dict[str, np.ndarray]:
-        """Return the positions and the history of the force, by the names that they have in a
-        checkpoint as those of the last output.
+        """Return the positions, the pushes of obstacles and the history of the force, by the names
+        that they have in a checkpoint as those of the last output.
         """
-        history = {f"{LAST_OUTPUT}_{name}": array for name, array in self.run.force.history.items()}
-        return {LAST_OUTPUT: self.run.positions} | history
+        others = self.run.contact | self.run.force.history
+        return {LAST_OUTPUT: self.run.positions} | {
+            f"{LAST_OUTPUT}_{name}": array for name, array in others.items()
+        }
 
     def _at_output(self) -> tuple[dict[str, np.ndarray], float]:
         """Return copies of positions and history, and the loading parameter, by which the body

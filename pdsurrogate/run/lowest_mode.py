@@ -12,6 +12,7 @@ from ..results import Result
 from ..results.lowest_mode import LowestMode
 from ..scenes import Scene
 from ..solvers.equilibrium import NotConverged
+from ..solvers.methods import EnergyMinimizer
 from ..solvers.preconditioner import preconditioner_of
 from ..solvers.stability import lowest_mode
 from .reopened import check_intact, number_of_output, place, run_in_double
@@ -44,6 +45,8 @@ def lowest_mode_of(
         check_intact(run, result, number, "modes")
         at = run.state.parameter = result.levels[number][loading]
         place(run, run.body.points + result.displacement(number))
+        if run.loads.obstacles:  # finds their pushes
+            EnergyMinimizer(run.loading.free, run.body.volumes).solve(run.loaded, run.positions)
         preconditioner = preconditioner_of(run.loaded, run.loading.free, bending=True)
         try:
             eigenvalue, error, mode = lowest_mode(

@@ -39,6 +39,10 @@ the others wait.
 """
 
 
+PUSHES = "pushes"
+"""Name of the array of `Loads.pushes` in checkpoints."""
+
+
 class Oversubscribed(RuntimeWarning):
     """Warning that the ranks have more threads in total than there are cores: a waiting rank
     loops, on a core that another rank needs.
@@ -158,10 +162,15 @@ class Run:
         self.force.seconds, self.force.timed = 0.0, 0
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return, by name, the arrays that together define an equilibrium: the positions, and
-        the state arrays of the force.
+        """Return, by name, the arrays that together define an equilibrium: the positions, the
+        pushes of obstacles, and the state arrays of the force.
         """
-        return {"positions": self.positions, **self.force.state_arrays}
+        return {"positions": self.positions, **self.contact, **self.force.state_arrays}
+
+    @property
+    def contact(self) -> dict[str, np.ndarray]:
+        """The pushes of obstacles by the name of their array, if there are any."""
+        return {PUSHES: self.loads.pushes} if self.loads.obstacles else {}
 
     def takes_double(self) -> bool:
         """Return whether the run may change to double precision: the scene sets no precision,
@@ -209,6 +218,7 @@ class Run:
             State(parameter, parameter),
         )
         other.loading, other.loads = problem.loading, problem.loading.loads
+        other.loads.pushes[:] = self.loads.pushes
         return other
 
     @contextmanager

@@ -155,6 +155,8 @@ class _Change:
         Derivative of the displacements of held parts.
     forces : ndarray, shape (n, d)
         Derivative of the forces.
+    pushes : ndarray, shape (places, obstacles)
+        Derivative of the forces of obstacles at places.
     measured : ndarray, shape (measurements,)
         Derivatives of the measurements.
     rounding : float
@@ -164,6 +166,7 @@ class _Change:
     name: str
     moved: np.ndarray
     forces: np.ndarray
+    pushes: np.ndarray
     measured: np.ndarray
     rounding: float
 
@@ -270,6 +273,7 @@ class Differentiated:
                 *(name for name in measured if name.startswith("places.")),
             ]
             few = 0 < len(names) < len(parameters) and self.contrast <= MOST_CONTRAST
+            few = few and not run.loads.obstacles  # whose pushes follow forward solutions
             gradients = self._gradients(names) if few else None
             moved = None if gradients else np.empty((len(parameters), *run.positions.shape))
             derivatives, errors = np.empty((2, len(names), len(parameters)))
@@ -347,6 +351,7 @@ class Differentiated:
             np.inf,
             0,
         )
+        pushes = np.zeros_like(change.pushes)
         least = 1e-300
         if (
             self.control is not None and self.numbers[change.name]
@@ -358,10 +363,14 @@ class Differentiated:
             )
         for number in range(MOST_ROUNDS):
             moved += equations.displacements(left, ROUGH, change.rounding)
-            along = self._change(change.name, names, moved)
-            (wrong, size), before = equations.estimate(along.forces), size
+            along = self._change(change.name, names, moved, pushes)
+            left = along.forces
+            if self.run.loads.obstacles:
+                left = left + self.run.loaded.of_contact(along.pushes - pushes)
+                pushes = along.pushes
+            (wrong, size), before = equations.estimate(left), size
             share = float(np.abs(wrong).max()) / max(float(np.abs(moved).max()), least)
-            last, measured, left = measured, along.measured, along.forces
+            last, measured = measured, along.measured
             if number == 0:  # there are no earlier derivatives to compare with
                 continue
             ratio = size / before if before else 0.0
@@ -482,12 +491,17 @@ class Differentiated:
         }
 
     def _change(
-        self, name: str, names: Sequence[str] = (), moved: np.ndarray | None = None
+        self,
+        name: str,
+        names: Sequence[str] = (),
+        moved: np.ndarray | None = None,
+        pushes: np.ndarray | float = 0.0,
     ) -> "_Change":
         """Return the rates at which a parameter changes the equilibrium and the measurements
         `names`.
 
-        Free components move at the rates `moved` (n, d); with None they rest.
+        Free components move at the rates `moved` (n, d); with None they rest. The pushes of
+        obstacles change at the rates `pushes` (places, obstacles).
         """
         run, fine = self.run, self.fine or name.endswith("bulk_modulus")
         value, step = self._step(name, fine, moved is not None)
@@ -502,17 +516,26 @@ class Differentiated:
 
         def state(way: float) -> np.ndarray:
             with self._beside(name, value + way) as side:
+                loads = side.run.loads
+                loads.pushes[:] = run.loads.pushes + way * pushes
                 positions, forces = _forces(
                     side.run, run.positions if moved is None else run.positions + way * moved
                 )
                 sizes.append(float(np.linalg.norm(forces)))
-                return np.concatenate([positions.ravel(), forces.ravel(), side.values_of(names)])
+                pushed = loads.pushed(positions, loads.pushes)
+                found = positions, forces, pushed, side.values_of(names)
+                return np.concatenate([each.ravel() for each in found])
 
         rates = central_difference(state, step, fine)
         place(run, run.positions)  # planes of reflection have moved
-        of_points, measured = np.split(rates, [2 * run.positions.size])
-        motion, forces = of_points.reshape(2, *run.positions.shape)
-        return _Change(name, motion, forces, measured, ROUNDED * max(sizes) / step)
+        size, shape = run.positions.size, run.loads.pushes.shape
+        motion, forces, found, measured = np.split(
+            rates, np.cumsum([size, size, run.loads.pushes.size])
+        )
+        motion, forces = motion.reshape(run.positions.shape), forces.reshape(run.positions.shape)
+        return _Change(
+            name, motion, forces, found.reshape(shape), measured, ROUNDED * max(sizes) / step
+        )
 
     def values_of(self, names: Sequence[str]) -> np.ndarray:
         """Return the named measurements where the force was last evaluated; NaN for one that

@@ -278,6 +278,8 @@ class Loads:
     no_potential_because : str or None
         Why the loads are not minus the derivative of a potential; None if they are.
     obstacles : list of Obstacle
+    pushes : ndarray, shape (k, obstacles)
+        Forces of the obstacles at places where the gap is zero, found by equilibria.
     """
 
     def __init__(self, body: Body, loads: Sequence[DeadLoad | Pressure | Obstacle]) -> None:
@@ -287,6 +289,10 @@ class Loads:
             load for load in loads if not isinstance(load, DeadLoad)
         ]
         self.obstacles = [load for load in loads if isinstance(load, Obstacle)]
+        places = len(self.obstacles[0].surface.nodes) if self.obstacles else 0
+        self.pushes = np.zeros((places, len(self.obstacles)))
+        for one, column in zip(self.obstacles, self.pushes.T, strict=True):
+            one.pushes = column
         self._present = np.zeros_like(body.points) if self._dead else None
         self.needs_thickness = any(load.needs_thickness for load in self._following)
         self.no_potential_because = next(
@@ -365,6 +371,13 @@ class Loads:
             out += self._present
         for load in self._following:
             load.add(positions, thickness, out)
+
+    def pushed(self, positions: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+        """Return the forces of all obstacles at places (k, obstacles) with given `pushes`."""
+        forces = np.empty_like(pushes)
+        for number, obstacle in enumerate(self.obstacles):
+            forces[:, number] = obstacle.pushed(positions, pushes[:, number])[0]
+        return forces
 
     def potential(self, positions: np.ndarray) -> float:
         """Return the potential energy of the loads at their present size, 0 in the undeformed body
@@ -539,10 +552,7 @@ class LoadedForce:
             support.place(positions)
         self.internal(positions, out)
         self.loads.forces(positions, self.thickness(), out)
-        for support in self.supports:
-            support.fold(out)
-        for region in self.rigid:
-            region.carry(positions, out)
+        self._gather(positions, out)
 
     def applied(self) -> np.ndarray:
         """Return the forces of the loads on the points in the state last evaluated, shape (n,
@@ -551,6 +561,25 @@ class LoadedForce:
         found = np.zeros_like(self.body.points)
         self.loads.forces(self.positions[: len(self.body)], self.thickness(), found)
         return found
+
+    def of_contact(self, forces: np.ndarray) -> np.ndarray:
+        """Return the forces on the points (n, d) under forces of the obstacles at places
+        (k, obstacles) in the state last evaluated.
+        """
+        positions, found = self.positions[: len(self.body)], np.zeros_like(self.body.points)
+        for obstacle, column in zip(self.obstacles, forces.T, strict=True):
+            obstacle.surface.add(column[:, None] * obstacle.pushed(positions)[1], found)
+        self._gather(positions, found)
+        return found
+
+    def _gather(self, positions: np.ndarray, out: np.ndarray) -> None:
+        """Replace forces on points at supports and in rigid regions, in place, by those that move
+        them.
+        """
+        for support in self.supports:
+            support.fold(out)
+        for region in self.rigid:
+            region.carry(positions, out)
 
     def thickness(self) -> np.ndarray | None:
         """Return the stretch of the thickness at the points in the state last evaluated, shape

@@ -99,9 +99,9 @@ class QuasiNewton(EquilibriumSolver):
                     raise
                 self.evaluate(force, positions, forces)
                 break
+            change = forces - following
             residual, settled = self.judge(force, following, tolerance)
             evaluations = force.evaluations - began
-            change = forces - following
             curvature = self.share.dot(step, change)
             if share < self.MISJUDGED and history:
                 # The tangent has changed, and the pairs mislead: they would propose one step after
@@ -513,7 +513,8 @@ class Newton(EquilibriumSolver):
             if settled:
                 return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
             self._equations = self._equations_at(force, positions)
-            step, before = self._equations.displacements(forces, self.SHARE_LEFT), residual
+            step = self._equations.displacements(forces, self.SHARE_LEFT)
+            before = self.residual(force, forces)
             try:
                 self.evaluate(force, positions + step, forces)
             except InvalidState as error:

@@ -12,12 +12,6 @@ from ..forces import InvalidState
 from ..ranks import Share
 from .multigrid import Operator
 
-SAME_NORMAL = 0.99
-"""Cosine of the angle between the normal of an obstacle at a node and an earlier one, below which
-the response to a push there is computed anew. Chosen: a normal 8 degrees off changes the stiffness
-along itself by 2 %.
-"""
-
 MOST_ROUNDS = 20
 """Maximum number of rounds in which nodes in contact are added and removed for a first guess;
 some five are usual.
@@ -136,8 +130,10 @@ class ContactNodes:
 
 
 class Obstacle:
-    """Rigid obstacle: its penetration p into the body has the energy k A p^2/2, summed over places
-    with areas A, with stiffness k.
+    """Rigid obstacle, which pushes at a place of area A with the force max(q - k A g, 0), where g
+    is the gap to it and k a stiffness.
+
+    Equilibria find the pushes q with which nothing penetrates; in dynamics they stay as they are.
 
     Parameters
     ----------
@@ -164,6 +160,8 @@ class Obstacle:
         Present value of the amplitude.
     stiffness : ndarray, shape (k,)
         Force divided by penetration at each place.
+    pushes : ndarray, shape (k,)
+        Force at each place where the gap is zero, the column of the obstacle in `Loads.pushes`.
     barred : mapping of str to ndarray of int
         Places that the obstacle must not touch, by the name of the rigid region that they belong
         to.
@@ -191,6 +189,7 @@ class Obstacle:
             0.0,
         )
         self.barred: Mapping[str, np.ndarray] = {}
+        self.pushes = np.zeros(len(surface.nodes))
         self._center, self._radius, self._direction, self.stiffness = (
             center,
             radius,
@@ -263,24 +262,31 @@ class Obstacle:
 
     def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
         """Return the force at every place, shape (k, d); 0 on ranks other than the first."""
-        return self._on_places(positions) * self.surface.share.leads
+        forces, normals = self.pushed(positions)
+        return forces[:, None] * normals * self.surface.share.leads
 
-    def _on_places(self, positions: np.ndarray) -> np.ndarray:
+    def pushed(
+        self, positions: np.ndarray, pushes: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the force (k,) at every place, by default with the present `pushes`, and its
+        directions (k, d).
+        """
         gaps, normals = self.gaps(self.surface.places(positions))
-        return (self.stiffness * np.maximum(-gaps, 0.0))[:, None] * normals
+        pushes = self.pushes if pushes is None else pushes
+        return np.maximum(pushes - self.stiffness * gaps, 0.0), normals
 
     def add(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
         """Add the forces of the obstacle on the points to `out`, shape (n, d)."""
-        self.surface.add(self._on_places(positions), out)
+        forces, normals = self.pushed(positions)
+        self.surface.add(forces[:, None] * normals, out)
 
     def potential(self, positions: np.ndarray) -> float:
-        """Return the energy of the penetration; 0 on ranks other than the first."""
-        gaps, _ = self.gaps(self.surface.places(positions))
-        return (
-            0.5
-            * float((self.stiffness * np.minimum(gaps, 0.0) ** 2).sum())
-            * self.surface.share.leads
-        )
+        """Return the energy of the contact, 0 without gaps and penetration; 0 on ranks other than
+        the first.
+        """
+        pushing, forces = self.stiffness > 0, self.pushed(positions)[0]
+        squares = forces[pushing] ** 2 - self.pushes[pushing] ** 2
+        return float((squares / self.stiffness[pushing]).sum()) / 2 * self.surface.share.leads
 
     def contact(self, positions: np.ndarray) -> dict[str, float]:
         """Return the deformed area of the boundary in contact, in the plane its length, and the
@@ -345,8 +351,8 @@ class ContactStiffness:
 
     With rows g of the normal displacements in contact, and their stiffnesses k, the inverse of A +
     g^T k g follows from that of A by Woodbury's identity. The displacements of all places under a
-    push on one of them are computed when it is first in contact. Obstacles and places are numbered
-    as pairs, those of the first obstacle first.
+    push on one of them along an axis are computed when they are first needed. Obstacles and places
+    are numbered as pairs, those of the first obstacle first.
 
     Parameters
     ----------
@@ -359,88 +365,90 @@ class ContactStiffness:
         self._inverse, self._obstacles, self._surface = inverse, obstacles, obstacles[0].surface
         self._stiffness = np.concatenate([obstacle.stiffness for obstacle in obstacles])
         self._places = np.tile(np.arange(len(self._surface.nodes)), len(obstacles))
-        # Of the pairs whose response is known: the normals, and the displacements of all places
-        # under a unit push.
-        self._normals, self._known = np.zeros((len(self._places), self._surface.nodes.shape[1])), {}
-        self._active, self._factor = np.zeros(0, dtype=int), None
+        # Displacements of all places under a unit push on a place along an axis.
+        self._known: dict[tuple[int, int], np.ndarray] = {}
+        self._active, self._normals, self._factor = np.zeros(0, dtype=int), np.zeros((0, 0)), None
 
-    def _gaps(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the gaps and normals of all pairs; the gap is infinite where obstacles do not
-        push.
+    def _gaps(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the gaps of all pairs, infinite where obstacles do not push, the gaps below which
+        they push, and the normals.
         """
         places = self._surface.places(positions)
         gaps, normals = (
             np.concatenate(parts)
             for parts in zip(*(one.gaps(places) for one in self._obstacles), strict=True)
         )
-        return np.where(self._stiffness > 0, gaps, np.inf), normals
+        pushes = np.concatenate([obstacle.pushes for obstacle in self._obstacles])
+        pushing = self._stiffness > 0
+        reach = np.divide(pushes, self._stiffness, out=np.zeros_like(pushes), where=pushing)
+        return np.where(pushing, gaps, np.inf), reach, normals
 
-    def _moved_by(
-        self, pairs: np.ndarray, pushes: np.ndarray, shape: tuple[int, ...]
-    ) -> np.ndarray:
-        """Return the displacements of the points, with `shape` (n, d), under pushes (k,) of
-        `pairs` along their known normals.
+    def _moved_by(self, at_places: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+        """Return the displacements of the points, with `shape` (n, d), under forces on the places
+        (k, d).
         """
-        at_places, forces = np.zeros_like(self._surface.nodes), np.zeros(shape)
-        np.add.at(at_places, self._places[pairs], pushes[:, None] * self._normals[pairs])
+        forces = np.zeros(shape)
         self._surface.add(at_places, forces)
         return self._inverse(forces)
 
-    def _responses(
-        self, pairs: np.ndarray, normals: np.ndarray, shape: tuple[int, ...]
+    def _pushed_by(
+        self, pairs: np.ndarray, normals: np.ndarray, pushes: np.ndarray, shape: tuple[int, ...]
     ) -> np.ndarray:
-        """Return the displacements of all pairs along `normals` under unit pushes on `pairs`, shape
-        (all, pairs).
-
-        Responses to pairs that are new, or whose normal has turned, are computed. The normals of
-        `pairs` are set to the known ones.
+        """Return the displacements of the points under pushes (p,) of `pairs` (p,) along their
+        normals (p, d).
         """
-        for pair in pairs.tolist():
-            if pair not in self._known or self._normals[pair] @ normals[pair] < SAME_NORMAL:
-                self._normals[pair] = normals[pair]
-                self._known[pair] = self._surface.places(
-                    self._moved_by(np.array([pair]), np.ones(1), shape)
-                )
-        normals[pairs] = self._normals[pairs]
-        found = [(self._known[pair][self._places] * normals).sum(axis=1) for pair in pairs.tolist()]
-        return np.stack(found, axis=1) if found else np.zeros((len(normals), 0))
+        at_places = np.zeros_like(self._surface.nodes)
+        np.add.at(at_places, self._places[pairs], pushes[:, None] * normals)
+        return self._moved_by(at_places, shape)
 
-    def _compliance(self, pairs: np.ndarray, responses: np.ndarray) -> np.ndarray:
-        """Return the matrix from pushes on `pairs` in contact to their normal displacements,
-        that of the contact itself included.
+    def _responses(
+        self, rows: np.ndarray, pairs: np.ndarray, normals: np.ndarray, shape: tuple[int, ...]
+    ) -> np.ndarray:
+        """Return the displacements of the pairs `rows` along their normals under unit pushes on
+        `pairs`, shape (rows, pairs); `normals` are those of all pairs.
         """
-        own = responses[pairs]
+        places, along = self._places[rows], normals[rows]
+        found = np.zeros((len(rows), len(pairs)))
+        for column, pair in enumerate(pairs.tolist()):
+            for axis in np.flatnonzero(normals[pair]).tolist():
+                key = int(self._places[pair]), axis
+                if key not in self._known:
+                    unit = np.zeros_like(self._surface.nodes)
+                    unit[key] = 1.0
+                    self._known[key] = self._surface.places(self._moved_by(unit, shape))
+                found[:, column] += normals[pair, axis] * (self._known[key][places] * along).sum(1)
+        return found
+
+    def _compliance(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """Return the matrix from pushes on `pairs` in contact to their normal displacements, from
+        their responses (p, p) and the stiffness of the contact itself.
+        """
         return (own + own.T) / 2 + np.diag(1 / self._stiffness[pairs])
 
     def adapt(self, positions: np.ndarray) -> bool:
         """Adapt to the contact at positions (n, d); return whether other places are in contact
         than before.
         """
-        gaps, normals = self._gaps(positions)
-        pairs = np.flatnonzero(gaps < CLOSE * self._surface.spacing)
-        same = (
-            np.array_equal(pairs, self._active)
-            and (self._normals[pairs] * normals[pairs]).sum(axis=1).min(initial=1.0) > SAME_NORMAL
-        )
-        if not same:
-            self._active, responses = pairs, self._responses(pairs, normals, positions.shape)
+        gaps, reach, normals = self._gaps(positions)
+        pairs = np.flatnonzero(gaps - reach < CLOSE * self._surface.spacing)
+        changed = not np.array_equal(pairs, self._active)
+        if changed or not np.array_equal(normals[pairs], self._normals):
+            self._active, self._normals = pairs, normals[pairs]
+            own = self._responses(pairs, pairs, normals, positions.shape)
             self._factor = (
-                scipy.linalg.lu_factor(self._compliance(pairs, responses)) if len(pairs) else None
+                scipy.linalg.lu_factor(self._compliance(pairs, own)) if len(pairs) else None
             )
-        return not same
+        return changed
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """Return the displacements (n, d) under forces (n, d)."""
         moved = self._inverse(forces)
         if self._factor is None:
             return moved
-        pairs = self._active
-        along = (self._surface.places(moved)[self._places[pairs]] * self._normals[pairs]).sum(
-            axis=1
-        )
-        return moved - self._moved_by(
-            pairs, scipy.linalg.lu_solve(self._factor, along), forces.shape
-        )
+        pairs, normals = self._active, self._normals
+        along = (self._surface.places(moved)[self._places[pairs]] * normals).sum(axis=1)
+        pushes = scipy.linalg.lu_solve(self._factor, along)
+        return moved - self._pushed_by(pairs, normals, pushes, forces.shape)
 
     def outside(self, positions: np.ndarray) -> np.ndarray:
         """Return positions (n, d) moved by the least displacements, in the energy of A, that bring
@@ -449,18 +457,17 @@ class ContactStiffness:
         Places in contact are found in rounds, which add those that penetrate and remove those that
         are pulled.
         """
-        gaps, normals = self._gaps(positions)
-        pairs, pushes = np.flatnonzero(gaps < 0), np.zeros(0)
+        gaps, reach, normals = self._gaps(positions)
+        pairs, pushes = np.flatnonzero(gaps < reach), np.zeros(0)
+        every = np.arange(len(gaps))
         for _ in range(MOST_ROUNDS if len(pairs) else 0):
-            responses = self._responses(pairs, normals, positions.shape)
-            pushes = np.linalg.solve(self._compliance(pairs, responses), -gaps[pairs])
-            active = gaps + responses @ pushes < 0
-            active[pairs] = pushes > 0
+            responses = self._responses(every, pairs, normals, positions.shape)
+            pushes = np.linalg.solve(self._compliance(pairs, responses[pairs]), -gaps[pairs])
+            active = gaps + responses @ pushes < reach
+            active[pairs] = pushes > -self._stiffness[pairs] * reach[pairs]
             before, pairs = pairs, np.flatnonzero(active)
             if np.array_equal(before, pairs):
                 break
         else:
-            pushes = np.zeros(len(pairs))
-        return (
-            positions + self._moved_by(pairs, pushes, positions.shape) if len(pairs) else positions
-        )
+            return positions
+        return positions + self._pushed_by(pairs, normals[pairs], pushes, positions.shape)

@@ -399,6 +399,7 @@ def kernel_and_numpy(subject: Subject) -> float:
     model, law = subject.model, subject.law
     required(subject.plane == "stress", "its NumPy implementation is for sheets")
     required(isinstance(model, ForceSurrogate | EnergySurrogate), "no NumPy implementation")
+    required(model.compiled("float64").address, "no compiled kernel")
     if isinstance(model, ForceSurrogate):
         X = training_samples(law, 1000, (0.8, 3.5), random_state=11).X.T
         found, expected = kernel_bond_force(model, law, np.float64)(*X), model.bond_force(*X)

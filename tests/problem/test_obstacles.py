@@ -65,6 +65,9 @@ def test_forces_are_minus_the_gradient_of_the_energy_and_balance_those_of_the_ob
     loads.set(1.0)
     rng = np.random.default_rng(3)
     positions = points + 0.02 * rng.standard_normal(points.shape)
+    # Some places that touch push without penetration, some that do not push if they come nearer.
+    loads.pushes[:] = 0.5 * loads.pushed(positions, loads.pushes)
+    loads.pushes[::3] += 0.01 * np.array([one.stiffness > 0 for one in loads.obstacles]).T[::3]
     forces = np.zeros_like(points)
     loads.forces(positions, None, forces)
     by_name = loads.by_name(positions)
@@ -91,28 +94,77 @@ def test_forces_are_minus_the_gradient_of_the_energy_and_balance_those_of_the_ob
 @pytest.mark.parametrize("model", ["bond-energy", "analytic"])
 @pytest.mark.parametrize("body", [pressed().body, CLOUD], ids=["lattice", "relaxed"])
 def test_a_plate_without_friction_leaves_the_body_in_the_homogeneous_state(body, model):
-    """The face of the body stands off the plate by the penetration alone; its force was off by
-    0.8 % (lattice) and 1.8 % (relaxed).
-    """
-    result = pds.simulate(pressed(body=body, solver={"tolerance": 1e-6}), model)
+    """With the stiffness of contact alone the force is 0.8 % too low."""
+    result = pds.simulate(pressed(body=body), model)
     level = result.levels[-1]
     depth = level["contact"]["plate"]["penetration"]
-    exact = uniaxial(pds.materials.NeoHookean(1.0, 10.0), 0.8 + depth)
+    exact = uniaxial(pds.materials.NeoHookean(1.0, 10.0), 0.8)
     assert -level["forces"]["plate"][1] == pytest.approx(-exact.nominal_stress, rel=1e-4)
-    # The contact is a layer of a twentieth of a spacing of the material, which cannot bulge in the
-    # plane.
-    modulus = 4 * 31 / 34
-    assert depth == pytest.approx(-exact.nominal_stress * 0.125 / (20 * modulus), rel=1e-3)
+    assert depth < 5e-4 * 0.125
     # Of the free side the part counts that is nearer than 0.01 spacings.
-    side = depth + 0.01 * 0.125
     assert level["contact"]["plate"]["area"] == pytest.approx(
-        exact.lateral_stretch + side, abs=1e-4
+        exact.lateral_stretch + 0.01 * 0.125, abs=1e-4
     )
     assert level["displacements"]["plate"] == pytest.approx([0, -0.2])
     row = result.history[-1]
     assert row["contact_area_plate"] == level["contact"]["plate"]["area"]
     assert row["contact_penetration_plate"] == depth
     assert row["force_plate_2"] == level["forces"]["plate"][1]
+
+
+SLAB = pds.shapes.Box(size=(1.0, 1.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"plane": "strain"},
+        {"plane": "strain", "body": CLOUD, "steps": [pds.Step(to=1.0, outputs=2)]},
+        {"body": SLAB, "spacing": 0.25},
+        {"body": SLAB.model_copy(update={"arrangement": "relaxed", "seed": 1}), "spacing": 0.25},
+    ],
+    ids=["strain", "relaxed, strain", "space", "relaxed, space"],
+)
+def test_a_plate_gives_the_force_of_the_same_motion_prescribed(changes):
+    """It was 0.4 % less, by the penetration; finding it takes few evaluations."""
+    solid = "spacing" in changes
+    place = {"point": (0.0, 1.0, 0.0)[: 2 + solid], "normal": (0.0, 1.0, 0.0)[: 2 + solid]}
+    plate = {"half_space" if solid else "half_plane": place, "x2": -0.2, "name": "plate"}
+    held = [{"region": "bottom", "x2": 0.0}, {"region": "left", "x1": 0.0}]
+    held += [{"region": "back", "x3": 0.0}] * solid
+    top = {"region": "top", "x2": -0.2, "name": "plate"}
+    results = [
+        pds.simulate(pressed(**changes, prescribed=held, obstacles=(plate,)), "bond-energy"),
+        pds.simulate(pressed(**changes, prescribed=[*held, top], obstacles=()), "bond-energy"),
+    ]
+    touched, prescribed = (result.levels[-1]["forces"]["plate"] for result in results)
+    np.testing.assert_allclose(touched, prescribed, rtol=0, atol=1e-4 * abs(prescribed[1]))
+    evaluations = [result.summary["n_force_evaluations"] for result in results]
+    assert evaluations[0] < 1.5 * evaluations[1]
+
+
+def test_derivatives_in_contact_are_those_of_the_same_motion_prescribed():
+    """Contact is rigid where it touches: with its stiffness alone the derivatives were 1 % off."""
+    result = pds.simulate(pressed(), "bond-energy")
+    found = result.sensitivity(["forces.plate.1"], ["obstacles.0.x2", "material.shear_modulus"])
+    law, step = pds.materials.NeoHookean(1.0, 10.0), 1e-5
+    ahead, behind = (uniaxial(law, 0.8 + way * step).nominal_stress for way in (1, -1))
+    assert found.derivatives[0, 0] == pytest.approx((ahead - behind) / (2 * step), rel=1e-4)
+    ahead, behind = (
+        uniaxial(pds.materials.NeoHookean(1.0 + way * step, 10.0), 0.8).nominal_stress
+        for way in (1, -1)
+    )
+    assert found.derivatives[0, 1] == pytest.approx((ahead - behind) / (2 * step), rel=1e-4)
+
+
+def test_the_lowest_mode_in_contact_is_that_of_the_same_motion_prescribed():
+    """A plate holds a face normal to it, but leaves its points half a cell inside some freedom."""
+    top = pds.Prescribed(region="top", x2=-0.2)
+    held = pressed(prescribed=[*pressed().prescribed, top]).model_copy(update={"obstacles": ()})
+    one, other = (
+        pds.simulate(scene, "bond-energy").lowest_mode().eigenvalue for scene in (pressed(), held)
+    )
+    assert one == pytest.approx(other, rel=0.03)
 
 
 def test_a_plate_that_moves_away_leaves_the_body_undeformed():
@@ -153,7 +205,7 @@ def test_a_bonded_block_whose_sides_roll_over_the_plate_has_the_force_of_finite_
     assert -level["forces"]["plate"][1] == pytest.approx(BLOCK, rel=0.01)
     assert level["contact"]["plate"]["area"] == pytest.approx(2.979, rel=0.05)
     assert level["contact"]["base"]["area"] > 0.1
-    assert max(contact["penetration"] for contact in level["contact"].values()) < 0.005 * 0.05
+    assert max(contact["penetration"] for contact in level["contact"].values()) < 5e-5 * 0.05
 
 
 def test_a_body_thrown_at_a_wall_bounces_and_keeps_its_energy():

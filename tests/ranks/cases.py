@@ -178,6 +178,7 @@ def pressed(dynamics):
         prescribed=(pds.Prescribed(region="bottom", x1=0.0, x2=0.0),),
         obstacles=(plate, disc),
         steps=(step,),
+        solver={"tolerance": 1e-7},
     )
     result = pds.simulate(scene, "bond-energy")
     return result.levels[-1], result.displacement() if communicator().rank == 0 else None

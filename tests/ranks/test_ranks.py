@@ -271,8 +271,9 @@ def test_equilibrium_with_obstacles_within_the_tolerance(ranks):
     assert shared["evaluations"] <= 1.6 * alone["evaluations"]
     for name in ("plate", "disc"):
         np.testing.assert_allclose(shared["forces"][name], alone["forces"][name], rtol=0, atol=1e-5)
+        # it ends where the gap is 0.01 spacings, and the penetration that is left differs
         assert shared["contact"][name]["area"] == pytest.approx(
-            alone["contact"][name]["area"], rel=1e-4
+            alone["contact"][name]["area"], abs=1e-4
         )
 
 

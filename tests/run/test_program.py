@@ -155,12 +155,32 @@ def test_dynamics_may_stand_anywhere():
     assert len(forces_of(result.history, "right")) > 10
 
 
-@pytest.mark.parametrize("interrupted", [1, 3, 4])
-def test_a_program_resumes_to_the_same_bits(tmp_path, interrupted):
+DISC = {"disc": {"center": (0.4, 1.3), "radius": 0.5}, "x2": -0.5, "name": "disc"}
+
+
+def test_dynamics_begin_with_the_contact_of_equilibrium():
+    """A disc that stands still: the body rests, and its contact stays as it is."""
+    program = ({"to": 0.3}, dynamic(0.3, 0.1))
+    result = simulate(
+        scene_of(program, body=pds.shapes.Rectangle(size=(0.8, 0.8)), obstacles=(DISC,)),
+        "bond-energy",
+    )
+    before, after = (level["forces"]["disc"][1] for level in result.levels)
+    assert after == pytest.approx(before, rel=1e-4)
+    assert before < -0.1
+    assert result.history[-1]["kinetic_energy"] < 1e-8
+    assert abs(result.history[-1]["work"]) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("interrupted", "obstacles"), [(1, ()), (3, ()), (4, ()), (1, (DISC,)), (3, (DISC,))]
+)
+def test_a_program_resumes_to_the_same_bits(tmp_path, interrupted, obstacles):
     """After an output in equilibrium within a step, in dynamics, and after dynamics."""
     scene = scene_of(
         ({"to": 0.3, "outputs": 2}, dynamic(0.4, 0.1, 2), 0.2, 0.0),
         body=pds.shapes.Rectangle(size=(0.8, 0.8)),
+        obstacles=obstacles,
     )
     whole = simulate(scene, "bond-energy", folder=tmp_path / "whole")
     with killed_with_levels(interrupted):
