@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -14,10 +13,6 @@ import scipy
 from ..body import Cells, ReflectionPlane
 from ..kernels.polygons import encloses
 from ..scenes.solids import AnyPrecut
-from .cells import lattice_of
-
-if TYPE_CHECKING:
-    import shapely
 
 BESIDE = 8.0
 """Distance, in those within which places coincide, by which points on a cut are moved to its side.
@@ -164,7 +159,9 @@ class Cuts:
             section = shapely.build_area(
                 shapely.multilinestrings((_sections(nodes, facets, place, normal) - place) @ axes.T)
             )
-            face = section.intersection(_hull((outlines[number] - place) @ axes.T))
+            # As a polygon, ends of an outline that differ by rounding would make it invalid.
+            outline = shapely.multipoints((outlines[number] - place) @ axes.T)
+            face = section.intersection(outline.convex_hull)
             traces = []
             for outline in outlines:
                 ring = np.arange(len(outline))
@@ -172,26 +169,21 @@ class Cuts:
                     outline, np.stack([ring, np.roll(ring, -1)], axis=1), place, normal
                 )
                 traces += [(ends.reshape(2, 3) - place) @ axes.T] if len(ends) == 2 else []
-            shapely.prepare(face)
             for part in shapely.get_parts(face):
                 low, high = np.reshape(part.bounds, (2, 2))
-                counts = np.maximum(
-                    1, np.rint(np.linalg.norm((high - low)[:, None] * axes / cell, axis=1))
-                ).astype(int)
-                grid = lattice_of(*map(np.arange, counts))
-                size = (high - low) / counts
-                tiles = shapely.box(*(low + grid * size).T, *(low + (grid + 1) * size).T)
-                whole = shapely.contains_properly(face, tiles)
-                tiles = np.concatenate(
-                    [tiles[whole], shapely.get_parts(shapely.intersection(tiles[~whole], part))]
-                )
-                for trace in traces:
-                    tiles = _split(tiles, trace, np.linalg.norm(high - low))
+                size = high - low
+                lines = [part.boundary, *shapely.linestrings(np.reshape(traces, (-1, 2, 2)))]
+                for axis, length in enumerate(np.linalg.norm(size[:, None] * axes / cell, axis=1)):
+                    count = max(1, round(length))
+                    ends = np.tile([low, high], (count - 1, 1, 1))
+                    ends[:, :, axis] += (np.arange(1, count) / count * size[axis])[:, None]
+                    ends[:, 1, axis] -= size[axis]
+                    lines.extend(shapely.linestrings(ends))
+                tiles = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
+                tiles = tiles[shapely.covers(part, shapely.point_on_surface(tiles))]
                 areas = shapely.area(tiles)
-                tiles, areas = (
-                    tiles[areas > self._rounding * size.min()],
-                    areas[areas > self._rounding * size.min()],
-                )
+                large = areas > self._rounding * min(cell)
+                tiles, areas = tiles[large], areas[large]
                 centers = shapely.get_coordinates(shapely.centroid(tiles))
                 yield place + centers @ axes, -side * areas[:, None] * normal
 
@@ -331,15 +323,6 @@ def _outline(piece: AnyPrecut, cell: float) -> np.ndarray:
     return np.stack([places - ways, places + ways], axis=1).reshape(-1, 3)
 
 
-def _hull(places: np.ndarray) -> shapely.Geometry:
-    """Return the convex hull of places (k, 2); as a polygon, ends of an outline that differ by
-    rounding would make it invalid.
-    """
-    import shapely  # here, because few bodies need it
-
-    return shapely.convex_hull(shapely.multipoints(places))
-
-
 def _sections(
     nodes: np.ndarray, facets: np.ndarray, place: np.ndarray, normal: np.ndarray
 ) -> np.ndarray:
@@ -357,20 +340,3 @@ def _sections(
     share = (heights[first] / (heights[first] - heights[second]))[:, None]
     found = nodes[first] + share * (nodes[second] - nodes[first])
     return found.reshape(-1, 2, 3) if facets.shape[1] == 3 else found
-
-
-def _split(tiles: np.ndarray, trace: np.ndarray, reach: float) -> np.ndarray:
-    """Return polygons in which those that a segment, `trace` (2, 2), meets are divided along its
-    line; their extent is at most `reach`.
-    """
-    import shapely  # here, because few bodies need it
-
-    start, end = trace
-    along = (end - start) / np.linalg.norm(end - start)
-    met = shapely.intersects(tiles, shapely.linestrings(trace))
-    found = [tiles[~met]]
-    low, high = start - 2 * reach * along, end + 2 * reach * along
-    for across in (np.array([-along[1], along[0]]), np.array([along[1], -along[0]])):
-        half = shapely.polygons([low, high, high + 2 * reach * across, low + 2 * reach * across])
-        found.append(shapely.get_parts(shapely.intersection(tiles[met], half)))
-    return np.concatenate(found)
