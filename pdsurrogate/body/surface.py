@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -48,7 +49,7 @@ class Following:
         """Return the map from all points to the chosen places alone: its rows of these places,
         given by an index, mask or slice.
         """
-        return Following(tuple(rows[places] for rows in self.rows))
+        return self._each(lambda rows: rows[places])
 
     def __sub__(self, other: Following) -> Following:
         return Following(
@@ -59,7 +60,7 @@ class Following:
         """Return the part of the map that depends on the chosen points alone: its columns of
         these points.
         """
-        return Following(tuple(rows[:, points].tocsr() for rows in self.rows))
+        return self._each(lambda rows: rows[:, points].tocsr())
 
     def points(self) -> np.ndarray:
         """Return the numbers of the points on which the motion of at least one place depends."""
@@ -68,7 +69,14 @@ class Following:
     @property
     def T(self) -> Following:  # noqa: N802 (the name that arrays use)
         """Transposed map, a `Following` that distributes forces on the places to the points."""
-        return Following(tuple(rows.T.tocsr() for rows in self.rows))
+        return self._each(lambda rows: rows.T.tocsr())
+
+    def of_share(self, share: Share) -> Following:
+        """Return the map restricted to the points of this rank's `share` of a body that it owns."""
+        return self._each(share.own_columns)
+
+    def _each(self, change: Callable[[Any], Any]) -> Following:
+        return Following(tuple(map(change, self.rows)))
 
     @classmethod
     def mean(cls, several: Sequence[Following]) -> Following:
@@ -106,12 +114,7 @@ class Faces:
         """Return the faces with their interpolation restricted to the points of this rank's
         `share` of the body that it owns.
         """
-        return replace(
-            self,
-            interpolation=Following(
-                tuple(share.own_columns(rows) for rows in self.interpolation.rows)
-            ),
-        )
+        return replace(self, interpolation=self.interpolation.of_share(share))
 
     def on_points(self) -> np.ndarray:
         """Return the forces on the points, shape (n, d), of a unit tension on the undeformed
@@ -168,7 +171,7 @@ class Surface:
         """Return the surface with its interpolation restricted to the points of this rank's
         `share` of the body that it owns.
         """
-        own = Following(tuple(share.own_columns(rows) for rows in self.interpolation.rows))
+        own = self.interpolation.of_share(share)
         faces = None if self.faces is None else self.faces.of_share(share)
         return replace(self, interpolation=own, follow=self.followed(), faces=faces)
 

@@ -41,29 +41,21 @@ def sides_of(
     interface, to rounding, lies within it, as in the region that it bounds.
     """
     around = np.zeros((1, places.shape[1])) if raster is None else raster
-    numbers, limits = (
-        np.zeros((len(places), len(around)), dtype=np.int64),
-        [each.radius * (1 + ROUNDING) for each in rounds],
-    )
-    row, which = _beside(
-        places, rounds, np.array(limits) + np.linalg.norm(around, axis=1).max() * (1 + ROUNDING)
-    )
-    level = np.arange(len(row)) - np.searchsorted(row, row)
-    for number in range(level.max(initial=-1) + 1):
-        rows, of_rows = row[level == number], which[level == number]
-        centers, radii = (
-            np.array([values[k] for k in of_rows])
-            for values in ([each.center for each in rounds], limits)
-        )
-        within = (
-            np.linalg.norm(places[rows, None] + around - centers[:, None], axis=2) <= radii[:, None]
-        )
-        # The digits of the number, to a base that is greater by one than the count of shapes, are
-        # the shapes that contain the place.
-        numbers[rows] = np.where(
-            within, numbers[rows] * (len(rounds) + 1) + of_rows[:, None] + 1, numbers[rows]
-        )
+    numbers = np.zeros((len(places), len(around)), dtype=np.int64)
+    centers, radii = _arrays_of(rounds)
+    limits = radii * (1 + ROUNDING)
+    reach = np.linalg.norm(around, axis=1).max() * (1 + ROUNDING)
+    row, which = _beside(places, rounds, limits + reach)
+    away = np.linalg.norm(places[row, None] + around - centers[which, None], axis=2)
+    # Sums of random numbers of 62 bits differ where different shapes contain places.
+    keys = np.random.default_rng(0).integers(2**62, size=len(rounds))
+    np.add.at(numbers, row, (away <= limits[which, None]) * keys[which, None])
     return numbers[:, 0] if raster is None else numbers
+
+
+def _arrays_of(rounds: Sequence[Round]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the centers (r, d) and radii (r,) of round shapes."""
+    return np.array([each.center for each in rounds]), np.array([each.radius for each in rounds])
 
 
 def _beside(
@@ -104,11 +96,8 @@ def divided_volumes(
     rounds : sequence of Round
     """
     half, found = np.linalg.norm(sides) / 2, volumes.copy()
-    row, which = _beside(points, rounds, np.array([each.radius for each in rounds]) + half)
-    centers, radii = (
-        np.array([each.center for each in rounds]),
-        np.array([each.radius for each in rounds]),
-    )
+    centers, radii = _arrays_of(rounds)
+    row, which = _beside(points, rounds, radii + half)
     row = np.unique(row[lengths_of(points[row] - centers[which]) > radii[which] - half])
     whole = np.flatnonzero(np.isclose(volumes, sides.prod(), rtol=1e-9, atol=0))
     cut, own = np.intersect1d(row, whole), sides_of(points, rounds)

@@ -169,18 +169,18 @@ def _normals_of_sides(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
     size = np.linalg.norm(areas, axis=1)
     normals = areas / size[:, None]
     chosen = np.full((len(nodes), 3, 3), np.nan)
-    alike = np.full(len(node), -1.0)  # cosine of the angle to the nearest normal that was chosen
-    side = np.zeros(len(node), dtype=int)
+
+    def alike() -> np.ndarray:
+        """Return the cosines of angles to the normals chosen at the same node."""
+        return np.nan_to_num(np.einsum("fi,fki->fk", normals, chosen[node]), nan=-1.0)
+
     for number in range(3):
-        order = np.lexsort((-size, alike > EDGE, node))
-        first = order[
-            np.searchsorted(node[order], np.arange(len(nodes)))
-        ]  # the largest of the facets of another side
-        first = first[alike[first] <= EDGE]
+        left = np.flatnonzero(alike().max(axis=1) <= EDGE)
+        left = left[np.lexsort((-size[left], node[left]))]
+        # the largest of the facets of another side
+        first = left[np.unique(node[left], return_index=True)[1]]
         chosen[node[first], number] = normals[first]
-        cosine = (normals * chosen[node, number]).sum(axis=1)
-        nearer = cosine > alike
-        side[nearer], alike[nearer] = number, cosine[nearer]
+    side = alike().argmax(axis=1)
     means = np.zeros_like(chosen)
     np.add.at(means, (node, side), areas)
     with np.errstate(invalid="ignore"):

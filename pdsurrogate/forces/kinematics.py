@@ -9,7 +9,8 @@ import numpy as np
 import scipy
 
 from ..body import Body
-from ..body.body import lengths_of, pointers_to
+from ..body.body import lengths_of
+from ..body.bonds import pointers_to
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import Chain
 from ..engine.threads import chunks_of

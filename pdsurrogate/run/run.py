@@ -12,8 +12,7 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from ..body import Body, ReflectionPlane
-from ..body.body import Cells
+from ..body import Body, Cells, ReflectionPlane
 from ..engine.threads import threads_for
 from ..forces import ForceModel
 from ..forces.internal_force import numbers_in_place
