@@ -42,7 +42,7 @@ _IN_ROOMS = {
         " IsochoricNetwork NOSBForce NetworkForce OutsideDomain OutsideDomainWarning OwnBondForce"
         " PolynomialForce SplineForce"
     ),
-    "identification": "EnergyRegressor LawRegressor committee committee_spread",
+    "identification": "EnergyRegressor LawRegressor",
     "learning": (
         "ChebyshevRegressor InputAwareTargetRegressor SobolevRegressor algorithm_1"
         " reachable_stretches surrogate_of"

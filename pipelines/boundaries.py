@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from cases import Case, Errors, compare, percent
+from cases import Case, Errors, at_spacings, percent, report
 from references import sphere
 from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
@@ -535,4 +535,4 @@ def edges_plane_strain(spacing: float) -> Errors:
 
 
 if __name__ == "__main__":
-    compare(__doc__, {"boundaries": ROWS})
+    report(__doc__, at_spacings("boundaries", ROWS))

@@ -1,7 +1,7 @@
 """Regressors of scikit-learn and skorch in simulations: fit, store, run, and how far each is off.
 
-    python pipelines/bring_your_own.py           print the tables python pipelines/bring_your_own.py
-    --docs    put them into docs/validation/bring-your-own.md as well
+python pipelines/bring_your_own.py                measures all
+python pipelines/bring_your_own.py KernelRidge    a regressor; --help names other uses
 
 Every regressor is fitted to the bond force of Ogden's rubber, behind the two isochoric features,
 stored as an artifact, and runs the scene ``uniaxial`` to a stretch of 2.
@@ -16,9 +16,8 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from cases import of_rows, report
 from clock import TimedModel, measure_speed, sheet
-from pages import markdown_table, report
-from rich.console import Console
 from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, WhiteKernel
@@ -39,8 +38,7 @@ from pdsurrogate.learning.bond_force import stiffness_slopes
 LAW = pds.materials.Ogden()
 SAMPLES = 2000
 PATIENCE = 20.0
-"""Seconds of waiting for undisturbed timings of all models."""
-console = Console()
+"""Seconds of waiting for undisturbed timings of a model."""
 
 
 def module() -> torch.nn.Sequential:
@@ -111,96 +109,34 @@ def least_slope(force) -> float:
     return float(stiffness_slopes(force, states).min())
 
 
-def percent(value: float) -> str:
-    return f"{100 * value:.2g} %"
-
-
-def of_ten(folder: Path) -> str:
-    """The table of all regressors."""
-    samples = pds.training_samples(LAW, SAMPLES, random_state=0)
-    names, rows, cases = [], [], []
-    for number, (name, regressor) in enumerate(regressors().items()):
-        console.print(name)
-        began = time.perf_counter()
+def compared(name: str):
+    """A regressor that is fitted, stored and run."""
+    samples, regressor = pds.training_samples(LAW, SAMPLES, random_state=0), regressors()[name]
+    began = time.perf_counter()
+    with warnings.catch_warnings(action="ignore"):  # of trainings that stop before their end
         model = pds.surrogate_pipeline(regressor, features="isochoric").fit(samples.X, samples.y)
-        seconds = time.perf_counter() - began
-        path = pds.store(model, samples, LAW, folder, f"own-{number}", "1", name)
+    seconds = time.perf_counter() - began
+    with tempfile.TemporaryDirectory() as folder:
+        path = pds.store(model, samples, LAW, Path(folder), "own", "1", name)
         card, force = pds.load_card(path), pds.load_surrogate(path)
-        box, resampling = card.errors["box"], card.training.get("resampling")
-        taken = "unchanged" if resampling is None else f"spline, {force.size}"
-        names.append(name)
-        rows.append(
-            [
-                f"{seconds:.1f}",
-                taken,
-                "" if resampling is None else percent(resampling["rms"]),
-                (
-                    "none"
-                    if resampling is None or resampling["jump"] == 0
-                    else percent(resampling["jump"])
-                ),
-                percent(box["on_surface"]["rms"]),
-                f"{least_slope(force.bond_force):.3f}",
-                percent(stress_error(path)),
-            ]
-        )
-        cases.append(TimedModel(force, "float32", sheet()))
-    exact = pds.AnalyticBondForce(LAW)
-    names.append("exact bond force")
-    rows.append(
-        [
-            "",
-            "",
-            "",
-            "",
-            "0",
-            f"{least_slope(exact.bond_force):.3f}",
-            percent(stress_error("analytic")),
-        ]
-    )
-    cases.append(TimedModel(exact, "float64", sheet()))
-    header = [
-        "regressor",
-        "fit (s)",
-        "stored as",
-        "conversion error",
-        "largest jump",
-        "force error",
-        "least slope",
-        "stress error at stretch 2",
-        "cost (ns)",
-    ]
-    costs = [found["ns_per_directed_bond_1"] for found in measure_speed(cases, LAW, PATIENCE)]
-    table = [
-        [name, *row, f"{cost:.0f}"] for name, row, cost in zip(names, rows, costs, strict=True)
-    ]
-    return markdown_table(header, table)
+    box, resampling = card.errors["box"], card.training.get("resampling")
+    taken, errors = "unchanged", (None, None)
+    if resampling is not None:
+        taken, errors = f"spline, {force.size}", (resampling["rms"], resampling["jump"] or None)
+    cost = measure_speed([TimedModel(force, "float32", sheet())], LAW, PATIENCE)[0]
+    figures = box["on_surface"]["rms"], least_slope(force.bond_force), stress_error(force)
+    yield name, seconds, taken, *errors, *figures, cost["ns_per_directed_bond_1"]
 
 
-def search() -> str:
-    """A grid search over features and widths, and straight into a run."""
+def search(features: str):
+    """A grid search over widths."""
     samples = pds.training_samples(LAW, 2000, random_state=0)
-    path = "regressor__regressor__regressor"
-    found, rows = {}, []
-    for features in ("isochoric", "symmetric"):
-        network = pds.LevenbergMarquardtRegressor(
-            activation="algebraic", max_iter=250, random_state=0
-        )
-        grid = {f"{path}__hidden_layer_sizes": [(4,), (8,), (16,)]}
-        found[features] = GridSearchCV(
-            pds.surrogate_pipeline(network, features=features), grid, cv=3
-        ).fit(samples.X, samples.y)
-        for row in pds.learning.storing.search_table(found[features]):
-            units = row[f"{path}__hidden_layer_sizes"][0]
-            rows.append([f"{features}, {units} units", f"{1 - row['score']:.1e}"])
-    best = max(found.values(), key=lambda one: one.best_score_)
-    units = best.best_params_[f"{path}__hidden_layer_sizes"][0]
-    table = markdown_table(["features and width", "1 - R² on the held-out folds"], rows)
-    run = "`pds.simulate(scene, search)` with the best model"
-    return (
-        f"{table}\n\n{run} ({units} units): the stress error at stretch 2 is"
-        f" {percent(stress_error(best))}."
-    )
+    network = pds.LevenbergMarquardtRegressor(activation="algebraic", max_iter=250, random_state=0)
+    path = "regressor__regressor__regressor__hidden_layer_sizes"
+    model, grid = pds.surrogate_pipeline(network, features=features), {path: [(4,), (8,), (16,)]}
+    found = GridSearchCV(model, grid, cv=3).fit(samples.X, samples.y)
+    for row in pds.learning.storing.search_table(found):
+        yield f"{features}, {row[path][0]} units", 1 - row["score"]
 
 
 DATA = pds.load_test_data("kawabata")
@@ -220,36 +156,32 @@ PARTS = {
 """What is fitted; what is left out is asked for, or what was fitted where that is all."""
 
 
-def of_data() -> str:
-    """Kawabata's biaxial grid foretold from parts of it, by an energy without a law and by every
-    law: R^2, and errors within 5 %.
-    """
-    models = {"`EnergyRegressor`": pds.identification.EnergyRegressor()}
-    models |= {
-        law: pds.identification.LawRegressor(law) for law in fitted_laws() if law != "full-network"
-    }
-    rows = []
-    for name, model in models.items():
-        rows.append([name])
-        for known in PARTS.values():
-            asked = ~known if not known.all() else known
-            truth, found = Y[asked], model.fit(X[known], Y[known]).predict(X[asked])
-            r_squared = 1 - ((truth - found) ** 2).sum() / ((truth - truth.mean()) ** 2).sum()
-            rows[-1].append(
-                f"{r_squared:.4f},"
-                f" {100 * (np.abs(found - truth) <= 0.05 * truth)[LARGE[asked]].mean():.0f} %"
-            )
-    return markdown_table(["model, fitted to", *PARTS], rows)
+def foretold(model: str):
+    """Kawabata's biaxial grid foretold from parts of it: R^2, and errors within 5 %."""
+    found = pds.identification.EnergyRegressor()
+    if model != ENERGY:
+        found = pds.identification.LawRegressor(model)
+    cells = []
+    for known in PARTS.values():
+        asked = ~known if not known.all() else known
+        truth, predicted = Y[asked], found.fit(X[known], Y[known]).predict(X[asked])
+        r_squared = 1 - ((truth - predicted) ** 2).sum() / ((truth - truth.mean()) ** 2).sum()
+        within = (np.abs(predicted - truth) <= 0.05 * truth)[LARGE[asked]].mean()
+        cells.append(f"{r_squared:.4f}, {100 * within:.0f} %")
+    yield model, *cells
 
+
+ENERGY = "`EnergyRegressor`"
 
 if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of trainings that stop before their end
-        report(
-            __doc__,
-            {
-                "own-regressors": lambda: of_ten(Path(name)),
-                "own-search": search,
-                "own-data": of_data,
-            },
-        )
+    errors = "conversion error: .2g", "largest jump: .2g", "force error: .2g", "least slope: .3f"
+    columns = "regressor", "fit (s): .1f", "stored as", *errors, "stress error at stretch 2: .2g"
+    laws = [name for name in fitted_laws() if name != "full-network"]
+    widths = "features and width", "1 - R² on the held-out folds: .1e"
+    brought, features = [(name,) for name in regressors()], [("isochoric",), ("symmetric",)]
+    report(
+        __doc__,
+        of_rows("own-regressors", compared, brought, *columns, "cost (ns): .0f"),
+        of_rows("own-search", search, features, *widths),
+        of_rows("own-data", foretold, [(ENERGY,), *zip(laws)], "model, fitted to", *PARTS),
+    )

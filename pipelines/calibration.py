@@ -1,8 +1,7 @@
 """Calibration of a law by fields and forces of a sheet with two holes from finite elements.
 
-python pipelines/calibration.py [calibration] [energies]   print the tables, of a law and of
-energies without one python pipelines/calibration.py --docs                     and put them into
-docs/validation/calibration.md
+python pipelines/calibration.py               measures all cases
+python pipelines/calibration.py energies      those of energies without a law
 
 The data in pipelines/data/two_holes.npz are solutions by FElupe 11 (9-node quadrilaterals, plane
 stress; 22,975 nodes, which differ from 9,239 nodes by 2e-5 cm rms and 1e-4 of the force): sheet 2 x
@@ -14,12 +13,12 @@ and Thomas, 0.5 (I1bar - 3) + log(I2bar/3) kPa, and of Carroll, 0.15 (I1bar - 3)
 these laws in the states of `states`. The noise is drawn here.
 """
 
-import logging
 import time
 from pathlib import Path
 
 import numpy as np
-from pages import FIGURES, markdown_table, report
+from cases import of_rows, report
+from pages import FIGURES
 
 import pdsurrogate as pds
 from pdsurrogate.calibration.reporting import figures
@@ -74,104 +73,53 @@ def states() -> np.ndarray:
     )
 
 
-def row(what: str, model: pds.SceneRegressor) -> list[str]:
+def calibrated(what: str, fitted: str, noise: float, spacing: float, refine: int):
+    """Gent's law from fields and forces, or from forces alone; the first corrected one is drawn."""
+    X, y, deviation = measurements("gent", noise, seed=1)
+    chosen = np.full(len(y), True) if fitted == "fields" else X[:, 1] == 0
+    model = pds.SceneRegressor(scene(spacing), "gent", refine=refine, bulk_ratio=1e4)
+    model.fit(X[chosen], y[chosen], standard_deviation=deviation[chosen])
+    if what == CASES[1][0]:
+        drawn = figures(model, X, y, ["force"])["residuals"]
+        save(drawn, FIGURES / "guide" / "calibration.png")
     stress, error = model.nominal_stress(states())
     exact = nominal_stress(TRUTH, states())
+    found = zip(model.parameters_, model.standard_errors_, strict=True)
+    cells = (f"{value:.4g} ± {sd:.2g}" for value, sd in found)
     off, within = stress / exact - 1, np.mean(np.abs(stress - exact) < 2 * error)
-    cells = [
-        f"{value:.4g} ± {sd:.2g}"
-        for value, sd in zip(model.parameters_, model.standard_errors_, strict=True)
-    ]
-    return [
-        what,
-        *cells,
-        f"{100 * np.sqrt((off**2).mean()):.2f}",
-        f"{100 * within:.0f}",
-        f"{model.lack_of_fit_:.2f}",
-    ]
+    yield what, *cells, 100 * np.sqrt((off**2).mean()), 100 * within, model.lack_of_fit_
 
 
-def table() -> str:
-    """Laws from fields and forces; the residuals are drawn."""
-    rows, drawn = [["true values", "0.4", "30", "", "", ""]], None
-    for noise in (3e-4, 3e-3):
-        X, y, deviation = measurements("gent", noise, seed=1)
-        for spacing, refine in ((0.1, 1), (0.1, 4)) if noise < 1e-3 else ((0.1, 4),):
-            model = pds.SceneRegressor(scene(spacing), "gent", refine=refine, bulk_ratio=1e4).fit(
-                X, y, standard_deviation=deviation
-            )
-            how = (
-                f"spacing {spacing:g}, corrected by {spacing / refine:g}"
-                if refine > 1
-                else f"spacing {spacing:g}, not corrected"
-            )
-            rows.append(row(f"fields with noise of {noise:g} cm and forces, {how}", model))
-        drawn = drawn or figures(model, X, y, ["force"])["residuals"]
-    forces = X[:, 1] == 0
-    model = pds.SceneRegressor(scene(0.1), "gent", refine=4, bulk_ratio=1e4).fit(
-        X[forces], y[forces], standard_deviation=deviation[forces]
-    )
-    rows.append(row("forces alone, corrected by 0.025", model))
-    heads = [
-        "measurements",
-        "μ (kPa)",
-        "chain limit",
-        "stresses off, rms (%)",
-        "within two standard errors (%)",
-        "lack of fit",
-    ]
-    save(drawn, FIGURES / "guide" / "calibration.png")
-    return markdown_table(heads, rows)
-
-
-def _terms(model: pds.SceneRegressor) -> str:
-    """Return the names of the terms of an energy."""
-    return ", ".join(name.removeprefix("weight of ") for name in model.parameter_names_)
-
-
-def energies() -> str:
+def without_a_law(law: str, noise: float):
     """Energies without a law: errors of stresses in unseen tests by mode."""
-    rows = []
-    for law in ("GT", "CA"):
-        exact = DATA[f"{law}_stresses"]
-        for noise in (3e-4, 3e-3):
-            X, y, deviation = measurements(law, noise, seed=1)
-            began = time.process_time()
-            model = pds.SceneRegressor(scene(0.1), None, bulk_ratio=100).fit(
-                X, y, standard_deviation=deviation
-            )
-            seconds, (stress, error) = time.process_time() - began, model.nominal_stress(states())
-            squares = ((stress / exact - 1) ** 2).reshape(len(MODES), -1).mean(axis=1)
-            off = [f"{100 * np.sqrt(value):.2f}" for value in (*squares, squares.mean())]
-            within = f"{100 * np.mean(np.abs(stress - exact) < 2 * error):.0f}"
-            rows.append(
-                [
-                    law,
-                    f"{noise:g}",
-                    _terms(model),
-                    *off,
-                    within,
-                    f"{model.lack_of_fit_:.2f}",
-                    f"{seconds:.0f}",
-                ]
-            )
-    modes = [f"{mode}, rms (%)" for mode in MODES]
-    return markdown_table(
-        [
-            "law",
-            "noise (cm)",
-            "terms",
-            *modes,
-            "all, rms (%)",
-            "within two standard errors (%)",
-            "lack of fit",
-            "processor s",
-        ],
-        rows,
-    )
+    X, y, deviation = measurements(law, noise, seed=1)
+    began, exact = time.process_time(), DATA[f"{law}_stresses"]
+    model = pds.SceneRegressor(scene(0.1), None, bulk_ratio=100)
+    model.fit(X, y, standard_deviation=deviation)
+    seconds, (stress, error) = time.process_time() - began, model.nominal_stress(states())
+    squares = ((stress / exact - 1) ** 2).reshape(len(MODES), -1).mean(axis=1)
+    terms = ", ".join(name.removeprefix("weight of ") for name in model.parameter_names_)
+    off = 100 * np.sqrt([*squares, squares.mean()])
+    within = 100 * np.mean(np.abs(stress - exact) < 2 * error)
+    yield law, noise, terms, *off, within, model.lack_of_fit_, seconds
 
+
+NOISE = "fields with noise of 0.0003 cm and forces, spacing 0.1, "
+CASES = [
+    (f"{NOISE}not corrected", "fields", 3e-4, 0.1, 1),
+    (f"{NOISE}corrected by 0.025", "fields", 3e-4, 0.1, 4),
+    (f"{NOISE}corrected by 0.025".replace("0.0003", "0.003"), "fields", 3e-3, 0.1, 4),
+    ("forces alone, corrected by 0.025", "forces", 3e-3, 0.1, 4),
+]
+LAWS = [(law, noise) for law in ("GT", "CA") for noise in (3e-4, 3e-3)]
 
 if __name__ == "__main__":
-    logging.basicConfig(format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    logging.getLogger(pds.SceneRegressor.__module__).setLevel(logging.INFO)
-    report(__doc__, {"calibration": table, "energies": energies})
+    judged = "within two standard errors (%): .0f", "lack of fit: .2f"
+    heads = "measurements", "μ (kPa)", "chain limit", "stresses off, rms (%): .2f"
+    modes = (f"{mode}, rms (%): .2f" for mode in (*MODES, "all"))
+    terms = "law", "noise (cm): g", "terms"
+    report(
+        __doc__,
+        of_rows("calibration", calibrated, CASES, *heads, *judged),
+        of_rows("energies", without_a_law, LAWS, *terms, *modes, *judged, "processor s: .0f"),
+    )

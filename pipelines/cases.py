@@ -1,8 +1,8 @@
-"""One form for comparisons with references: cases that measure errors at several spacings, their
-figures as JSON, and tables made of these.
+"""One form for what the documentation measures: cases whose figures are stored as JSON, and tables
+made of these.
 
-Figures go to docs/figures/NAME.json, so that cases can be run one by one, and from there into the
-block NAME of the documentation.
+Figures of a study go to docs/figures/NAME.json case by case, so that cases can be measured one by
+one, and from there into the blocks of the pages of docs/validation.
 """
 
 from __future__ import annotations
@@ -12,11 +12,112 @@ import json
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, NamedTuple
 
 from pages import FIGURES, markdown_table, replace_block
 
 import pdsurrogate as pds
 from pdsurrogate.results.files import write_json
+
+Figures = Mapping[str, list]
+"""Rows by the names of their cases."""
+
+
+class Study(NamedTuple):
+    """Cases with figures of one kind.
+
+    Attributes
+    ----------
+    name : str
+        Name of the JSON.
+    cases : dict of callable
+        Functions by the name of the case, which give the rows of its figures.
+    tables : dict of callable
+        Functions by the name of the block on a page, which make its text of all `Figures`.
+    """
+
+    name: str
+    cases: Mapping[str, Callable[[], Iterable]]
+    tables: Mapping[str, Callable[[Figures], str]]
+
+
+def of_rows(
+    name: str, measure: Callable[..., Iterable], cases: Iterable[tuple], *columns: str
+) -> Study:
+    """A study of one table: `measure` takes the parameters of a case and gives its rows, and
+    `columns` are titles, with a format after a colon. The name of a case has its
+    texts and numbers.
+    """
+    named = {
+        ", ".join(str(one) for one in case if isinstance(one, str | int | float)): partial(
+            measure, *case
+        )
+        for case in cases
+    }
+    titles, _, forms = zip(*(column.partition(": ") for column in columns), strict=True)
+
+    def table(figures: Figures) -> str:
+        rows = [row for rows in figures.values() for row in rows]
+        return markdown_table(list(titles), [list(map(shown, row, forms)) for row in rows])
+
+    return Study(name, named, {name: table})
+
+
+def shown(value: Any, form: str) -> str:
+    """A figure in the format of its column; of several each, and a dash for none."""
+    if isinstance(value, list):
+        return " / ".join(shown(one, form) for one in value)
+    return "-" if value is None else value if isinstance(value, str) else format(value, form)
+
+
+def stored(name: str) -> dict[str, list]:
+    """Figures of a study that were measured so far."""
+    path = FIGURES / f"{name}.json"
+    return json.loads(path.read_text("utf-8")) if path.exists() else {}
+
+
+def rounded(value: Any) -> Any:
+    """A figure, or what contains some, with six digits as JSON has it."""
+    if isinstance(value, dict):
+        return {key: rounded(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return list(map(rounded, value))
+    return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
+def report(told: str, *studies: Study) -> None:
+    """Measure the cases that the command line names, or all; with ``--docs`` write the tables of
+    all stored figures, and without names measure none. `told` is the docstring of the script.
+    """
+    parser = argparse.ArgumentParser(
+        description=told, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "words", nargs="*", help="cases or studies that have one of these words in their names"
+    )
+    parser.add_argument("--lacking", action="store_true", help="cases without stored figures alone")
+    parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
+    arguments = parser.parse_args()
+    words = arguments.words or [""] * (arguments.lacking or not arguments.docs)
+    for study in studies:
+        for case, measure in study.cases.items():
+            known, name = stored(study.name), f"{study.name}: {case}"
+            if (arguments.lacking and case in known) or not any(word in name for word in words):
+                continue
+            began = time.perf_counter()
+            try:
+                rows = rounded(list(measure()))
+            except pds.SimulationFailed as failure:
+                print(f"{name}: {failure}", flush=True)
+                continue
+            print(f"{name}: {rows}, {time.perf_counter() - began:.0f} s", flush=True)
+            known = stored(study.name) | {case: rows}
+            found = {case: known[case] for case in study.cases if case in known}
+            write_json(FIGURES / f"{study.name}.json", found)
+        for name, table in study.tables.items() if arguments.docs else ():
+            replace_block(name, table(stored(study.name)))
+
 
 Errors = Iterable[tuple[str, float, int]]
 """Names of quantities with their error in percent, and the number of force evaluations of the
@@ -26,7 +127,7 @@ run.
 
 @dataclass(frozen=True)
 class Case:
-    """A case at several spacings.
+    """A comparison with a reference at several spacings.
 
     Attributes
     ----------
@@ -51,101 +152,41 @@ def percent(found: float, expected: float) -> float:
     return 100 * (found / expected - 1)
 
 
-def stored(name: str) -> dict[str, dict[str, dict[str, dict]]]:
-    """Error and evaluations by case, quantity and spacing."""
-    path = FIGURES / f"{name}.json"
-    return json.loads(path.read_text("utf-8")) if path.exists() else {}
+def at_spacings(name: str, cases: Mapping[str, Case]) -> Study:
+    """A study of errors: a row of its table has those of a quantity at all spacings of a case."""
+    named = {
+        f"{title}, spacing {spacing:.4g}": partial(case.measure, spacing)
+        for title, case in cases.items()
+        for spacing in case.spacings
+    }
 
-
-def measure(name: str, cases: Mapping[str, Case], chosen: Iterable[str], coarse: bool) -> None:
-    """Measure some of the cases, or only their two coarser spacings, and store the figures."""
-    found = stored(name)
-    for title in chosen:
-        for spacing in cases[title].spacings[: 2 if coarse else None]:
-            began, key = time.perf_counter(), f"{spacing:.4g}"
-            try:
-                for quantity, error, count in cases[title].measure(spacing):
-                    entry = {"error": float(f"{error:.4g}"), "evaluations": count}
-                    found.setdefault(title, {}).setdefault(quantity, {})[key] = entry
-                    print(
-                        f"{title}, {quantity}, spacing {key}: {error:+.3g} %, {count} evaluations",
-                        flush=True,
-                    )
-            except pds.SimulationFailed as failure:
-                print(f"{title}, spacing {key}: {failure}", flush=True)
-            print(f"{title}, spacing {key}: {time.perf_counter() - began:.0f} s", flush=True)
-        write_json(
-            FIGURES / f"{name}.json", {title: found[title] for title in cases if title in found}
+    def table(figures: Figures) -> str:
+        lines, aimed = [], any(case.aims for case in cases.values())
+        for title, case in cases.items():
+            spacings = [f"{spacing:.4g}" for spacing in case.spacings]
+            found = [
+                {
+                    quantity: figure
+                    for quantity, *figure in figures.get(f"{title}, spacing {at}", [])
+                }
+                for at in spacings
+            ]
+            first = f"{case.title} (`{title}`)" if case.title else title
+            for quantity in dict.fromkeys(quantity for at in found for quantity in at):
+                errors, counts = zip(*(at.get(quantity, (None, None)) for at in found), strict=True)
+                words = ["-" if one is None else error_in_words(one) for one in errors]
+                aim = [case.aims.get(quantity, "")] if aimed else []
+                columns = (shown(column, "") for column in (spacings, words, list(counts)))
+                lines.append([first, quantity, *aim, *columns])
+                first = ""
+        aim = ["aim (%)"] if aimed else []
+        return markdown_table(
+            ["case", "quantity", *aim, "spacing", "error (%)", "evaluations"], lines
         )
 
+    return Study(name, named, {name: table})
 
-def shown(value: float) -> str:
+
+def error_in_words(value: float) -> str:
     """An error, with few digits where it is small."""
     return f"{value:+.2f}" if abs(value) >= 0.005 or not value else f"{value:+.0e}"
-
-
-def table(name: str, cases: Mapping[str, Case]) -> str:
-    """The table of all cases that have figures."""
-    lines, found, aimed = [], stored(name), any(case.aims for case in cases.values())
-    for title, case in cases.items():
-        first = f"{case.title} (`{title}`)" if case.title else title
-        for quantity, points in found.get(title, {}).items():
-            entries = [points.get(f"{spacing:.4g}") for spacing in case.spacings]
-            columns = [[f"{spacing:.4g}" for spacing in case.spacings]]
-            columns.append(
-                ["none" if entry is None else shown(entry["error"]) for entry in entries]
-            )
-            columns.append(
-                [
-                    "none" if entry is None else str(entry.get("evaluations", "-"))
-                    for entry in entries
-                ]
-            )
-            aim = [case.aims.get(quantity, "")] if aimed else []
-            lines.append([first, quantity, *aim, *map(" / ".join, columns)])
-            first = ""
-    return markdown_table(
-        [
-            "case",
-            "quantity",
-            *(["aim (%)"] if aimed else []),
-            "spacing",
-            "error (%)",
-            "evaluations",
-        ],
-        lines,
-    )
-
-
-def compare(told: str, groups: Mapping[str, Mapping[str, Case]]) -> None:
-    """Run the cases that the command line names, or all, or with ``--docs`` write the tables of the
-    stored figures.
-
-    `told` is the docstring of the script, and `groups` are its cases by the name of their block and
-    their JSON.
-    """
-    parser = argparse.ArgumentParser(
-        description=told, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "words",
-        nargs="*",
-        metavar="WORD",
-        help="cases or groups that have one of these words in their names",
-    )
-    parser.add_argument("--coarse", action="store_true", help="the two coarser spacings alone")
-    parser.add_argument(
-        "--docs",
-        action="store_true",
-        help="put the tables of all stored figures into the documentation",
-    )
-    arguments = parser.parse_args()
-    for name, cases in groups.items():
-        wanted = [
-            title for title in cases if any(word in f"{name}: {title}" for word in arguments.words)
-        ]
-        measure(
-            name, cases, wanted if arguments.words or arguments.docs else cases, arguments.coarse
-        )
-        if arguments.docs:
-            replace_block(name, table(name, cases))

@@ -1,10 +1,8 @@
 """A sheet of silicone with holes, and sheets of a printed rubber that tear from notches, predicted
 and held against measurements.
 
-python pipelines/experiments.py                  prints the tables, in some minutes, and draws the
-figures python pipelines/experiments.py notched-sheets   those of one experiment: experiments (the
-holes) or notched-sheets python pipelines/experiments.py --docs           and puts them into
-docs/validation/experiments.md
+python pipelines/experiments.py                   measures all, in some minutes, and draws figures
+python pipelines/experiments.py notched-sheets    one of experiments (the holes) and notched-sheets
 
 Holes: Meunier, Chagnon, Favier, Orgeas, Vacher, Polym. Test. 27 (2008) 765. The three tests of the
 material are those collected in Chongran-Zhao/Calibration-Hyperelasticity (MIT licence); the 29
@@ -19,13 +17,12 @@ import time
 
 import numpy as np
 import shapely
-from joblib import Parallel, delayed
+from cases import of_rows, report
 from matplotlib.figure import Figure
-from pages import FIGURES, markdown_table, report
+from pages import FIGURES
 from scipy.interpolate import CubicSpline, LinearNDInterpolator, NearestNDInterpolator
 
 import pdsurrogate as pds
-from pdsurrogate.identification import committee, committee_spread
 
 DATA = FIGURES.parents[1] / "pipelines" / "data"
 TESTS = pds.load_test_data(DATA / "experiment-meunier-2008-tests.csv")
@@ -42,8 +39,6 @@ START, END = np.array([0.0, -22.95]), np.array([-61.852, -24.391])
 
 SPACINGS, GRIP = (1.5, 1.0), 68.0
 """Spacings of the points in mm; displacement of the grip in mm, beyond that at the force."""
-
-MEMBERS, JOBS = 8, 8
 
 STROKES, *FORCES = np.genfromtxt(
     DATA / "experiment-slesarenko-2019-notches.csv", delimiter=",", comments="#", skip_header=3
@@ -95,10 +90,13 @@ def holes() -> tuple[pds.shapes.Polygon, ...]:
     )
 
 
-def predicted(law, spacing: float) -> dict:
-    """Displacement of the grip at the force, and the greatest principal stretches at the
-    measured positions then.
+def predicted(name: str, spacing: float):
+    """Greatest principal stretches at the measured positions at the force, and the displacement of
+    the grip then, by an energy or a law that is fitted to the tests.
     """
+    fits = {"energy": pds.identification.EnergyRegressor()}
+    fits["Ogden's law"] = pds.identification.LawRegressor("ogden")
+    law = fits[name].fit(TESTS.stretches, TESTS.nominal_stress, TESTS.balanced_weights()).law_
     scene = pds.Scene(
         name="silicone-sheet",
         spacing=spacing,
@@ -119,173 +117,25 @@ def predicted(law, spacing: float) -> dict:
     forces = np.array([0.0, *(THICKNESS * level["forces"]["top"][1] for level in result.levels)])
     grip = float(CubicSpline(displacements, forces - FORCE).roots(extrapolate=False)[0])
     places = START + POSITIONS[:, None] / np.linalg.norm(END - START) * (END - START)
-    points = result.field("position")[:, :2]
-    fields = np.stack(
-        [result.field("principal_stretch", level) for level in range(len(result.levels))], axis=1
-    )
+    points, levels = result.field("position")[:, :2], range(len(result.levels))
+    fields = np.stack([result.field("principal_stretch", level) for level in levels], axis=1)
     inner = LinearNDInterpolator(points, fields)(places)
     inner = np.where(np.isnan(inner), NearestNDInterpolator(points, fields)(places), inner)
-    stretches = CubicSpline(displacements, np.column_stack([np.ones(len(places)), inner]), axis=1)(
-        grip
-    )
-    return {
-        "points": len(points),
-        "grip": grip,
-        "stretches": stretches,
-        "seconds": seconds,
-        "forces": forces,
-    }
-
-
-def rms(stretches: np.ndarray) -> float:
-    return float(np.sqrt(np.mean((stretches - STRETCHES) ** 2)))
-
-
-def simulated_test(law, mode: str) -> np.ndarray:
-    """Nominal stresses at the stretches of a test, from the forces on a square of 10 mm whose
-    sides slide along their grips.
-    """
-    rows = TESTS.of(mode)
-    greatest = float(rows.stretches[:, 0].max()) - 1
-    across = {"uniaxial": (), "pure-shear": (0.0,), "equibiaxial": (10 * greatest,)}[mode]
-    scene = pds.Scene(
-        name=mode,
-        spacing=1.0,
-        units={"length": "mm", "stress": "MPa", "time": "s"},
-        body=pds.shapes.Rectangle(size=(10.0, 10.0)),
-        material=law,
-        prescribed=(
-            pds.Prescribed(region="left", x1=0.0),
-            pds.Prescribed(region="right", x1=10 * greatest),
-            pds.Prescribed(region="bottom", x2=0.0),
-            *(pds.Prescribed(region="top", x2=to) for to in across),
-        ),
-        steps=(pds.Step(to=1.0, outputs=24),),
-    )
-    result = pds.simulate(scene, "bond-energy")
-    stresses = [0.0, *(level["forces"]["right"][0] / 10 for level in result.levels)]
-    return np.interp(rows.stretches[:, 0], np.linspace(1, 1 + greatest, len(stresses)), stresses)
-
-
-def tests_table(laws: dict) -> str:
-    """RMS errors of the tests, by the law itself and by the simulation of the test, in percent
-    of the greatest stress.
-    """
-    rows = []
-    for name, law in laws.items():
-        row = [name]
-        for mode in TESTS.modes:
-            measured = TESTS.of(mode)
-            of_law = pds.identification.nominal_stress(law, measured.stretches)
-            errors = [
-                of_law - measured.nominal_stress,
-                simulated_test(law, mode) - measured.nominal_stress,
-            ]
-            row.append(
-                ", ".join(
-                    f"{100 * np.sqrt(np.mean(one**2)) / measured.nominal_stress.max():.2f} %"
-                    for one in errors
-                )
-            )
-        rows.append(row)
-        print(row, flush=True)
-    return markdown_table(
-        ["RMS error of the stress: of the fit, of the simulated test", *TESTS.modes], rows
-    )
-
-
-def row_of(name: str, spacing: float, found: dict) -> list[str]:
-    """A row of the table of predictions, which is also printed."""
-    off = found["stretches"] - STRETCHES
-    row = [
-        name,
-        f"{spacing:g}",
-        f"{found['points']}",
-        f"{rms(found['stretches']):.3f}",
-        f"{off[np.abs(off).argmax()]:+.2f}",
-    ]
-    row += [f"{found['grip']:.1f}", f"{found['seconds']:.0f}"]
-    print(row, flush=True)
-    return row
-
-
-def figure(energy: dict, spread: np.ndarray, ogden: dict) -> Figure:
-    """The force of the grip against its displacement, and measured and predicted stretches along
-    the line.
-    """
-    drawing = Figure(figsize=(9, 3.6), layout="constrained")
-    left, right = drawing.subplots(1, 2, width_ratios=(1, 2))
-    for name, found, color in (("energy", energy, "C0"), ("Ogden's law", ogden, "C1")):
-        left.plot(
-            np.linspace(0, GRIP, len(found["forces"])), found["forces"], color=color, label=name
-        )
-        right.plot(POSITIONS, found["stretches"], "o", markersize=3, color=color, label=name)
-    left.axhline(FORCE, color="black", linewidth=0.8)
-    left.set(xlabel="displacement of the grip (mm)", ylabel="force (N)")
-    left.legend()
-    right.errorbar(
-        POSITIONS, energy["stretches"], 2 * spread, fmt="none", ecolor="C0", elinewidth=1
-    )
-    right.plot(POSITIONS, STRETCHES, "kx", markersize=4, label="measured")
-    right.set(xlabel="position on the line (mm)", ylabel="greatest principal stretch")
-    right.legend()
-    return drawing
-
-
-def holes_found() -> str:
-    """Tables and figure of the sheet with holes."""
-    fitted = {
-        "energy": pds.identification.EnergyRegressor(),
-        "Ogden's law": pds.identification.LawRegressor("ogden"),
-    }
-    for model in fitted.values():
-        model.fit(TESTS.stretches, TESTS.nominal_stress, TESTS.balanced_weights())
-    laws = {name: model.law_ for name, model in fitted.items()}
-    tables = [tests_table(laws)]
-    runs = [(name, spacing) for spacing in SPACINGS for name in laws]
-    members = committee(
-        fitted["energy"],
-        TESTS.stretches,
-        TESTS.nominal_stress,
-        n_members=MEMBERS,
-        sample_weight=TESTS.balanced_weights(),
-    )
-    jobs = [
-        *((laws[name], spacing) for name, spacing in runs),
-        *((member.law_, SPACINGS[0]) for member in members),
-    ]
-    results = Parallel(JOBS)(delayed(predicted)(*job) for job in jobs)
-    found, others = dict(zip(runs, results, strict=False)), results[len(runs) :]
-    rows = [row_of(name, spacing, one) for (name, spacing), one in found.items()]
-    header = [
-        "learnt from the tests",
-        "spacing (mm)",
-        "points",
-        "RMSE",
-        "largest error",
-        "grip (mm)",
-        "processor time (s)",
-    ]
-    tables.append(markdown_table(header, rows))
-    coarse = found["energy", SPACINGS[0]]
-    spread = committee_spread(coarse["stretches"], [other["stretches"] for other in others])
-    inside = np.abs(coarse["stretches"] - STRETCHES) <= 2 * spread
-    of_grip = committee_spread(coarse["grip"], [other["grip"] for other in others])
-    terms = ", ".join(
-        f"{weight:.3g} MPa of {term}"
-        for term, weight in zip(fitted["energy"].terms_, fitted["energy"].weights_, strict=True)
-    )
-    tables.append(
-        f"The energy consists of {terms}. The spread of {MEMBERS} members of its committee, each"
-        f" fitted to a random half of the rows, at {SPACINGS[0]:g} mm: {spread.mean():.3f} on"
-        f" average over the stretches and {spread.max():.3f} at most, and {of_grip:.1f} mm for the"
-        f" displacement of the grip. {inside.sum()} of the 29 measured stretches lie within twice"
-        " the spread."
-    )
-    figure(coarse, spread, found["Ogden's law", SPACINGS[0]]).savefig(
-        FIGURES / "experiments.png", dpi=150
-    )
-    return "\n\n".join(tables)
+    curves = CubicSpline(displacements, np.column_stack([np.ones(len(places)), inner]), axis=1)
+    off = curves(grip) - STRETCHES
+    if (name, spacing) == FITS[0]:
+        drawing = Figure(figsize=(9, 3.6), layout="constrained")
+        left, right = drawing.subplots(1, 2, width_ratios=(1, 2))
+        left.plot(displacements, forces)
+        left.axhline(FORCE, color="black", linewidth=0.8)
+        left.set(xlabel="displacement of the grip (mm)", ylabel="force (N)")
+        right.plot(POSITIONS, curves(grip), "o", markersize=3, label="predicted by the energy")
+        right.plot(POSITIONS, STRETCHES, "kx", markersize=4, label="measured")
+        right.set(xlabel="position on the line (mm)", ylabel="greatest principal stretch")
+        right.legend()
+        drawing.savefig(FIGURES / "experiments.png", dpi=150)
+    rms, largest = np.sqrt(np.mean(off**2)), off[np.abs(off).argmax()]
+    yield name, spacing, len(points), rms, largest, grip, seconds
 
 
 def notched(notch: float, law, steps: list[dict], **more) -> pds.Scene:
@@ -353,22 +203,15 @@ def torn(notch: float, law, energy: float) -> dict:
     result = pds.simulate(scene, "bond-energy")
     rows = [row for row in result.history if "time" in row]
     peak = max(rows, key=lambda row: row["force_tab_2"])
-    shown = {
-        "critical stretch": result.summary["critical_stretch"],
-        "energy error (%)": result.summary["dynamics"][-1]["energy_gap"],
-    }
-    return {"stroke": peak["t"], "force": 2 * DEEP * peak["force_tab_2"], **shown}
+    return {"stroke": peak["t"], "force": 2 * DEEP * peak["force_tab_2"]}
 
 
-def notches_found() -> str:
-    """Table and figure of the sheets with notches."""
-    law, rows, drawing, energy = (
-        fitted_law(),
-        [],
-        Figure(figsize=(7, 4), layout="constrained"),
-        None,
-    )
-    axes = drawing.subplots()
+def notches():
+    """Rows and figure of the sheets with notches: two of one kind, of which that with long notches
+    gives law and tear energy, and six more with short ones.
+    """
+    law, drawing = fitted_law(), Figure(figsize=(7, 4), layout="constrained")
+    axes, energy = drawing.subplots(), None
     print(law)
     for color, (notch, forces) in zip(("C0", "C1"), NOTCHED.items(), strict=True):
         (stroke, peak), (force, rate) = PEAKS[notch], at_rest(notch, law)
@@ -376,55 +219,42 @@ def notches_found() -> str:
         found = float(rate(force.solve(peak, extrapolate=False)[0]))
         energy = energy or found  # that of the sheet with long notches, which comes first
         tear = torn(notch, law, energy)
-        measured = [f"{100 * np.sqrt(np.mean(off**2)):.1f}", f"{found:.2f}", f"{rate(stroke):.2f}"]
-        rows.append(
-            [
-                f"{notch:g}",
-                *measured,
-                f"{peak:.2f}",
-                f"{tear['force']:.2f}",
-                f"{stroke:.1f}",
-                f"{tear['stroke']:.1f}",
-            ]
-        )
-        print(rows[-1], tear, flush=True)
+        rms = 100 * np.sqrt(np.mean(off**2))
+        simulated = tear["force"], tear["stroke"]
+        yield f"{notch:g}", rms, found, rate(stroke), peak, simulated[0], stroke, simulated[1]
         drawn = np.linspace(0, tear["stroke"], 100)
         axes.plot(STROKES, forces, "x", color=color, label=f"notches of {notch:g} mm, measured")
         axes.plot(drawn, force(drawn), color=color, label="computed, without growth of the notches")
-        axes.plot(
-            tear["stroke"], tear["force"], "o", color=color, label="peak of the simulated tear"
-        )
+        axes.plot(*simulated[::-1], "o", color=color, label="peak of the simulated tear")
     strokes, peaks = np.array(AGAIN).T
     # `force` and `rate` are those of the sheet with short notches, which comes last.
     energies = [rate([force.solve(peak, extrapolate=False)[0] for peak in peaks]), rate(strokes)]
-    spans = [f"{values.min():.2f} to {values.max():.2f}" for values in (*energies, peaks)]
-    rows.append(
-        [
-            "3.6, six more",
-            "-",
-            *spans,
-            rows[-1][5],
-            f"{strokes.min():.1f} to {strokes.max():.1f}",
-            rows[-1][7],
-        ]
-    )
+    spans = [f"{one.min():.2f} to {one.max():.2f}" for one in (*energies, peaks)]
+    of_strokes = f"{strokes.min():.1f} to {strokes.max():.1f}"
+    yield "3.6, six more", None, *spans, simulated[0], of_strokes, simulated[1]
     axes.plot(strokes, peaks, "k+", label="3.6 mm, peaks of six more")
     axes.set(xlabel="stroke (mm)", ylabel="force (N)")
     axes.legend(fontsize="small")
-    head = [
-        "notches (mm)",
-        "rms error of the force before the tear (% of the peak)",
-        "G at the force of the peak (N/mm)",
-    ]
-    head += [
-        "G at the stroke of the peak (N/mm)",
-        "peak, measured (N)",
-        "simulated (N)",
-        "stroke at the peak, measured (mm)",
-    ]
     drawing.savefig(FIGURES / "notched-sheets.png", dpi=150)
-    return markdown_table([*head, "simulated (mm)"], rows)
 
+
+FITS = [(name, spacing) for spacing in SPACINGS for name in ("energy", "Ogden's law")]
 
 if __name__ == "__main__":
-    report(__doc__, {"experiments": holes_found, "notched-sheets": notches_found})
+    errors = "RMSE: .3f", "largest error: +.2f", "grip (mm): .1f", "processor time (s): .0f"
+    columns = "learnt from the tests", "spacing (mm): g", "points", *errors
+    notched_columns = (
+        "notches (mm)",
+        "rms error of the force before the tear (% of the peak): .1f",
+        "G at the force of the peak (N/mm): .2f",
+        "G at the stroke of the peak (N/mm): .2f",
+        "peak, measured (N): .2f",
+        "simulated (N): .2f",
+        "stroke at the peak, measured (mm): .1f",
+        "simulated (mm): .1f",
+    )
+    report(
+        __doc__,
+        of_rows("experiments", predicted, FITS, *columns),
+        of_rows("notched-sheets", notches, [()], *notched_columns),
+    )

@@ -1,8 +1,7 @@
 """Cracks along an interface of two layers: energy release rate at the peak of the load, against
 what the scene gives, and energy balance.
 
-python pipelines/interface_cracks.py            the tables python pipelines/interface_cracks.py
---docs     and put them into docs/validation/interface-cracks.md
+python pipelines/interface_cracks.py            measures all tears; --help names other uses
 
 A strip of 4 x 1 of two layers, with a precut of 1.5 along their interface, is pulled in pure shear
 at 0.02 times the speed of shear waves of the softer layer. The bonds across the interface are
@@ -13,7 +12,7 @@ On one core of 2 GHz all tears take some 10 minutes.
 """
 
 import scipy
-from pages import markdown_table, report
+from cases import of_rows, report
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -97,72 +96,33 @@ def energy_ahead(stretch: float, stiffer: float) -> float:
     return sum(layer.energy_density for layer in of_both(found)) / 2
 
 
-def balance(summary: dict) -> str:
-    """Return the greatest error of the energy balance in percent; a dash for a force without
-    energy.
-    """
-    gap = summary["dynamics"][-1]["greatest_energy_gap"]
-    return "-" if gap is None else f"{gap:+.2f}"
-
-
-def equal() -> str:
+def equal(force: str, ratio: float, rows: int):
     """Layers of one rubber: G at the peak against the energy of the interface."""
-    rows = []
-    for force, ratio, points in EQUAL:
-        summary = tear(force, ratio, points, 1.0, {"energy": ENERGY}, {"energy": 3 * ENERGY})
-        found = energy_ahead(summary["crack"]["peak"]["stretch"], 1.0)
-        rows.append(
-            [
-                force,
-                f"{ratio:g}",
-                f"{points}",
-                f"{found:.3f}",
-                f"{found / ENERGY:.2f}",
-                balance(summary),
-            ]
-        )
-        print(rows[-1], flush=True)
-    return markdown_table(
-        [
-            "force",
-            "horizon (spacings)",
-            "rows",
-            "G at the peak (μ h)",
-            "G / prescribed",
-            "energy error (%)",
-        ],
-        rows,
-    )
+    summary = tear(force, ratio, rows, 1.0, {"energy": ENERGY}, {"energy": 3 * ENERGY})
+    found = energy_ahead(summary["crack"]["peak"]["stretch"], 1.0)
+    gap = summary["dynamics"][-1]["greatest_energy_gap"]
+    yield force, ratio, rows, found, found / ENERGY, gap
 
 
-def different() -> str:
+def different(stiffer: float, rows: int):
     """Layers of different moduli: G at the peak against that of a crack in the softer rubber
     with the same critical stretch.
     """
-    rows, soft, diameter = (
-        [],
-        pds.materials.NeoHookean(1.0, BULK),
-        tip_diameters("stress", 2.2, "bond energy").at(CRITICAL),
-    )
-    for stiffer, points in DIFFERENT:
-        summary = tear(
-            "bond-energy",
-            2.2,
-            points,
-            stiffer,
-            {"critical_stretch": CRITICAL},
-            {"critical_stretch": 2 * CRITICAL},
-        )
-        found = energy_ahead(summary["crack"]["peak"]["stretch"], stiffer)
-        within = homogeneous.uniaxial(soft, CRITICAL).energy_density * diameter * 2.2 / points
-        rows.append(
-            [f"{stiffer:g}", f"{points}", f"{found:.3f}", f"{found / within:.2f}", balance(summary)]
-        )
-        print(rows[-1], flush=True)
-    return markdown_table(
-        ["upper layer (μ)", "rows", "G at the peak (μ h)", "G / within", "energy error (%)"], rows
-    )
+    soft = pds.materials.NeoHookean(1.0, BULK)
+    diameter = tip_diameters("stress", 2.2, "bond energy").at(CRITICAL)
+    limits = {"critical_stretch": CRITICAL}, {"critical_stretch": 2 * CRITICAL}
+    summary = tear("bond-energy", 2.2, rows, stiffer, *limits)
+    found = energy_ahead(summary["crack"]["peak"]["stretch"], stiffer)
+    within = homogeneous.uniaxial(soft, CRITICAL).energy_density * diameter * 2.2 / rows
+    yield stiffer, rows, found, found / within, summary["dynamics"][-1]["greatest_energy_gap"]
 
 
 if __name__ == "__main__":
-    report(__doc__, {f"interface-{part.__name__}": part for part in (equal, different)})
+    found, gap = ("rows", "G at the peak (μ h): .3f"), "energy error (%): +.2f"
+    columns = "force", "horizon (spacings): g", *found, "G / prescribed: .2f", gap
+    others = "upper layer (μ): g", *found, "G / within: .2f", gap
+    report(
+        __doc__,
+        of_rows("interface-equal", equal, EQUAL, *columns),
+        of_rows("interface-different", different, DIFFERENT, *others),
+    )

@@ -1,8 +1,8 @@
 """Contact with obstacles against finite elements and Hertz, and the picture of a seal for the
 guide.
 
-python pipelines/obstacles.py            prints both tables, in some minutes, and draws the picture
-python pipelines/obstacles.py --docs     and puts them into docs/validation/obstacles.md
+python pipelines/obstacles.py         measures all cases, in some minutes, and draws the picture
+python pipelines/obstacles.py seal    the picture alone; --help names other uses
 
 Finite elements of the block: FElupe 11.3, nine-node quadrilaterals in plane strain, displacements
 only, half of the block by symmetry, uniform meshes of 28, 40 and 50 elements along each side of the
@@ -13,8 +13,9 @@ the free side with the plate, and of the free side with the plane of the bonded 
 
 import matplotlib
 import numpy as np
+from cases import of_rows, percent, report
 from matplotlib.figure import Figure
-from pages import FIGURES, markdown_table, report
+from pages import FIGURES
 
 import pdsurrogate as pds
 from pdsurrogate.results import figures
@@ -47,32 +48,15 @@ def block(spacing: float) -> pds.Scene:
     )
 
 
-def pressed_block(spacings: tuple[float, ...] = (0.1, 0.05, 0.025)) -> list[list[str]]:
-    """Rows of the table of the block: error of the force, contact width and penetration by
-    spacing.
-    """
-    (force, corner), rows = ELEMENTS[max(ELEMENTS)], []
-    for spacing in spacings:
-        result = pds.simulate(block(spacing), "bond-energy")
-        level = result.levels[-1]
-        found, contact = -level["forces"]["plate"][1], level["contact"]
-        width = contact["plate"]["area"]
-        depth = max(one["penetration"] for one in contact.values()) / spacing
-        errors = [
-            f"{100 * (found / force - 1):+.2f}",
-            f"{100 * (width / (2 + 2 * corner) - 1):+.2f}",
-        ]
-        rows.append(
-            [
-                f"{spacing:g}",
-                f"{found:.4f}",
-                *errors,
-                f"{depth:.1e}",
-                f"{result.summary['n_force_evaluations']}",
-            ]
-        )
-        print(rows[-1], flush=True)
-    return rows
+def pressed_block(spacing: float):
+    """Force of the plate, errors of it and of the contact width, and penetration."""
+    force, corner = ELEMENTS[max(ELEMENTS)]
+    result = pds.simulate(block(spacing), "bond-energy")
+    level = result.levels[-1]
+    found, contact = -level["forces"]["plate"][1], level["contact"]
+    errors = percent(found, force), percent(contact["plate"]["area"], 2 + 2 * corner)
+    depth = max(one["penetration"] for one in contact.values()) / spacing
+    yield spacing, found, *errors, depth, result.summary["n_force_evaluations"]
 
 
 def layer_factor(ratio: float) -> float:
@@ -84,8 +68,8 @@ def layer_factor(ratio: float) -> float:
     return 1 + 1.133 * ratio + 1.283 * ratio**2 + 0.769 * ratio**3 + 0.0975 * ratio**4
 
 
-def indented(cells: int) -> list[str]:
-    """Row of the table of the ball: a quarter of a bonded layer four contact radii thick, with
+def indented(cells: int):
+    """A ball on a quarter of a bonded layer four contact radii thick, with
     `cells` cells in the contact radius.
     """
     radius, depth, thickness = 5.0, 0.2, 4.0
@@ -115,20 +99,9 @@ def indented(cells: int) -> list[str]:
         layer_factor(np.sqrt(radius * depth) / thickness),
     )
     force, contact = -4 * level["forces"]["ball"][2], level["contact"]["ball"]
-    errors = [
-        f"{100 * (force / (hertz * factor) - 1):+.1f}",
-        f"{4 * contact['area'] / (np.pi * radius * depth):.2f}",
-    ]
-    row = [
-        str(cells),
-        f"{force:.4f}",
-        f"{hertz:.4f}",
-        f"{hertz * factor:.4f}",
-        *errors,
-        f"{contact['penetration'] * cells:.1e}",
-    ]
-    print(row, flush=True)
-    return row
+    area = 4 * contact["area"] / (np.pi * radius * depth)
+    off, layer = contact["penetration"] * cells, hertz * factor
+    yield cells, force, hertz, layer, percent(force, layer), area, off
 
 
 SEAL = pds.Scene(
@@ -154,10 +127,11 @@ SEAL = pds.Scene(
 )
 
 
-def seal() -> Figure:
-    """The seal of the guide, pressed by 15 and by 25 %, in colors of the pressure."""
+def seal():
+    """The picture of the seal of the guide, pressed by 15 and by 25 %, in colors of pressure."""
     result = pds.simulate(SEAL, "bond-energy")
-    figure = Figure(figsize=(6.4, 2.9), layout="constrained")
+    with matplotlib.rc_context(figures.STYLE):
+        figure = Figure(figsize=(6.4, 2.9), layout="constrained")
     limits = (0.0, float(np.percentile(result.field("pressure", -1), 99)))
     for axes, number in zip(figure.subplots(1, 2), (2, -1), strict=True):
         drawn = figures.draw_cells(
@@ -174,37 +148,28 @@ def seal() -> Figure:
             ylabel="x₂",
         )
     figure.colorbar(drawn, ax=figure.axes, label="pressure")
-    return figure
-
-
-def of_block() -> str:
-    """The table of the block."""
-    head = [
-        "spacing",
-        "force",
-        "error of the force (%)",
-        "error of the contact width (%)",
-        "penetration / spacing",
-        "evaluations",
-    ]
-    return markdown_table(head, pressed_block())
-
-
-def of_ball() -> str:
-    """The table of the ball, and the picture of the seal."""
-    with matplotlib.rc_context(figures.STYLE):
-        figures.save(seal(), FIGURES / "guide" / "seal.png")
-    head = [
-        "cells in the radius of contact",
-        "force",
-        "Hertz",
-        "Hertz, layer",
-        "error (%)",
-        "area / Hertz's",
-        "penetration / spacing",
-    ]
-    return markdown_table(head, [indented(cells) for cells in (2, 3, 4)])
+    figures.save(figure, FIGURES / "guide" / "seal.png")
+    yield SEAL.name, len(result.body)
 
 
 if __name__ == "__main__":
-    report(__doc__, {"pressed-block": of_block, "indented": of_ball})
+    force, depth = ("force: .4f", "error of the force (%): +.2f"), "penetration / spacing: .1e"
+    width = "error of the contact width (%): +.2f"
+    radius = "cells in the radius of contact", "force: .4f", "Hertz: .4f", "Hertz, layer: .4f"
+    spacings, cells = [(0.1,), (0.05,), (0.025,)], [(2,), (3,), (4,)]
+    errors = "error (%): +.1f", "area / Hertz's: .2f"
+    report(
+        __doc__,
+        of_rows(
+            "pressed-block",
+            pressed_block,
+            spacings,
+            "spacing: g",
+            *force,
+            width,
+            depth,
+            "evaluations",
+        ),
+        of_rows("indented", indented, cells, *radius, *errors, depth),
+        of_rows("seal", seal, [()], "scene", "points")._replace(tables={}),
+    )

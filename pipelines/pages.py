@@ -4,8 +4,6 @@ measured.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -39,27 +37,6 @@ def _parts(name: str) -> tuple[Path, str, str, str]:
     head, rest = pages[found[0]].split(begin, 1)
     within, tail = rest.split(end, 1)
     return found[0], head + begin, within, end + tail
-
-
-def report(told: str, tables: dict[str, Callable[[], str]]) -> None:
-    """Make the tables that the command line names, or all; print them, and with ``--docs`` put them
-    into the documentation.
-
-    `told` is the docstring of the script, and `tables` are by the names of their blocks.
-    """
-    parser = argparse.ArgumentParser(
-        description=told, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("tables", nargs="*", metavar="TABLE", help=", ".join(tables))
-    parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
-    arguments = parser.parse_args()
-    if unknown := set(arguments.tables) - set(tables):
-        parser.error(f"there is no table {', '.join(unknown)}; there are {', '.join(tables)}")
-    for name in arguments.tables or tables:
-        text = tables[name]()
-        print(text, flush=True)
-        if arguments.docs:
-            replace_block(name, text)
 
 
 def markdown_table(header: list[str], rows: list[list[str]]) -> str:

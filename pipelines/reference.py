@@ -20,7 +20,7 @@ from pdsurrogate.forces import FORCES
 from pdsurrogate.learning.settings import FitSettings
 from pdsurrogate.materials import LAWS, PLANES
 from pdsurrogate.results.files import write_text
-from pdsurrogate.scenes import loading, model, obstacles, regions, shapes, solids
+from pdsurrogate.scenes import loading, model, obstacles, regions, scene, shapes, solids
 from pdsurrogate.studies import description
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -36,7 +36,7 @@ that stands in it.
 
 TABLES = {
     "scene.md": {
-        "scene": model.Scene,
+        "scene": scene.Scene,
         "rectangle": shapes.Rectangle,
         "circle": shapes.Circle,
         "ellipse": shapes.Ellipse,
@@ -92,7 +92,6 @@ TABLES = {
         "errors.values": card.ErrorEntries,
         "errors.strain": card.BinEntries,
         "payloads": card.Payload,
-        "members": card.MemberSpec,
     },
 }
 """Models whose keys are on each page, by the names of their tables."""

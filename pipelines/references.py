@@ -22,7 +22,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from cases import Case, Errors, compare, percent
+from cases import Case, Errors, at_spacings, percent, report
 from scipy.integrate import solve_bvp
 from scipy.interpolate import RegularGridInterpolator
 
@@ -480,4 +480,5 @@ PLANE_STRAIN = {
 }
 
 if __name__ == "__main__":
-    compare(__doc__, {"loading": LOADING, "solid": SOLID, "plane-strain": PLANE_STRAIN})
+    groups = {"loading": LOADING, "solid": SOLID, "plane-strain": PLANE_STRAIN}
+    report(__doc__, *(at_spacings(name, cases) for name, cases in groups.items()))

@@ -1,8 +1,8 @@
 """Running cracks in stretched sheets: speed and fronts, against the speeds of waves in the
 stretched rubber.
 
-python pipelines/running_cracks.py            prints the table, and draws the figure
-python pipelines/running_cracks.py --docs     and puts it into docs/validation/experiments.md
+python pipelines/running_cracks.py        measures all sheets, and draws the last
+python pipelines/running_cracks.py 2.8    one of them; --help names other uses
 
 A sheet of 2 x 2.4 is stretched by l2 across the crack and by l1 along it, homogeneously and in
 equilibrium. A slit of 0.3 at its left edge then opens at once, and the crack from it runs between
@@ -11,11 +11,10 @@ the rows of points. Speeds are measured in the undeformed body, in units of sqrt
 On one core of 2 GHz all runs take about half a minute.
 """
 
-from typing import NamedTuple
-
 import numpy as np
+from cases import of_rows, report
 from matplotlib.figure import Figure
-from pages import FIGURES, markdown_table, report
+from pages import FIGURES
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -62,80 +61,50 @@ to which it is compared is that of small waves.
 """
 
 
-class Sheet(NamedTuple):
-    """Stretches along and across the crack, points per length, horizon in spacings, retardation
-    time times sqrt(mu/rho)/horizon.
-    """
+ROWS, RATIO, VISCOSITY = 20, 3.15, 0.3
+"""Points per length, horizon in spacings, retardation time times sqrt(mu/rho)/horizon."""
 
-    along: float
-    across: float
-    rows: float = 20
-    ratio: float = 3.15
-    viscosity: float = 0.3
+LADDER = [(1.6,), (2.0,), (2.3,), (2.6,), (2.8,)]
 
 
-LADDER = [Sheet(1.0, across) for across in (1.6, 2.0, 2.3, 2.6, 2.8)]
-
-
-def scene(sheet: Sheet) -> pds.Scene:
-    spacing, middle = 1 / sheet.rows, HEIGHT / 2
-    duration = TRAVEL / (0.45 * sheet.across - 0.08)
-    end = 1 + JOLT_TIME / duration
-    material = {
-        "law": LAW.name,
-        "shear_modulus": LAW.shear_modulus,
-        "bulk_modulus": LAW.bulk_modulus,
-    }
-    beside = {"material": material, "fracture": {"critical_stretch": CRITICAL}}
-    weak = {"between": ["above", "below"], "critical_stretch": sheet.across * (1 + JOLT / 6)}
-    dynamics = {
-        "duration": duration,
-        "density": 1.0,
-        "safety": SAFETY,
-        "viscosity": sheet.viscosity * sheet.ratio * spacing,
-    }
+def scene(across: float) -> pds.Scene:
+    spacing, middle, duration = 1 / ROWS, HEIGHT / 2, TRAVEL / (0.45 * across - 0.08)
+    beside = {"material": LAW.describe(), "fracture": {"critical_stretch": CRITICAL}}
+    weak = {"between": ["above", "below"], "critical_stretch": across * (1 + JOLT / 6)}
+    dynamics = {"duration": duration, "density": 1.0, "safety": SAFETY}
+    dynamics["viscosity"] = VISCOSITY * RATIO * spacing
+    pulled = {"x2": (across - 1) * HEIGHT, "amplitude": [[0.0, 0.0], [1.0, 1.0]]}
+    pulled["amplitude"].append([1 + JOLT_TIME / duration, 1 + JOLT])
     return pds.Scene.model_validate(
         {
             "name": "running-crack",
             "spacing": spacing,
-            "horizon_ratio": sheet.ratio,
+            "horizon_ratio": RATIO,
             "body": {"shape": "rectangle", "size": [LENGTH, HEIGHT]},
             "regions": {
                 "above": {"box": [[0, middle], [SLIT, HEIGHT]]},
                 "below": {"box": [[0, 0], [SLIT, middle]]},
             },
-            "material": material,
+            "material": LAW.describe(),
             "materials": [{"region": "above"} | beside, {"region": "below"} | beside],
             "fracture": {"critical_stretch": CRITICAL, "interfaces": [weak]},
             "prescribed": [
                 {"region": "left", "x1": 0.0},
-                {
-                    "region": "right",
-                    "x1": (sheet.along - 1) * LENGTH,
-                    "amplitude": [[0.0, 0.0], [1.0, 1.0]],
-                },
+                {"region": "right", "x1": 0.0},
                 {"region": "bottom", "x2": 0.0},
-                {
-                    "region": "top",
-                    "x2": (sheet.across - 1) * HEIGHT,
-                    "amplitude": [[0.0, 0.0], [1.0, 1.0], [end, 1 + JOLT]],
-                },
+                {"region": "top", **pulled},
             ],
             "steps": [1.0, {"to": 2.0, "outputs": 96, "dynamics": dynamics}],
         }
     )
 
 
-def measured(sheet: Sheet) -> dict:
-    """Speeds of the crack and of waves, slope of the front, error of the energy balance, and the
-    faces of the crack in space.
+def measured(across: float):
+    """Speeds of the crack, over those of waves, Mach's relation (89) by the slope of the front, and
+    error of the energy balance; the last sheet is drawn.
     """
-    result = pds.simulate(scene(sheet), "bond-energy")
-    points, spacing, summary = (
-        result.field("position")[:, :2],
-        result.summary["spacing"],
-        result.summary,
-    )
+    result = pds.simulate(scene(across), "bond-energy")
+    points, spacing = result.field("position")[:, :2], result.summary["spacing"]
     outputs = [number for number, level in enumerate(result.levels) if "time" in level]
     times = np.array([result.levels[number]["time"] for number in outputs])
     beside = np.abs(points[:, 1] - HEIGHT / 2) < spacing
@@ -146,36 +115,28 @@ def measured(sheet: Sheet) -> dict:
     )
     arrivals = np.where(reached.any(axis=1), times[reached.argmax(axis=1)], np.inf)
     if arrivals[columns < WINDOW[-1]].max() == np.inf:
-        raise ValueError(f"{sheet}: the tip does not come to {WINDOW[-1]}; give a longer TRAVEL")
+        raise ValueError(f"{across}: the tip does not come to {WINDOW[-1]}; give a longer TRAVEL")
 
     def speed(begin: float, end: float) -> float:
         chosen = (columns > begin) & (columns < end)
         return float(1 / np.polyfit(columns[chosen], arrivals[chosen], 1)[0])
 
     first, middle, last = WINDOW
-    waves = homogeneous.wave_speeds(LAW, np.diag([sheet.along, sheet.across]), [1.0, 0.0], 1.0)
+    stretched, crack = np.diag([1.0, across]), speed(first, last)
+    waves = homogeneous.wave_speeds(LAW, stretched, [1.0, 0.0], 1.0)
     number = int(reached[columns < SHOWN].argmax(axis=1).max())
     state, tip = outputs[number], columns[reached[:, number]].max()
     stretch = result.field("deformation_gradient", state)[:, 1, 1]
-    slope = front(points, stretch, tip, sheet.across, spacing)
-    places = points + result.displacement(state)
-    face = (
-        (result.field("damage", state) > 0.2)
-        & (result.field("damage", state) < 1)
-        & (points[:, 0] < tip)
-    )
-    origin = [sheet.along * tip, places[:, 1].mean()]
-    return {
-        "speed": speed(first, last),
-        "halves": (speed(first, middle), speed(middle, last)),
-        "waves": waves.tolist(),
-        "slope": slope,
-        "gap": summary["dynamics"][-1]["greatest_energy_gap"],
-        "failed": summary["crack"]["failed_points"],
-        "points": summary["n_points"],
-        "face": places[face] - origin,
-        "stretch": (points - [tip, HEIGHT / 2], stretch),
-    }
+    angle, mach = np.arctan(front(points, stretch, tip, across, spacing)), None
+    if np.isfinite(angle):
+        normal = [np.sin(angle), np.cos(angle)]
+        slowest = homogeneous.wave_speeds(LAW, stretched, normal, 1.0)[0]
+        mach = crack * np.sin(angle) / slowest
+    if (across,) == LADDER[-1]:
+        draw(points - [tip, HEIGHT / 2], stretch, across, crack / waves[0])
+    halves, ratios = [speed(first, middle), speed(middle, last)], [crack / one for one in waves]
+    gap = result.summary["dynamics"][-1]["greatest_energy_gap"]
+    yield across, crack, halves, *ratios, mach, gap, len(points)
 
 
 def front(
@@ -199,90 +160,22 @@ def front(
     return float(np.polyfit(behind, heights, 1)[0]) if len(behind) > 9 else np.nan
 
 
-def row(sheet: Sheet, found: dict) -> list[str]:
-    """A row of a table, which is also printed: speeds, Mach's relation (89), and the error of
-    the energy balance.
-    """
-    speed, (shear, longitudinal) = found["speed"], found["waves"]
-    angle = np.arctan(found["slope"])
-    mach = "-"
-    if np.isfinite(angle):
-        normal = [np.sin(angle), np.cos(angle)]
-        stretched = np.diag([sheet.along, sheet.across])
-        slowest = homogeneous.wave_speeds(LAW, stretched, normal, 1.0)[0]
-        mach = f"{speed * np.sin(angle) / slowest:.2f}"
-    cells = [
-        f"{sheet.across:g}",
-        f"{speed:.2f}",
-        " / ".join(f"{half:.2f}" for half in found["halves"]),
-        f"{speed / shear:.2f}",
-        f"{speed / longitudinal:.2f}",
-        mach,
-    ]
-    cells += [f"{found['gap']:+.2f}", f"{found['points']}"]
-    print(cells, flush=True)
-    return cells
-
-
-def figure(found: list[dict]) -> Figure:
-    """Speeds against the stretch, the stretch around the fastest crack, and the faces of the
-    slowest and the fastest in space.
-    """
-    drawing = Figure(figsize=(10, 3.4), layout="constrained")
-    speeds, body, faces = drawing.subplots(1, 3)
-    stretches = [sheet.across for sheet in LADDER]
-    speeds.plot(stretches, [one["speed"] for one in found], "o-", label="crack")
-    for waves, style, name in zip(
-        np.transpose([one["waves"] for one in found]),
-        ("k-", "k--"),
-        ("shear waves", "longitudinal waves"),
-        strict=True,
-    ):
-        speeds.plot(stretches, waves, style, linewidth=1, label=name)
-    speeds.set(
-        xlabel="stretch across the crack",
-        ylabel="speed in the undeformed body ($\\sqrt{\\mu/\\rho}$)",
-    )
-    speeds.legend()
-    points, stretch = found[-1]["stretch"]
-    drawn = body.scatter(
-        *points.T, c=stretch, s=2, cmap="viridis", vmin=0, vmax=LADDER[-1].across, rasterized=True
-    )
-    slope = 1 / np.sqrt((found[-1]["speed"] / found[-1]["waves"][0]) ** 2 - 1)
+def draw(points: np.ndarray, stretch: np.ndarray, across: float, mach: float) -> None:
+    """The stretch around the fastest crack, by places from its tip, and Mach's lines."""
+    drawing = Figure(figsize=(4.5, 3.6), layout="constrained")
+    body, slope = drawing.subplots(), 1 / np.sqrt(mach**2 - 1)
+    colors = {"c": stretch, "cmap": "viridis", "vmin": 0, "vmax": across}
+    drawn = body.scatter(*points.T, s=2, rasterized=True, **colors)
     for side in (1, -1):
         body.plot([0, -1 / slope], [0, side], "r--", linewidth=1)
-    body.set(
-        xlabel="x1 from the tip, undeformed",
-        ylabel="x2",
-        aspect="equal",
-        xlim=(-1.2, 0.6),
-        ylim=(-1.2, 1.2),
-    )
+    limits = {"xlim": (-1.2, 0.6), "ylim": (-1.2, 1.2)}
+    body.set(xlabel="x1 from the tip, undeformed", ylabel="x2", aspect="equal", **limits)
     drawing.colorbar(drawn, ax=body, label="stretch across the crack")
-    for sheet, one, color in ((LADDER[0], found[0], "C1"), (LADDER[-1], found[-1], "C0")):
-        faces.plot(
-            *one["face"].T, ".", markersize=2, color=color, label=f"stretch {sheet.across:g}"
-        )
-    faces.set(xlabel="x1 from the tip, deformed", ylabel="x2", aspect="equal")
-    faces.legend(loc="lower left")
-    return drawing
-
-
-def ladder() -> str:
-    """All sheets, and the figure."""
-    head = [
-        "stretch across",
-        "speed v",
-        "first / second half",
-        "v / shear waves",
-        "v / longitudinal waves",
-        "v sin(angle) / c",
-    ]
-    found = [measured(sheet) for sheet in LADDER]
-    figure(found).savefig(FIGURES / "running-cracks.png", dpi=150)
-    rows = [row(sheet, one) for sheet, one in zip(LADDER, found, strict=True)]
-    return markdown_table([*head, "energy error (%)", "points"], rows)
+    drawing.savefig(FIGURES / "running-cracks.png", dpi=150)
 
 
 if __name__ == "__main__":
-    report(__doc__, {"running-cracks": ladder})
+    speeds = "speed v: .2f", "first / second half: .2f", "v / shear waves: .2f"
+    others = "v / longitudinal waves: .2f", "v sin(angle) / c: .2f", "energy error (%): +.2f"
+    columns = "stretch across: g", *speeds, *others, "points"
+    report(__doc__, of_rows("running-cracks", measured, LADDER, *columns))

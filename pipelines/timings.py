@@ -107,10 +107,7 @@ print(json.dumps({{"setup (s)": time.perf_counter() - began}}))
 RUN = """
 import json, sys
 import pdsurrogate as pds
-scene, changes, force, all_work = json.loads(sys.argv[1])
-if all_work:
-    from pdsurrogate.run import waiting
-    waiting.POINTS_PER_RANK = 0
+scene, changes, force = json.loads(sys.argv[1])
 result = pds.simulate(pds.load_scene(scene, changes), force)
 summary, found = result.summary, {}
 for level in result.levels:
@@ -124,7 +121,7 @@ mpi = sys.modules.get("mpi4py.MPI")
 if mpi is None or mpi.COMM_WORLD.rank == 0:
     seconds = summary["seconds_total"] - summary["seconds_compile"]
     found |= {"evaluations": summary["n_force_evaluations"], "run (s)": seconds}
-    print(json.dumps(found | {"working": summary.get("ranks", 1)}))
+    print(json.dumps(found))
 """
 
 PROPERTIES = """
@@ -521,19 +518,18 @@ def of_speed() -> str:
     """Force models of sheets: cost, error and effort, and the figure of the documentation."""
     import comparison
 
-    from pdsurrogate.results import tables
     from pdsurrogate.results.figures import save
-    from pdsurrogate.results.files import write_text
+    from pdsurrogate.results.files import write_json
 
-    report = comparison.compare()
-    save(comparison.pareto_figure(report), FIGURES / "speed.png")
-    write_text(FIGURES / "speed.csv", tables.as_csv(report["models"]))
-    where = "Processor: {processor}, {threads} threads, numba {numba}.".format(**report["machine"])
+    found = comparison.compare()
+    save(comparison.pareto_figure(found), FIGURES / "speed.png")
+    write_json(FIGURES / "speed.json", found)
     shown = [
-        f"{title}:\n\n{markdown_table(*comparison.table(report, title))}"
+        f"{title}:\n\n{markdown_table(*comparison.table(found, title))}"
         for title in comparison.TABLES
     ]
-    return "\n\n".join([f"{where} {comparison.caution(report['models'])}".strip(), *shown])
+    warning = comparison.caution(found["models"])
+    return "\n\n".join([f"Processor: {found['machine']}. {warning}".strip(), *shown])
 
 
 def of_sizes() -> str:
@@ -715,7 +711,7 @@ def against_threads() -> str:
 
 
 def small_bodies() -> str:
-    """One rank against two on small bodies, and two that both work however small the body is."""
+    """One rank against two on small bodies."""
     rows = []
     for sides in ((12, 9, 8), (20, 20, 20), (32, 25, 25), (31, 31, 31), (36, 36, 35)):
         for bulk_modulus in (100.0, 1000.0):
@@ -725,34 +721,19 @@ def small_bodies() -> str:
                 "body.lower": [0.0, -size[1] / 2, -size[2] / 2],
                 "material.bulk_modulus": bulk_modulus,
             }
-            kinds = [
-                (json.dumps(["bonded-block", changes, None, both]), ranks)
-                for both, ranks in ((False, 1), (False, 2), (True, 2))
-            ]
+            words = json.dumps(["bonded-block", changes, None])
             found = [
-                [spent(ROOT, "-c", RUN, words, ranks=ranks) for words, ranks in kinds]
+                [spent(ROOT, "-c", RUN, words, ranks=ranks) for ranks in (1, 2)]
                 for _ in range(3 if np.prod(sides) < 1e4 else 1)
             ]
-            alone, two, both = (
+            alone, two = (
                 median(run["run (s)"] for run in kind) for kind in zip(*found, strict=True)
             )
-            seconds = [f"{two:.2f}", f"{two / alone:.2f}", f"{both:.2f}", f"{both / alone:.2f}"]
+            seconds = [f"{alone:.2f}", f"{two:.2f}", f"{two / alone:.2f}"]
             evaluations = " / ".join(str(run["evaluations"]) for run in found[0])
-            first = [
-                f"{np.prod(sides):,}",
-                f"{bulk_modulus:g}",
-                f"{alone:.2f}",
-                str(found[0][1]["working"]),
-            ]
-            rows.append([*first, *seconds, evaluations])
-    figures = (
-        "two ranks (s)",
-        "two ranks / one",
-        "both at work (s)",
-        "both at work / one",
-        "evaluations",
-    )
-    return markdown_table(["points", "K / μ", "one rank (s)", "working of two", *figures], rows)
+            rows.append([f"{np.prod(sides):,}", f"{bulk_modulus:g}", *seconds, evaluations])
+    figures = "one rank (s)", "two ranks (s)", "two ranks / one", "evaluations"
+    return markdown_table(["points", "K / μ", *figures], rows)
 
 
 def of_parts() -> str:

@@ -139,13 +139,13 @@ def test_a_simulation_loads_neither_scikit_learn_nor_torch_nor_dask(room):
             assert not found, f"{module} loads {', '.join(sorted(found))}"
 
 
-def files_reached_from(module, kind=2):
-    """Return the files that a file imports, directly or not, at once or inside functions; with
-    `kind` 0 for annotations as well.
+def files_reached_from(module):
+    """Return the files that a file imports, directly or not, at once, inside functions, or for
+    annotations.
     """
     reached, waiting = set(), [module]
     while waiting:
-        for name in imports_of(waiting.pop())[kind]:
+        for name in imports_of(waiting.pop())[0]:
             file = name if name in MODULES else name.rpartition(".")[0]
             # A package is not a step of a circle: files of a room import each other through it.
             if file in MODULES and file not in reached and MODULES[file].name != "__init__.py":
@@ -155,24 +155,9 @@ def files_reached_from(module, kind=2):
 
 
 def test_no_file_imports_itself_in_a_circle():
+    """Nor in annotations alone."""
     circles = {module for module in MODULES if module in files_reached_from(module)}
     assert not circles, sorted(circles)
-
-
-IN_CIRCLES = (
-    "results.drawings",
-    "results.result",
-    "scenes.consistency",
-    "scenes.model",
-    "scenes.tip_diameter",
-)
-"""Files that still name each other in annotations. None may be added."""
-
-
-def test_annotations_make_no_further_circle():
-    assert {module for module in MODULES if module in files_reached_from(module, 0)} <= {
-        f"{PACKAGE.name}.{name}" for name in IN_CIRCLES
-    }
 
 
 def functions_of(module):

@@ -11,7 +11,6 @@ import pdsurrogate as pds
 
 LAW = pds.materials.NeoHookean()
 SAMPLES = pds.training_samples(LAW, 200, (0.7, 2.0), random_state=0)
-ENERGIES = pds.training_samples(LAW, 100, (0.7, 1.8), random_state=0, target="isochoric-energy")
 
 
 class Unworkable(pds.learning.ChebyshevRegressor):
@@ -23,7 +22,6 @@ class Unworkable(pds.learning.ChebyshevRegressor):
 
 MODEL = pds.surrogate_pipeline(Unworkable(3), features="isochoric")
 ENERGY = pds.surrogate_pipeline(target="isochoric-energy")
-TREE = pds.load_test_data("treloar")
 
 
 def validated(samples=SAMPLES, model=MODEL, **arguments):
@@ -34,12 +32,6 @@ def stored(folder, **arguments):
     names = ("model", "samples", "law", "folder", "name", "version", "text")
     given = dict(zip(names, (MODEL, SAMPLES, LAW, folder, "x", None, "x"), strict=True))
     return pds.store(**{**given, **arguments})
-
-
-def drawn(*arguments, **named):
-    return pds.identification.committee(
-        pds.identification.LawRegressor(), TREE.stretches, TREE.nominal_stress, *arguments, **named
-    )
 
 
 def bound(body="a body", law=LAW, settings=None):
@@ -113,21 +105,6 @@ BAD = [
         "identification must be a dictionary, or None, not 'x'",
     ),
     (
-        lambda to: stored(to, members=3),
-        TypeError,
-        "members must be a list of tuples, each a fitted model, its samples and its law, not 3",
-    ),
-    (
-        lambda to: stored(to, members=[(MODEL, SAMPLES)]),
-        TypeError,
-        "member 1 must be a tuple of a fitted model, its samples and its law",
-    ),
-    (
-        lambda to: stored(to, members=[(MODEL, ENERGIES, LAW)]),
-        ValueError,
-        "member 1 belong to the target isochoric-energy, not to bond-force",
-    ),
-    (
         lambda to: pds.store(ENERGY, SAMPLES, LAW, to, "x", "1", "x"),
         ValueError,
         "predicts the target isochoric-energy, .* the target bond-force",
@@ -182,17 +159,6 @@ BAD = [
         lambda _: pds.LevenbergMarquardtRegressor(()).fit(SAMPLES.X, SAMPLES.y),
         ValueError,
         "at least one layer",
-    ),
-    (lambda _: drawn(1), ValueError, "n_members must be at least 2, not 1"),
-    (
-        lambda _: drawn(2, tests=[1, 2]),
-        ValueError,
-        r"tests must have one entry for each of the \d+ rows, not shape \(2,\)",
-    ),
-    (
-        lambda _: pds.identification.committee(3, TREE.stretches, TREE.nominal_stress),
-        TypeError,
-        "regressor must be a LawRegressor or an EnergyRegressor",
     ),
     (lambda _: pds.load_test_data(None), TypeError, "test data must be text or a path, not None"),
     (lambda _: pds.load_scene(3), TypeError, "a scene's reference must be text or a path, not 3"),

@@ -41,7 +41,7 @@ def scene_of(law):
 
 def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
     model, samples = fitted
-    pds.store(model, samples, LAW, None, "mine", "1", "x", members=[(model, samples, LAW)])
+    pds.store(model, samples, LAW, None, "mine", "1", "x")
     shutil.copytree("artifacts/mine", "artifacts/copy")
     shutil.copytree("artifacts/mine/1", "elsewhere")
     (here / "link").symlink_to("artifacts/mine/1")
@@ -51,8 +51,6 @@ def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
         "artifacts/mine/1": "mine@1",
         "copy": both,
         "copy@1": both,
-        "copy#1": "copy@1#1 (mine@1 by its card)",
-        "copy#all": "copy@1#all (mine@1 by its card)",
         "./elsewhere": "elsewhere (mine@1 by its card)",
         "./link": "link (mine@1 by its card)",
     }.items():
@@ -73,8 +71,6 @@ def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
             ),
             "copy",
         )
-    with pytest.raises(ArtifactError, match=r"copy@1 \(mine@1 by its card\) has no member #2"):
-        pds.load_surrogate("copy#2")
     (here / "artifacts" / "copy" / "1" / "surrogate.npz").write_bytes(b"x")
     with pytest.raises(ArtifactError, match=r"copy@1 \(mine@1 by its card\): surrogate\.npz"):
         pds.load_surrogate("copy")

@@ -1,11 +1,10 @@
 """Versioned artifacts: cards, digests, safe reading and atomic writing.
 
-An artifact is a folder ``NAME/VERSION/`` of up to four files:
+An artifact is a folder ``NAME/VERSION/`` of up to three files:
 
 * ``card.json`` describes it, and states size and SHA-256 of the other files;
 * ``surrogate.npz`` holds the constants of the surrogate, all that a simulation needs: plain arrays,
   read without pickle;
-* ``members.npz`` holds the constants of the members of its committee, if it has one;
 * ``pipeline.joblib`` is the fitted scikit-learn pipeline, for further training: a pickle, which can
   run code, loaded only on explicit trust.
 """

@@ -45,19 +45,14 @@ NAME_PATTERN = r"^[a-z0-9][a-z0-9._-]{0,63}$"
 VERSION_PATTERN = r"^[0-9]{1,9}(\.[0-9]{1,9}){0,2}$"
 SHA256 = r"^[0-9a-f]{64}$"
 MOST_CARD = 2**20
-"""Greatest size of a card in bytes. Chosen: shipped cards have 3 to 9 kB, and 1 kB is left for each
-of 999 members; a larger limit would let a foreign file fill memory before it is refused.
+"""Greatest size of a card in bytes. Chosen: shipped cards have 3 to 9 kB; a larger limit would let
+a foreign file fill memory before it is refused.
 """
 
 MOST_PLANES = 1000
 """Most half-planes that bound the hull (the convex polygon in log-stretches) of the test data
 behind a surrogate. Chosen: the polygon goes through the outermost states, and has some tens of
 sides; every half-plane is evaluated for every state that is compared with the data.
-"""
-
-MOST_MEMBERS = 999
-"""Most members of a committee: `WHICH_MEMBER` reads member numbers of up to three digits, as in
-``NAME#999``.
 """
 
 MOST_STORED = 0.1
@@ -72,10 +67,8 @@ storing or running the surrogate warns. Chosen: forces in a run are off by about
 of the default sizes reach a thirtieth of it or less.
 """
 
-SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
-"""Names of an artifact's files other than its card: constants of the surrogate, constants of
-committee members, and fitted pipeline.
-"""
+SURROGATE, PIPELINE = "surrogate.npz", "pipeline.joblib"
+"""Names of an artifact's files other than its card: constants of the surrogate, fitted pipeline."""
 
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
@@ -352,27 +345,6 @@ class DomainSpec(StrictModel):
     ) = None
 
 
-class MemberSpec(StrictModel):
-    """Entry of a card for a member of the committee: material, domain and errors.
-
-    A member is a further surrogate in the artifact. The deviations of the members' forces from that
-    of the main surrogate estimate the uncertainty of the force.
-
-    Parameters
-    ----------
-    material : Material
-        Law of the member.
-    domain : DomainSpec
-        Domain of the member.
-    errors : dict
-        Errors of the member.
-    """
-
-    material: Material
-    domain: DomainSpec
-    errors: Reports
-
-
 class Card(StrictModel):
     """Card of an artifact, the contents of ``card.json``.
 
@@ -409,8 +381,8 @@ class Card(StrictModel):
         Versions of the packages with which the artifact was made.
     payloads : dict of Payload
         The other files of the artifact by name.
-    members : list of MemberSpec
-        Members of the committee.
+    members : list of dict
+        Members of a committee, which earlier versions stored; they are not read.
     digest : str, optional
         SHA-256 of the entries on which a run depends; the package rejects a card whose entries do
         not match it. Cards of schema version 2 have none.
@@ -431,7 +403,7 @@ class Card(StrictModel):
     errors: Reports
     made_with: dict[str, str]
     payloads: dict[str, Payload]
-    members: Annotated[tuple[MemberSpec, ...], Field(max_length=MOST_MEMBERS)] = ()
+    members: tuple[dict[str, Any], ...] = ()
     digest: Annotated[str, Field(pattern=SHA256)] | None = None
 
     def stated_digest(self) -> str | None:
@@ -459,22 +431,10 @@ class Card(StrictModel):
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def to_json(self) -> str:
-        """Return the text of ``card.json``; entries that have their default value, such as no
-        committee, are left out.
+        """Return the text of ``card.json``; entries that have their default value, are left
+        out.
         """
         return json.dumps(self.model_dump(exclude_defaults=True), indent=2, allow_nan=False) + "\n"
-
-    def of_member(self, number: int) -> Card:
-        """Return the card of committee member `number`, from 1: this card with the material,
-        domain and errors of the member.
-        """
-        member = self.members[number - 1]
-        named = {
-            "description": f"{self.description}; member {number} of {len(self.members)}",
-            "members": (),
-            "digest": None,
-        }
-        return self.model_copy(update={**named, **dict(member)})
 
     def __repr__(self) -> str:
         return f"<Card of {self.name}@{self.version}: {self.kind} of {self.material.law}>"
@@ -491,7 +451,6 @@ class Card(StrictModel):
             "stretches": f"{self.domain.least_stretch:g} to {self.domain.greatest_stretch:g}",
             "features": self.features["set"],
             "RMS error": f"{self.errors['box']['on_surface']['rms']:.2g}",
-            **({"committee": f"{len(self.members)} members"} if self.members else {}),
         }
         return html_facts(f"Artifact {self.name}@{self.version}", facts)
 

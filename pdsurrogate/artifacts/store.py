@@ -12,20 +12,18 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
 from ..arguments import check_path, suggestion
 from ..array_files import DamagedFile, read_arrays
-from ..forces import FORCES, Domain, ForceModel, LearnedBondForce, LearnedEnergy, Member
+from ..forces import FORCES, Domain, ForceModel, LearnedBondForce, LearnedEnergy
 from ..materials import LAWS, Law
 from ..materials.covariance import LawCovariance
 from ..scenes import MaterialSpec, Scene
 from .card import (
     DIGESTED,
     KINDS,
-    MEMBERS,
     NAME_PATTERN,
     PIPELINE,
     SURROGATE,
@@ -40,13 +38,6 @@ Surrogate = LearnedBondForce | LearnedEnergy
 """Types of the force models that artifacts hold."""
 
 CARD = "card.json"
-
-WHICH_MEMBER = re.compile(r"(.+)#(all|[1-9][0-9]{0,2})")
-"""Pattern of a reference to a member of an artifact's committee, ``NAME#3``, or to the artifact
-with all members, ``NAME#all``.
-"""
-
-ALL = "all"
 
 MOST_PAYLOAD = 64 * 2**20
 """Greatest size in bytes of a payload, an ``.npz`` file of an artifact. Chosen: eight times the
@@ -153,8 +144,7 @@ def find_artifact(reference: str | Path, models: Sequence[str] = tuple(FORCES)) 
         ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the
         path of an artifact's folder or of a folder of its versions.  Text is a path if it has a
         separator or begins with a dot, or if it names a folder that holds an artifact; a folder of
-        that name without one, such as a folder of results, is ignored.  A suffix ``#3`` or ``#all``
-        for the members of the committee is ignored as well.
+        that name without one, such as a folder of results, is ignored.
     models : sequence of str
         Force models without an artifact that the message about an unknown name suggests, too.
 
@@ -165,7 +155,6 @@ def find_artifact(reference: str | Path, models: Sequence[str] = tuple(FORCES)) 
         of one and the folder of another.
     """
     check_path(reference, "an artifact's reference")
-    reference, _ = parted(reference)
     text = str(reference)
     if (
         isinstance(reference, Path)
@@ -198,27 +187,8 @@ def _hint(text: str, models: Sequence[str]) -> str:
     name = text.partition("@")[0]
     if versions := [folder.name for folder in _on_search_path(name)]:
         return f"{name} has the version{'s' * (len(versions) > 1)} {', '.join(versions)}"
-    if "#" in text:
-        return (
-            "write NAME#3 for the third member of a committee, or NAME#all for the artifact with"
-            " all its members"
-        )
     names = dict.fromkeys(folder.parent.name for folder in list_artifacts())
     return suggestion(name, [*models, *names])
-
-
-def parted(reference: str | Path) -> tuple[str | Path, str | None]:
-    """Split ``NAME#3`` or ``NAME#all`` into NAME and committee member (``3``, ``all``; None
-    without # or for an existing path).
-    """
-    found = WHICH_MEMBER.fullmatch(str(reference))
-    if found is None or Path(reference).exists():
-        return reference, None
-    if found[1] in FORCES:
-        raise ArtifactError(
-            f"{found[1]} is an exact force model without a committee: leave out #{found[2]}"
-        )
-    return type(reference)(found[1]), found[2]
 
 
 def _in_folder(path: Path) -> Path | None:
@@ -266,13 +236,12 @@ def _version_key(folder: Path) -> tuple[int, ...]:
 
 
 def load_card(reference: str | Path) -> Card:
-    """Return the card of an artifact, or of a member of its committee; nothing else is read.
+    """Return the card of an artifact; nothing else is read.
 
     Parameters
     ----------
     reference : str or path
-        Artifact as for `pdsurrogate.load_surrogate`; ``NAME#3`` names the third member of its
-        committee.
+        Artifact as for `pdsurrogate.load_surrogate`.
 
     Returns
     -------
@@ -294,14 +263,11 @@ def load_card(reference: str | Path) -> Card:
     >>> card
     <Card of neo-hookean@1: bond-force-network of neo-hookean>
     """
-    folder, which = find_artifact(reference), parted(reference)[1]
-    card = _card_of(folder)
-    return card if which in (None, ALL) else card.of_member(*_meant(folder, card, which))
+    return _card_of(find_artifact(reference))
 
 
-def called(folder: Path, card: Card, which: str | None = None) -> str:
-    """Return the name of an artifact for messages, ``NAME@VERSION`` by its folder; with `which`,
-    that of a member, ``NAME@VERSION#3``.
+def called(folder: Path, card: Card) -> str:
+    """Return the name of an artifact for messages, ``NAME@VERSION`` by its folder.
 
     If the card states another name, as in a copied folder, this name is added in brackets.
     """
@@ -313,27 +279,7 @@ def called(folder: Path, card: Card, which: str | None = None) -> str:
     else:
         found = placed.name
     own = f"{card.name}@{card.version}"
-    return (f"{found}#{which}" if which else found) + (
-        f" ({own} by its card)" if found != own else ""
-    )
-
-
-def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
-    """Return the numbers of the committee members that `which` selects: one for a number as text,
-    all for "all", none for None.
-
-    Raise ArtifactError if the committee has no such member.
-    """
-    members = range(1, len(card.members) + 1)
-    chosen = [number for number in members if which in (ALL, str(number))]
-    if which is not None and not chosen:
-        made = (
-            "no committee (create one with pdsurrogate fit --committee, or the argument members of"
-            " pds.store)"
-        )
-        found = f"members #1 to #{len(members)}" if members else made
-        raise ArtifactError(f"{called(folder, card)} has no member #{which}: it has {found}")
-    return chosen
+    return found + (f" ({own} by its card)" if found != own else "")
 
 
 def _card_of(folder: Path) -> Card:
@@ -354,8 +300,7 @@ def _card_of(folder: Path) -> Card:
 
 
 def load_surrogate(reference: str | Path) -> ForceModel:
-    """Return a force model by name, or the surrogate of an artifact or of a member of its
-    committee.
+    """Return a force model by name, or the surrogate of an artifact.
 
     The card is read first; the payload must match its digest there, and is read as plain arrays, so
     loading runs no code from the file.
@@ -364,9 +309,7 @@ def load_surrogate(reference: str | Path) -> ForceModel:
     ----------
     reference : str or path
         Name of an exact force model (a key of `pdsurrogate.forces.FORCES`), or an artifact as for
-        `find_artifact`. Append ``#3`` for the third member of its committee, or ``#all`` for the
-        surrogate with its members: a run then records the greatest deviation of a member's force or
-        stress from the surrogate's (field ``member_deviation``).
+        `find_artifact`.
 
     Returns
     -------
@@ -394,107 +337,61 @@ def load_surrogate(reference: str | Path) -> ForceModel:
     """
     if isinstance(reference, str) and reference in FORCES:
         return FORCES[reference]()
-    return _surrogate_in(find_artifact(reference), parted(reference)[1])
+    return _surrogate_in(find_artifact(reference))
 
 
-def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
-    """Return the surrogate in the folder of an artifact, or the committee member `which`, after
-    checking payloads and card.
+def _surrogate_in(folder: Path) -> Surrogate:
+    """Return the surrogate in the folder of an artifact; raise ArtifactError if payload, kind,
+    features, material or covariance contradict the card.
     """
     card = _card_of(folder)
+    name, where = called(folder, card), f"{folder / CARD}"
     if card.kind not in KINDS:
         raise ArtifactError(
-            f"{folder / CARD}: kind: unknown kind {card.kind!r}; {suggestion(card.kind, KINDS)}"
+            f"{where}: kind: unknown kind {card.kind!r}; {suggestion(card.kind, KINDS)}"
         )
-    numbers = _meant(folder, card, which)
-    members = _members(folder, card, numbers) if numbers else []
-    if which in (None, ALL):
-        model = _built(
-            called(folder, card, which), folder, card, SURROGATE, _arrays(folder, card, SURROGATE)
-        )
-        laws = [law_of(card.of_member(number)) for number in numbers]
-        ratios = [law.shear_modulus / law_of(card).shear_modulus for law in laws]
-        model = replace(
-            model,
-            members=tuple(map(Member, members, laws, ratios)),
-            covariance=_covariance_on(folder, card),
-        )
-    else:
-        [model] = members
-    if card.stated_digest() is None:
-        warnings.warn(
-            f"{called(folder, card)}: its card is older and has no digest to show changes; store it"
-            " again",
-            stacklevel=3,
-        )
-    return model
-
-
-def _covariance_on(folder: Path, card: Card) -> LawCovariance | None:
-    """Return the covariance of the law on a card; None if it has none. Raise ArtifactError for
-    one that is not of this law.
-    """
-    entry = (card.training.get("identification") or {}).get("covariance")
     try:
-        return entry and LawCovariance(law_of(card), entry["names"], entry["values"])
-    except ValueError as error:
-        raise ArtifactError(f"{folder / CARD}: training.identification: {error}") from None
-
-
-def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[Surrogate]:
-    """Return the surrogates of the committee members with given numbers, from one reading of
-    ``members.npz``.
-    """
-    arrays, members = _arrays(folder, card, MEMBERS), []
-    for number in numbers:
-        own = {
-            key.partition(".")[2]: value
-            for key, value in arrays.items()
-            if key.startswith(f"{number}.")
-        }
-        members.append(
-            _built(called(folder, card, str(number)), folder, card.of_member(number), MEMBERS, own)
-        )
-    return members
-
-
-def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
-    try:
-        return payload_of(_checked_payload(folder, card, file, MOST_PAYLOAD))
-    except DamagedFile as error:
-        raise ArtifactError(f"{called(folder, card)}: {file}: {error}") from None
-
-
-def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Surrogate:
-    """Return the surrogate made of the arrays of a payload; raise ArtifactError if kind, features
-    or material contradict the card.
-
-    `name` is the name of the surrogate; `folder` and `file` say in messages where the payload was
-    read.
-    """
-    try:
+        payload = payload_of(_checked_payload(folder, card, SURROGATE, MOST_PAYLOAD))
         model = KINDS[card.kind].from_payload(
             name, payload, Domain(**dict(card.domain)), card.material.law, card.material.shape
         )
+    except DamagedFile as error:
+        raise ArtifactError(f"{name}: {SURROGATE}: {error}") from None
+    except ArtifactError:
+        raise
     except (ValueError, TypeError, OverflowError) as error:
         raise ArtifactError(
-            f"{name}: {file} does not contain a {card.kind}, as the card states: {error}"
+            f"{name}: {SURROGATE} does not contain a {card.kind}, as the card states: {error}"
         ) from None
     if card.material.law in LAWS:
         errors, law = card.errors["box"]["on_surface"], law_of(card)
-        stated = {
-            "rms": float(errors["rms"]),
-            "max": float(errors["max"]),
-            "bulk_ratio": law.bulk_modulus / law.shear_modulus,
-        }
-        model = replace(model, stated=stated)
+        ratio = law.bulk_modulus / law.shear_modulus
+        model = replace(
+            model,
+            stated={
+                "rms": float(errors["rms"]),
+                "max": float(errors["max"]),
+                "bulk_ratio": ratio,
+            },
+        )
         try:
             model.check_material(law)
         except ValueError as error:
             raise ArtifactError(
-                f"{folder / CARD}: material: {file} does not match the material that the card"
-                f" states: {error}"
+                f"{where}: material: {SURROGATE} does not match the material that the card states:"
+                f" {error}"
             ) from None
+    if entry := (card.training.get("identification") or {}).get("covariance"):
+        try:
+            found = LawCovariance(law_of(card), entry["names"], entry["values"])
+        except ValueError as error:
+            raise ArtifactError(f"{where}: training.identification: {error}") from None
+        model = replace(model, covariance=found)
+    if card.stated_digest() is None:
+        warnings.warn(
+            f"{name}: its card is older and has no digest to show changes; store it again",
+            stacklevel=3,
+        )
     return model
 
 
@@ -673,7 +570,6 @@ def save_artifact(
     card: dict,
     surrogate: Surrogate,
     pipeline=None,
-    members: Sequence[Surrogate] = (),
 ) -> Path:
     """Write an artifact, whole or not at all.
 
@@ -686,8 +582,6 @@ def save_artifact(
     surrogate : LearnedBondForce or LearnedEnergy
     pipeline : estimator, optional
         The fitted pipeline.
-    members : sequence of LearnedBondForce or LearnedEnergy, optional
-        Members of its committee, of the same kind; `Card.members` describes them.
 
     Returns
     -------
@@ -715,14 +609,6 @@ def save_artifact(
         contents = {
             SURROGATE: "the surrogate's constants: plain arrays, all that a simulation needs"
         }
-        if members:
-            arrays: dict[str, Any] = {
-                f"{number}.{key}": value
-                for number, one in enumerate(members, 1)
-                for key, value in one.payload().items()
-            }
-            np.savez(temporary / MEMBERS, **arrays)
-            contents[MEMBERS] = "the same of every member of the committee, by its number"
         if pipeline is not None:
             import joblib  # here, as above
 
@@ -739,7 +625,7 @@ def save_artifact(
                 f"{title}: the artifact cannot be stored with this card: {error}"
             ) from None
         (temporary / CARD).write_text(full.to_json(), encoding="utf-8")
-        _surrogate_in(temporary, ALL if members else None)
+        _surrogate_in(temporary)
         target.parent.mkdir(exist_ok=True)
         try:
             os.rename(temporary, target)

@@ -8,5 +8,5 @@ from .cell_mesh import CellMesh
 from .division import HALO, divided, rows_of
 from .ghosts import Ghosts, HeldBoundary, Mirror, ReflectionPlane
 from .grid import MOST_POINTS, Cells, grid
-from .local_fit import fields_at, interpolation
+from .local_fit import fields_at
 from .surface import Faces, Following, Surface

@@ -94,8 +94,8 @@ class Body:
         ``boundary(body)`` returns `outward` of the body, None if it is unknown; called where a
         force first needs it.
     loaded : bool, optional
-        Whether tractions or pressures act on the boundary: gradients beside interfaces between
-        materials are then balanced, too.
+        Whether tractions, pressures or obstacles act on the boundary: gradients beside interfaces
+        between materials are then balanced, too.
     share : Share
         Share of a larger body to which these points belong, if several ranks (parallel processes)
         divide a run; by default the points are the whole body.

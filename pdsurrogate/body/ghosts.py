@@ -59,6 +59,11 @@ class ReflectionPlane:
     side: int
     parity: tuple[int, ...]
 
+    @property
+    def symmetric(self) -> bool:
+        """Whether the body continues symmetrically: normal displacements are odd, others even."""
+        return all((sign < 0) == (axis == self.axis) for axis, sign in enumerate(self.parity))
+
     def mirrored(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the points of the plane nearest to `places` (k, d), and the depths (k,) of the
         places inside it, negative outside.
@@ -104,6 +109,7 @@ class HeldBoundary:
     hole: bool
     parity: tuple[int, ...] = (-1, -1)
     axis: None = None  # unlike a plane, it has no single normal
+    symmetric = False
 
     def mirrored(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the points of the boundary nearest to `places` (k, d), and the depths (k,) of

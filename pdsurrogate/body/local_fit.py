@@ -4,14 +4,14 @@ around them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, pairwise
 
 import numpy as np
 import scipy
 
 from .body import Body
-from .ghosts import Ghosts, ReflectionPlane
+from .ghosts import WITH_ROUNDING, Ghosts
+from .surface import Following
 
 REACH = 1.3
 """Distance, in horizons, within which points contribute to a fit.
@@ -56,32 +56,20 @@ errors of single points may be amplified by this sum. It is 1.8 inside a body, 2
 round holes, and 30 to 50 at the poles of a sphere, where few points lie in the outermost layers.
 """
 
-MIRRORED = 2.5
-"""Distance from a plane of symmetry, in cells, within which the fit of the motion on the boundary
-uses mirror images of points; farther away the weights of images are below `LEAST_WEIGHT`.
-"""
-
-ROUNDING = 1e-6
-"""Distance from a plane of symmetry, in cells, up to which a node lies in it, and deviation from 1
-up to which a component of a unit normal is that of a facet in the plane. Chosen above the rounding
-of coordinates in single precision that meshes may have, and far below a cell.
-"""
-
 OUTSIDE = 1.25
 """Distance from the nearest point, in cells, beyond which a place lies outside: a corner of a cell
 lies 0.71 away, and cells that absorb a cut neighbor extend half a cell farther.
 """
 
 
-def interpolation(
+def fields_at(
     body: Body, places: np.ndarray, portion_of: np.ndarray | None = None
-) -> tuple[scipy.sparse.csr_array, tuple[scipy.sparse.csr_array, ...]]:
-    """Return matrices that map positions of a body's points to positions and deformation gradients
-    at given places.
+) -> tuple[Following, tuple[scipy.sparse.csr_array, ...]]:
+    """Return maps that interpolate displacements and tensors of a body's points to given places.
 
-    A quadratic field is fitted to the points around a place that no hole or cut separates from it:
-    quadratic motions are exact, with their gradients. The field is linear where the points are too
-    few, lie on two lines, or would make a quadratic fit amplify errors.
+    A quadratic field is fitted to the points around a place that no hole or cut separates from it,
+    and to their images in planes of symmetry: quadratic motions are exact. The field is linear
+    where the points are too few, lie on two lines, or would make a quadratic fit amplify errors.
 
     Parameters
     ----------
@@ -95,39 +83,7 @@ def interpolation(
 
     Returns
     -------
-    values : csr_array, shape (k, n)
-        ``values @ positions`` are the positions of the places; rows sum to 1.
-    gradients : tuple of d csr_array, shape (k, n)
-        ``gradients[b] @ positions`` are the derivatives of positions by X_b, columns of F; rows sum
-        to 0.
-
-    Raises
-    ------
-    ValueError
-        If a place lies outside the body, or too few points are near it.
-    """
-    values, *gradients = _polynomials(body, places, portion_of)
-    return values, tuple(gradients)
-
-
-def fields_at(
-    body: Body, places: np.ndarray, portion_of: np.ndarray | None = None
-) -> tuple[tuple[scipy.sparse.csr_array, ...], tuple[scipy.sparse.csr_array, ...]]:
-    """Return matrices that interpolate displacements and tensors of a body's points to given
-    places, one matrix for every component.
-
-    They are the ``values`` of `interpolation`, except near a plane of symmetry in three dimensions.
-    There the fits of tensors and of the displacements along the plane include the mirror images of
-    points. The fit of the displacement across the plane does not: the displacement of an image
-    across the plane depends on the motion of the plane as well.
-
-    Parameters
-    ----------
-    body, places, portion_of : see `interpolation`
-
-    Returns
-    -------
-    displacements : tuple of d csr_array, shape (k, n)
+    displacements : Following
     tensors : tuple of 9 csr_array, shape (k, n)
         Matrices for the components 11, 12, ... of tensors T in three dimensions, such as stresses
         and deformation gradients, whose mirror image is S T S with the reflection S.
@@ -135,38 +91,7 @@ def fields_at(
     Raises
     ------
     ValueError
-        See `interpolation`.
-    """
-    d, mirrors = body.dimension, _mirrors(body)
-    rows, _ = interpolation(body, places, portion_of)
-    reach = _reach(body)
-    if not any((np.abs(places[:, plane.axis] - plane.position) < reach).any() for plane in mirrors):
-        return (rows,) * d, (rows,) * 9
-    displacements = []
-    for component in range(d):
-        even = [plane for plane in mirrors if plane.axis != component]
-        displacements.append(
-            _folded(_polynomials(body, places, portion_of, even)[0], _Images(body, even))
-        )
-    images = _Images(body, mirrors)
-    rows = _polynomials(body, places, portion_of, mirrors)[0]
-    signs = images.signs.T
-    tensors = [
-        _folded(rows, images, signs[one] * signs[other]) for one in range(d) for other in range(d)
-    ]
-    return tuple(displacements), tuple(tensors)
-
-
-def _polynomials(
-    body: Body,
-    places: np.ndarray,
-    portion_of: np.ndarray | None,
-    mirrors: Sequence[ReflectionPlane] = (),
-) -> list[scipy.sparse.csr_array]:
-    """Return the matrices from fields at points and images to values, and derivatives along the
-    axes, at places; see `interpolation`.
-
-    `mirrors` are the reflection planes in which points have images.
+        If a place lies outside the body, or too few points are near it.
     """
     distance, nearest = scipy.spatial.cKDTree(body.points).query(places)
     far = distance > OUTSIDE * body.cell.max()
@@ -177,109 +102,45 @@ def _polynomials(
             f" {distance[place]:.3g} away"
         )
         raise ValueError(f"{text_of(places[place])} lies outside the body; {near}")
-    own = None if portion_of is None else portion_of[nearest]
-    quadratic = _Surroundings(body, places, mirrors=mirrors).of(portion_of, own).fit(2)
-    rest = np.flatnonzero(empty_rows(quadratic[0]))
+    own, images = None if portion_of is None else portion_of[nearest], _Images(body)
+    rows = _Surroundings(body, images, places).of(portion_of, own).fit(2)
+    rest = np.flatnonzero(empty_rows(rows))
     linear = (
-        _Surroundings(body, places[rest], mirrors=mirrors)
+        _Surroundings(body, images, places[rest])
         .of(portion_of, None if own is None else own[rest])
         .fit(1)
     )
-    lost = empty_rows(linear[0])
+    lost = empty_rows(linear)
     if lost.any():
         few = f"the points nearby, on this side of holes and cuts, are {too_few(body)}"
         raise ValueError(
             f"{text_of(places[rest[lost.argmax()]])}: the deformation is undefined here: {few}; use"
             f" {body.finer}"
         )
-    return [_filled(rows, others, rest) for rows, others in zip(quadratic, linear, strict=True)]
+    rows = _filled(rows, linear, rest)
+    signs = np.ones((len(images.source), 3))
+    signs[:, : body.dimension] = images.signs
+    tensors = [images.folded(rows, one * other) for one in signs.T for other in signs.T]
+    return images.followed(rows), tuple(tensors)
 
 
-def boundary_rows(
-    body: Body, nodes: np.ndarray, normals: np.ndarray
-) -> tuple[scipy.sparse.csr_array, ...]:
-    """Return the maps from the motion of points to the motion of nodes (k, d) on the boundary, for
-    `Following.rows`.
+def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> Following:
+    """Return the map from the motion of points to the motion of nodes (k, d) on the boundary.
 
-    A linear field is fitted to the points beside a node along the normals of the sides that meet
-    there. Where these are too few, as in a sharp corner, the field is fitted to all points within
-    reach. The maps reproduce affine motions exactly. `normals` (k, sides, d) are the unit normals
-    of the sides, NaN where fewer meet. There is one map for all components, or one for each; a row
-    is empty where the points near a node are too few or on one line.
-
-    In three dimensions the fit of the motion along a plane of symmetry includes mirror images of
-    the points, the fit of the motion across the plane does not, since an image moves with the
-    plane. The normal of a face in such a plane is ignored.
+    A linear field is fitted to the points beside a node, and their images in planes of symmetry,
+    along the normals of the sides that meet there. Where these are too few, as in a sharp corner,
+    the field is fitted to all points within reach. The map reproduces affine motions exactly.
+    `normals` (k, sides, d) are the unit normals of the sides, NaN where fewer meet. A row is empty
+    where the points near a node are too few or on one line.
     """
-    rows = _on_boundary(body, nodes, normals)
-    mirrors = _mirrors(body)
-    near = [
-        np.abs(nodes[:, plane.axis] - plane.position) < MIRRORED * body.cell.max()
-        for plane in mirrors
-    ]
-    beside = np.flatnonzero(np.any(near, axis=0)) if mirrors else np.empty(0, dtype=int)
-    if not len(beside):
-        return (rows,)
-    normals = normals[beside].copy()
-    for plane in mirrors:
-        on_plane = np.abs(nodes[beside, plane.axis] - plane.position) < ROUNDING * body.cell.max()
-        flat = np.abs(normals[..., plane.axis]) > 1 - ROUNDING
-        normals[on_plane[:, None] & flat] = np.nan
-        normals[on_plane, :, plane.axis] *= 0.0
-    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-    changed = (
-        scipy.sparse.diags_array(
-            np.isin(np.arange(len(nodes)), beside, invert=True).astype(float), format="csr"
-        )
-        @ rows
-    )
-    changed.eliminate_zeros()
-    found = []
-    for component in range(body.dimension):
-        even = [plane for plane in mirrors if plane.axis != component]
-        found.append(_filled(changed, _on_boundary(body, nodes[beside], normals, even), beside))
-    return tuple(found)
-
-
-def _on_boundary(
-    body: Body, nodes: np.ndarray, normals: np.ndarray, mirrors: Sequence[ReflectionPlane] = ()
-) -> scipy.sparse.csr_array:
-    """Return the map from points to boundary nodes; see `boundary_rows`.
-
-    It is fitted to points, and images in the planes `mirrors`, along the normals of a node, or
-    around the node where that fails.
-    """
-    rows = _Surroundings(body, nodes, normals, mirrors).fit(1)[0]
+    images = _Images(body)
+    rows = _Surroundings(body, images, nodes, normals).fit(1)
     rest = np.flatnonzero(empty_rows(rows))
-    return _folded(
-        _filled(rows, _Surroundings(body, nodes[rest], mirrors=mirrors).fit(1)[0], rest),
-        _Images(body, mirrors),
-    )
-
-
-def _mirrors(body: Body) -> list[ReflectionPlane]:
-    """Return the planes of symmetry of a body in three dimensions (odd normal displacement,
-    others even); none for a sheet.
-    """
-    if body.dimension == 2:
-        return []
-    return [
-        plane
-        for plane in body.planes
-        if all((sign < 0) == (axis == plane.axis) for axis, sign in enumerate(plane.parity))
-    ]
-
-
-def _reach(body: Body) -> float:
-    """Return the distance from a place within which points of a body contribute to a polynomial
-    fit.
-    """
-    return max(REACH * body.horizon, LEAST_REACH * body.cell.max())
+    return images.followed(_filled(rows, _Surroundings(body, images, nodes[rest]).fit(1), rest))
 
 
 class _Images:
-    """Points of a body and their images in reflection planes, used by polynomial fits near the
-    planes.
+    """Points of a body and their images in planes of symmetry, to which polynomials are fitted.
 
     Attributes
     ----------
@@ -289,30 +150,65 @@ class _Images:
         Number of each point itself, or of the point that an image mirrors.
     signs : ndarray, shape (m, d)
         -1 along the axes along which an image is reflected, +1 along the others and for points.
+    reach : float
+        Distance from a place within which points contribute to a fit.
     """
 
-    def __init__(self, body: Body, planes: Sequence[ReflectionPlane]) -> None:
-        self.count, ghosts = (
-            len(body),
-            Ghosts.reflected(body.points, tuple(planes), _reach(body), body.share),
-        )
-        self.points = np.concatenate([body.points, ghosts.points])
+    def __init__(self, body: Body) -> None:
+        self.reach = max(REACH * body.horizon, LEAST_REACH * body.cell.max())
+        planes = {number: plane for number, plane in enumerate(body.planes) if plane.symmetric}
+        ghosts = Ghosts.reflected(body.points, tuple(planes.values()), self.reach, body.share)
+        self._count, self.points = len(body), np.concatenate([body.points, ghosts.points])
         self.source = np.concatenate([np.arange(len(body)), ghosts.source])
         self.signs = np.concatenate([np.ones(body.points.shape), ghosts.reflection])
+        self._planes = [
+            (number, plane, np.concatenate([np.zeros(len(body)), (ghosts.image >> bit) & 1]))
+            for bit, (number, plane) in enumerate(planes.items())
+        ]
 
+    def separated(self, body: Body, places: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """Return which points or images, by their numbers (k,), a hole or cut separates from places
+        (k, d): the straight way to an image is reflected where it leaves the body.
+        """
+        ways, found = self.points[numbers] - places, np.zeros(len(numbers), dtype=bool)
+        shares = np.ones((len(numbers), 2 + len(self._planes)))
+        shares[:, 0] = 0.0
+        for column, (_, plane, seen) in enumerate(self._planes, 2):
+            some = np.flatnonzero(seen[numbers])
+            there = (plane.position - places[some, plane.axis]) / ways[some, plane.axis]
+            shares[some, column] = np.clip(there, 0.0, 1.0)
+        shares.sort(axis=1)
+        for begin, end in pairwise(shares.T):
+            some = np.flatnonzero(end > begin)
+            part = np.stack(
+                [places[some] + share[some, None] * ways[some] for share in (begin, end)]
+            )
+            for _, plane, _ in self._planes:
+                depths = -plane.side * (part[..., plane.axis] - plane.position)
+                depths = np.maximum(np.where(depths.sum(axis=0) < 0, -depths, depths), 0.0)
+                part[..., plane.axis] = plane.position - plane.side * depths
+            found[some] |= body.separates(*part)
+        return found
 
-def _folded(
-    rows: scipy.sparse.csr_array, images: _Images, signs: np.ndarray | None = None
-) -> scipy.sparse.csr_array:
-    """Turn a map from points and images, `rows`, into a map from points: an image has its
-    source's value times `signs` (default 1).
-    """
-    if len(images.source) == images.count:
-        return rows
-    signs = np.ones(len(images.source)) if signs is None else signs
-    return rows @ scipy.sparse.csr_array(
-        (signs, (np.arange(len(signs)), images.source)), shape=(len(signs), images.count)
-    )
+    def followed(self, rows: scipy.sparse.csr_array) -> Following:
+        """Return the map that follows points and images with given weights (k, m)."""
+        across = (
+            (number, plane.axis, self.folded(rows, 2 * seen))
+            for number, plane, seen in self._planes
+        )
+        return Following(
+            self.folded(rows, np.ones(len(self.source))),
+            tuple(each for each in across if each[2].nnz),
+        )
+
+    def folded(self, rows: scipy.sparse.csr_array, factors: np.ndarray) -> scipy.sparse.csr_array:
+        """Turn a map from points and images, `rows`, into a map from points: values of images are
+        those of their sources, all times `factors` (m,).
+        """
+        some = np.flatnonzero(factors)
+        where = some, self.source[some]
+        sums = scipy.sparse.csr_array((factors[some], where), shape=(len(factors), self._count))
+        return rows @ sums
 
 
 def too_few(body: Body) -> str:
@@ -350,32 +246,27 @@ class _Surroundings:
     """Points near each of several places, except those that a hole or cut separates from the place,
     and their weights in a polynomial fit.
 
-    The weight of a point is its volume times 1 - (distance / reach)^2, where `_reach` gives the
-    reach. If `normals` are given, the unit normals of the boundary at every place (k, sides, d), it
-    is the volume times the sum over these normals of 1 - (depth / reach)^2 times a Gaussian of the
-    sideways distance (`ALONG`), where depth is the distance along the normal. The weights are
-    scaled to sum to 1 at each place. Images of points in the planes `mirrors` count as points.
+    The weight of a point is its volume times 1 - (distance / reach)^2. If `normals` are given, the
+    unit normals of the boundary at every place (k, sides, d), it is the volume times the sum over
+    these normals of 1 - (depth / reach)^2 times a Gaussian of the sideways distance (`ALONG`),
+    where depth is the distance along the normal. The weights are scaled to sum to 1 at each place.
     """
 
     def __init__(
         self,
         body: Body,
+        images: _Images,
         places: np.ndarray,
         normals: np.ndarray | None = None,
-        mirrors: Sequence[ReflectionPlane] = (),
     ) -> None:
-        images = _Images(body, mirrors)
-        points, self.source = images.points, images.source
-        self.shape, self.cell, self.reach = (
-            (len(places), len(points)),
-            body.cell.max(),
-            _reach(body),
-        )
+        points, self.source, self.reach = images.points, images.source, images.reach
+        self.shape, self.cell = (len(places), len(points)), body.cell.max()
+        # Points at exactly the reach count, as at 1.5 cells across an edge and 2 along it.
         near = scipy.spatial.cKDTree(places).sparse_distance_matrix(
-            scipy.spatial.cKDTree(points), self.reach, output_type="ndarray"
+            scipy.spatial.cKDTree(points), self.reach * WITH_ROUNDING, output_type="ndarray"
         )
         near = near[np.lexsort((near["j"], near["i"]))]
-        weights = 1 - (near["v"] / self.reach) ** 2
+        weights = np.maximum(0.0, 1 - (near["v"] / self.reach) ** 2)
         if normals is not None:
             offsets = points[near["j"]] - places[near["i"]]
             depths = np.einsum("pd,pnd->pn", offsets, normals[near["i"]])
@@ -386,7 +277,7 @@ class _Surroundings:
             )
             near, weights = near[weights > LEAST_WEIGHT], weights[weights > LEAST_WEIGHT]
         if body.separates is not None and len(near):
-            bound = ~body.separates(places[near["i"]], points[near["j"]])
+            bound = ~images.separated(body, places[near["i"]], near["j"])
             near, weights = near[bound], weights[bound]
         self.place, self.point = near["i"], near["j"]
         weights = weights * body.volumes[self.source[self.point]]
@@ -413,8 +304,8 @@ class _Surroundings:
     def _total(self, terms: np.ndarray) -> np.ndarray:
         return np.bincount(self.place, terms, self.shape[0])
 
-    def fit(self, degree: int) -> tuple[scipy.sparse.csr_array, ...]:
-        """Return matrices from values at points to value and derivatives at places, by a
+    def fit(self, degree: int) -> scipy.sparse.csr_array:
+        """Return the matrix from values at points and images to values at places, by a
         least-squares polynomial of a degree.
 
         A place has an empty matrix row if the points near it are too few or lie on a line (in space
@@ -438,24 +329,15 @@ class _Surroundings:
             2 * degree
         )
         normal[~told] = np.eye(len(powers))
-        # The coefficients are M^-1 sum w p(x_j) y_j; the first is the value at the place, the next
-        # ones are the slopes.
-        inverse = np.linalg.inv(normal)
+        # The coefficients are M^-1 sum w p(x_j) y_j; the first is the value at the place.
+        value = self.weights * (np.linalg.inv(normal)[self.place, 0] * terms).sum(axis=1)
         if degree > 1:
-            value = self.weights * (inverse[self.place, 0] * terms).sum(axis=1)
             told &= self._total(np.abs(value)) <= MOST_AMPLIFICATION
         kept = told[self.place]
         pointers = np.concatenate(
             [[0], np.cumsum(np.bincount(self.place[kept], minlength=self.shape[0]))]
         )
-
-        def rows(coefficient: int) -> scipy.sparse.csr_array:
-            entries = self.weights * (inverse[self.place, coefficient] * terms).sum(axis=1)
-            return scipy.sparse.csr_array(
-                (entries[kept], self.point[kept], pointers), shape=self.shape
-            )
-
-        return rows(0), *(rows(1 + axis) / self.reach for axis in range(dimension))
+        return scipy.sparse.csr_array((value[kept], self.point[kept], pointers), shape=self.shape)
 
 
 def text_of(place: np.ndarray) -> str:

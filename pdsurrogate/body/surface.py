@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 import scipy
@@ -15,79 +14,79 @@ from .cell_mesh import outward
 from .ghosts import HeldBoundary, Mirror
 
 IN_PLANE = 1e-6
-"""Distance from a reflection plane, as a fraction of the body's extent, up to which a node lies in
-it. Chosen above the rounding of coordinates in single precision that meshes may have.
+"""Distance from a reflection plane, as a fraction of the body's extent, up to which a node or an
+end of a precut lies in it, and from a side of the bounding box, up to which a side of a mesh's cell
+does. Chosen above the rounding of coordinates in single precision that meshes may have.
 """
 
 
 @dataclass(frozen=True)
 class Following:
     """Linear map from vectors at points of a body, such as displacements, to vectors at other
-    places, component by component.
+    places.
+
+    The mirror images of points in planes of symmetry contribute as points do: they have the vectors
+    of the points, but for the component across the plane, which is reflected in that of the plane.
 
     Attributes
     ----------
-    rows : tuple of csr_array, shape (k, n)
-        One map for all components, or one for each: near a plane of symmetry the maps of the
-        components along the plane use mirror images of the points, and the map of the component
-        across it does not.
+    rows : csr_array, shape (k, n)
+        Weights of the points together with their images; they sum to 1.
+    across : tuple of (int, int, csr_array)
+        For each plane of symmetry its number in `Body.planes`, its axis, and twice the weights of
+        the images in it, shape (k, n).
     """
 
-    rows: tuple[scipy.sparse.csr_array, ...]
+    rows: scipy.sparse.csr_array
+    across: tuple[tuple[int, int, scipy.sparse.csr_array], ...] = ()
 
-    def __matmul__(self, vectors: np.ndarray) -> np.ndarray:
-        """Return vectors at the places (k, d) from vectors at the points (n, d); with a single
-        map, values of any shape (n, ...).
+    def __call__(self, vectors: np.ndarray, planes: np.ndarray | None = None) -> np.ndarray:
+        """Return vectors at the places (k, d) from vectors at the points (n, d).
+
+        `planes` are the components of the planes across themselves: their positions for positions,
+        their displacements for displacements; 0 by default.
         """
-        if len(self.rows) == 1:
-            return self.rows[0] @ vectors
-        return np.stack(
-            [rows @ vectors[:, component] for component, rows in enumerate(self.rows)], axis=1
-        )
+        found = self.rows @ vectors
+        for number, axis, rows in self.across:
+            own = 0.0 if planes is None else planes[number]
+            found[:, axis] += rows @ (own - vectors[:, axis])
+        return found
 
-    def __getitem__(self, places) -> Following:
-        """Return the map from all points to the chosen places alone: its rows of these places,
-        given by an index, mask or slice.
+    def spread(self, forces: np.ndarray) -> np.ndarray:
+        """Return the forces on the points (n, d) that do the work of forces on the places (k, d)
+        while planes rest.
         """
-        return self._each(lambda rows: rows[places])
+        found = self.rows.T @ forces
+        for _, axis, rows in self.across:
+            found[:, axis] -= rows.T @ forces[:, axis]
+        return found
 
-    def __sub__(self, other: Following) -> Following:
+    def on_planes(
+        self, forces: np.ndarray, positions: np.ndarray, planes: np.ndarray
+    ) -> np.ndarray:
+        """Return the forces that reach the planes from forces on the places (k, d), as outer
+        products with the places where they act, (1, y), shape (planes, d, 1 + d).
+
+        `positions` (n, d) are those of the points, and `planes` those of the planes.
+        """
+        found = np.zeros((len(planes), positions.shape[1], 1 + positions.shape[1]))
+        for number, axis, rows in self.across:
+            feet = np.insert(positions, 0, 1.0, axis=1)
+            feet[:, 1 + axis] = planes[number]
+            found[number, axis] = (rows.T @ forces[:, axis]) @ feet
+        return found
+
+    def component(self, axis: int) -> scipy.sparse.csr_array:
+        """Return the weights (k, n) of the points in one component of the vectors."""
+        return sum((-rows for _, across, rows in self.across if across == axis), self.rows)
+
+    def changed(self, change: Callable) -> Following:
+        """Return the map whose matrices are those that ``change(matrix)`` returns, with other
+        places or points.
+        """
         return Following(
-            tuple(own - theirs for own, theirs in zip(self.rows, other.rows, strict=True))
-        )
-
-    def of_points(self, points: np.ndarray) -> Following:
-        """Return the part of the map that depends on the chosen points alone: its columns of
-        these points.
-        """
-        return self._each(lambda rows: rows[:, points].tocsr())
-
-    def points(self) -> np.ndarray:
-        """Return the numbers of the points on which the motion of at least one place depends."""
-        return np.unique(np.concatenate([rows.indices for rows in self.rows]))
-
-    @property
-    def T(self) -> Following:  # noqa: N802 (the name that arrays use)
-        """Transposed map, a `Following` that distributes forces on the places to the points."""
-        return self._each(lambda rows: rows.T.tocsr())
-
-    def of_share(self, share: Share) -> Following:
-        """Return the map restricted to the points of this rank's `share` of a body that it owns."""
-        return self._each(share.own_columns)
-
-    def _each(self, change: Callable[[Any], Any]) -> Following:
-        return Following(tuple(map(change, self.rows)))
-
-    @classmethod
-    def mean(cls, several: Sequence[Following]) -> Following:
-        """Return the equally weighted mean of several maps: row i maps to the mean motion of
-        place i of all the maps.
-        """
-        return cls(
-            tuple(
-                (sum(others, first) / (1 + len(others))).tocsr()
-                for first, *others in zip(*(one.rows for one in several), strict=True)
-            )
+            change(self.rows),
+            tuple((number, axis, change(rows)) for number, axis, rows in self.across),
         )
 
 
@@ -114,13 +113,13 @@ class Faces:
         """Return the faces with their interpolation restricted to the points of this rank's
         `share` of the body that it owns.
         """
-        return replace(self, interpolation=self.interpolation.of_share(share))
+        return replace(self, interpolation=self.interpolation.changed(share.own_columns))
 
     def on_points(self) -> np.ndarray:
         """Return the forces on the points, shape (n, d), of a unit tension on the undeformed
         faces.
         """
-        return self.interpolation.T @ self.areas
+        return self.interpolation.spread(self.areas)
 
 
 @dataclass(frozen=True)
@@ -171,7 +170,7 @@ class Surface:
         """Return the surface with its interpolation restricted to the points of this rank's
         `share` of the body that it owns.
         """
-        own = self.interpolation.of_share(share)
+        own = self.interpolation.changed(share.own_columns)
         faces = None if self.faces is None else self.faces.of_share(share)
         return replace(self, interpolation=own, follow=self.followed(), faces=faces)
 
@@ -211,15 +210,13 @@ class Surface:
             np.add.at(forces, ends, normals)
         # free where they lie in a plane, too
         on_faces = 0.0 if self.faces is None else self.faces.on_points()
-        return self.interpolation.T @ forces + on_faces
+        return self.interpolation.spread(forces) + on_faces
 
     def followed(self) -> np.ndarray:
         """Return flags of the nodes that have enough points near them to define their motion,
         shape (k,).
         """
-        return (
-            np.diff(self.interpolation.rows[0].indptr) > 0 if self.follow is None else self.follow
-        )
+        return np.diff(self.interpolation.rows.indptr) > 0 if self.follow is None else self.follow
 
     def encloses(self, places: np.ndarray) -> np.ndarray:
         """Return flags of the places (m, d) that lie in the body, shape (m,)."""

@@ -1,5 +1,5 @@
-"""Scenes of a `SceneRegressor`, the spacings at which it simulates them, and its law at given
-values of the parameters, with their sizes.
+"""Scenes of a `SceneRegressor`, the spacings at which it simulates them, and the sizes of its
+parameters.
 """
 
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arguments import check_kind
 from ..identification import nominal_stress
-from ..materials import LAWS, Law
+from ..materials import LAWS
 from ..scenes import Mesh, Scene, load_scene
 
 REFINED, REFINED_FREE = 3, 6
@@ -19,11 +19,6 @@ equibiaxial stresses of a free energy are 6 % off with 4 and 4 % with 6.
 """
 
 
-def law_at(model, values) -> Law:
-    """Return the law with given values of the unknowns."""
-    return model.unknown_.law_of(values)
-
-
 def stress_derivatives(model, X: np.ndarray) -> np.ndarray:
     """Return the derivatives of `nominal_stress` by the parameters, shape (n_samples,
     n_parameters).
@@ -31,7 +26,8 @@ def stress_derivatives(model, X: np.ndarray) -> np.ndarray:
     columns, steps = [], 1e-5 * scales_of(model)
     for step, change in zip(steps, np.diag(steps), strict=True):
         sides = [
-            nominal_stress(law_at(model, model.parameters_ + sign * change), X) for sign in (1, -1)
+            nominal_stress(model.unknown_.law_of(model.parameters_ + sign * change), X)
+            for sign in (1, -1)
         ]
         columns.append((sides[0] - sides[1]) / (2 * step))
     return np.stack(columns, axis=1)

@@ -17,7 +17,7 @@ from ..identification.averaging import average
 from ..identification.energy import half_planes
 from ..materials import Law
 from ..materials.dictionary import STABLE_TO, wave_margin
-from .asked import fine_spacing, law_at, ratio_of, scales_of, stress_derivatives
+from .asked import fine_spacing, ratio_of, scales_of, stress_derivatives
 from .free import FLOOR, HALVINGS, floored, grouping, minimized
 from .measured import FAILURES
 from .search import Search, errors_of, failing
@@ -59,10 +59,10 @@ MOST_STEPS = 60
 """Most laws that a search tries: well-posed fits take five to ten."""
 
 MEMBERS = 8
-"""Number of members of a committee: their spread is then known to some 25 %."""
+"""Number of laws that are drawn: their spread is then known to some 25 %."""
 
 MOST_COMPARED = 100
-"""Most states of the tests in which the stresses of a member are compared with linear ones."""
+"""Most states of the tests in which the stresses of a drawn law are compared with linear ones."""
 
 FAIR, STEPS = 0.02, (1, 3, 0)
 """Relative decrease of the cost that ends the least-squares steps of an energy with all terms, and
@@ -252,7 +252,7 @@ def _store(model, x, space, found, residuals, remaining) -> None:
     """
     jacobian = found.jac / space.sizes(x)
     model.parameter_names_, model.parameters_ = model.unknown_.unknowns(), space.parameters(x)
-    model.law_ = law_at(model, model.parameters_)
+    model.law_ = model.unknown_.law_of(model.parameters_)
     model.at_bound_ = [
         name
         for name, active in zip(model.parameter_names_, found.active_mask, strict=True)
@@ -340,7 +340,7 @@ def _drawn(model, x, space, jacobian, residuals, visited) -> list[Law]:
         member = model.law_
         for part in change / 2.0 ** np.arange(HALVINGS)[:, None]:
             with suppress(ValueError):  # some parameters between the bounds are not those of a law
-                law = law_at(model, space.parameters(x + part))
+                law = model.unknown_.law_of(space.parameters(x + part))
                 if ((nominal_stress(law, states) - stress - slopes @ part) ** 2).mean() <= (
                     error**2
                 ).mean():

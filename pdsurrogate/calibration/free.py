@@ -23,11 +23,6 @@ FLOOR = 3e-6
 greatest do not make it negative.
 """
 
-MOST_TRIED = 8
-"""Most terms whose coefficients a search varies, each of which takes the solution of linear
-equations in each step. Of a greater dictionary the weak form chooses these.
-"""
-
 MET = 100.0
 """Norm of the equation for the sum of the forces, divided by that of all other equations: the
 sum is then fitted to 1e-4.
@@ -71,16 +66,10 @@ class EnergyUnknowns:
         )
 
     def start(self) -> np.ndarray:
-        """Return the coefficients of a law with the shear modulus 1 near the Neo-Hookean one,
-        none below its least value.
+        """Return the coefficients of a law with the shear modulus 1 near the Neo-Hookean one, none
+        below its least value.
         """
-        rows = np.array([term.row for term in self.terms])
-        moduli = np.array([term.shear_modulus for term in self.terms])
-        # l^2, of which I1bar is the sum
-        nearest = np.abs(rows[:, 0] * rows[:, 1] - 2) + np.where(moduli > 0, 0, np.inf)
-        start = np.zeros(len(moduli))
-        start[nearest.argmin()] = 1 / moduli[nearest.argmin()]
-        return floored(start)
+        return floored(np.array([2.0 * (term == ("stretches", 2.0)) for term in self.terms]))
 
 
 def floored(values: np.ndarray) -> np.ndarray:
@@ -110,17 +99,6 @@ def scaled(
     row = np.append(right[forces] @ jacobian[forces], right[forces] @ right[forces])
     row *= MET * np.linalg.norm(jacobian) / np.linalg.norm(row[:-1])
     return np.vstack([jacobian, row[:-1]]), np.append(right, row[-1])
-
-
-def proposed(
-    jacobian: np.ndarray, right: np.ndarray, forces: np.ndarray, groups: np.ndarray
-) -> np.ndarray:
-    """Return, for each term, the share of fits of the weak form in which it has weight: to all
-    equations, and with one group left out.
-    """
-    masks = [np.ones(len(groups), dtype=bool), *(groups != one for one in np.unique(groups))]
-    fits = np.array([solved(*scaled(jacobian[used], right[used], forces[used])) for used in masks])
-    return np.mean(fits > FLOOR * fits.max(axis=1, keepdims=True), axis=0)
 
 
 def minimized(search, x: np.ndarray, close: float, most: int) -> SimpleNamespace:

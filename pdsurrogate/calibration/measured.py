@@ -17,7 +17,7 @@ from ..materials.covariance import numbers_of
 from ..problem.materials import checked_models
 from ..progress import listening
 from ..results import Result
-from ..run.sensitivity import Differentiated
+from ..run.sensitivity import Differentiated, differentiated
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import Scene, SceneError
 from ..scenes.reading import leaves
@@ -175,15 +175,12 @@ class MeasuredScene:
         """
         scene = with_law(self.scene, law, spacing)
         result, found = _simulated(scene), np.empty(len(self.rows.step))
-        places = self._interpolation(scene, result)
+        at_places = self._interpolation(scene, result)
         for step in self._steps:
             level, here = self._level(result, step), self.rows.step == step
             row = dict(leaves(level))
-            moved = result.displacement(level["number"])
-            fields = (
-                np.stack([matrix @ moved[:, axis] for axis, matrix in enumerate(places)], axis=1)
-                if places
-                else np.empty((0, 0))
+            fields = at_places(
+                result.displacement(level["number"]), level["stretch" if scene.stretched else "t"]
             )
             found[here] = self._of_rows(
                 here, [sign * self._named(row, name) for name, sign in self.outputs], fields
@@ -297,7 +294,7 @@ class MeasuredScene:
         InvalidState
             If the force is undefined at the measured displacements.
         """
-        base, change, run = self._base, start.max(), self._base.run
+        base, change, run = self._base, start.max(), self._base.system
         others = [
             base.changed(_named_numbers(law_of(start + change * unit)))
             for unit in np.eye(len(start))
@@ -334,7 +331,7 @@ class MeasuredScene:
         """Return the measurements of the rows of a step, and the forces (n, d), where the points
         have given positions (n, d).
         """
-        body.run.state.parameter = self._parameters[step]
+        body.system.state.parameter = self._parameters[step]
         measured, forces = body.evaluated(positions)
         fields = np.array([*measured.values()][-self._places.size :]).reshape(self._places.shape)
         return (
@@ -367,16 +364,15 @@ class MeasuredScene:
         What is smoothed, by local quadratic fits, is their difference from the simulated ones. It
         is zero where components are held.
         """
-        run, moved = self._base.run, self._guesses[step].copy()
-        for axis, matrix in enumerate(self._base.at_places):
+        run, moved = self._base.system, self._guesses[step].copy()
+        guessed = self._base.moved_places(self._guesses[step], self._parameters[step])
+        for axis in range(guessed.shape[1] if len(guessed) else 0):
             here = (self.rows.step == step) & (self.rows.quantity == axis + 1)
             if not here.any():
                 continue
             held, at = run.loading.free[:, axis] == 0, self._at[here]
             places = np.vstack([self._places[at], run.body.points[held]])
-            off = np.append(
-                y[here] - (matrix @ self._guesses[step][:, axis])[at], np.zeros(held.sum())
-            )
+            off = np.append(y[here] - guessed[at, axis], np.zeros(held.sum()))
             near, weights = local_fit(places, run.body.points, SMOOTHED[self.scene.dimension])
             moved[~held, axis] += (weights * off[near]).sum(axis=1)[~held]
         return moved
@@ -416,26 +412,27 @@ class MeasuredScene:
         return levels[step - 1] | {"number": step - 1}
 
     def _differentiated(self, scene: Scene) -> Differentiated:
-        return Differentiated(
+        return differentiated(
             scene,
             checked_models(scene, load_surrogate(FORCE)),
             self._places if len(self._places) else None,
         )
 
-    def _interpolation(self, scene: Scene, result: Result) -> tuple:
-        """Return, for each axis, the weights of the points' displacements in those at the places
-        of the rows.
+    def _interpolation(
+        self, scene: Scene, result: Result
+    ) -> Callable[[np.ndarray, float], np.ndarray]:
+        """Return the function that gives displacements at the places of the rows from those of the
+        points and the loading parameter.
         """
         if not len(self._places):
-            return ()
+            return lambda *_: np.empty((0, 0))
         try:
             # Beside an interface only points of the same material count, which a result does not
             # tell.
-            return (
-                self._differentiated(scene).at_places
-                if scene.materials
-                else fields_at(result.body, self._places)[0]
-            )
+            follow = None if scene.materials else fields_at(result.body, self._places)[0]
+            if follow is None or follow.across:
+                return self._differentiated(scene).moved_places
+            return lambda displacements, _: follow(displacements)
         except ValueError as error:
             raise ValueError(
                 f"a place of the displacements: {error} (places are those of the undeformed body of"

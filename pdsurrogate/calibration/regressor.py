@@ -18,9 +18,8 @@ from ..identification import nominal_stress
 from ..identification.regressor import check_fitted
 from ..identification.stress_regressor import LawEstimator
 from ..materials import Law
-from ..materials.dictionary import checked_dictionary
 from ..scenes import Scene
-from .asked import fine_spacing, law_at, scenes_of, stress_derivatives
+from .asked import fine_spacing, scenes_of, stress_derivatives
 from .fitting import fitted
 from .measured import MeasuredScene, Rows, estimated_deviations
 
@@ -67,14 +66,7 @@ class SceneRegressor(LawEstimator):
     bulk_modulus : float, optional
         K instead of K/mu, in the unit of the stresses.
     random_state : int, default=0
-        Seed of the members of the committee; nothing else is random.
-    dictionary : sequence of (str, float), optional
-        Candidate terms of an energy without a law, pairs of a kind and a number as in
-        `pdsurrogate.materials.dictionary.Term`, such as ``("second_logarithm", 1)``. An energy has
-        at most four terms that are functions of the stretches and at most one that is a function of
-        their inverses. By default `pdsurrogate.materials.dictionary.OF_INVARIANTS`. Of sums with a
-        term that is not polyconvex, those are left out whose waves are unstable in states with
-        stretches from 1/3 to 3, or those of the tests if these are greater.
+        Seed of `members_`; nothing else is random.
 
     Attributes
     ----------
@@ -109,10 +101,10 @@ class SceneRegressor(LawEstimator):
         Correction of the simulation at the spacing of the scene, in the units of the measurements.
         With ``refine=1`` it is not applied, and estimated by a simulation with twice the spacing.
     members_ : list of Law
-        Committee, whose spread shows what the measurements leave open: laws with parameters drawn
-        from their covariance, within the bounds of the search; without a law, energies drawn by
-        their weights in the average, with random errors. Empty if the measurements do not determine
-        a parameter at all.
+        Laws whose spread shows what the measurements leave open: with parameters drawn from their
+        covariance, within the bounds of the search; without a law, energies drawn by their weights
+        in the average, with random errors. Empty if the measurements do not determine a parameter
+        at all.
     domain_hull_ : list of list of float
         Half-planes (n1, n2, d) of the convex hull of the states in the simulated tests, as in
         ``hull`` of `pdsurrogate.forces.domain.Domain`, moved outwards by the margin of
@@ -155,7 +147,6 @@ class SceneRegressor(LawEstimator):
         "bulk_ratio": [None, Interval(Real, 0, None, closed="neither")],
         "bulk_modulus": [None, Interval(Real, 0, None, closed="neither")],
         "random_state": [Interval(Integral, 0, None, closed="left")],
-        "dictionary": "no_validation",  # checked with its terms
     }
 
     scene: Scene | str | Path | Sequence = "hole"
@@ -166,7 +157,6 @@ class SceneRegressor(LawEstimator):
     bulk_ratio: float | None = None
     bulk_modulus: float | None = None
     random_state: int = 0
-    dictionary: Sequence[tuple[str, float]] | None = None
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -236,8 +226,6 @@ class SceneRegressor(LawEstimator):
         self._begin_fit()
         if self.law is not None:
             check_fitted(self.law)
-        if self.dictionary is not None:
-            checked_dictionary(self.dictionary)
         if self.outputs is not None:
             check_names(
                 self.outputs,
@@ -392,7 +380,7 @@ class SceneRegressor(LawEstimator):
         return found
 
     def _law_of(self, values) -> Law:
-        return law_at(self, values)
+        return self.unknown_.law_of(values)
 
     def _deviations(self, X: np.ndarray, y: np.ndarray, given) -> np.ndarray:
         """Return the standard deviations of all measurements, estimated if none are given."""

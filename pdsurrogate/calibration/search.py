@@ -50,25 +50,9 @@ class Search:
     keeps its value.
     """
 
-    def __init__(
-        self,
-        tests: list,
-        law_of,
-        space: Space,
-        y: np.ndarray,
-        root: np.ndarray,
-        linear: bool,
-        held: bool,
-    ) -> None:
-        self.tests, self.law_of, self.space, self.y, self.root, self.linear, self.held = (
-            tests,
-            law_of,
-            space,
-            y,
-            root,
-            linear,
-            held,
-        )
+    def __init__(self, model, space: Space, y: np.ndarray, root: np.ndarray, held: bool) -> None:
+        self.model, self.tests = model, model.tests_
+        self.space, self.y, self.root, self.held = space, y, root, held
         self.count = 0
         self.known: dict[bytes, np.ndarray] = {}
         self.differentiated: dict[bytes, np.ndarray] = {}
@@ -78,7 +62,7 @@ class Search:
         self.known, self.differentiated = {}, {}
 
     def law_at(self, x: np.ndarray) -> Law:
-        return self.law_of(self.space.parameters(x))
+        return self.model.unknown_.law_of(self.space.parameters(x))
 
     def values(self, x: np.ndarray) -> np.ndarray:
         """Return the measurements at the search variables; raise one of `FAILURES` where a scene
@@ -99,7 +83,9 @@ class Search:
         key = x.tobytes()
         if key not in self.differentiated:
             numbers, chain = derivatives_of_numbers(
-                self.law_at, x, DIFFERENCE * (np.abs(x) if self.linear else np.ones(len(x)))
+                self.law_at,
+                x,
+                DIFFERENCE * (np.abs(x) if self.model.law is None else np.ones_like(x)),
             )
             self.known[key], derivatives = self._differentiated(
                 x, [f"material.{name}" for name in numbers]

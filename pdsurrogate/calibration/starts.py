@@ -2,16 +2,13 @@
 measurements are those of the tests.
 """
 
-from functools import partial
-
 import numpy as np
 
 from ..identification import LawRegressor
 from ..identification.stress_regressor import BULK_RATIO, bulk_arguments
 from ..materials import LAWS, Law, Ogden
-from ..materials.dictionary import OF_INVARIANTS, checked_dictionary
-from .asked import law_at, scenes_of
-from .free import MOST_TRIED, EnergyUnknowns, floored, proposed, scaled, solved
+from .asked import scenes_of
+from .free import EnergyUnknowns, floored, scaled, solved
 from .measured import DISPLACEMENTS, FAILURES, FORCES, MeasuredScene
 from .search import DIFFERENCE, Search, Space, failing
 
@@ -48,9 +45,8 @@ def unknowns_of(model, count: int) -> LawRegressor | EnergyUnknowns:
     """
     bulk = bulk_of(model)
     if model.law is None:
-        terms = OF_INVARIANTS if model.dictionary is None else checked_dictionary(model.dictionary)
         unknown = EnergyUnknowns(
-            bulk.get("bulk_ratio", None if bulk else BULK_RATIO), bulk.get("bulk_modulus"), terms
+            bulk.get("bulk_ratio", None if bulk else BULK_RATIO), bulk.get("bulk_modulus")
         )
         _check_energy(model, unknown, count)
         return unknown
@@ -89,7 +85,7 @@ def search_from(
         )
     else:
         low, high, logarithmic = model.unknown_.search_range(
-            start, float(law_at(model, start).shear_modulus)
+            start, float(model.unknown_.law_of(start).shear_modulus)
         )
     x, low, high = (
         np.log(each, out=np.array(each, dtype=float), where=logarithmic)
@@ -99,9 +95,9 @@ def search_from(
         low, high = low + 2 * DIFFERENCE, high - 2 * DIFFERENCE
         x = np.clip(x, low, high)
     space = Space(low, high, logarithmic)
-    _begin(model, law_at(model, space.parameters(x)), y, root)
+    _begin(model, model.unknown_.law_of(space.parameters(x)), y, root)
     held = model.law is not None and without_scale(model)
-    return Search(model.tests_, partial(law_at, model), space, y, root, model.law is None, held), x
+    return Search(model, space, y, root, held), x
 
 
 def start_of(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
@@ -129,8 +125,9 @@ def start_of(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
         forces = test.among(FORCES)
         if test.scene.loads or not forces.any():
             continue
-        with failing(f"the search cannot start at {law_at(model, start).describe()}"):
-            simulated = test.simulate(law_at(model, start))[0]
+        law = model.unknown_.law_of(start)
+        with failing(f"the search cannot start at {law.describe()}"):
+            simulated = test.simulate(law)[0]
         weight = root[here][forces] ** 2
         product += float((weight * simulated[forces] * y[here][forces]).sum())
         square += float((weight * simulated[forces] ** 2).sum())
@@ -162,25 +159,11 @@ def _begin(model, law: Law, y: np.ndarray, root: np.ndarray) -> None:
 def better_start(model, search: Search, x: np.ndarray) -> np.ndarray:
     """Return the start of the search with the lesser sum of squares: x, or the solution of the weak
     form at measured displacements.
-
-    Of a dictionary of more than `MOST_TRIED` terms, those that the weak form proposes and the term
-    of the start remain.
     """
     try:
-        jacobian, right, forces, steps = _weak_form(model, search, x)
-    except FAILURES as error:  # as where noise turns bonds around
-        if len(x) > MOST_TRIED:
-            raise ValueError(
-                "dictionary: it is too large without the forces at the measured displacements:"
-                f" {error}"
-            ) from None
+        jacobian, right, forces = _weak_form(search, x)
+    except FAILURES:  # as where noise turns bonds around
         return x
-    if len(x) > MOST_TRIED:
-        shares = proposed(jacobian, right, forces, steps)
-        kept = np.zeros(len(x), dtype=bool)
-        kept[np.argsort(-shares - 2 * (x == x.max()), kind="stable")[:MOST_TRIED]] = True
-        keep(model, search, kept)
-        x, jacobian = x[kept], jacobian[:, kept]
     weak = floored(solved(*scaled(jacobian, right, forces)))
     starts = {"default": x, "weak form": weak}
     squares = {name: float((search.residuals(each) ** 2).sum()) for name, each in starts.items()}
@@ -190,24 +173,14 @@ def better_start(model, search: Search, x: np.ndarray) -> np.ndarray:
     return starts[taken]
 
 
-def _weak_form(
-    model, search: Search, x: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the weighted equations of the weak form, a mask of those of forces, and the number
-    of the step of each among all tests.
-    """
-    count, first = len(search.y), 0
-    jacobian, right, forces, steps = (
-        np.empty((count, len(x))),
-        np.empty(count),
-        np.zeros(count, dtype=bool),
-        np.empty(count, dtype=int),
-    )
-    for test, here in model.tests_:
+def _weak_form(search: Search, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the weighted equations of the weak form, and a mask of those of forces."""
+    jacobian, right = np.empty((len(search.y), len(x))), np.empty(len(search.y))
+    forces = np.zeros(len(search.y), dtype=bool)
+    for test, here in search.tests:
         jacobian[here], right[here] = test.weak_form(search.law_at, x, search.y[here])
-        forces[here], steps[here] = test.among(FORCES), first + test.rows.step
-        first += test.rows.step.max()
-    return search.root[:, None] * jacobian, search.root * right, forces, steps
+        forces[here] = test.among(FORCES)
+    return search.root[:, None] * jacobian, search.root * right, forces
 
 
 def keep(model, search: Search, kept: np.ndarray) -> None:
@@ -222,11 +195,6 @@ def _check_energy(model, unknown: EnergyUnknowns, count: int) -> None:
         raise ValueError(
             "displacements under prescribed motions determine an energy without a law up to a"
             " factor alone: add rows of forces (quantity 0; --forces)"
-        )
-    if len(unknown.terms) > MOST_TRIED and not has_weak_form(model):
-        raise ValueError(
-            f"dictionary: measured displacements choose among more than {MOST_TRIED} terms, but"
-            f" here are too few: give at most {MOST_TRIED} terms, not {len(unknown.terms)}"
         )
     if count < len(unknown.terms):
         raise ValueError(

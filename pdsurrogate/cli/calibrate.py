@@ -12,7 +12,6 @@ from typer import Argument, Option
 from ..artifacts.store import new_artifact, next_version
 from ..calibration import SceneRegressor, reporting
 from ..calibration.measured import DISPLACEMENTS, FORCES
-from ..forces.identity import digest_of
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
 from ..learning.fitting import TooInexact
@@ -105,17 +104,7 @@ def calibrate(
     X, y, outputs = reporting.measurements(test, fields, forces)
     with bad_input(OSError):
         new_artifact(folder, name, next_version(folder, name))
-    asked = {
-        "scene": test.model_dump(mode="json"),
-        "law": law,
-        "terms": terms or N_TERMS,
-        **bulk,
-        "refine": refine,
-        "name": name,
-    }
-    asked |= {"field_noise": field_noise, "force_noise": force_noise, "outputs": outputs}
-    asked["digest"] = digest_of({"X": X.tolist(), "y": y.tolist()})
-    check_folder(folder, "calibration.json", asked, overwrite)
+    check_folder(folder, "calibration.json", overwrite)
     model = SceneRegressor(
         test, law, terms or N_TERMS, outputs=[*outputs.values()] or None, refine=refine, **bulk
     )
@@ -138,14 +127,12 @@ def calibrate(
     if free:  # a law is trusted beyond the states of the test, an energy of terms is not
         settings = settings.within(*model.stretch_range_)
     with Bar(name):
-        write = settings.train(
-            model.law_, model.members_, model.domain_hull_, {"data": data, **found}
-        )
+        write = settings.train(model.law_, model.domain_hull_, {"data": data, **found})
     with writing(folder), bad_input(TooInexact, status=FAILED):
         path = write(folder, name, None)
         write_json(
             folder / "calibration.json",
-            {"asked": asked, "artifact": str(path), **found, "seconds": seconds},
+            {"artifact": str(path), **found, "seconds": seconds},
         )
         for which, drawn in reporting.figures(model, X, y, [*outputs]).items():
             figures.save(drawn, folder / f"calibration-{which}.png")

@@ -200,21 +200,14 @@ def law_of(name: str, changes: list[str] | None = None) -> Law:
     return MaterialSpec(law=name, **given).build()
 
 
-def check_folder(
-    folder: Path | None, report: str = "", asked: dict | None = None, overwrite: bool = False
-) -> None:
-    """Check, before any work, that files can be written to a folder, and that no report of other
-    settings would be replaced there.
-
-    `report` is the name of the report's file and `asked` are the settings of the new report: an
-    existing file must have been made with equal settings, unless `overwrite` is set. Without a
-    folder nothing is checked.
+def check_folder(folder: Path | None, report: str = "", overwrite: bool = False) -> None:
+    """Check, before any work, that files can be written to a folder, if one is given, and that a
+    `report` of this name is not there yet, unless `overwrite` is set.
     """
     if folder is not None:
         from ..results.files import check_writable
-        from ..results.folder import check_report
 
         with bad_input(OSError):
             check_writable(folder)
-        if report:
-            check_report(folder / report, asked or {}, overwrite)
+        if report and not overwrite and (folder / report).exists():
+            raise ValueError(f"{folder / report} exists: use another folder, or --overwrite")

@@ -3,7 +3,6 @@ and ``evaluate`` for their errors.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -23,10 +22,10 @@ from ..artifacts.store import (
 )
 from ..artifacts.store import law_of as stored_law
 from ..forces import FORCES, EnergySurrogate, ForceSurrogate
-from ..forces.identity import digest_of
 from ..identification import figure, fitted_laws, load_test_data, reporting
+from ..identification.data import TestData
 from ..identification.regressor import N_TERMS
-from ..identification.stress_regressor import bulk_arguments
+from ..identification.stress_regressor import StressRegressor, bulk_arguments
 from ..learning.fitting import TooInexact
 from ..learning.sampling import checked_range
 from ..learning.settings import FitSettings
@@ -47,20 +46,24 @@ from .terminal import (
     writing,
 )
 
-DIGITS = 16
-"""Number of hexadecimal digits of the digest by which a report identifies its test data: two
-tests do not share sixteen by chance.
-"""
-
 FOLDER_HELP = (
     "Folder of artifacts (default: $PDSURROGATE_ARTIFACTS, or the folder artifacts; in a checkout"
     " own-artifacts)."
 )
 
-STIFFNESS = ("at_rest", "shear_modulus", "least_slope", "least_acoustic", "least_curvature")
-"""Entries of a report of `learning.evaluate` on the state at rest and on stiffness, with those
-of the law as ``KEY_exact``.
+STIFFNESS = {
+    "at_rest": "force or stress at rest",
+    "shear_modulus": "shear modulus at rest",
+    "least_slope": "least slope of the force along a bond",
+    "least_acoustic": "least stiffness of shear waves",
+    "least_curvature": "least curvature of the energy",
+}
+"""Words for the entries of a report of `learning.evaluate` on the state at rest and on stiffness;
+those of the law are ``KEY_exact``.
 """
+
+ERRORS = {"rms": "RMS", "max": "greatest", "energy_rms": "RMS of the energy"}
+"""Words for relative errors in such a report."""
 
 DATA_HELP = (
     "Test data: treloar, kawabata, or a CSV file with the columns mode, stretch and nominal_stress."
@@ -117,9 +120,7 @@ def identify(
     if terms is not None and "ogden" not in names:
         raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
     terms, bulk = terms or N_TERMS, bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
-    asked = {"laws": names, "terms": terms, "up_to": stretch, "loading": loading, **bulk}
-    asked |= {"data": rows.name, "rows": len(rows), "digest": digest_of(asdict(rows))[:DIGITS]}
-    check_folder(folder, "identify.json", asked, overwrite)
+    check_folder(folder, "identify.json", overwrite)
     if loading:
         rows = rows.loading()
     if stretch is not None:
@@ -147,7 +148,7 @@ def identify(
     print_rows("Prediction of held-out modes", predicted)
     if folder is not None:
         with writing(folder):
-            write_json(folder / "identify.json", {"asked": asked, "laws": reports})
+            write_json(folder / "identify.json", {"laws": reports})
             figures.save(figure(models, rows), folder / "identify.png")
         note(f"Results in {folder}")
 
@@ -156,44 +157,29 @@ def print_identified(report: dict) -> None:
     """Print a report of an identification: parameters, differences from the tests, and modes
     that were not measured.
     """
-    title = (
-        f"{report.get('form', report['law']['law'])} fitted to {report['data']}, {report['rows']}"
-        " rows"
-    )
+    form = report.get("form", report["law"]["law"])
+    title = f"{form} fitted to {report['data']}, {report['rows']} rows"
     print_parameters(title, report)
-    _print_differences(
-        f"{title}: fit compared with the tests", report["differences"], report["r_squared"]
+    scores = report["r_squared"]
+    _print_by_mode(
+        f"{title}: fit compared with the tests",
+        {mode: {"R^2": scores.get(mode), **row} for mode, row in report["differences"].items()},
     )
     print_rows(f"{title}: modes that were not measured", report.get("unmeasured", []))
 
 
 def print_parameters(title: str, report: dict) -> None:
     """Print the parameters of a report with their standard errors."""
-    cells = []
-    for name, value in report["parameters"].items():
-        error = report["standard_errors"][name]
-        shown = (
-            "at its bound"
-            if name in report["at_bound"]
-            else "not determined by the data"
-            if error is None
-            else f"{error:.2g}"
-        )
-        cells.append((name, f"{value:.5g}", shown))
+    errors = {
+        name: "not determined by the data" if error is None else f"{error:.2g}"
+        for name, error in report["standard_errors"].items()
+    } | dict.fromkeys(report["at_bound"], "at its bound")
+    cells = [(name, f"{value:.5g}", errors[name]) for name, value in report["parameters"].items()]
     print_table(title, ("parameter", "value", "standard error"), cells, left=1)
 
 
-def _print_differences(title: str, differences: dict, scores: dict | None = None) -> None:
-    """Print, by mode, `scores` (R^2) if given, and the greatest difference from the tests
-    relative to the greatest stress.
-    """
-    print_rows(
-        title,
-        [
-            {"mode": mode, **({"R^2": scores.get(mode)} if scores else {}), **row}
-            for mode, row in differences.items()
-        ],
-    )
+def _print_by_mode(title: str, rows: dict[str, dict]) -> None:
+    print_rows(title, [{"mode": mode, **row} for mode, row in rows.items()])
 
 
 def _with_settings(command: Callable[..., None]) -> Callable[..., None]:
@@ -251,10 +237,6 @@ def fit(
             help="With --data: continue even if the data or the fit would be refused.",
         ),
     ] = False,
-    committee: Annotated[
-        int | None,
-        Option(help="Ensemble members, fitted to half of the tests or with other seeds.", min=2),
-    ] = None,
     settings: FitSettings,
     folder: Annotated[Path | None, Option("--out", metavar="DIR", help=FOLDER_HELP)] = None,
 ) -> None:
@@ -282,8 +264,7 @@ def fit(
         if bulk or force_fit or free or loading:
             options = "--free, --loading, --bulk-modulus, --bulk-ratio and --force-fit"
             raise ValueError(f"{options} need --data; without data, set parameters with --set")
-        tests, hull, material = None, None, law_of(law, change)
-        members = [material] * (committee or 0)
+        tests, report, hull, material = None, None, None, law_of(law, change)
     else:
         if change:
             raise ValueError(
@@ -292,25 +273,24 @@ def fit(
         with Bar(f"Fitting {'an energy' if free else law} to {data}"):
             rows = load_test_data(data)
             rows = rows.loading() if loading else rows
-            tests = reporting.identified(
-                rows, None if free else law, terms or N_TERMS, bulk, committee, settings.seed
-            )
-        hull, material, members = None, tests.model.law_, tests.members
+            model = reporting.fitted(rows, None if free else law, terms or N_TERMS, bulk)
+            report = reporting.examined(model, rows)
+        tests, hull, material = (rows, model), None, model.law_
         if free:
-            settings, hull = settings.within(*tests.model.stretch_range_), tests.model.domain_hull()
-        print_identified(tests.report)
-        refusals = tests.report["refusals"]
-        for text in (*tests.report["remarks"], *(refusals if force_fit else ())):
+            settings, hull = settings.within(*model.stretch_range_), model.domain_hull()
+        print_identified(report)
+        refusals = report["refusals"]
+        for text in (*report["remarks"], *(refusals if force_fit else ())):
             warn(text)
         if refusals and not force_fit:
             raise ValueError(f"{'; '.join(refusals)}; --force-fit continues anyway")
     with Bar(name):
-        write = settings.train(material, members, hull, tests and tests.report)
+        write = settings.train(material, hull, report)
     with writing(folder), bad_input(TooInexact, status=FAILED):
         # The next version is that of now: another fit of the same name may have ended since.
         path = write(folder, name, version)
     card = load_card(path)
-    simulated = {} if tests is None else _simulate_tests(path, tests)
+    simulated = {} if tests is None else _simulate_tests(path, *tests)
     print_json(
         {
             "artifact": f"{card.name}@{card.version}",
@@ -325,16 +305,10 @@ def fit(
         out.print(
             f"Fold {row['fold'] + 1}: relative RMS error {row['rms']:.2e} on the held-out samples"
         )
-    for number, member in enumerate(card.members, 1):
-        modulus = member.material.trained_with["shear_modulus"]
-        out.print(
-            f"Member {number}: shear modulus {modulus:.5g}, RMS error"
-            f" {member.errors['box']['on_surface']['rms']:.1e}"
-        )
     note(f"Wrote {path}")
 
 
-def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
+def _simulate_tests(path: Path, data: TestData, model: StressRegressor) -> dict:
     """Simulate the material tests with the stored surrogate in `path`, and print how much the
     stresses differ from the tests and the law.
 
@@ -346,11 +320,9 @@ def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
     """
     with Bar(f"Simulating the tests with {path}"):
         surrogate = load_surrogate(path)
-        stress, off_law, outside = reporting.simulate_tests(surrogate, tests.data, tests.model)
-    against_measured = reporting.differences(tests.data, stress)
-    _print_differences(
-        "Tests simulated with the artifact, compared with the data", against_measured
-    )
+        stress, off_law, outside = reporting.simulate_tests(surrogate, data, model)
+    against_measured = reporting.differences(data, stress)
+    _print_by_mode("Tests simulated with the artifact, compared with the data", against_measured)
     off = (
         "no stress in a test"
         if np.isnan(off_law)
@@ -358,9 +330,9 @@ def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
     )
     out.print(f"Greatest difference of the simulated tests from the fitted law: {off}")
     if outside:
-        domain, stretches = surrogate.domain, tests.data.stretches
+        domain, stretches = surrogate.domain, data.stretches
         warn(
-            f"{outside} of {len(tests.data)} rows lie outside the artifact's domain (stretches from"
+            f"{outside} of {len(data)} rows lie outside the artifact's domain (stretches from"
             f" {domain.least_stretch:.4g} to {domain.greatest_stretch:.4g}), where simulations use"
             " the exact force, so these rows do not test the artifact. The data have stretches"
             f" from {stretches.min():.4g} to {stretches.max():.4g}: set the domain with --least and"
@@ -369,7 +341,7 @@ def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
     picture = path.with_name(f"{path.name}.png")
     if not picture.exists():
         with writing(path.parent):
-            figures.save(figure([tests.model], tests.data, stress), picture)
+            figures.save(figure([model], data, stress), picture)
         note(f"Wrote {picture}, a figure of the tests, the law and the simulation")
     values = [float(value) if np.isfinite(value) else None for value in stress]
     return {
@@ -457,7 +429,7 @@ def print_errors(report: dict) -> None:
         f"strain {row['strain'][0]:g} to {row['strain'][1]:g}": row for row in report["by_strain"]
     }
     errors = [
-        {"states": title, **{key: value for key, value in row.items() if key != "strain"}}
+        {"states": title, **{word: row[key] for key, word in ERRORS.items() if key in row}}
         for title, row in rows.items()
     ]
     print_rows(
@@ -465,8 +437,8 @@ def print_errors(report: dict) -> None:
     )
     of_law = {"at_rest_exact": 0.0, "shear_modulus_exact": 1.0, **report}
     rest = [
-        {"quantity": key, "model": report[key], "exact": of_law[f"{key}_exact"]}
-        for key in STIFFNESS
+        {"quantity": word, "model": report[key], "exact": of_law[f"{key}_exact"]}
+        for key, word in STIFFNESS.items()
         if key in report
     ]
     print_rows("State at rest, and stiffness", rest)

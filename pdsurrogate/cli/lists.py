@@ -5,23 +5,22 @@ scenes, and write a scene to start from.
 import json
 import re
 import sys
-from collections.abc import Iterator
 from dataclasses import fields
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
 
-from rich.markup import escape
+import numpy as np
 from typer import Argument, Option
 
 from ..artifacts.store import ArtifactError, called, find_artifact, list_artifacts, load_card
 from ..forces import FORCES
-from ..materials import LAWS, Law
+from ..materials import LAWS
 from ..results.contents import leaves_of
 from ..results.files import write_text
 from ..scenes import load_scene, scene_names
 from .command import SCENE_HELP, PictureFolder, SetScene, check_folder
-from .terminal import note, print_json, print_table, warn, writing
+from .terminal import note, print_json, print_rows, warn, writing
 
 
 def materials() -> None:
@@ -32,33 +31,24 @@ def materials() -> None:
             for law in LAWS.values()
         ]
     )
-    columns = ("law", "parameter", "default", "search range", "source")
-    rows = (row for law in LAWS.values() for row in _rows_of_law(law))
-    print_table(
-        "Laws and their parameters; set them with --set material.PARAMETER=VALUE", columns, rows
-    )
-
-
-def _rows_of_law(law: type[Law]) -> Iterator[tuple[str, ...] | None]:
-    """Yield a table row for each parameter of a material law, and None, which draws a line,
-    after the last row.
-    """
-    default = law()
-    for number, field in enumerate(fields(law)):
-        value = getattr(default, field.name)
-        shown = (
-            ", ".join(f"{item:.4g}" for item in value) if isinstance(value, tuple) else f"{value:g}"
-        )
-        low, high = law.bounds.get(field.name, (0, None))
-        bounds = (
-            f"{low:g} to {high:g}"
-            if high is not None
-            else "positive"
-            if field.name.endswith("modulus")
-            else ""
-        )
-        yield "" if number else law.name, field.name, shown, bounds, "" if number else law.reference
-    yield None
+    rows = []
+    for law in LAWS.values():
+        default = law()
+        for number, field in enumerate(fields(law)):
+            value = np.atleast_1d(getattr(default, field.name))
+            low, high = law.bounds.get(field.name, (0, None))
+            rows.append(
+                {
+                    "law": "" if number else law.name,
+                    "parameter": field.name,
+                    "default": ", ".join(f"{item:.4g}" for item in value),
+                    "search range": f"{low:g} to {high:g}"
+                    if high is not None
+                    else "positive" * field.name.endswith("modulus"),
+                    "source": "" if number else law.reference,
+                }
+            )
+    print_rows("Laws and their parameters; set them with --set material.PARAMETER=VALUE", rows)
 
 
 CARD = "Artifact whose card is printed as JSON: NAME, NAME@VERSION or a path (default: list all)."
@@ -74,38 +64,32 @@ def artifacts(
         find_artifact(reference, ())
         sys.stdout.write(load_card(reference).to_json())
         return
-    known, rows = [], {}
+    known = []
     for folder in list_artifacts():
-        name, version = folder.parent.name, folder.name
         try:
             card = load_card(folder)
         except ArtifactError as error:
-            warn(f"{name}@{version} cannot be used: {error}")
+            warn(f"{folder.parent.name}@{folder.name} cannot be used: {error}")
             continue
-        shown, law = called(folder, card), card.material.law
         known.append(
             {
-                "name": name,
-                "version": version,
-                "called": shown,
+                "name": folder.parent.name,
+                "version": folder.name,
+                "called": called(folder, card),
                 "kind": card.kind,
-                "law": law,
+                "law": card.material.law,
+                "features": card.features["set"],
+                "rms_error": card.errors["box"]["on_surface"]["rms"],
                 "path": str(folder),
             }
         )
-        row = (
-            escape(shown),
-            law,
-            card.features["set"],
-            f"{card.errors['box']['on_surface']['rms']:.1e}",
-        )
-        rows.setdefault(folder.parent.parent, []).append(row)
-    exact = (
-        (name, model().family, ", ".join(model().honors["plane"])) for name, model in FORCES.items()
-    )
-    print_table("Exact force models, which need no artifact", ("name", "family", "plane"), exact)
-    for root, found in rows.items():
-        print_table(f"Artifacts in {root}", ("artifact", "law", "features", "RMS error"), found)
+    exact = [
+        {"name": name, "family": model().family, "plane": ", ".join(model().honors["plane"])}
+        for name, model in FORCES.items()
+    ]
+    print_rows("Exact force models, which need no artifact", exact)
+    shown = ("called", "law", "features", "rms_error")
+    print_rows("Artifacts", [{key: row[key] for key in shown} for row in known])
     print_json(known)
 
 
@@ -133,21 +117,21 @@ def scenes(
             raise ValueError(
                 f"{'--plot' if plot else '--set'} needs a scene: pdsurrogate scenes SCENE --plot"
             )
-        known = [load_scene(one) for one in scene_names()]
-        print_json(
-            [{"name": one.name, "dimension": one.dimension, "title": one.title} for one in known]
-        )
-        rows = ((one.name, "solid" if one.dimension == 3 else "sheet", one.title) for one in known)
-        print_table("Scenes", ("scene", "body", "title"), rows)
+        known = [
+            {"name": one.name, "title": one.title, "dimension": one.dimension}
+            for one in map(load_scene, scene_names())
+        ]
+        print_json(known)
+        print_rows("Scenes", known)
         return
     scene = load_scene(name, change or [])
     given = scene.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude_none=True)
     print_json(given)
-    rows = (
-        (key, escape(value if isinstance(value, str) else json.dumps(value)))
+    rows = [
+        {"key": key, "value": value if isinstance(value, str) else json.dumps(value)}
         for key, value in leaves_of(given).items()
-    )
-    print_table(f"Scene {scene.name}", ("key", "value"), rows, show_header=False)
+    ]
+    print_rows(f"Scene {scene.name}", rows)
     if plot:
         # Imported here, since only pictures need matplotlib.
         from ..results import figures

@@ -7,9 +7,9 @@ from typer import Argument, Option
 
 from ..results import Result, figures, load_result
 from ..results.drawings import SHOWN_SHARE, html_page
-from ..results.files import head_of, write_text
+from ..results.files import write_text
 from ..results.folder import RUNNING
-from ..results.tables import column_unit
+from ..results.tables import column_unit, columns_of
 from ..scenes.model import with_unit
 from .command import PictureFolder, check_folder
 from .terminal import (
@@ -20,7 +20,7 @@ from .terminal import (
     note,
     out,
     print_json,
-    print_table,
+    print_rows,
     warn,
     writing,
 )
@@ -59,7 +59,7 @@ def show(
     with bad_input(OSError):
         if html is not None and (pictures is not None or level is not None):
             raise ValueError("--html writes all outputs to one file: leave out --out and --level")
-        if html is not None and html.is_file() and MARK not in head_of(html):
+        if html is not None and html.is_file() and MARK not in html.read_bytes():
             raise ValueError(
                 f"--html {html}: this file was not written by pdsurrogate show and would be"
                 " overwritten; choose another name"
@@ -101,29 +101,23 @@ def _print_history(result: Result) -> None:
     forces that nowhere exceed `SHOWN_SHARE` times the greatest force.
     """
     rows = [row for row in result.history if "time" not in row] or result.history[-10:]
-    if not rows:
-        return
     greatest = {
         column: max(abs(row.get(column, 0)) for row in rows)
-        for column in dict.fromkeys(key for row in rows for key in row)
-    }
-    forces = [column for column in greatest if column.startswith("force_")]
-    zero = dict.fromkeys(
-        forces, SHOWN_SHARE * max((greatest[column] for column in forces), default=0.0)
-    )
-    # Moments and displacements are on the page and in the file.
-    columns = [
-        column
-        for column, value in greatest.items()
+        for column in columns_of(rows)
         if not (column.startswith("moment_") or "displacement_" in column)
-        and value > zero.get(column, 0)
-    ]
-    titles = [
-        with_unit(column.replace("_", " "), column_unit(column, result.scene.units))
-        for column in columns
-    ]
-    cells = ([f"{row[column]:.5g}" if column in row else "" for column in columns] for row in rows)
-    print_table(repr(result)[1:-1], titles, cells, left=0)
+    }
+    least = SHOWN_SHARE * max(
+        (size for column, size in greatest.items() if column.startswith("force_")), default=0.0
+    )
+    titles = {
+        column: with_unit(column.replace("_", " "), column_unit(column, result.scene.units))
+        for column, size in greatest.items()
+        if size > least * column.startswith("force_")
+    }
+    print_rows(
+        repr(result)[1:-1],
+        [{title: row.get(column) for column, title in titles.items()} for row in rows],
+    )
     out.print(
         f"Fields: {', '.join(result.field_names())}" if result.states else "No fields were saved."
     )

@@ -1,6 +1,5 @@
 """Simulation by the command ``run``, and functions that print its result."""
 
-import math
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -160,22 +159,12 @@ def print_result(result: Result) -> None:
 
 
 def print_cells(result: Result) -> None:
-    """Print the spacing of a mesh, or the size of the cells if it differs from the spacing in
-    the scene, and the horizon.
-    """
-    summary, asked, units = result.summary, result.scene.spacing, result.scene.units
-    horizon = f"the horizon is {units.amount(summary['horizon'], 'length', '.6g')}"
-    if result.scene.body.shape == "mesh":
-        out.print(
-            f"The mesh has a spacing of {units.amount(summary['spacing'], 'length', '.6g')};"
-            f" {horizon}"
-        )
-    elif any(side != asked for side in summary["cell_size"]):
+    """Print the size of the cells, if it differs from the spacing in the scene, and the horizon."""
+    summary, units = result.summary, result.scene.units
+    if any(side != result.scene.spacing for side in summary["cell_size"]):
         cells = units.amount(" x ".join(f"{side:.6g}" for side in summary["cell_size"]), "length")
-        out.print(
-            f"The cells measure {cells}, the nearest to the spacing of {asked:g} that fills the"
-            f" body; {horizon}"
-        )
+        horizon = units.amount(summary["horizon"], "length", ".6g")
+        out.print(f"The cells measure {cells}; the horizon is {horizon}")
 
 
 def print_levels(result: Result) -> None:
@@ -183,48 +172,38 @@ def print_levels(result: Result) -> None:
     or the reference if there is one.
     """
     units, levels = result.scene.units, result.levels
-    compared = any("nominal_stress_reference" in level for level in levels)
     # The mean narrowing if the exact solution is homogeneous, else the greatest one.
     homogeneous = any("lateral_displacement_reference" in level for level in levels)
-    lateral = (
-        ("lateral_displacement", "lateral")
-        if homogeneous
-        else ("greatest_lateral_displacement", "greatest lateral")
-    )
+    lateral = "lateral" if homogeneous else "greatest lateral"
     columns = [("stretch", [f"{level['stretch']:.10g}" for level in levels])]
-    for key, quantity, unit in ((*lateral, "length"), ("nominal_stress", "stress", "stress")):
-        values, references, errors = (
-            [level.get(name) for level in levels]
-            for name in (key, f"{key}_reference", f"{key}_error")
-        )
-        if all(value is None for value in values):
-            continue
-        columns.append((units.label(quantity, unit), _figures(values)))
-        if compared:
-            percent = ["" if error is None else f"{100 * error:+.4f}" for error in errors]
-            columns += [
-                ("exact" if homogeneous else "reference", _figures(references)),
-                ("error (%)", percent),
-            ]
+    for key, quantity, kind in (
+        (f"{lateral}_displacement".replace(" ", "_"), lateral, "length"),
+        ("nominal_stress", "stress", "stress"),
+    ):
+        for ending, heading in (
+            ("", units.label(quantity, kind)),
+            ("_reference", "exact" if homogeneous else "reference"),
+            ("_error", "error (%)"),
+        ):
+            known = {
+                n: level[key + ending] for n, level in enumerate(levels) if key + ending in level
+            }
+            if known:
+                greatest = max(map(abs, known.values()))
+                form = ".5f" if greatest == 0 or 0.01 <= greatest < 1e7 else ".4e"
+                shown = {
+                    n: f"{100 * value:+.4f}" if ending == "_error" else f"{value:{form}}"
+                    for n, value in known.items()
+                }
+                columns.append((heading, [shown.get(n, "") for n in range(len(levels))]))
     headings, cells = zip(*columns, strict=True)
     print_table(_title(result), headings, zip(*cells, strict=True), left=0)
-    print_grip(result)
-
-
-def print_grip(result: Result) -> None:
-    """Print to which grip's cross-section the nominal stress refers, if the cross-sections at
-    the two grips differ.
-    """
-    units, areas, used = (
-        result.scene.units,
-        result.summary["grip_areas"],
-        result.levels[-1]["nominal_stress_grip"],
-    )
-    other = next(edge for edge in areas if edge != used)
-    if not math.isclose(areas[used], areas[other], rel_tol=1e-6):
-        area, another = (units.amount(areas[edge], "area", ".5g") for edge in (used, other))
-        force = f"Nominal stress: force of the {used} grip divided by its cross-section of {area}"
-        out.print(f"{force}; the cross-section of the {other} grip is {another}")
+    areas, used = result.summary["grip_areas"], levels[-1]["nominal_stress_grip"]
+    if not np.allclose([*areas.values()], areas[used], rtol=1e-6, atol=0):
+        area = units.amount(areas[used], "area", ".5g")
+        out.print(
+            f"Nominal stress: force of the {used} grip divided by its cross-section of {area}"
+        )
 
 
 def _print_outputs(result: Result) -> None:
@@ -233,55 +212,48 @@ def _print_outputs(result: Result) -> None:
 
     Moments are printed in space, and in the plane where a region is turned.
     """
-    units, levels = result.scene.units, result.levels
+    scene, units, levels = result.scene, result.scene.units, result.levels
     out.print(_title(result), style="bold", highlight=False)
-    distance = np.abs(result.body.points).max()
+    axes = ("x1", "x2", "x3")[: scene.dimension]
+    far = np.abs(result.body.points).max()
     force, moment = (
         max((np.abs(value).max() for level in levels for value in level[key].values()), default=0.0)
         for key in ("forces", "moments")
     )
-    scales = {"forces": max(force, moment / distance), "moments": max(moment, force * distance)}
-    axes, contact = (
-        ("x1", "x2", "x3"),
+    sizes = {"forces": max(force, moment / far), "moments": max(moment, force * far)}
+    turned = scene.dimension == 3 or any(entry.rotation for entry in scene.prescribed)
+    for key, title, headings in (
+        ("forces", units.label("Forces on the body", "force"), axes),
+        *[
+            (
+                "moments",
+                units.label("Moments about the origin", "energy"),
+                axes if scene.dimension == 3 else ("counter-clockwise",),
+            )
+        ]
+        * turned,
+        ("probes", units.label("Displacements of the probes", "length"), axes),
         (
-            units.label("area", "area"),
-            units.label("penetration", "length"),
+            "contact",
+            "Contact with obstacles",
+            (units.label("area", "area"), units.label("penetration", "length")),
         ),
-    )
-    for title, key, components in (
-        (units.label("Forces on the body", "force"), "forces", axes),
-        (units.label("Moments about the origin", "energy"), "moments", axes),
-        (units.label("Displacements of the probes", "length"), "probes", axes),
-        ("Contact with obstacles", "contact", contact),
     ):
-        if (
-            key == "moments"
-            and result.scene.dimension == 2
-            and not any(entry.rotation for entry in result.scene.prescribed)
-        ):
-            continue
         rows: list = []
         for name in dict.fromkeys(name for level in levels for name in level.get(key, ())):
             for number, level in enumerate(levels):
-                found, at = level[key][name], f"{level['t']:g}"
-                found = (
-                    found["displacement"]
-                    if key == "probes"
-                    else [*found.values()]
-                    if key == "contact"
-                    else np.atleast_1d(found)
-                )
+                found = level[key][name]
+                if isinstance(found, dict):
+                    found = found["displacement"] if key == "probes" else [*found.values()]
+                at = f"{level['t']:g}"
                 at += f", {units.amount(level['time'], 'time', '.4g')}" if "time" in level else ""
-                rows.append((name if number == 0 else "", at, np.array(found)))
+                rows.append((name if number == 0 else "", at, np.ravel(found)))
             rows += [None] * (len(levels) > 1)
         if rows:
-            least = LEAST_SHOWN * scales.get(key, max(np.abs(row[2]).max() for row in rows if row))
+            least = LEAST_SHOWN * sizes.get(key, max(np.abs(row[2]).max() for row in rows if row))
             cells = (
                 row and [*row[:2], *("0" if abs(x) <= least else f"{x:.5g}" for x in row[2])]
                 for row in rows
-            )
-            headings = (
-                components[: len(rows[0][2])] if len(rows[0][2]) > 1 else ["counter-clockwise"]
             )
             print_table(title, ("name", "t", *headings), cells, left=1)
 
@@ -292,21 +264,13 @@ def _print_rates(result: Result) -> None:
     """
     units, tips = result.scene.units, result.summary.get("crack", {}).get("tips", [])
     unit = f" {units.stress} {units.length}" if units.stress and units.length else ""
-    for crack in next(
-        (row["cracks"] for row in reversed([*result.levels, *tips]) if row.get("cracks")), ()
-    ):
-        rate, tip = (
-            crack["energy_release_rate"],
-            ", ".join(f"{value:.3g}" for value in crack["tip"]),
-        )
-        length = units.amount(crack["length"], "length", ".4g")
+    rows = [row["cracks"] for row in [*result.levels, *tips] if row.get("cracks")]
+    for crack in rows[-1] if rows else ():
+        rate, length = crack["energy_release_rate"], units.amount(crack["length"], "length", ".4g")
         told = f"no G: {crack['remark']}" if rate is None else f"G = {rate:.4g}{unit}"
-        touch = (
-            "; its faces touch and pass through one another, so G has no meaning"
-            if crack.get("closed") and rate is not None
-            else ""
-        )
-        out.print(f"Crack to ({tip}), length {length}: {told}{touch}")
+        if crack.get("closed") and rate is not None:
+            told += "; its faces touch and pass through one another, so G has no meaning"
+        out.print(f"Crack to {_place(crack['tip'])}, length {length}: {told}")
 
 
 def _print_crack(result: Result) -> None:
@@ -320,7 +284,7 @@ def _print_crack(result: Result) -> None:
         out.print(f"No bond broke: none reached the critical stretch {' or '.join(stretches)}")
         return
     start = crack["start"]
-    where = " and ".join(f"({', '.join(f'{value:.3g}' for value in tip)})" for tip in start["tips"])
+    where = " and ".join(map(_place, start["tips"]))
     at = f"stretch {start['stretch']:.4f}" if "stretch" in start else f"t = {start['t']:.4f}"
     out.print(f"First broken bond: at {where}, {at}")
     if peak := crack.get("peak"):
@@ -342,14 +306,5 @@ def _title(result: Result) -> str:
     )
 
 
-def _figures(values: Sequence[float | None]) -> list[str]:
-    """Return numbers as text: all with five decimals, or all in the form 1.2345e-06 if the
-    greatest does not fit; None is left empty.
-    """
-    greatest = max((abs(value) for value in values if value is not None), default=0.0)
-    form = ".5f" if greatest == 0 or 0.01 <= greatest < 1e7 else ".4e"
-    # Rounded first, so that no zero has a minus.
-    return [
-        "" if value is None else format(round(value, 5) + 0.0 if form == ".5f" else value, form)
-        for value in values
-    ]
+def _place(coordinates: Sequence[float]) -> str:
+    return f"({', '.join(f'{value:.3g}' for value in coordinates)})"

@@ -11,11 +11,6 @@ from ..studies.study import FIGURE, MEANS, TABLE
 from .command import MaxTime
 from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, note, print_json, warn, writing
 
-MOST_FAILURES = 5
-"""Number of failures printed one by one; the table lists them all. Chosen: enough to see whether
-runs fail for one reason, and few enough for one screen.
-"""
-
 
 def study(
     description: Annotated[
@@ -64,15 +59,11 @@ def study(
     except studies.StudyInterrupted as error:
         interrupted, result = error, error.result
     if result.failures:
-        warn(f"{len(result.failures)} of {len(result.rows)} runs failed:")
-        for row in result.failures[:MOST_FAILURES]:
-            parameters = ", ".join(f"{key}={row[key]}" for key in result.study.parameters)
-            warn(f"  {row['run']} ({parameters}): {row['failure']}")
-        if len(result.failures) > MOST_FAILURES:
-            warn(
-                f"  and {len(result.failures) - MOST_FAILURES} more, listed in"
-                f" {result.folder / TABLE}"
-            )
+        first = result.failures[0]
+        warn(
+            f"{len(result.failures)} of {len(result.rows)} runs failed; {result.folder / TABLE} has"
+            f" the reasons, the first of which ({first['run']}) is: {first['failure']}"
+        )
     for caution in result.cautions():
         warn(caution)
     print_json(result.rows)

@@ -18,12 +18,10 @@ from typing import Self
 
 import typer
 from rich.box import SIMPLE_HEAD
-from rich.console import Console, RenderableType
+from rich.console import Console
 from rich.markup import escape
-from rich.measure import Measurement
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
-from rich.text import Text
 
 from ..progress import COMPILING, listening
 from ..run.interruption import heard
@@ -62,9 +60,6 @@ _ranks = None
 """Communicator of the ranks that share the command; None for a command that one process carries
 out.
 """
-
-GAP = 2
-"""Number of characters between two columns of a table."""
 
 out = Console()
 err = Console(stderr=True)
@@ -119,11 +114,10 @@ def print_table(
     title: str,
     columns: Sequence[str],
     rows: Iterable[Sequence[str] | None],
-    left: int | None = None,
-    **options,
+    left: int,
 ) -> None:
-    """Print a title and a table of text on standard output; cells break between words, and a table
-    that is too wide for that is wider.
+    """Print a title and a table of text on standard output; cells that are too wide for the
+    terminal are folded.
 
     Parameters
     ----------
@@ -132,83 +126,65 @@ def print_table(
         Headings.
     rows : iterable
         Cells of each row; None leaves a line free.
-    left : int, optional
+    left : int
         Number of columns, from the first, that are left-aligned, while the others are
-        right-aligned; by default all.
-    **options
-        See `rich.table.Table`.
+        right-aligned.
     """
-    rows = list(rows)
-    table = Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0), pad_edge=False, **options)
-    columns, measured = list(map(escape, columns)), []
-    for cells in zip(columns, *filter(None, rows), strict=True):
-        least, natural = zip(
-            *(Measurement.get(out, out.options, cell) for cell in cells), strict=True
-        )
-        measured.append((max(least), max(natural)))
-    widths = [least for least, _ in measured]
-    for number in sorted(
-        range(len(widths)), key=lambda number: measured[number][1] - widths[number]
-    ):  # who wants little gets it
-        spare = max(out.width - sum(widths) - GAP * (len(widths) - 1), 0)
-        widths[number] = min(measured[number][1], widths[number] + spare)
-    for number, width in enumerate(widths):
-        justify = "right" if left is not None and number >= left else "left"
-        table.add_column(columns[number], justify=justify, overflow="fold", width=width)
-    table.width = sum(widths) + GAP * (len(widths) - 1)
+    table = Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0), pad_edge=False)
+    for number, column in enumerate(columns):
+        justify = "right" if number >= left else "left"
+        table.add_column(escape(column), justify=justify, overflow="fold")
     for row in rows:
         if row is None:
             table.add_section()
         else:
             table.add_row(*row)
     out.print(title, style="bold", markup=False, highlight=False)
-    out.print(table, crop=False)
+    out.print(table)
     out.print()
 
 
 def print_rows(title: str, rows: Sequence[dict]) -> None:
-    """Print a table of dictionaries with equal keys, which are the headings: text, numbers, and
-    None; without rows print nothing.
+    """Print a table of dictionaries, whose keys are the headings: text, numbers, and None, which is
+    left empty; without rows print nothing.
     """
     if rows:
-        cells = [
+        columns = list(dict.fromkeys(column for row in rows for column in row))
+        cells = (
             [
-                "none" if one is None else f"{one:.4g}" if isinstance(one, float) else str(one)
-                for one in row.values()
+                f"{one:.4g}" if isinstance(one, float) else "" if one is None else escape(str(one))
+                for one in map(row.get, columns)
             ]
             for row in rows
-        ]
-        print_table(
-            title, list(rows[0]), cells, sum(isinstance(one, str) for one in rows[0].values())
         )
+        left = sum(isinstance(one, str) for one in rows[0].values())
+        print_table(title, [column.replace("_", " ") for column in columns], cells, left)
 
 
 class Bar(Progress):
-    """Progress bar that shows the events of a context: title, share done, time elapsed and left; on
-    a second line counts and numbers.
+    """Progress bar that shows the events of a context: title, share done, time elapsed and left,
+    counts and numbers.
 
-    These have a line of their own because a narrow terminal would cut them off after the bar. If
-    standard error is not a terminal, a line every `SECONDS_BETWEEN_LINES` says the same; with
+    If standard error is not a terminal, a line every `SECONDS_BETWEEN_LINES` says the same; with
     ``--quiet`` there is neither.
     """
 
     def __init__(self, name: str = "") -> None:
-        columns = (
+        # The time left follows from the mean speed: single runs of a comparison take minutes, more
+        # than a window of the last half a minute.
+        super().__init__(
             TextColumn("{task.description}"),
             BarColumn(),
             TimeElapsedColumn(),
             TimeRemainingColumn(),
+            TextColumn("{task.fields[state]}"),
+            console=err,
+            transient=True,
+            disable=settings.quiet or not err.is_terminal,
+            get_time=time.monotonic,
+            speed_estimate_period=math.inf,
         )
-        # The time left follows from the mean speed: single runs of a comparison take minutes, more
-        # than a window of the last half a minute.
-        drawn = {
-            "console": err,
-            "transient": True,
-            "disable": settings.quiet or not err.is_terminal,
-        }
-        super().__init__(*columns, **drawn, get_time=time.monotonic, speed_estimate_period=math.inf)
-        self._name, self._stage, self._told = name, None, time.monotonic()
-        self._counts: dict[str, tuple[float, int]] = {}
+        self._name, self._told = name, time.monotonic()
 
     def __enter__(self) -> Self:
         self._listening = listening(self.event)
@@ -220,48 +196,27 @@ class Bar(Progress):
         super().__exit__(*error)
         self._listening.__exit__(*error)
 
-    def get_renderables(self) -> Iterator[RenderableType]:
-        """Yield what rich draws for each task: the line of the bar, then the line of the state
-        if there is one.
-        """
-        for task in self.tasks:
-            yield self.make_tasks_table([task])
-            if task.fields["state"]:
-                yield Text(task.fields["state"])
-
     def event(self, stage: str, done: float, total: float, **numbers: float | str) -> None:
         """Show an event of `pdsurrogate.progress`; a new stage begins a new bar."""
         if stage == COMPILING:
             note("Compiling kernels; later runs on this machine load them from the cache.")
             return
-        title = ": ".join(filter(None, (self._name, stage)))
-        if stage != self._stage:
+        title = escape(": ".join(filter(None, (self._name, stage))))
+        if [task.description for task in self.tasks] != [title]:
             for task in self.task_ids:
                 self.remove_task(task)
-            self._stage, self._counts = stage, {}
-            self.add_task(escape(title), completed=done, total=total, state="")
+            self.add_task(title, completed=done, total=total, state="")
         counted = [f"{int(done)} of {total:g}"] if total > 1 else []
-        state = ", ".join([*counted, *(self._in_words(*item) for item in numbers.items())])
+        named = (
+            one if isinstance(one, str) else f"{name.replace('_', ' ')} {one:.4g}"
+            for name, one in numbers.items()
+        )
+        state = ", ".join([*counted, *named])
         self.update(self.task_ids[0], completed=done, state=state)
         if not err.is_terminal and time.monotonic() - self._told > SECONDS_BETWEEN_LINES:
             self._told, left = time.monotonic(), self.tasks[0].time_remaining
             rest = "" if left is None else f", about {timedelta(seconds=int(left))} left"
             note(f"{title}: {100 * done / total:.0f} % done{rest}{state and f'; {state}'}")
-
-    def _in_words(self, name: str, number: float | str) -> str:
-        """Return a number with its name, and for a whole one, which counts something, its growth
-        per second.
-        """
-        if isinstance(number, str):
-            return number
-        name = name.replace("_", " ")
-        if isinstance(number, float):
-            return f"{name} {number:.3g}"
-        since, first = self._counts.setdefault(name, (time.monotonic(), number))
-        elapsed = time.monotonic() - since
-        return f"{number} {name}" + (
-            f" ({(number - first) / elapsed:.3g}/s)" if elapsed > 0 and number > first else ""
-        )
 
 
 def use_ranks(ranks) -> None:

@@ -12,7 +12,9 @@ import scipy
 
 from ..body import Cells, ReflectionPlane
 from ..kernels.polygons import encloses
+from ..scenes.shapes import ENDS
 from ..scenes.solids import AnyPrecut
+from .cells import lattice_of
 
 BESIDE = 8.0
 """Distance, in those within which places coincide, by which points on a cut are moved to its side.
@@ -138,14 +140,20 @@ class Cuts:
                     yield np.array(part)
 
     def flat_parts(
-        self, side: int, cell: Sequence[float], nodes: np.ndarray, facets: np.ndarray
+        self,
+        side: int,
+        cell: Sequence[float],
+        nodes: np.ndarray,
+        facets: np.ndarray,
+        planes: Sequence[ReflectionPlane],
     ) -> Iterator[tuple[np.ndarray, ...]]:
         """Yield places (k, 3) beside every cut in space, and the areas times outward normals (k, 3)
         of its facets there.
 
         They are of the face on the side of the normal if `side` is 1, else of the other one, within
         the boundary of the body, given by triangles, `facets` of `nodes`. Facets are about as large
-        as a cell; those that another piece divides are divided there.
+        as a cell; those that another piece divides are divided there. `planes` of symmetry at right
+        angles to a cut continue it: a facet that lies across one stands for its half.
         """
         import shapely  # here, because few bodies need it
 
@@ -171,20 +179,36 @@ class Cuts:
                 traces += [(ends.reshape(2, 3) - place) @ axes.T] if len(ends) == 2 else []
             for part in shapely.get_parts(face):
                 low, high = np.reshape(part.bounds, (2, 2))
-                size = high - low
-                lines = [part.boundary, *shapely.linestrings(np.reshape(traces, (-1, 2, 2)))]
-                for axis, length in enumerate(np.linalg.norm(size[:, None] * axes / cell, axis=1)):
-                    count = max(1, round(length))
-                    ends = np.tile([low, high], (count - 1, 1, 1))
-                    ends[:, :, axis] += (np.arange(1, count) / count * size[axis])[:, None]
-                    ends[:, 1, axis] -= size[axis]
-                    lines.extend(shapely.linestrings(ends))
-                tiles = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
-                tiles = tiles[shapely.covers(part, shapely.point_on_surface(tiles))]
+                through = []
+                for plane in planes:
+                    along = np.abs(axes[:, plane.axis]).argmax()
+                    level = (plane.position - place[plane.axis]) * axes[along, plane.axis]
+                    if abs(axes[along, plane.axis]) < 1 - ENDS:
+                        continue
+                    for one, other in ((low, high), (high, low)):
+                        if abs(one[along] - level) <= self._rounding:
+                            one[along] = 2 * level - other[along]
+                            through.append((along, level))
+                            break
+                counts = np.maximum(
+                    1, np.rint(np.linalg.norm((high - low)[:, None] * axes / cell, axis=1))
+                ).astype(int)
+                grid = lattice_of(*map(np.arange, counts))
+                size = (high - low) / counts
+                tiles = shapely.box(*(low + grid * size).T, *(low + (grid + 1) * size).T)
+                whole = shapely.contains_properly(face, tiles)
+                tiles = np.concatenate(
+                    [tiles[whole], shapely.get_parts(shapely.intersection(tiles[~whole], part))]
+                )
+                for trace in traces:
+                    tiles = _split(tiles, trace, np.linalg.norm(high - low))
                 areas = shapely.area(tiles)
-                large = areas > self._rounding * min(cell)
+                large = areas > self._rounding * size.min()
                 tiles, areas = tiles[large], areas[large]
                 centers = shapely.get_coordinates(shapely.centroid(tiles))
+                for along, level in through:
+                    across = np.abs(centers[:, along] - level) < size[along] / 2
+                    centers[across & (counts[along] % 2 == 1), along] = level
                 yield place + centers @ axes, -side * areas[:, None] * normal
 
     def _depths(self, places: np.ndarray) -> np.ndarray:
@@ -340,3 +364,20 @@ def _sections(
     share = (heights[first] / (heights[first] - heights[second]))[:, None]
     found = nodes[first] + share * (nodes[second] - nodes[first])
     return found.reshape(-1, 2, 3) if facets.shape[1] == 3 else found
+
+
+def _split(tiles: np.ndarray, trace: np.ndarray, reach: float) -> np.ndarray:
+    """Return polygons in which those that a segment, `trace` (2, 2), meets are divided along its
+    line; their extent is at most `reach`.
+    """
+    import shapely  # here, because few bodies need it
+
+    start, end = trace
+    along = (end - start) / np.linalg.norm(end - start)
+    met = shapely.intersects(tiles, shapely.linestrings(trace))
+    found = [tiles[~met]]
+    low, high = start - 2 * reach * along, end + 2 * reach * along
+    for across in (np.array([-along[1], along[0]]), np.array([along[1], -along[0]])):
+        half = shapely.polygons([low, high, high + 2 * reach * across, low + 2 * reach * across])
+        found.append(shapely.get_parts(shapely.intersection(tiles[met], half)))
+    return np.concatenate(found)

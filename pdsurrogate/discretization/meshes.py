@@ -7,17 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from ..body.cell_mesh import among, outward
+from ..body.surface import IN_PLANE
 from ..ranks.share import connected
 from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
 from .mesh_files import MeshFile, read_mesh
-
-AT_BOX = 1e-6
-"""Distance from a side of the bounding box, in extents of the body, within which sides of a mesh's
-cells and ends of precuts lie in it, and at which the section at a grip is measured: more than the
-rounding of single precision.
-"""
 
 
 def mesh_of(mesh: Mesh) -> MeshFile:
@@ -70,7 +65,7 @@ def boundary_of_mesh(
     groups |= {
         name: np.flatnonzero(among(sides, members)) for name, members in mesh.side_groups.items()
     }
-    return sides, named_edges(parts, nodes[sides], lower, upper, AT_BOX), groups
+    return sides, named_edges(parts, nodes[sides], lower, upper, IN_PLANE), groups
 
 
 def named_edges(

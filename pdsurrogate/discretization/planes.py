@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..body import HeldBoundary, ReflectionPlane
-from ..scenes import Mesh, Polygon, Rectangle, Sphere
+from ..scenes import Mesh, Polygon, Rectangle, Scene, Sphere
 from ..scenes.grips import prescribed_in
 from ..scenes.loading import Prescribed
-from ..scenes.model import EDGES, Scene
+from ..scenes.model import EDGES
 from ..scenes.regions import RegionReference, edge_names
 from ..scenes.shapes import Outline, Shape
 from .mesh_files import MeshFile

@@ -5,11 +5,12 @@ from collections.abc import Callable
 import numpy as np
 
 from ..body.cell_mesh import outward
+from ..body.surface import IN_PLANE
 from ..scenes import Box, Mesh, Rectangle, Scene, SceneError
 from ..scenes.model import EDGES
 from .cells import RASTER
 from .material import material_at
-from .meshes import AT_BOX, boundary_of_mesh, faces_of_groups, mesh_of
+from .meshes import boundary_of_mesh, faces_of_groups, mesh_of
 from .planes import reflected_edges
 
 ACCURACY = 1e-9
@@ -42,7 +43,7 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
             areas[edge], near = float(sizes[parts == edge].sum()), 0.0
         else:
             axis, side = EDGES[edge]
-            shifts = side * AT_BOX * (upper - lower).max() * np.array([1, 2])
+            shifts = side * IN_PLANE * (upper - lower).max() * np.array([1, 2])
             near, far = (
                 _section_inside(scene, axis, (lower, upper)[side > 0][axis] - shift, lower, upper)
                 for shift in shifts

@@ -8,13 +8,13 @@ import scipy
 
 from ..body import Body, Cells, Mirror, ReflectionPlane
 from ..body.local_fit import REACH
+from ..body.surface import IN_PLANE
 from ..scenes import Circle, Ellipse, Mesh, Rectangle, Scene, Sphere
 from ..scenes.solids import Prism
 from .cells import MOST_PLACES, lattice_of
 from .chains import ROUNDING
 from .cuts import Cuts, between_cells
 from .material import inside, material_at
-from .meshes import AT_BOX
 
 CLEARANCE = 0.4
 """Distance without material, in cells in every direction, that makes a place on a bond empty. Bonds
@@ -79,7 +79,7 @@ def cuts_of(
     def into_planes(places: np.ndarray) -> np.ndarray:
         for plane in flat:
             feet, depths = plane.mirrored(places)
-            places = np.where(np.abs(depths)[:, None] < AT_BOX * extent, feet, places)
+            places = np.where(np.abs(depths)[:, None] < IN_PLANE * extent, feet, places)
         return places
 
     pieces = [piece.moved(into_planes) for piece in pieces] if flat else pieces

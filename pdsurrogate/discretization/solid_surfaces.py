@@ -9,11 +9,15 @@ rims; a spherical hole with its center on a flat face is cut by that face.
 """
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 import scipy
 
+from ..body import ReflectionPlane, Surface
+from ..body.surface import IN_PLANE
+from ..kernels.polygons import encloses
 from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
 from ..scenes.shapes import Outline
 from ..scenes.solids import Prism, Solid, Straight
@@ -26,6 +30,9 @@ those on the boundary. Chosen: the nodes within are a cell apart; a smaller dist
 triangles at the boundary, a greater one long ones.
 """
 
+ON_CIRCLE = 1e-6
+"""Distance, in cells, of the middles of two circles that count as one; far above rounding."""
+
 MOST_ROUNDS = 20
 """Maximum number of times that sides of a section are halved until they are sides of its
 triangles; three do except at acute corners.
@@ -33,7 +40,11 @@ triangles; three do except at acute corners.
 
 
 def boundary_of_solids(
-    scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    scene: Scene,
+    cell: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    planes: Sequence[ReflectionPlane],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the boundary of a solid: nodes (k, 3), triangles (f, 3) of node numbers, and part
     names (f,): outline, holes.0, ...
@@ -79,7 +90,7 @@ def boundary_of_solids(
         holes |= {
             f"holes.{number}": bore for number, bore in enumerate(body.bores, len(scene.holes))
         }
-        found = _prism(body, axis, cell, tolerance, tuple(holes.values()))
+        found = _prism(body, axis, cell, tolerance, tuple(holes.values()), planes)
         triangles, names = found, ["outline", *holes]
     for number, of_hole in parts.items():
         triangles.append(of_hole)
@@ -135,13 +146,17 @@ def _halved_with(body: Solid, hole: Solid, tolerance: float) -> tuple[int, ...]:
     if not isinstance(hole, Sphere):
         return ()
     cut = tuple(
-        axis for axis in _halved(body) if abs(hole.center[axis] - body.center[axis]) <= tolerance
+        axis
+        for axis in _faces_of_part(body)
+        if abs(hole.center[axis] - body.center[axis]) <= tolerance
     )
     return hole.halved or cut
 
 
-def _halved(body: Solid) -> tuple[int, ...]:
-    """Return the normal axes of the flat faces of a body that is a part of a sphere."""
+def _faces_of_part(body: Solid) -> tuple[int, ...]:
+    """Return the normal axes of the flat faces of a body that is a part of a sphere; none for
+    other bodies.
+    """
     return body.halved if isinstance(body, Sphere) else ()
 
 
@@ -155,7 +170,7 @@ def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> i
     the body.
     """
     inward = np.zeros(3)
-    inward[list(_halved(scene.body))] = 4 * tolerance
+    inward[list(_faces_of_part(scene.body))] = 4 * tolerance
     for number, triangles in closed.items():
         nodes = triangles.reshape(-1, 3)
         inside = scene.body.contains(nodes + inward)
@@ -230,22 +245,29 @@ def _flat_face(
     number = same_places(nodes, 4 * tolerance).reshape(-1, 3)
     sides = np.concatenate([number[:, [0, 1]], number[:, [1, 2]], number[:, [2, 0]]])
     sides = sides[rim[sides].all(axis=1)]
-    ends = np.flatnonzero(np.bincount(sides.ravel(), minlength=len(nodes)) == 1)
+    starts, ends = np.setdiff1d(sides[:, 0], sides[:, 1]), np.setdiff1d(sides[:, 1], sides[:, 0])
     added, places = [], list(nodes)
     for other in sphere.halved:
         if other == axis:
             continue
         along = 3 - axis - other
-        line = ends[np.abs(nodes[ends, other] - center[other]) <= tolerance]
-        line = line[np.argsort(nodes[line, along])].tolist()
+        line = [
+            end for end in (*starts, *ends) if abs(nodes[end, other] - center[other]) <= tolerance
+        ]
+        line.sort(key=lambda end: nodes[end, along])
         if len(line) % 2:  # the corner where three flat faces meet
             line.insert(0, len(nodes))
             if len(places) == len(nodes):
                 places.append(center)
         for low, high in zip(line[::2], line[1::2], strict=True):
-            pieces = max(1, round((places[high][along] - places[low][along]) / cell[along]))
-            added += pairwise([low, *range(len(places), len(places) + pieces - 1), high])
-            places.extend(np.linspace(places[low], places[high], pieces + 1)[1:-1])
+            pieces_of_line = max(1, round((places[high][along] - places[low][along]) / cell[along]))
+            between = [low, *range(len(places), len(places) + pieces_of_line - 1), high]
+            places.extend(
+                places[low] + (places[high] - places[low]) * part / pieces_of_line
+                for part in range(1, pieces_of_line)
+            )
+            # A rim that ends at a place goes on along the line.
+            added += pairwise(between if low in ends or high in starts else between[::-1])
     sides = np.concatenate([sides, np.array(added, dtype=int).reshape(-1, 2)])
     flat = np.array(places)[:, across]
     _, _, _, triangles = _triangulated(flat, sides, np.zeros(len(sides), dtype=int), cell[across])
@@ -255,13 +277,19 @@ def _flat_face(
 
 
 def _prism(
-    straight: Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]
+    straight: Straight,
+    axis: int,
+    cell: np.ndarray,
+    tolerance: float,
+    holes: tuple[Outline, ...],
+    planes: Sequence[ReflectionPlane] = (),
 ) -> list[np.ndarray]:
     """Return the boundary of a prism as triangle arrays (f, 3, 3): its outline with both caps, then
     each hole through it.
 
     The argument `straight` describes the prism, which extends along `axis`, and `holes` are the
-    plane sections of the holes. `cell` are the sizes of a cell along the three axes.
+    plane sections of the holes. `cell` are the sizes of a cell along the three axes, and `planes`
+    those of symmetry.
     """
     across = [(axis + 1) % 3, (axis + 2) % 3]
     beside = cell[across]
@@ -281,7 +309,10 @@ def _prism(
         chains = [
             shape.boundary(beside * (1 + isinstance(shape, Circle | Ellipse))) for shape in shapes
         ]
-        nodes, sides, chain, cap = _triangulated(*boundary_of(chains, tolerance), beside)
+        mirrors = {plane.axis: plane.position for plane in planes}
+        nodes, sides, chain, cap = _triangulated(
+            *boundary_of(chains, tolerance), beside, [mirrors.get(each) for each in across]
+        )
 
     def placed(places: np.ndarray, level: np.ndarray | float) -> np.ndarray:
         found = np.empty((*places.shape[:-1], 3))
@@ -328,12 +359,18 @@ def _tiles(nodes: np.ndarray) -> np.ndarray:
 
 
 def _triangulated(
-    nodes: np.ndarray, sides: np.ndarray, chain: np.ndarray, cell: np.ndarray
+    nodes: np.ndarray,
+    sides: np.ndarray,
+    chain: np.ndarray,
+    cell: np.ndarray,
+    levels: Sequence[float | None] = (None, None),
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Divide the area within closed polygons (chains of sides) into triangles about a cell long.
 
-    They are the Delaunay triangles of the nodes of the polygons and of a lattice within; sides of
-    polygons that are sides of no triangle are halved.
+    They are the Delaunay triangles of the nodes of the polygons and of a lattice within, polygons
+    on one circle divided about their middles; sides of polygons that are sides of no triangle are
+    halved. `levels` are the coordinates of planes of symmetry normal to the two axes: a part at
+    such planes has the triangles of the whole, and sides in the planes have the nodes for it.
 
     Returns
     -------
@@ -343,22 +380,34 @@ def _triangulated(
     triangles : ndarray, shape (t, 3, 2)
         Positions of the corners, counter-clockwise.
     """
-    import shapely  # here, because few bodies need it
-
     used, sides = np.unique(sides, return_inverse=True)
+    lower, upper = nodes[used].min(axis=0), nodes[used].max(axis=0)
     # Areas and Delaunay's criterion have products of coordinates, which far from the origin are
     # rounded.
-    middle = nodes[used].mean(axis=0)
+    middle = np.array(
+        [
+            own if level is None else level
+            for own, level in zip((lower + upper) / 2, levels, strict=True)
+        ]
+    )
     nodes, sides = (nodes[used] - middle) / cell, sides.reshape(-1, 2)
-    area = shapely.build_area(shapely.multilinestrings(nodes[sides]))
-    lower, upper = nodes.min(axis=0), nodes.max(axis=0)
-    count = np.ceil((upper - lower) / 2 / [1, math.sqrt(0.75)]).astype(int) + 1
-    column, row = lattice_of(*(np.arange(-most, most + 1) for most in count)).T
-    lattice = (lower + upper) / 2 + np.stack([column + row % 2 / 2, math.sqrt(0.75) * row], axis=-1)
-    shapely.prepare(area)
-    lattice = lattice[shapely.contains_xy(area, *lattice.T)]
-    near = shapely.distance(area.boundary, shapely.points(lattice))
-    lattice = lattice[near > AWAY]
+    low, high = np.floor((lower - middle) / cell), np.ceil((upper - middle) / cell)
+    lattice = lattice_of(*map(np.arange, low, high + 1))
+    free = np.ones(len(sides), dtype=bool)
+    for axis, level in enumerate(levels):
+        if level is not None:
+            free &= (np.abs(nodes[sides][..., axis]) > IN_PLANE).any(axis=1)
+    lattice = lattice[
+        ~np.isfinite(Surface(nodes, sides[free], np.array([]), None).distances(lattice, AWAY))
+    ]
+    within = encloses(lattice, *nodes[sides].transpose(1, 0, 2))
+    for axis, level in enumerate(levels):
+        if level is not None:
+            nodes, sides, chain = _with_nodes(
+                nodes, sides, chain, lattice[lattice[:, axis] == 0], axis
+            )
+            within &= lattice[:, axis] != 0
+    lattice = lattice[within]
     for _ in range(MOST_ROUNDS):
         places = np.concatenate([nodes, lattice])
         # products of two numbers of nodes exceed 32 bits
@@ -377,14 +426,62 @@ def _triangulated(
         sides = np.concatenate([sides, np.stack([middles, sides[missing, 1]], axis=1)])
         sides[missing, 1] = middles
         chain = np.concatenate([chain, chain[missing]])
-    triangles = places[found]
-    triangles = triangles[shapely.contains_xy(area, *triangles.mean(axis=1).T)]
-    areas = np.linalg.det(triangles[:, 1:] - triangles[:, :1]) / 2
-    triangles[areas < 0] = triangles[areas < 0][:, ::-1]
-    triangles = triangles[np.abs(areas) > 1e-12]
-    if len(missing) or abs(np.abs(areas).sum() - area.area) > 1e-9 * area.area:
+    first, second = nodes[sides].transpose(1, 0, 2)
+    found = found[encloses(places[found].mean(axis=1), first, second)]
+    corners = places[found]
+    areas = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 2
+    found[areas < 0] = found[areas < 0][:, ::-1]
+    area = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum() / 2
+    if len(missing) or abs(np.abs(areas).sum() - area) > 1e-9 * area:
         raise ValueError(
             "body: its cross-section has corners that are too sharp for a triangulation, so loads"
             " and probes are not possible"
         )
+    triangles = _about_middles(places, found[np.abs(areas) > 1e-12])
     return middle + nodes * cell, sides, chain, middle + triangles * cell
+
+
+def _about_middles(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Return Delaunay triangles (t, 3) of places, those on a common circle replaced by triangles
+    about its middle, shape (s, 3, 2): which of them there are would depend on rounding.
+    """
+    sides = places[triangles[:, 1:]] - places[triangles[:, :1]]
+    centers = np.linalg.solve(2 * sides, (sides**2).sum(axis=2)[:, :, None])[:, :, 0]
+    circle = same_places(centers + places[triangles[:, 0]], ON_CIRCLE)
+    several = np.bincount(circle, minlength=len(triangles))[circle] > 1
+    starts, ends = np.concatenate(
+        [triangles[several][:, pair] for pair in ((0, 1), (1, 2), (2, 0))]
+    ).T
+    circle, count = np.tile(circle[several], 3), len(places)
+    outer = ~np.isin(
+        (circle * count + starts) * count + ends, (circle * count + ends) * count + starts
+    )
+    starts, ends, circle = starts[outer], ends[outer], circle[outer]
+    sums = np.stack([np.bincount(circle, column) for column in places[starts].T], axis=1)
+    middles = sums[circle] / np.bincount(circle)[circle, None]
+    fans = np.stack([places[starts], places[ends], middles], axis=1)
+    return np.concatenate([places[triangles[~several]], fans])
+
+
+def _with_nodes(
+    nodes: np.ndarray, sides: np.ndarray, chain: np.ndarray, between: np.ndarray, axis: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return polygons as for `_triangulated`, with the nodes `between` in the place of those
+    between the ends of straight lines of sides on which the coordinate `axis` is 0.
+    """
+    there = (np.abs(nodes[sides][..., axis]) <= IN_PLANE).all(axis=1)
+    starts, ends = (
+        np.setdiff1d(one, other) for one, other in (sides[there].T, sides[there].T[::-1])
+    )
+    lines = zip(*(each[nodes[each, 1 - axis].argsort()] for each in (starts, ends)), strict=True)
+    parts, chains = [sides[~there]], [chain[~there]]
+    for start, end in lines:
+        low, high = sorted(nodes[[start, end], 1 - axis])
+        own = between[(between[:, 1 - axis] > low) & (between[:, 1 - axis] < high)]
+        own = own[np.argsort(own[:, 1 - axis])][:: 1 if nodes[start, 1 - axis] == low else -1]
+        line = np.concatenate([[start], len(nodes) + np.arange(len(own)), [end]])
+        nodes = np.concatenate([nodes, own])
+        parts.append(np.stack([line[:-1], line[1:]], axis=1))
+        chains.append(np.full(len(line) - 1, chain[there & (sides[:, 0] == start)][0]))
+    used, sides = np.unique(np.concatenate(parts), return_inverse=True)
+    return nodes[used], sides.reshape(-1, 2), np.concatenate(chains)

@@ -9,6 +9,7 @@ import scipy
 
 from ..body import Body, Faces, Following, Surface
 from ..body.local_fit import boundary_rows, empty_rows
+from ..body.surface import IN_PLANE
 from ..scenes import Mesh, Scene
 from .chains import ROUNDING, boundary_of
 from .cuts import Cuts
@@ -54,8 +55,8 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
         If holes in three dimensions meet each other or the outline in a way that
         `boundary_of_solids` does not support.
     """
-    extent = float((upper - lower).max())
-    groups = {}
+    extent, groups = float((upper - lower).max()), {}
+    symmetric = [plane for plane in body.planes if plane.symmetric]
     if isinstance(scene.body, Mesh):
         nodes = mesh_of(scene.body).cells.nodes
         facets, parts, groups = boundary_of_mesh(scene, lower, upper)
@@ -64,7 +65,7 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
             parts = parts[face]
             groups = {name: np.flatnonzero(np.isin(face, own)) for name, own in groups.items()}
     elif scene.dimension == 3:
-        nodes, facets, parts = boundary_of_solids(scene, body.cell, lower, upper)
+        nodes, facets, parts = boundary_of_solids(scene, body.cell, lower, upper, symmetric)
     else:
         nodes, facets, chain = boundary_of(
             [shape.boundary(body.cell) for shape in (scene.body, *scene.holes)], ROUNDING * extent
@@ -73,9 +74,9 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
     used, facets = np.unique(facets, return_inverse=True)
     nodes, facets = nodes[used], facets.reshape(-1, scene.dimension)
     parts = named_edges(parts, nodes[facets], lower, upper, ROUNDING)
-    normals = _normals_at(nodes, facets)
+    normals = _normals_at(*_continued(body, nodes, facets))[: len(nodes)]
     if not scene.precuts:
-        return Surface(nodes, facets, parts, Following(boundary_rows(body, nodes, normals)), groups)
+        return Surface(nodes, facets, parts, boundary_rows(body, nodes, normals), groups)
     cuts = cuts_of(scene, lower, upper, between=True)
     follow = _with_mouths(body, cuts, nodes, facets, normals)
     return Surface(nodes, facets, parts, follow, groups, faces=_faces_of(body, cuts, nodes, facets))
@@ -91,10 +92,10 @@ def _with_mouths(
     node, count = facets[facet, corner], len(nodes)
     ways = nodes[facets[facet]].mean(axis=1) - nodes[node]
     places = nodes[node] + cuts.beside * ways / np.linalg.norm(ways, axis=1)[:, None]
-    rows = boundary_rows(
+    follow = boundary_rows(
         body, np.concatenate([nodes, places]), np.concatenate([normals, normals[node]])
     )
-    told = ~empty_rows(rows[0])
+    told = ~empty_rows(follow.rows)
     at_mouths, told = ~np.isin(np.arange(count), node) & told[:count], told[count:]
     whole = np.flatnonzero(at_mouths)
     shares = np.concatenate(
@@ -103,7 +104,7 @@ def _with_mouths(
     where = np.concatenate([whole, node]), np.concatenate([whole, count + np.arange(len(node))])
     means = scipy.sparse.csr_array((shares, where), shape=(count, count + len(node)))
     means.eliminate_zeros()
-    return Following(tuple((means @ each).tocsr() for each in rows))
+    return follow.changed(lambda rows: (means @ rows).tocsr())
 
 
 def _faces_of(body: Body, cuts: Cuts, nodes: np.ndarray, facets: np.ndarray) -> Faces | None:
@@ -120,27 +121,63 @@ def _faces_of(body: Body, cuts: Cuts, nodes: np.ndarray, facets: np.ndarray) -> 
     )
     for side in (1, -1):
         if d == 3:
-            for centers, vectors in cuts.flat_parts(side, body.cell, nodes, facets):
+            symmetric = [plane for plane in body.planes if plane.symmetric]
+            for centers, vectors in cuts.flat_parts(side, body.cell, nodes, facets, symmetric):
                 places.append(centers)
                 areas.append(vectors)
             continue
-        for start, end in cuts.straight_parts(nodes[facets]):
+        for part in cuts.straight_parts(nodes[facets]):
+            start, last, end = _through_plane(body, *part)
             length = np.linalg.norm(end - start)
             along = (end - start) / length
             normal = np.array([-along[1], along[0]])
             count = max(1, round(float(np.linalg.norm((end - start) / body.cell))))
             inset = PARTED * cuts.beside * along
-            places.append(
-                np.linspace(start + inset, end - inset, count + 1) + side * cuts.beside * normal
-            )
+            chain = np.linspace(start, end, count + 1)
+            chain[[0, -1]] += np.stack([inset, -inset])
             shares = np.ones((count + 1, 1))
             shares[[0, -1]] = 0.5
-            areas.append(-side * (length - 2 * PARTED * cuts.beside) / count * shares * normal)
+            # A place in a plane of symmetry stands for its half on this side.
+            beyond = (chain - last) @ along
+            shares[np.abs(beyond) <= cuts.beside] = 0.5
+            own = beyond <= cuts.beside
+            places.append(chain[own] + side * cuts.beside * normal)
+            areas.append(-side * length / count * shares[own] * normal)
     places, areas = np.concatenate(places), np.concatenate(areas)
     if not len(places):
         return None
     normals = areas / np.linalg.norm(areas, axis=1, keepdims=True)
-    return Faces(places, areas, Following(boundary_rows(body, places, normals[:, None])))
+    return Faces(places, areas, boundary_rows(body, places, normals[:, None]))
+
+
+def _through_plane(
+    body: Body, start: np.ndarray, end: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the two ends of a straight cut, and the second one again or, if the cut meets a plane
+    of symmetry there at a right angle, the mirror image of the first.
+    """
+    for plane in (plane for plane in body.planes if plane.symmetric):
+        for one, other in ((start, end), (end, start)):
+            foot = plane.mirrored(one[None])[0][0]
+            if np.linalg.norm(foot - other) <= ROUNDING * body.extent:
+                return one, other, 2 * other - one
+    return start, end, end
+
+
+def _continued(body: Body, nodes: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the nodes and facets of a boundary continued by its mirror images in planes of
+    symmetry, without the facets in these planes; images of nodes come last.
+    """
+    for plane in body.planes:
+        if not plane.symmetric:
+            continue
+        within = np.abs(plane.mirrored(nodes)[1]) <= IN_PLANE * np.ptp(nodes, axis=0).max()
+        facets = facets[~within[facets].all(axis=1)]
+        beside = facets[within[facets].any(axis=1)]
+        images = np.where(within, np.arange(len(nodes)), len(nodes) + np.arange(len(nodes)))
+        nodes = np.concatenate([nodes, 2 * plane.mirrored(nodes)[0] - nodes])
+        facets = np.concatenate([facets, images[beside][:, ::-1]])
+    return nodes, facets
 
 
 def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
@@ -155,7 +192,7 @@ def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
         return _normals_of_sides(nodes, facets)
     along = nodes[facets[:, 1]] - nodes[facets[:, 0]]
     along /= np.linalg.norm(along, axis=1)[:, None]
-    normals = np.empty((len(nodes), 2, 2))
+    normals = np.full((len(nodes), 2, 2), np.nan)
     normals[facets[:, 1], 0] = normals[facets[:, 0], 1] = np.stack(
         [along[:, 1], -along[:, 0]], axis=1
     )

@@ -45,17 +45,12 @@ from .intrinsics import writes
 from .keys import NotKeyable, code_digest
 from .threads import start_threads
 
-try:
-    import fcntl
-except ImportError:  # on Windows
-    fcntl = None
-
 logger = logging.getLogger(__name__)
 
 LONGEST_WAIT = 60.0
 """Greatest number of seconds that a process waits for another one to compile a function. Chosen:
 ten times what the slowest function takes on a free core. The lock of a process that has ended is
-free; without locks a killed process makes the next one wait for so long.
+free.
 """
 
 # `nnan` and `ninf` are left out on purpose: they delete the tests by which the solver detects a
@@ -87,59 +82,42 @@ class CacheFile(IndexDataCacheFile):
     def __init__(self, *arguments) -> None:
         super().__init__(*arguments)
         self._mark = Path(f"{self._index_path}.compiling")
-        self._is_marked = False
         self._lock = None
 
     def load(self, key):
-        """Return the code stored under a key; wait for it if another process compiles the
-        function, or return None if this one has to.
+        """Return the code stored under a key; wait for it while another process compiles the
+        function and has the lock, or return None if this one has to.
         """
+        if (found := super().load(key)) is not None:
+            return found
+        from filelock import FileLock, Timeout  # here, because only missing code needs it
+
+        self._lock = self._lock or FileLock(self._mark, timeout=0.02)
         until = time.monotonic() + LONGEST_WAIT
-        while (
-            (found := super().load(key)) is None
-            and not self._has_mark()
-            and time.monotonic() < until
-        ):
-            time.sleep(0.02)
-        # Another process may have stored the code between the look-up and the mark.
-        return found or super().load(key)
+        while found is None and time.monotonic() < until:
+            try:
+                self._lock.acquire()
+                until = 0.0
+            except Timeout:
+                pass
+            except OSError:  # a folder that cannot be written to
+                until = 0.0
+            # Another process may have stored the code before.
+            found = super().load(key)
+        if found is not None:
+            self._release()
+        return found
 
     def save(self, key, data):
         try:
             super().save(key, data)
         finally:
-            self._mark.unlink(missing_ok=True)
-            self._is_marked = False
-            if self._lock is not None:
-                self._lock = self._lock.close()
+            self._release()
 
-    def _has_mark(self) -> bool:
-        """Return whether this process has marked the function as its own to compile, or should not
-        wait for another process.
-
-        The mark is a locked file, which is free again when its process ends. Where files cannot be
-        locked, the mark is the file itself, which another process respects for `LONGEST_WAIT`.
-        """
-        if fcntl is not None and self._lock is None:
-            with suppress(
-                OSError
-            ):  # a folder that cannot be written to, or a file system without locks
-                lock = self._mark.open("a")
-                try:
-                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                except BlockingIOError:
-                    lock.close()
-                    return False
-                self._lock = lock
+    def _release(self) -> None:
         if self._lock is not None:
-            return True
-        try:
-            self._mark.touch(exist_ok=self._is_marked)
-        except OSError:  # the mark of another process, or a folder that cannot be written to
-            with suppress(OSError):
-                return time.time() - self._mark.stat().st_mtime > LONGEST_WAIT
-        self._is_marked = True
-        return True
+            self._mark.unlink(missing_ok=True)
+            self._lock.release(force=True)
 
     def _load_index(self):
         with suppress(Exception):  # whatever a damaged pickle raises

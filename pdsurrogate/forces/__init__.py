@@ -11,7 +11,7 @@ from .learned_energy import EnergyNetwork, IsochoricNetwork, LearnedEnergy
 from .learned_force import LearnedBondForce, NetworkForce, PolynomialForce, SplineForce
 from .nosb import NOSBForce
 from .own import OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
-from .protocol import ForceModel, Member, bind_portions
+from .protocol import ForceModel, bind_portions
 from .settings import ForceSettings
 
 FORCES = {

@@ -72,6 +72,12 @@ class BondAssociatedStress(MaterialTerm):
         around_images = np.array(
             [[i, j] for i, others in enumerate(near, n) for j in others if j != i], dtype=np.int64
         ).reshape(-1, 2)
+        if body.separates is not None:
+            # The neighborhood of an image is that of its source, reflected.
+            image, other = around_images.T
+            flips, source = body.ghosts.reflection[image - n], points[body.ghosts.source[image - n]]
+            ends = source + flips * (points[other] - points[image])
+            around_images = around_images[~body.separates(source, ends)]
         self._table = np.concatenate([bonds.neighbors, around_images[:, 1].astype(np.uint32)])
         table_owners = np.concatenate([owners[: len(bonds.neighbors)], around_images[:, 0]])
         self._table_pointers = pointers_to(table_owners, total)
@@ -132,10 +138,10 @@ class BondAssociatedStress(MaterialTerm):
             material.law.shear_modulus,
             np.empty_like(body.points),
         )
-        self._sum_forces = sum_pair_forces[2].bind(*sums, chunks=chunks)
+        self._sum_forces = kinematics.bind(sum_pair_forces[2], *sums)
         self.in_units = [(0, self._sum_forces)]
         self._find_forces = Chain(
-            ba_nosb.ba_nosb_forces.bind(*arrays, chunks=chunks), self._sum_forces
+            kinematics.bind(ba_nosb.ba_nosb_forces, *arrays), self._sum_forces
         )
 
     def find(self, out: np.ndarray) -> None:

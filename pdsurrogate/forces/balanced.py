@@ -297,7 +297,7 @@ def _through_jumps(
         body.share,
         *kinematics.interfaces.steps_back(forces, moments, own_moments, on_points),
         *(step for each in kinematics.changed for step in each.pull_steps(own_moments, pulls)),
-        fold_vectors.bind(pulls, ghosts.source, ghosts.parity, chunks=kinematics.chunks),
+        kinematics.bind(fold_vectors, pulls, ghosts.source, ghosts.parity),
     )()
     factors[:] = matrices(own_moments)
     return on_points + pulls[:n]

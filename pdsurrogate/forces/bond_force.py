@@ -159,9 +159,7 @@ class PairForces:
         buffers = aligned_rows((threads, bond_force.BUFFER_ROWS, BLOCK), precision)
         memory = buffers, compiled.memory(threads, precision), kinematics.scratch
         self.find: Step = (
-            bond_force.pair_forces.bind(
-                *arrays, *force, memory, self.forces, chunks=kinematics.chunks
-            )
+            kinematics.bind(bond_force.pair_forces, *arrays, *force, memory, self.forces)
             if compiled.address
             else self.evaluate
         )
@@ -258,12 +256,6 @@ class BondForces(MaterialTerm):
         self.correction = binding.settings.correction or (
             "tensor" if all(model.gives_transverse for model in models) else "scalar"
         )
-        if models[0].members and binding.settings.plane == "strain":
-            name = models[0].name
-            raise ValueError(
-                f"{name}: the deviation of members needs plane stress; for plane=strain fit with"
-                " --energy"
-            )
         self._strength = pair_strength(body)
         self.parts = []
         if binding.portion_of is not None:
@@ -391,18 +383,6 @@ class BondForces(MaterialTerm):
         # A bond turned past a right angle has no stretch tensor and is omitted.
         chosen = states.has_stretch_tensor & counted
         return self._domain.beyond_data(states.stretches[chosen])
-
-    def member_deviation(self) -> np.ndarray | None:
-        if not self._model.members:
-            return None
-        body = self.body
-        pairs, states, _ = self.parts[0].states()
-        found = self._model.member_deviations(self.materials[0].law, states)
-        of_points = np.zeros(len(body))
-        for ends in (body.bonds.first[pairs], body.bonds.second[pairs]):
-            own = ends < len(body)
-            np.maximum.at(of_points, ends[own], found[own])
-        return self.parts[0].unit * of_points
 
 
 def surrogate_states(
@@ -573,43 +553,6 @@ class ForceSurrogate(ForceModel):
         >>> pds.AnalyticBondForce().compiled("float64").asks_law
         True
         """
-
-    def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
-        """Return the greatest deviation of committee members' bond forces from the model's.
-
-        Parameters
-        ----------
-        law : Law
-            Law of the body.
-        states : BondStates
-            States of n bonds.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Greatest deviation of any member for each bond, divided by the shear modulus.
-
-        Examples
-        --------
-        A member whose forces are a tenth greater:
-
-        >>> from dataclasses import replace
-        >>> import numpy as np
-        >>> import pdsurrogate as pds
-        >>> from pdsurrogate.forces.bond_force import BondStates
-        >>> from pdsurrogate.forces.protocol import Member
-        >>> law, model = pds.materials.NeoHookean(), pds.load_surrogate("neo-hookean@1")
-        >>> committee = replace(model, members=(Member(model, law, 1.1),))
-        >>> states = BondStates(*np.array([[1.2], [0.0], [1.0], [0.8], [1.1]]))
-        >>> deviation = committee.member_deviations(law, states)
-        >>> print(
-        ...     (deviation / np.linalg.norm(model.bond_force(*states.quantities()), axis=1)).round(
-        ...         3
-        ...     )
-        ... )
-        [0.1]
-        """
-        raise NotImplementedError
 
 
 class AnalyticBondForce(ForceSurrogate):

@@ -108,11 +108,15 @@ class BondShares:
         `own`.
         """
         one, other = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
-        of_one, of_other = (
-            self.bond_shares[bonds] if own is None else self.bond_shares[bonds] * own[bonds]
-            for bonds in (one, other)
-        )
+        of_one, of_other = self._of_ends(pairs, own)
         return of_one + np.where(other != one, of_other, 0.0)
+
+    def _of_ends(self, pairs: np.ndarray | slice, own: np.ndarray | None) -> tuple[np.ndarray, ...]:
+        """Return the shares of both directed bonds of pairs; zero for those not in `own`."""
+        both = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
+        return tuple(
+            self.bond_shares[bonds] * (1.0 if own is None else own[bonds]) for bonds in both
+        )
 
     def _divide_volumes(self, rows: np.ndarray) -> None:
         """Divide the volumes of the points `rows` among their directed bonds; bonds that an
@@ -203,11 +207,7 @@ class BondShares:
         own : ndarray of bool, shape (n_bonds,), optional
             Flags of the directed bonds whose shares count; by default all.
         """
-        ends = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
-        one, other = (
-            self.bond_shares[bonds] if own is None else self.bond_shares[bonds] * own[bonds]
-            for bonds in ends
-        )
+        one, other = self._of_ends(pairs, own)
         end_shares[places // BLOCK, 0, places % BLOCK] = one
         end_shares[places // BLOCK, 1, places % BLOCK] = np.where(
             self._body.bonds.second[pairs] < len(self._body), other, 0.0
@@ -232,21 +232,18 @@ class BondShares:
         ghosts = self._body.ghosts
         kinematics = self._kinematics
         d = body.dimension
-        chunks = kinematics.chunks
-        weigh = weigh_moments[d].bind(
-            moments, kinematics.inverse_shape, body.volumes, chunks=chunks
-        )
+        weigh = kinematics.bind(weigh_moments[d], moments, kinematics.inverse_shape, body.volumes)
         of_both = (self._of_points, 0), (self._of_ghosts, len(body))
         own, others = (
-            add_node_forces[d].bind(moments, *bonds, first, self._node_parts, forces, chunks=chunks)
+            kinematics.bind(add_node_forces[d], moments, *bonds, first, self._node_parts, forces)
             for bonds, first in of_both
         )
         for changed in kinematics.changed:
             before = *before, *changed.pull_steps(moments, forces)
         if not len(ghosts):
             return [moments, *before, weigh, own]
-        fold = fold_matrices.bind(moments, *kinematics.gradient_ghosts.of_gradients, chunks=chunks)
-        fold_forces = fold_vectors.bind(forces, ghosts.source, ghosts.parity, chunks=chunks)
+        fold = kinematics.bind(fold_matrices, moments, *kinematics.gradient_ghosts.of_gradients)
+        fold_forces = kinematics.bind(fold_vectors, forces, ghosts.source, ghosts.parity)
         return [fold, moments, *before, weigh, own, others, fold_forces]
 
     def on_ghosts(

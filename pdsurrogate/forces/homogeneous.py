@@ -5,6 +5,7 @@ in a simulation.
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 
 from ..body import Body, grid
 from ..materials import Law, dimension_of
@@ -21,12 +22,6 @@ TOLERANCE = 1e-9
 """Relative change of the free stretch at which the secant method ends. Chosen: the method converges
 faster than linearly, so that the error of the stretch is then far smaller than this, and rounding
 in double precision is smaller still.
-"""
-
-MOST_STEPS = 30
-"""Maximum number of secant steps in the search for the free stretch. Chosen: the search begins at
-the exact state by the law, close to that of a good model; a search that does not end within so many
-steps has failed, and its result is NaN.
 """
 
 
@@ -91,34 +86,20 @@ def nominal_states(
         at[free] = np.sqrt(J3 / first) if np.isnan(second) else J3 / (first * second)
         if not np.isfinite(J3):
             continue
+
+        def free_stress(stretch: float, at: np.ndarray = at, free: list[int] = free) -> float:
+            at[free] = stretch
+            return stress_at(at)[free].mean()
+
         try:
-            found[row] = _relaxed(stress_at, at, free)[0]
+            if free:
+                starts = at[free[0]] * np.array([1, 1 + 1e-4])
+                at[free] = scipy.optimize.newton(
+                    free_stress, starts[0], x1=starts[1], tol=TOLERANCE
+                )
+            found[row] = stress_at(at)[0]
         except RuntimeError:  # past the law's limit, or turned inside out
             continue
         if (deviation := force.learned.domain_deviation()) is not None:
             beyond[row] = deviation.max()
     return found, beyond
-
-
-def _relaxed(stress_at, at: np.ndarray, free: list[int]) -> np.ndarray:
-    """Find the common stretch of the free axes at which the stress along them is zero, and return
-    the stresses there; NaN if it fails.
-
-    ``stress_at(stretches)`` returns the stresses along the axes at given stretches. The secant
-    method starts at the stretches `at`; `free` holds the indices of the free axes.
-    """
-    stress = stress_at(at)
-    at = at.copy()
-    if not free:
-        return stress
-    before = at[free[0]]
-    moved = at[free[0]] * (1 + 1e-4)
-    for _ in range(MOST_STEPS):
-        previous = stress[free].mean()
-        at[free] = moved
-        stress = stress_at(at)
-        residual = stress[free].mean()
-        if abs(moved / before - 1) < TOLERANCE or residual == previous:
-            return stress
-        before, moved = moved, moved - residual * (moved - before) / (residual - previous)
-    return np.full_like(stress, np.nan)

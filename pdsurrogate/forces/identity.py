@@ -15,16 +15,8 @@ def identity_of(model: ForceModel) -> list[str]:
 
 
 def digest_of_model(model: ForceModel) -> str:
-    """Return a digest of the learned numbers of a model, and of the members of its committee if
-    it has any.
-    """
-    payload = model.payload()
-    if model.members:
-        payload = {
-            "runs": payload,
-            "members": [[str(one.law), one.ratio, one.model.payload()] for one in model.members],
-        }
-    return digest_of(payload)
+    """Return a digest of the learned numbers of a model."""
+    return digest_of(model.payload())
 
 
 def digest_of(value: Any) -> str:

@@ -164,7 +164,6 @@ class Interfaces:
         n = len(self._body)
         d = self._body.dimension
         images = self._body.ghosts
-        chunks = self._kinematics.chunks
         columns = gradients[:n].reshape(-1, d)
         of_changes = changes[:n].reshape(-1, d)
         on_ghosts = self._kinematics.gradient_ghosts.of_gradients
@@ -177,8 +176,8 @@ class Interfaces:
             *self._product(self._jumps_by_columns, columns, jumps, add=True),
             *(self._tears.steps(positions, jumps) if self._tears else []),
             jumps,
-            place_points.bind(
-                jumps[:n], images.source, images.parity, at_rest[0], jumps, chunks=chunks
+            self._kinematics.bind(
+                place_points, jumps[:n], images.source, images.parity, at_rest[0], jumps
             ),
             *self._product(self._correct, jumps, columns, add=True, variable=self._breakable),
         ], [
@@ -186,7 +185,7 @@ class Interfaces:
             *self._product(self._changes_by_columns, columns, of_changes),
             *(self._tears.kept_rows(changes) if self._tears else []),
             changes,
-            fill_matrices.bind(changes, *on_ghosts, 0.0, at_rest[1], chunks=chunks),
+            self._kinematics.bind(fill_matrices, changes, *on_ghosts, 0.0, at_rest[1]),
         ]
 
     def break_bonds(self, pairs: np.ndarray) -> None:
@@ -361,14 +360,13 @@ class Interfaces:
         d = self._body.dimension
         ghosts = self._body.ghosts
         product = self._product
-        chunks = self._kinematics.chunks
         on_jumps = np.zeros_like(self.jumps)
         theirs = moments[:n].reshape(-1, d)
         columns = own_moments.reshape(-1, d)
         apart, on_apart = self._tears.steps_back(on_jumps, on_points) if self._tears else ([], [])
         return [
-            fold_matrices.bind(
-                moments, *self._kinematics.gradient_ghosts.of_gradients, chunks=chunks
+            self._kinematics.bind(
+                fold_matrices, moments, *self._kinematics.gradient_ghosts.of_gradients
             ),
             moments,
             *(self._tears.kept_rows(moments) if self._tears else []),
@@ -377,7 +375,7 @@ class Interfaces:
             *product(self._changes_back, theirs, columns, add=True),
             own_moments,
             *product(self._correct_back, columns, on_jumps, add=True, variable=self._breakable),
-            fold_vectors.bind(on_jumps, ghosts.source, ghosts.parity, chunks=chunks),
+            self._kinematics.bind(fold_vectors, on_jumps, ghosts.source, ghosts.parity),
             *apart,
             *product(-self._jumps_by_columns.T, on_jumps, columns, add=True),
             on_jumps[:n],

@@ -79,7 +79,7 @@ class InternalForce:
         law.
     learned : Term
         Term that reports the distance of the state from the training data: `domain_deviation`,
-        `beyond_data`, `member_deviation`. At most one term may have a model with training data.
+        `beyond_data`. At most one term may have a model with training data.
     stiffness_moduli : float or ndarray, shape (n,)
         Shear modulus that measures the stiffness around a point. With several materials it is the
         mean over the bonds of the point, where each bond has the mean modulus of its two ends,

@@ -12,7 +12,7 @@ from ..body import Body
 from ..body.body import lengths_of
 from ..body.bonds import pointers_to
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
-from ..engine.passes import Chain
+from ..engine.passes import BoundPass, Chain, Pass
 from ..engine.threads import chunks_of
 from ..kernels.ghosts import fill_matrices, place_points
 from ..kernels.node_state import deformation_gradients
@@ -122,11 +122,15 @@ class Kinematics:
             ghosts if plane == "stress" else ghosts.held_by_clamps(SHARE_ALONG_CLAMPS[plane])
         )
         images = ghosts.source, ghosts.parity, self._shifts
-        self._place = place_points.bind(
-            np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks
+        self._place = self.bind(
+            place_points, np.ascontiguousarray(body.points), *images, self.positions
         )
         self._gradient_shifts = np.zeros((len(ghosts), d * d))
         self._place_alone = Chain(self._place)
+
+    def bind(self, what: Pass, *arguments) -> BoundPass:
+        """Return a pass bound to its arguments, in the chunks of this body."""
+        return what.bind(*arguments, chunks=self.chunks)
 
     @cached_property
     def sources(self) -> np.ndarray:
@@ -216,8 +220,8 @@ class Kinematics:
         """
         bonds = self.body.bonds
         arrays = bonds.pointers, bonds.neighbors, self.weighted_bonds, self.inverse_shape
-        form = deformation_gradients[self.body.dimension].bind(
-            positions, *arrays, unsupported, gradients, chunks=self.chunks
+        form = self.bind(
+            deformation_gradients[self.body.dimension], positions, *arrays, unsupported, gradients
         )
         return [
             form,
@@ -281,9 +285,7 @@ class Kinematics:
         )
         of_ghosts = *self.gradient_ghosts.of_gradients, 1.0, self._gradient_shifts
         on_ghosts = (
-            [fill_matrices.bind(self.gradients, *of_ghosts, chunks=self.chunks)]
-            if len(self.body.ghosts)
-            else []
+            [self.bind(fill_matrices, self.gradients, *of_ghosts)] if len(self.body.ghosts) else []
         )
         form = self.gradient_steps(self.positions, self.gradients, 1.0)
         return [self._place, *form, *before, self.gradients, *on_ghosts, *after]

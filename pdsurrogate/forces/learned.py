@@ -13,7 +13,7 @@ from ..materials import Law
 from ..materials.covariance import LawCovariance
 from .agreement import check_agreement
 from .domain import Domain
-from .protocol import ForceModel, Member
+from .protocol import ForceModel
 
 CHUNK = 65_536
 """Number of bonds or points evaluated together. Chosen: a feature or an output of so many takes 0.5
@@ -51,7 +51,6 @@ class Learned(ForceModel):
     exact: ClassVar[str]
     trial: ClassVar[Callable]
     stated: Mapping[str, float] | None = field(default=None, kw_only=True)
-    members: tuple[Member, ...] = field(default=(), kw_only=True)
     covariance: LawCovariance | None = field(default=None, kw_only=True, compare=False)
 
     @property
@@ -269,32 +268,3 @@ def check_shape(array: np.ndarray, what: str, shape: tuple[int, ...]) -> None:
     """Raise ValueError if the array that messages call `what` does not have the given shape."""
     if array.shape != shape:
         raise ValueError(f"{what} has shape {array.shape}, not {shape}")
-
-
-def greatest_deviations(
-    model: ForceModel, law: Law, answer: Callable[[Any, Law, slice], np.ndarray], count: int
-) -> np.ndarray:
-    """Return the greatest deviation at each state of the forces (or stresses) of a committee's
-    members from the model's, shape (count,).
-
-    The deviations are in units of the shear modulus. Where a state is beyond the domain of a
-    member, `answer` uses the exact force of the member's law, as a run does by default.
-
-    Parameters
-    ----------
-    model : ForceModel
-        Model with its members.
-    law : Law
-        Law of the body.
-    answer : callable
-        ``answer(model, law, some)``: forces of a model at some of the states, shape (k,
-        components), in units of its shear modulus.
-    count : int
-        Number of states.
-    """
-    found = np.empty(count)
-    for some in (slice(at, at + CHUNK) for at in range(0, count, CHUNK)):
-        own = answer(model, law, some)
-        others = (member.ratio * answer(member.model, member.law, some) for member in model.members)
-        found[some] = np.max([np.linalg.norm(other - own, axis=1) for other in others], axis=0)
-    return found

@@ -20,11 +20,11 @@ from ..kernels.energy_density import (
 )
 from ..kernels.network import ACTIVATIONS, GROUP, SMOOTH, pack_units
 from ..materials import PLANES, Law
-from .agreement import invariant_states, isochoric_slopes, isochoric_states, isochoric_stresses
+from .agreement import invariant_states, isochoric_states, isochoric_stresses
 from .bond_energy import EnergyModel, EnergySurrogate, IsochoricEnergy
 from .compiled_force import CompiledBondForce
 from .domain import Domain
-from .learned import CHUNK, Learned, check_shape, greatest_deviations
+from .learned import CHUNK, Learned, check_shape
 from .pair_passes import EnergyDerivatives
 
 ENERGY_FEATURES = ("log J", "log(tr C/(2 J))")
@@ -73,8 +73,6 @@ class LearnedEnergy(Learned, EnergyModel):
     stated : mapping, optional
         Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its
         artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a card.
-    members : tuple of Member, optional
-        Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
         Covariance of its law, if this was fitted to measurements that determine it.
     """
@@ -121,10 +119,28 @@ class LearnedEnergy(Learned, EnergyModel):
         >>> round(value, 3), round(slope, 3)
         (-31.53, -0.893)
         """
-        value, slope, _ = ACTIVATIONS[self.activation](self.hidden_biases)
-        return float((value * self.output_weights).sum()), float(
-            (slope * self.output_weights * self.hidden_weights[0]).sum()
+        value, slope, *_ = self._sums(np.zeros(()), np.zeros(()))
+        return float(value), float(slope)
+
+    def _sums(self, first: np.ndarray, second: np.ndarray) -> list[np.ndarray]:
+        """Return the output of the network at values of both features, its first derivatives by
+        them, and its second ones.
+
+        The sums are written out, since in matrix products the order of summation would depend on
+        the number of states.
+        """
+        w1, w2 = self.hidden_weights
+        v = self.output_weights
+        value, slope, curvature = ACTIVATIONS[self.activation](
+            first[..., None] * w1 + second[..., None] * w2 + self.hidden_biases
         )
+        slope = slope * v
+        curvature = curvature * v
+        terms = value * v, slope * w1, slope * w2
+        return [
+            term.sum(axis=-1)
+            for term in (*terms, curvature * w1 * w1, curvature * w1 * w2, curvature * w2 * w2)
+        ]
 
 
 @dataclass(frozen=True, repr=False)
@@ -154,8 +170,6 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
     stated : mapping, optional
         Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its
         artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a card.
-    members : tuple of Member, optional
-        Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
         Covariance of its law, if this was fitted to measurements that determine it.
 
@@ -188,23 +202,10 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
 
     def _derivatives(self, trace, J):
         constant, flat = self.at_rest
-        (w1, w2) = self.hidden_weights
-        v = self.output_weights
         x = np.log(J)
-        u = np.log(trace / (2 * J))
-        value, slope, curvature = ACTIVATIONS[self.activation](
-            x[:, None] * w1 + u[:, None] * w2 + self.hidden_biases
-        )
-        slope = slope * v
-        curvature = curvature * v
-        # The sums are written out, since in matrix products the order of summation would depend on
-        # the number of states.
-        by_x = (slope * w1).sum(axis=1) - flat
-        by_u = (slope * w2).sum(axis=1)
-        xx = (curvature * w1 * w1).sum(axis=1)
-        xu = (curvature * w1 * w2).sum(axis=1)
-        uu = (curvature * w2 * w2).sum(axis=1)
-        psi = (value * v).sum(axis=1) - constant - flat * x
+        value, by_x, by_u, xx, xu, uu = self._sums(x, np.log(trace / (2 * J)))
+        by_x = by_x - flat
+        psi = value - constant - flat * x
         return (
             psi,
             by_u / trace,
@@ -270,8 +271,6 @@ class IsochoricNetwork(LearnedEnergy):
     stated : mapping, optional
         Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its
         artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a card.
-    members : tuple of Member, optional
-        Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
         Covariance of its law, if this was fitted to measurements that determine it.
 
@@ -323,16 +322,9 @@ class IsochoricNetwork(LearnedEnergy):
         >>> W.round(3).tolist()
         [0.0, 0.5]
         """
-        I1, I2 = (np.asarray(value, dtype=float)[..., None] for value in (I1, I2))
-        (w1, w2) = self.hidden_weights
-        v = self.output_weights
-        value, slope, _ = ACTIVATIONS[self.activation](
-            np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases
-        )
-        slope = slope * v
-        # The sums are written out as in `EnergyNetwork`.
-        W = (value * v).sum(axis=-1) - self.at_rest[0]
-        return W, (slope * w1).sum(axis=-1) / I1[..., 0], (slope * w2).sum(axis=-1) / I2[..., 0]
+        I1, I2 = (np.asarray(value, dtype=float) for value in (I1, I2))
+        W, by_first, by_second, *_ = self._sums(np.log(I1 / 3), np.log(I2 / 3))
+        return W - self.at_rest[0], by_first / I1, by_second / I2
 
     def isochoric_energy(
         self, law: Law, plane: str, outside: str, precision: str
@@ -387,48 +379,6 @@ class IsochoricNetwork(LearnedEnergy):
 
     def _units(self) -> np.ndarray:
         return pack_units(self.hidden_weights, self.hidden_biases, self.output_weights)
-
-    def member_deviations(self, law: Law, stretches: np.ndarray) -> np.ndarray:
-        """Return the greatest deviation of committee members' principal Kirchhoff stresses from the
-        model's.
-
-        Parameters
-        ----------
-        law : Law
-            Law of the body.
-        stretches : ndarray, shape (n, 3)
-            Isochoric principal stretches, of product 1.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Greatest deviation of any member at each state, in units of mu.
-
-        Examples
-        --------
-        A member that is the model itself does not deviate:
-
-        >>> from dataclasses import replace
-        >>> import numpy as np
-        >>> import pdsurrogate as pds
-        >>> from pdsurrogate.forces.protocol import Member
-        >>> law, model = pds.materials.NeoHookean(), pds.load_surrogate("neo-hookean-isochoric")
-        >>> committee = replace(model, members=(Member(model, law, 1.0),))
-        >>> print(committee.member_deviations(law, np.array([[2.0, 1.0, 0.5]])))
-        [0.]
-        """
-
-        def stresses_of(model: IsochoricNetwork, law: Law, some: slice) -> np.ndarray:
-            squares = stretches[some].T ** 2
-            I1 = squares.sum(axis=0)
-            I2 = (1 / squares).sum(axis=0)
-            inside = model.domain.beyond_bounds(stretches[some]) <= 0
-            slopes = np.empty((2, len(I1)))
-            slopes[:, inside] = model.isochoric_derivatives(I1[inside], I2[inside])[1:]
-            slopes[:, ~inside] = isochoric_slopes(law, I1[~inside], I2[~inside])
-            return isochoric_stresses(squares, *slopes)
-
-        return greatest_deviations(self, law, stresses_of, len(stretches))
 
     def answer(self, *states: np.ndarray) -> np.ndarray:
         I1, I2, squares = states

@@ -14,12 +14,11 @@ from ..engine.block_arrays import TRACTION_ROWS
 from ..kernels import network, polynomial, spline
 from ..kernels.bond_force import along_and_across, lateral_stretch
 from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
-from ..materials import Law
 from .agreement import bond_states
-from .bond_force import AnalyticBondForce, BondStates, ForceSurrogate, bond_arrays
+from .bond_force import ForceSurrogate, bond_arrays
 from .compiled_force import CompiledBondForce
 from .domain import Domain
-from .learned import Learned, check_payload, check_shape, greatest_deviations
+from .learned import Learned, check_payload, check_shape
 
 LAYER = ("weights", "biases")
 """Names of the two arrays of a network's layer, in this order; keys of a payload append the
@@ -54,8 +53,6 @@ class LearnedBondForce(Learned, ForceSurrogate):
         Relative errors at states of plane stress, ``rms`` and ``max``, that its card (the metadata
         of its artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a
         card.
-    members : tuple of Member, optional
-        Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
         Covariance of its law, if this was fitted to measurements that determine it.
     """
@@ -197,20 +194,6 @@ class LearnedBondForce(Learned, ForceSurrogate):
     def answer(self, *states: np.ndarray) -> np.ndarray:
         return self.bond_force(*states)
 
-    def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
-        def force_of(model: LearnedBondForce, law: Law, some: slice) -> np.ndarray:
-            of = states.chosen(some)
-            inside = of.has_stretch_tensor & (
-                model.domain.beyond_bounds(of.stretches, of.J**2 * of.C33) <= 0
-            )
-            force = np.empty((len(inside), N_OUTPUTS))
-            for which, source in ((inside, model), (~inside, AnalyticBondForce(law))):
-                if which.any():
-                    force[which] = source.bond_force(*of.chosen(which).quantities())
-            return force
-
-        return greatest_deviations(self, law, force_of, len(states.a))
-
     def compiled(self, dtype) -> CompiledBondForce:
         features = FEATURE_SETS[self.feature_set]
         found = CompiledBondForce(*self.packed(dtype))
@@ -254,8 +237,6 @@ class NetworkForce(LearnedBondForce):
         Relative errors at states of plane stress, ``rms`` and ``max``, that its card (the metadata
         of its artifact) states, and ``bulk_ratio``, K/mu of the training states; None without a
         card.
-    members : tuple of Member, optional
-        Members of its committee, in a run that reports their deviation.
     covariance : LawCovariance, optional
         Covariance of its law, if this was fitted to measurements that determine it.
 
@@ -364,7 +345,7 @@ class PolynomialForce(LearnedBondForce):
     coefficients : ndarray, shape (2, degree1 + 1, degree2 + 1)
         Coefficients of the products T_i(x1) T_j(x2) of Chebyshev polynomials, for each of the two
         outputs.
-    stated, members, covariance
+    stated, covariance
         As for `NetworkForce`.
 
     See Also
@@ -450,7 +431,7 @@ class SplineForce(LearnedBondForce):
         Lower end of the box and width of a cell, for each feature.
     coefficients : ndarray, shape (2, cells_1 + 3, …, cells_n + 3)
         Coefficients of the B-splines, for each of the two outputs.
-    stated, members, covariance
+    stated, covariance
         As for `NetworkForce`.
 
     See Also

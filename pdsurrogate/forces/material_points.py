@@ -107,7 +107,7 @@ class MaterialPoints:
             (len(self.positions) if body.dimension == 2 else 0, 4), precision
         )
         turn = ROTATIONS[rotation or ROTATION]
-        self._turn = turn and turn.bind(self.gradients, self.records, chunks=kinematics.chunks)
+        self._turn = turn and kinematics.bind(turn, self.gradients, self.records)
 
     def take_numbers(self, law: Law) -> None:
         """Replace the law by one of the same kind with other numbers; passes that are bound to
@@ -174,12 +174,8 @@ class MaterialPoints:
         self, numbers: np.ndarray, places: np.ndarray, values: np.ndarray, out: np.ndarray
     ) -> BoundPass:
         """Return the pass that writes ``values[numbers]`` to ``out[places]``."""
-        return copy_values.bind(
-            numbers.astype(np.uint32),
-            places.astype(np.uint32),
-            values,
-            out,
-            chunks=self._kinematics.chunks,
+        return self._kinematics.bind(
+            copy_values, numbers.astype(np.uint32), places.astype(np.uint32), values, out
         )
 
     def copies(
@@ -206,8 +202,8 @@ class MaterialPoints:
             jumps,
             changes,
         )
-        return see_points(positions.shape[1]).bind(
-            *arrays, to_positions, to_gradients, chunks=self._kinematics.chunks
+        return self._kinematics.bind(
+            see_points(positions.shape[1]), *arrays, to_positions, to_gradients
         )
 
     @cached_property
@@ -231,11 +227,11 @@ class MaterialPoints:
         kinematics = self._kinematics
         arrays = (self.gradients, self.volume_ratios)
         if kinematics.plane != "stress":
-            return node_state.held_states[kinematics.body.dimension].bind(
-                *arrays, self.records, chunks=kinematics.chunks
+            return kinematics.bind(
+                node_state.held_states[kinematics.body.dimension], *arrays, self.records
             )
         law = self.response.address, self.parameters, kinematics.scratch
-        return node_state.node_states.bind(*arrays, *law, self.records, chunks=kinematics.chunks)
+        return kinematics.bind(node_state.node_states, *arrays, *law, self.records)
 
     def find(self) -> None:
         """Bring the gradients, volume ratios and records of the points up to date with the
@@ -296,7 +292,7 @@ def rows_of_each(
     pointers = pointers_to(numbers, len(out))
     arrays = pointers, order.astype(np.uint32), others[order], rows, out
     theirs = out[:0] if theirs is None else theirs
-    gather = gather_rows(rows.shape[1]).bind(*arrays, theirs, chunks=kinematics.chunks)
+    gather = kinematics.bind(gather_rows(rows.shape[1]), *arrays, theirs)
     return np.split(rows, ends[:-1]), [gather]
 
 
@@ -317,12 +313,12 @@ def material_sums(
     add_up = {"forces": sum_pair_forces, "moments": sum_moments}[quantity]
     rows, gather = rows_of_each(kinematics, [part.points for part in parts], out, theirs)
     passes = [
-        add_up[kinematics.body.dimension].bind(
+        kinematics.bind(
+            add_up[kinematics.body.dimension],
             getattr(part, quantity),
             *part.points.pairs_of_points(pairs),
             float(part.unit),
             own_rows,
-            chunks=kinematics.chunks,
         )
         for part, own_rows in zip(parts, rows, strict=True)
     ]

@@ -48,9 +48,7 @@ class PointStress(MaterialTerm):
                 points.parameters,
                 kinematics.scratch,
             )
-            passes.append(
-                nosb.weighted_stresses[d].bind(*state, *law, stresses, chunks=kinematics.chunks)
-            )
+            passes.append(kinematics.bind(nosb.weighted_stresses[d], *state, *law, stresses))
         self.in_units = list(enumerate(passes))
         sums = (
             self._stresses,
@@ -59,9 +57,7 @@ class PointStress(MaterialTerm):
             kinematics.weighted_bonds,
             body.volumes,
         )
-        to_points = nosb.nosb_forces[d].bind(
-            *sums, np.empty_like(body.points), chunks=kinematics.chunks
-        )
+        to_points = kinematics.bind(nosb.nosb_forces[d], *sums, np.empty_like(body.points))
         self.bind_steps(*passes, *gather, to_points)
 
     def diagnose(self, out: np.ndarray) -> str:

@@ -380,13 +380,6 @@ class PairEnergy(MaterialTerm):
             return None
         return self._domain.beyond_data(self._stretches()[self.body.share.own])
 
-    def member_deviation(self) -> np.ndarray | None:
-        if not self.selective or not self._model.members:
-            return None
-        return self.parts[0].unit * self._model.member_deviations(
-            self.materials[0].law, self._stretches()
-        )
-
     def _stretches(self) -> np.ndarray:
         """Return the principal stretches of the points, shape (n, k); for a selective energy the
         three isochoric ones.

@@ -143,8 +143,8 @@ class PairEnergies(Pairs):
         )
         memory = *buffers, compiled.memory(threads, precision), kinematics.scratch
         results = self._counts, self._energies, self.forces, self.moments
-        self.find = bond_energy.pair_energies.bind(
-            *self.places, self.pairs, *energy, memory, results, chunks=kinematics.chunks
+        self.find = kinematics.bind(
+            bond_energy.pair_energies, *self.places, self.pairs, *energy, memory, results
         )
 
     def take_numbers(self, model) -> None:
@@ -223,8 +223,12 @@ class SelectivePairs(Pairs):
             if isochoric.precision == "float64"
             else aligned_rows(self.buffers.shape, isochoric.precision, 1)
         )
-        self.find_volumes = selective_energy.pair_volumes[dimension].bind(
-            *self.places, self.pairs, self.buffers, volumes, chunks=chunks
+        self.find_volumes = binding.kinematics.bind(
+            selective_energy.pair_volumes[dimension],
+            *self.places,
+            self.pairs,
+            self.buffers,
+            volumes,
         )
         shares_and_energy = (self.end_shares, *isochoric.arguments)
         results = (
@@ -232,14 +236,14 @@ class SelectivePairs(Pairs):
             self.forces,
             self.moments,
         )
-        self.find = selective_energy.pair_energies[dimension].bind(
+        self.find = binding.kinematics.bind(
+            selective_energy.pair_energies[dimension],
             *self.places,
             self.pressures,
             self.pairs,
             *shares_and_energy,
             memory,
             results,
-            chunks=chunks,
         )
 
     def take_numbers(self, model) -> None:

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,26 +14,6 @@ from .binding import Portion
 from .internal_force import InternalForce
 from .settings import ForceSettings
 from .term import Term
-
-
-@dataclass(frozen=True)
-class Member:
-    """Member of the committee of a learned model: another learned model, whose deviation from it a
-    run can report.
-
-    Attributes
-    ----------
-    model : ForceModel
-        Model of the member, whose forces are in units of the member's own shear modulus.
-    law : Law
-        Law that it describes.
-    ratio : float
-        Shear modulus of the member divided by that of the model to whose committee it belongs.
-    """
-
-    model: "ForceModel"
-    law: Law
-    ratio: float
 
 
 class ForceModel(ABC):
@@ -64,8 +44,6 @@ class ForceModel(ABC):
     stated : mapping, optional
         Errors that the card (the metadata of its artifact) of a learned model states, see
         `pdsurrogate.forces.agreement`.
-    members : tuple of Member
-        Members of the committee of a learned model, in a run that reports their deviation.
 
     See Also
     --------
@@ -87,7 +65,6 @@ class ForceModel(ABC):
     mirrors_curves: bool = True
     differentiable: bool = True
     stated: Mapping[str, float] | None = None
-    members: tuple[Member, ...] = ()
 
     @property
     @abstractmethod
@@ -346,13 +323,6 @@ def bind_portions(
             merged[same] = replace(
                 portion, points=np.sort(np.concatenate([merged[same].points, portion.points]))
             )
-    if len(merged) > 1 and (
-        asked := [portion.model.name for portion in merged if portion.model.members]
-    ):
-        raise ValueError(
-            f"{asked[0]}: the deviation of committee members is available only for bodies of one"
-            " material; leave out #all"
-        )
     if len(merged) == 1 and not len(rigid):
         return merged[0].model.bind(body, merged[0].law, settings)
     honored = {key for portion in merged for key in portion.model.honored(settings.plane)}

@@ -263,15 +263,6 @@ class Term(ABC):
         """
         return None
 
-    def member_deviation(self) -> np.ndarray | None:
-        """Return the greatest deviation of a committee's members from the model at every point,
-        shape (n,); None without members.
-
-        The deviation is a stress; for a bond force it is the greatest among the bonds of a point
-        (`pdsurrogate.forces.learned.greatest_deviations`).
-        """
-        return None
-
 
 class MaterialTerm(Term):
     """Base class of terms whose forces follow from the states of the points by the laws of their

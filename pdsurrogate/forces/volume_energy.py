@@ -78,8 +78,8 @@ class VolumeEnergy:
         slopes = np.zeros(n)
         self.places = self._places()
         shares_of_bonds = bonds.pointers, self.places, shares.bond_shares
-        find_means = selective_energy.means_over_bonds.bind(
-            *shares_of_bonds, volumes, 1.0, means, chunks=chunks
+        find_means = binding.kinematics.bind(
+            selective_energy.means_over_bonds, *shares_of_bonds, volumes, 1.0, means
         )
         smooth = self.smoothing.bind(means, self.dilatations, chunks)
         # Points in the halo have bonds, and therefore neighbors, that this rank does not have.
@@ -112,7 +112,7 @@ class VolumeEnergy:
             part.volume_energies = np.zeros(-(-len(own_ratios) // BLOCK))
             law = volume_energy_block(part.points.law).address, part.points.parameters, part.buffers
             arrays = own_ratios, counted[numbers], *law, part.volume_energies, own_slopes
-            passes.append(selective_energy.volume_energies.bind(*arrays, chunks=chunks))
+            passes.append(binding.kinematics.bind(selective_energy.volume_energies, *arrays))
             if not binding.whole:
                 copied = part.points.copied
                 every = np.arange(len(numbers))
@@ -247,7 +247,7 @@ class LinearizedDilatation:
             derivatives = aligned_rows((len(by_pair), length), np.float32)
             records = aligned_rows((size, length), np.float32)
             places = points.positions, points.gradients, part.pairs, part.buffers, derivatives
-            self._linearize.append(dilatation.volume_derivatives[d].bind(*places, chunks=chunks))
+            self._linearize.append(kinematics.bind(dilatation.volume_derivatives[d], *places))
             moved = [displacements, gradients]
             theirs = pressures
             pairs = points.pairs_of_points(shares.pairs_of_points)
@@ -258,17 +258,27 @@ class LinearizedDilatation:
                 # Shares of ends in other materials are zero, so that their pressures do not count.
                 gather.append(points.copied(points.numbers, np.arange(size), pressures, theirs))
             find += [
-                dilatation.displacement_records.bind(*moved, records, chunks=chunks),
-                dilatation.volume_changes[d].bind(
-                    derivatives, records, pairs[0], points.second, by_pair, chunks=chunks
+                kinematics.bind(dilatation.displacement_records, *moved, records),
+                kinematics.bind(
+                    dilatation.volume_changes[d],
+                    derivatives,
+                    records,
+                    pairs[0],
+                    points.second,
+                    by_pair,
                 ),
             ]
             gather += [
-                dilatation.pair_pressures.bind(
-                    theirs, points.first, points.second, part.end_shares, by_pair, chunks=chunks
+                kinematics.bind(
+                    dilatation.pair_pressures,
+                    theirs,
+                    points.first,
+                    points.second,
+                    part.end_shares,
+                    by_pair,
                 ),
-                dilatation.sum_pressures[d].bind(
-                    derivatives, by_pair, *pairs, *on_points, chunks=chunks
+                kinematics.bind(
+                    dilatation.sum_pressures[d], derivatives, by_pair, *pairs, *on_points
                 ),
             ]
         gather += sum_forces + sum_moments
@@ -284,8 +294,8 @@ class LinearizedDilatation:
             np.zeros_like(ghosts.parity),
         )
         of_ghosts = kinematics.gradient_ghosts.of_gradients
-        self._place = place_points.bind(
-            np.ascontiguousarray(body.points), *images, displacements, chunks=chunks
+        self._place = kinematics.bind(
+            place_points, np.ascontiguousarray(body.points), *images, displacements
         )
         self._find_changes = Steps(
             body.share,
@@ -293,19 +303,19 @@ class LinearizedDilatation:
             *kinematics.gradient_steps(displacements, gradients, 0.0),
             *corrections,
             gradients[:n],
-            fill_matrices.bind(
-                gradients, *of_ghosts, 0.0, np.zeros((len(ghosts), d * d)), chunks=chunks
+            kinematics.bind(
+                fill_matrices, gradients, *of_ghosts, 0.0, np.zeros((len(ghosts), d * d))
             ),
             *continuation,
             *find,
-            selective_energy.means_over_bonds.bind(
+            kinematics.bind(
+                selective_energy.means_over_bonds,
                 bonds.pointers,
                 volume.places,
                 shares.bond_shares,
                 of_pairs,
                 0.0,
                 means,
-                chunks=chunks,
             ),
             means,
             volume.smoothing.bind(means, self._changes, chunks),

@@ -5,14 +5,12 @@ from .energy import EnergyRegressor
 from .examination import Examination, TestDataWarning, examine, fit_to_tests
 from .regressor import LawRegressor, fitted_laws
 from .reporting import differences, figure, held_out_modes, report
-from .stress_regressor import committee, committee_spread, free_sides, nominal_stress
+from .stress_regressor import free_sides, nominal_stress
 
 __all__ = [
     "EnergyRegressor",
     "LawRegressor",
     "TestDataWarning",
-    "committee",
-    "committee_spread",
     "fit_to_tests",
     "load_test_data",
 ]

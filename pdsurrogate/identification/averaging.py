@@ -120,8 +120,7 @@ def average(
     if not weights[stiff].sum() > 0:
         raise ValueError(
             "no sum of the terms with positive coefficients and stable waves describes the"
-            " measurements: check that stresses and forces are positive in tension and rise, and"
-            " that a given dictionary has a polyconvex term, such as ('first', 1)"
+            " measurements: check that stresses and forces are positive in tension and rise"
         )
     weights /= weights.sum()
     mean = weights @ x
@@ -152,22 +151,13 @@ def average(
 def sets_of(terms: Sequence[Term]) -> Iterator[list[int]]:
     """Yield the numbers of the terms in each set with 1 to `MOST_OF_STRETCHES` and 0 to
     `MOST_OF_INVERSES` of them.
-
-    Where all terms are functions of the inverses, each set has one of them.
     """
     inverse = np.array([term.row[0] < 0 for term in terms])
-    sets = [
-        [
-            [*one]
-            for size in range(most + 1)
-            for one in combinations(np.flatnonzero(kind).tolist(), size)
-        ]
-        for kind, most in ((~inverse, MOST_OF_STRETCHES), (inverse, MOST_OF_INVERSES))
-    ]
-    for of_stretches in sets[0][0 if inverse.all() else 1 :]:
-        yield from (
-            of_stretches + of_inverses for of_inverses in sets[1] if of_stretches or of_inverses
-        )
+    for size in range(1, MOST_OF_STRETCHES + 1):
+        for of_stretches in combinations(np.flatnonzero(~inverse).tolist(), size):
+            for more in range(MOST_OF_INVERSES + 1):
+                for of_inverses in combinations(np.flatnonzero(inverse).tolist(), more):
+                    yield [*of_stretches, *of_inverses]
 
 
 def nonnegative(columns: np.ndarray, y: np.ndarray, root: np.ndarray) -> np.ndarray:

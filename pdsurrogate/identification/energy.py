@@ -3,7 +3,6 @@ non-negative weights.
 """
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import ClassVar
@@ -16,7 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..arguments import in_order
 from ..materials import Law
-from ..materials.dictionary import OF_TESTS, STABLE_TO, checked_dictionary, wave_margin
+from ..materials.dictionary import OF_TESTS, STABLE_TO, wave_margin
 from ..materials.polyconvex import law_of, stiffness_of
 from .averaging import Average, average, columns_of, isochoric
 from .data import BIAXIAL, MODES
@@ -69,12 +68,8 @@ class EnergyRegressor(StressRegressor):
         K/mu of the law, which such tests do not determine, see `LawRegressor`.
     bulk_modulus : float, optional
         K instead of K/mu, in the unit of the stresses.
-    dictionary : sequence of (str, float), optional
-        Candidate terms other than those named above, pairs of a kind and a number as in
-        `pdsurrogate.materials.dictionary.Term`, such as ``("second_logarithm", 1)``.
     random_state : int, optional
-        Seed with which one energy is drawn by its weight in the average and takes its place, for a
-        member of a `committee`.
+        Seed with which one energy is drawn by its weight in the average and takes its place.
 
     Attributes
     ----------
@@ -106,7 +101,6 @@ class EnergyRegressor(StressRegressor):
     See Also
     --------
     pdsurrogate.identification.LawRegressor : fits the parameters of a law.
-    pdsurrogate.identification.committee : fits members to random halves of the tests.
 
     Examples
     --------
@@ -120,7 +114,6 @@ class EnergyRegressor(StressRegressor):
     _parameter_constraints: ClassVar = {
         "margin": [Interval(Real, 0, 1, closed="both")],
         **BULK_CONSTRAINTS,
-        "dictionary": "no_validation",  # checked with its terms
         "random_state": [None, Interval(Integral, 0, None, closed="left")],
     }
 
@@ -130,7 +123,6 @@ class EnergyRegressor(StressRegressor):
     margin: float = 0.05
     bulk_ratio: float = BULK_RATIO
     bulk_modulus: float | None = None
-    dictionary: Sequence[tuple[str, float]] | None = None
     random_state: int | None = None
 
     def fit(self, X, y, sample_weight=None):
@@ -165,11 +157,11 @@ class EnergyRegressor(StressRegressor):
         --------
         >>> import pdsurrogate as pds
         >>> data = pds.load_test_data("treloar").up_to(3.0)
-        >>> found = pds.identification.EnergyRegressor(dictionary=[("first", 1), ("stretches", -2)])
-        >>> found.fit(data.stretches, data.nominal_stress).terms_
-        [Term(kind='first', number=1.0), Term(kind='stretches', number=-2.0)]
+        >>> found = pds.identification.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+        >>> str(found.terms_[0])
+        'root of I1bar'
         """
-        terms = OF_TESTS if self.dictionary is None else checked_dictionary(self.dictionary)
+        terms = OF_TESTS
         X, y, root = self._checked(X, y, sample_weight)
         _warn_of_few_modes(X)
         margin, volume, right, count = (
@@ -189,8 +181,6 @@ class EnergyRegressor(StressRegressor):
                     margin,
                 )
             except ValueError:
-                if self.dictionary is not None:
-                    raise
                 warnings.warn(
                     "the stresses do not rise with the stretch as in rubber; the fitted energy is"
                     " almost zero",

@@ -144,7 +144,6 @@ def fit_to_tests(
     pdsurrogate.load_test_data : reads test data.
     pdsurrogate.identification.LawRegressor : fits the parameters of a law alone.
     pdsurrogate.identification.EnergyRegressor : fits an energy without a law.
-    pdsurrogate.identification.committee : fits to random halves of the tests.
 
     Examples
     --------

@@ -3,7 +3,6 @@ figures.
 """
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 import matplotlib
 import numpy as np
@@ -12,7 +11,6 @@ from sklearn.base import clone
 
 from ..forces import ForceModel
 from ..forces.homogeneous import nominal_states
-from ..materials import Law
 from ..progress import event
 from ..results.figures import STYLE
 from .data import BIAXIAL, MODES, TestData
@@ -22,7 +20,6 @@ from .regressor import LawRegressor, check_fitted
 from .stress_regressor import (
     LawEstimator,
     StressRegressor,
-    committee,
     nominal_stress,
     sheet_of,
     states,
@@ -301,60 +298,6 @@ def unmeasured(model: EnergyRegressor, data: TestData) -> list[dict]:
             for at, y, sd in rows
         ]
     return found
-
-
-class Identified(NamedTuple):
-    """Law identified from test data, for the fit of a surrogate.
-
-    Attributes
-    ----------
-    data : TestData
-    model : StressRegressor
-    report : dict
-        See `examined`; also the ``committee``, if there is one.
-    members : list of Law
-        Laws of the members of the committee.
-    """
-
-    data: TestData
-    model: StressRegressor
-    report: dict
-    members: list[Law]
-
-
-def identified(
-    data: TestData,
-    law: str | None,
-    n_terms: int,
-    bulk: dict[str, float],
-    n_members: int | None,
-    seed: int,
-) -> Identified:
-    """Fit a law (Ogden's with `n_terms` terms), or an energy without a law (an `EnergyRegressor`)
-    if `law` is None, to test data.
-
-    With `n_members` also fit a committee of as many copies, each to a random half of the tests,
-    drawn with `seed`. `bulk` is a dictionary as `bulk_arguments` returns it. Return an `Identified`
-    with the fit, its report and the laws of the committee's members.
-    """
-    model = fitted(data, law, n_terms, bulk)
-    found, members = examined(model, data), []
-    if n_members:
-        weights = data.balanced_weights()
-        members = committee(
-            model,
-            data.stretches,
-            data.nominal_stress,
-            n_members,
-            data.tests,
-            seed,
-            sample_weight=weights,
-        )
-        own = " with exponents of its own" if law is None else ""
-        found["committee"] = (
-            f"each fitted to half of {len(set(data.tests))} tests{own}, seed {seed}"
-        )
-    return Identified(data, model, found, [member.law_ for member in members])
 
 
 def simulate_tests(

@@ -42,6 +42,10 @@ def total(terms):
     return " + ".join(terms)
 
 
+state_at = entries("states, k", [f"states[{r}, k]" for r in range(5)])
+"""Function ``state_at(states, k)``: the state (a, b, U_mm, J, C33) of bond k of a block."""
+
+
 @cache
 def algebra_of(dimension):
     """Return the module of functions on vectors and matrices in 2 or 3 dimensions; it is made
@@ -131,7 +135,6 @@ def _components(d):
     return {
         "DIMENSION": d,
         "MATRIX": len(matrix),
-        "SYMMETRIC": len(symmetric),
         # Arrays of records: views with rows of a compile-time length, access to one row or column,
         # and writing of a row.
         "vector_rows": rows_of(d),

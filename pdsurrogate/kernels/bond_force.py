@@ -21,7 +21,7 @@ from ..engine.block_arrays import (
 )
 from ..engine.compile import call_block, compile_bond_force, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
-from .algebra import algebra_of, entries
+from .algebra import algebra_of, entries, state_at
 from .domain import N_LIMITS, is_outside, share_inside
 from .elementary import inverse_square_root, like, quotient
 
@@ -248,11 +248,7 @@ def pair_forces(
                     exact_traction,
                 )
                 for k in range(BLOCK):
-                    a = states[0, k]
-                    b = states[1, k]
-                    U_mm = states[2, k]
-                    J = states[3, k]
-                    C33 = states[4, k]
+                    a, b, U_mm, J, C33 = state_at(states, k)
                     if (
                         reference[2, k] != zero
                         and reference[counted, k] > zero

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from ..engine.block_arrays import BLOCK, put_column
 from ..engine.compile import expanded, inlined
-from .algebra import entries
+from .algebra import entries, state_at
 from .elementary import inverse_cube_root, like, logarithm, quotient
 
 N_OUTPUTS = 2
@@ -174,11 +174,7 @@ def write_tractions(features: FeatureSet):
         rest0 = at_rest[0]
         rest1 = at_rest[1]
         for k in range(BLOCK):
-            a = states[0, k]
-            b = states[1, k]
-            U_mm = states[2, k]
-            J = states[3, k]
-            C33 = states[4, k]
+            a, b, U_mm, J, C33 = state_at(states, k)
             o1 = traction[0, k] - rest0
             o2 = traction[1, k] - rest1
             put_column(traction, k, traction_of(shared_at(kept, k), o1, o2, a, b, U_mm, J, C33))

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..engine.block_arrays import BLOCK, block_rows, put_column, tuple_of
 from ..engine.compile import compile_bond_force, expanded, inlined, kernel, widest_vectors
-from .algebra import entries, total
+from .algebra import entries, state_at, total
 from .elementary import exponential, inverse_square_root, like, select
 from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, write_tractions
 
@@ -178,20 +178,10 @@ def pack(layers, at_rest, dtype):
     in `dtype`.
 
     `layers` lists (weights, biases), weights of shape (n_in, n_out), the output layer last;
-    `at_rest`, the two outputs in the undeformed state, is appended for subtraction. Raise
-    ValueError for more hidden layers than `MOST_HIDDEN`, for none, or for a number of outputs other
-    than two.
+    `at_rest`, the two outputs in the undeformed state, is appended for subtraction.
     """
     hidden = layers[:-1]
     (output_weights, output_biases) = layers[-1]
-    if not 1 <= len(hidden) <= MOST_HIDDEN:
-        raise ValueError(
-            f"a network needs one to {MOST_HIDDEN} hidden layers, this one has {len(hidden)}"
-        )
-    if output_weights.shape[1] != N_OUTPUTS:
-        raise ValueError(
-            f"a bond-force network has {N_OUTPUTS} outputs, this one {output_weights.shape[1]}"
-        )
     n_inputs = hidden[0][0].shape[0]
     widths = [n_inputs if n_inputs == PAIR and len(hidden) == 1 else _padded(n_inputs)] + [
         _padded(biases.size) for _, biases in hidden
@@ -294,11 +284,7 @@ def network_block(features: FeatureSet, activation, dtype):
         rows = block_rows(work[0:width])
         kept = block_rows(work[width : width + MOST_SHARED])
         for k in range(BLOCK):
-            a = states[0, k]
-            b = states[1, k]
-            U_mm = states[2, k]
-            J = states[3, k]
-            C33 = states[4, k]
+            a, b, U_mm, J, C33 = state_at(states, k)
             shared = shared_of(a, b, J, C33)
             values = inputs(shared, a, b, U_mm, J, C33, states[5, k])
             put_column(kept, k, shared)

@@ -16,6 +16,7 @@ from numba.extending import intrinsic
 
 from ..engine.block_arrays import BLOCK, tuple_of
 from ..engine.compile import compile_bond_force, inlined
+from .algebra import state_at
 from .feature_sets import N_OUTPUTS, FeatureSet
 
 MOST_DEGREE = 24
@@ -137,11 +138,7 @@ def polynomial_block(features: FeatureSet, counts, dtype):
         rest0 = values[rest]
         rest1 = values[rest + 1]
         for k in range(BLOCK):
-            a = states[0, k]
-            b = states[1, k]
-            U_mm = states[2, k]
-            J = states[3, k]
-            C33 = states[4, k]
+            a, b, U_mm, J, C33 = state_at(states, k)
             shared = shared_of(a, b, J, C33)
             x1, x2 = inputs(shared, a, b, U_mm, J, C33, states[5, k])
             one, two = chebyshev_sums(

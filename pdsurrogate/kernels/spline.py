@@ -13,6 +13,7 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, block_rows, put_column
 from ..engine.compile import compile_bond_force, inlined
 from ..engine.vector_loads import sums_of_rows
+from .algebra import state_at
 from .elementary import like
 from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, write_tractions
 
@@ -118,11 +119,7 @@ def spline_block(features: FeatureSet, dtype):
         size1 = real(row)
         size0 = real(layer)
         for k in range(BLOCK):
-            a = states[0, k]
-            b = states[1, k]
-            U_mm = states[2, k]
-            J = states[3, k]
-            C33 = states[4, k]
+            a, b, U_mm, J, C33 = state_at(states, k)
             shared = shared_of(a, b, J, C33)
             put_column(kept, k, shared)
             values = inputs(shared, a, b, U_mm, J, C33, states[5, k])

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import expit
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..kernels.network import network_outputs
 
@@ -56,42 +56,6 @@ The values differ from those of `pdsurrogate.kernels.network` by rounding, some 
 magnifies such differences into other weights: only these expressions reproduce the weights of the
 shipped artifacts (``pipelines/fit_shipped.py --check``).
 """
-
-
-def checked_samples(
-    regressor: BaseEstimator, X, y, sample_weight=None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Return X, y and the weights, if any, in double precision; raise ValueError for data that
-    scikit-learn would not accept.
-    """
-    X, y = validate_data(regressor, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
-    if sample_weight is not None:
-        sample_weight = _check_sample_weight(
-            sample_weight, X, dtype=np.float64, ensure_non_negative=True
-        )
-    return X, np.asarray(y, dtype=np.float64), sample_weight
-
-
-def distinct_samples(
-    X: np.ndarray, y: np.ndarray, weights: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the indices of the distinct samples (X, y) of positive weight, and their summed
-    weights, or None if all of these sums are 1.
-
-    Copies of a sample and one sample with the sum of their weights give the same training. Where
-    nothing repeats and all weights are 1, all indices are returned in order; otherwise the samples
-    are in lexicographic order of their values (X, y). Raise ValueError if all weights are 0.
-    """
-    _, first, inverse = np.unique(
-        np.column_stack([X, y]), axis=0, return_index=True, return_inverse=True
-    )
-    if len(first) == len(X) and (weights is None or (weights == 1).all()):
-        return np.arange(len(X)), None
-    summed = np.bincount(inverse.ravel(), weights, len(first)).astype(float)
-    if not summed.any():
-        raise ValueError("all sample weights are zero")
-    kept, summed = first[summed > 0], summed[summed > 0]
-    return kept, None if (summed == 1).all() else summed
 
 
 class BaseRegressor(RegressorMixin, BaseEstimator):
@@ -142,28 +106,18 @@ class BaseRegressor(RegressorMixin, BaseEstimator):
         outputs = self._outputs(validate_data(self, X, dtype=np.float64, reset=False))
         return outputs[:, 0] if self._single_output else outputs
 
-    def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Check parameters and data; return X, y in two dimensions (n_samples, n_outputs), and
-        the sample weights or None.
-        """
+    def _checked(self, X, y) -> tuple[np.ndarray, np.ndarray]:
+        """Check parameters and data; return X, and y in two dimensions (n_samples, n_outputs)."""
         self._validate_params()
-        X, y, weights = checked_samples(self, X, y, sample_weight)
+        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
         self._single_output = y.ndim == 1
-        return X, y.reshape(len(X), -1), weights
+        return X, np.asarray(y, dtype=np.float64).reshape(len(X), -1)
 
 
 class BasePerceptron(BaseRegressor):
     """Base class of multilayer perceptrons, which predict from ``coefs_``, ``intercepts_`` and
     the parameter ``activation``.
     """
-
-    def _distinct(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Check parameters and data; return X and y (n, n_outputs) of the distinct samples, and
-        their weights, None where all are 1.
-        """
-        X, Y, weights = self._checked(X, y, sample_weight)
-        kept, weights = distinct_samples(X, Y, weights)
-        return X[kept], Y[kept], weights
 
     def _outputs(self, X):
         return network_outputs(

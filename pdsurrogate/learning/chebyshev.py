@@ -59,16 +59,13 @@ class ChebyshevRegressor(BaseRegressor):
     def __init__(self, degree=6):
         self.degree = degree
 
-    def fit(self, X, y, sample_weight=None):
+    def fit(self, X, y):
         """Fit the coefficients of the polynomial by least squares.
 
         Parameters
         ----------
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
-        sample_weight : array-like, shape (n_samples,), optional
-            Weights of the squared errors; the range of the features is that of samples with a
-            weight above 0.
 
         Returns
         -------
@@ -88,19 +85,13 @@ class ChebyshevRegressor(BaseRegressor):
         >>> pds.learning.ChebyshevRegressor(3).fit(x, x[:, 0] ** 2).powers_.ravel().tolist()
         [0, 1, 2, 3]
         """
-        X, Y, weights = self._checked(X, y, sample_weight)
-        if weights is not None:
-            X, Y, weights = (array[weights > 0] for array in (X, Y, weights))
+        X, Y = self._checked(X, y)
         low, high = X.min(axis=0), X.max(axis=0)
         self.center_ = (low + high) / 2
         self.half_width_ = np.where(high > low, (high - low) / 2, 1.0)
         self.powers_ = self._checked_powers(X.shape[1])
-        terms = self._terms(X)
-        if weights is not None:
-            root = np.sqrt(weights)[:, None]
-            terms, Y = terms * root, Y * root
         # Terms that the samples do not determine within rounding are left out.
-        self.coef_ = np.linalg.lstsq(terms, Y, rcond=1e-13)[0]
+        self.coef_ = np.linalg.lstsq(self._terms(X), Y, rcond=1e-13)[0]
         return self
 
     def __setstate__(self, state):

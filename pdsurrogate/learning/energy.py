@@ -68,7 +68,6 @@ class _SheetEnergy(EnergyTarget):
         (0.5, 5.0),
         2_000,
     )
-    has_committees = False
     _surrogate_type, _n_units = EnergyNetwork, 12
     _flat = (0,)
     _functions = (

@@ -55,10 +55,9 @@ from .target import (
 TARGETS = {target.name: target for target in (BOND_FORCE, SHEET_ENERGY, ISOCHORIC_ENERGY)}
 """Targets, the quantities to learn, by their names in public functions."""
 
-MEMBER_STATES = 5_000
-"""Number of states at which a member of a committee, or a fitted pipeline in a run, is compared
-with its law: the RMS of n normal errors is known to 1/sqrt(2 n), here to a percent, which suffices
-to reject a model.
+RUN_STATES = 5_000
+"""Number of states at which a fitted pipeline in a run is compared with its law: the RMS of n
+normal errors is known to 1/sqrt(2 n), here to a percent, which suffices to reject a model.
 """
 
 
@@ -665,9 +664,9 @@ def stated_against(
     """
     reach = model.domain.least_stretch, model.domain.greatest_stretch
     if isinstance(model, LearnedEnergy):
-        found = evaluate(model, law, n_samples=MEMBER_STATES)["on_surface"]
+        found = evaluate(model, law, n_samples=RUN_STATES)["on_surface"]
     else:
-        some = states[:: -(-len(states) // MEMBER_STATES)].T
+        some = states[:: -(-len(states) // RUN_STATES)].T
         found = relative_errors(model.bond_force(*some), AnalyticBondForce(law).bond_force(*some))
     check_worth_storing(
         {"on_surface": found, "stretch_range": reach},

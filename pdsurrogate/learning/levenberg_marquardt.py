@@ -159,16 +159,13 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         "test_fraction": SHARE,
     }
 
-    def fit(self, X, y, sample_weight=None):
+    def fit(self, X, y):
         """Train the network.
 
         Parameters
         ----------
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
-        sample_weight : array-like, shape (n_samples,), optional
-            Weights of the squared errors, in training, validation and test. A whole number stands
-            for as many copies, 0 for none.
 
         Returns
         -------
@@ -190,7 +187,7 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         >>> model.n_iter_
         20
         """
-        X, Y, share = self._distinct(X, y, sample_weight)
+        X, Y = self._checked(X, y)
         if self.validation_fraction + self.test_fraction >= 1:
             raise ValueError(
                 "validation_fraction and test_fraction must add up to less than 1, so that samples"
@@ -214,7 +211,7 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         # how many there are.
         with threadpool_limits(1, user_api="blas"):
             fitted, watched = (
-                _Part(sizes, ACTIVATIONS[self.activation], X, Y, share, rows)
+                _Part(sizes, ACTIVATIONS[self.activation], X[rows], Y[rows])
                 for rows in (train, validation)
             )
             trainings = [
@@ -225,11 +222,8 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         self.coefs_, self.intercepts_ = map(list, fitted.layers(weights))
         self.loss_ = float(fitted.loss(weights))
         self.validation_loss_ = float(best) if n_validation else np.nan
-        right, share = (
-            Y[test, 0] if self._single_output else Y[test],
-            (None if share is None else share[test]),
-        )
-        self.test_score_ = float(self.score(X[test], right, share)) if n_test >= 2 else np.nan
+        right = Y[test, 0] if self._single_output else Y[test]
+        self.test_score_ = float(self.score(X[test], right)) if n_test >= 2 else np.nan
         return self
 
     def _train(self, first, fitted, watched, number):
@@ -261,16 +255,10 @@ class _Part:
     function of the vector of all weights.
     """
 
-    def __init__(self, sizes, activation, X, Y, share, rows):
-        self.activation, self.X, self.Y = activation, X[rows], Y[rows]
+    def __init__(self, sizes, activation, X, Y):
+        self.activation, self.X, self.Y = activation, X, Y
         self.shapes = list(pairwise([X.shape[1], *sizes, Y.shape[1]]))
         self.starts = np.cumsum([0, *(n_in * n_out + n_out for n_in, n_out in self.shapes)])
-        # The weights of the samples have the mean 1.
-        self.root = (
-            1.0
-            if share is None or not len(rows)
-            else np.sqrt(share[rows] / share[rows].mean())[:, None]
-        )
 
     def first_weights(self, random):
         """Return the vector of random initial weights; the biases of the output layer are the
@@ -282,9 +270,7 @@ class _Part:
             parts.append(
                 random.normal(size=n_in * n_out) * (0.1 if output else 1.4 / np.sqrt(n_in))
             )
-            parts.append(
-                (self.root**2 * self.Y).mean(axis=0) if output else random.uniform(-1.5, 1.5, n_out)
-            )
+            parts.append(self.Y.mean(axis=0) if output else random.uniform(-1.5, 1.5, n_out))
         return np.concatenate(parts)
 
     def layers(self, weights):
@@ -303,19 +289,19 @@ class _Part:
     def loss(self, weights):
         """Return the mean squared error of the network with given weights on these samples."""
         outputs = network_outputs(self.X, zip(*self.layers(weights), strict=True), self.activation)
-        return ((self.root * (outputs - self.Y)) ** 2).mean()
+        return ((outputs - self.Y) ** 2).mean()
 
     def normal_equations(self, weights):
         """Return J^T J and J^T r for residuals r = sqrt(sample weight) (outputs - Y) and their
         derivatives J by the network's weights.
         """
         coefs, intercepts = self.layers(weights)
-        inputs, slopes, values, root = [], [], self.X, self.root
+        inputs, slopes, values = [], [], self.X
         for W, b in zip(coefs[:-1], intercepts[:-1], strict=True):
             inputs.append(values)
             values, slope = self.activation(values @ W + b)
             slopes.append(slope)
-        residuals = root * (values @ coefs[-1] + intercepts[-1] - self.Y)
+        residuals = values @ coefs[-1] + intercepts[-1] - self.Y
 
         # An output depends on its own weights of the output layer alone: only the columns of these
         # are formed. With one hidden layer the columns of all outputs differ by a factor only, an
@@ -327,8 +313,8 @@ class _Part:
             np.empty((len(values), hidden + n_last + 1)),
             np.ones(hidden + n_last + 1),
         )
-        jacobian[:, hidden:-1] = root * values
-        jacobian[:, -1:] = root
+        jacobian[:, hidden:-1] = values
+        jacobian[:, -1] = 1.0
         one_layer = len(slopes) == 1
         for output in range(n_outputs):
             if one_layer:
@@ -339,7 +325,7 @@ class _Part:
                     coefs,
                     inputs,
                     slopes,
-                    root * slopes[-1] * (1.0 if one_layer else coefs[-1][:, output]),
+                    slopes[-1] * (1.0 if one_layer else coefs[-1][:, output]),
                 )
                 products = jacobian.T @ jacobian
             columns = np.concatenate(

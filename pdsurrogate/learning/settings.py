@@ -268,7 +268,6 @@ class FitSettings(StrictModel):
     def train(
         self,
         law: Law,
-        members: Sequence[Law] = (),
         hull: dict | None = None,
         identification: dict | None = None,
     ) -> Callable[[str | Path | None, str, str | None], Path]:
@@ -278,9 +277,6 @@ class FitSettings(StrictModel):
         Parameters
         ----------
         law : Law
-        members : sequence of Law
-            Laws of the members of a committee: further surrogates in the artifact, whose spread
-            estimates the uncertainty of the force.
         hull : dict, optional
             Hull of the states in the tests from which the law was identified; it becomes part of
             the surrogate's domain.
@@ -292,25 +288,12 @@ class FitSettings(StrictModel):
             samples = replace(samples, design={**samples.design, "hull": hull})
         with part("fitting", 0, 1):
             pipeline.fit(samples.X, samples.y)
-        fitted = self.committee(members)
         folds = cross_validate(pipeline, samples, self.folds, self.seed) if self.folds else []
         description = f"{'Isochoric energy' if self.energy else 'Bond force'} of {law.name}, {what}"
         text = CardText(description, folds, identification=identification)
         return lambda folder, name, version: store(
-            pipeline, samples, law, folder, name, version, text, fitted
+            pipeline, samples, law, folder, name, version, text
         )
-
-    def committee(self, laws: Sequence[Law]) -> list[tuple]:
-        """Fit a pipeline to each law, each with its own seed; return the tuples (model, samples,
-        law), the ``members`` of `store`.
-        """
-        members = []
-        for number, law in enumerate(laws):
-            settings = self.model_copy(update={"seed": self.seed + number + 1})
-            design = settings.design(law)
-            with part("fitting members", number, len(laws)):
-                members.append((settings.pipeline()[0].fit(design.X, design.y), design, law))
-        return members
 
 
 def _numbers(value: str, key: str) -> tuple[int, ...]:

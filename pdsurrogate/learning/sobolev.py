@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
 from ..kernels.network import ACTIVATIONS, SMOOTH
-from .base import COUNT, NOT_NEGATIVE, POSITIVE, checked_samples, distinct_samples
+from .base import COUNT, NOT_NEGATIVE, POSITIVE
 from .levenberg_marquardt import CONSTRAINTS, accepted_steps
 
 
@@ -113,15 +113,13 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         "alpha": NOT_NEGATIVE,
     }
 
-    def fit(self, X, y, sample_weight=None):
+    def fit(self, X, y):
         """Fit the network to values, or to values and their derivatives by the features.
 
         Parameters
         ----------
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, 1 + n_features)
-        sample_weight : array-like, shape (n_samples,), optional
-            Weights of the squared residuals. A whole number stands for as many copies, 0 for none.
 
         Returns
         -------
@@ -146,13 +144,11 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         True
         """
         self._validate_params()
-        X, y, share = checked_samples(self, X, y, sample_weight)
+        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
         d = X.shape[1]
         self._with_gradient = y.ndim == 2 and y.shape[1] == 1 + d
         if not self._with_gradient:
             y = column_or_1d(y, warn=True)[:, None]
-        kept, share = distinct_samples(X, y, share)
-        X, y = X[kept], y[kept]
         anchor = None if self.anchor is None else np.asarray(self.anchor, dtype=float).reshape(d)
         flat = list(self.flat)
         if flat and anchor is None:
@@ -176,8 +172,6 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         if self._with_gradient:
             size = np.sqrt((spreads[1:] ** 2).mean())
             weights[:, 1:] = self.gradient_weight * weight / (size if size > 0 else 1.0)
-        if share is not None:
-            weights *= np.sqrt(share / share.mean())[:, None]
         random = check_random_state(self.random_state)
         # all of order one
         function = _Function(self, (X - mean) / spread, target / unit, weights * unit)
@@ -200,7 +194,7 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
             self.intercept_ = -at[0]
             self.slopes_[flat] = -at[1:][flat]
         residual = (self._outputs(X)[:, 0] - y[:, 0]) * weight[:, 0]
-        self.loss_ = float(np.average(residual**2, weights=share) / unit**2)
+        self.loss_ = float((residual**2).mean() / unit**2)
         return self
 
     def __sklearn_is_fitted__(self) -> bool:

@@ -3,7 +3,6 @@ and errors.
 """
 
 import platform
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
@@ -12,16 +11,15 @@ import numpy as np
 from sklearn.base import BaseEstimator
 
 from .. import __version__
-from ..arguments import check_kind, check_path, check_tables, kind_of
+from ..arguments import check_kind, check_path, check_tables
 from ..artifacts.card import check_plain
 from ..artifacts.store import new_artifact, next_version, own_folder, save_artifact
-from ..forces import LearnedBondForce, LearnedEnergy
 from ..materials import Law
 from ..materials.law import checked_law
 from .export import best_of, regressor_of, title_of
-from .fitting import MEMBER_STATES, check_worth_storing, checked_surrogate
+from .fitting import check_worth_storing, checked_surrogate
 from .pipeline import feature_set_of
-from .target import REPORTED_STATES, Samples, Target
+from .target import Samples
 
 MOST_CHARACTERS = 200
 """Most characters of the text of a regressor's parameter on a card: a nested estimator is written
@@ -91,7 +89,6 @@ def store(
     name: str,
     version: str | None,
     text: str | CardText,
-    members: Sequence[tuple] = (),
 ) -> Path:
     """Write a fitted model as an artifact, with a card of its material, domain, training and
     errors.
@@ -116,11 +113,6 @@ def store(
     text : str or CardText
         Purpose of the artifact in a sentence; or a `CardText` with this sentence, tables and the
         identification of the law.
-    members : sequence of tuple, optional
-        Committee in the same artifact: for each member its fitted model, the samples that it was
-        fitted to, and its law. A run with force ``NAME`` uses `model`, one with ``NAME#3`` the
-        third member; one with ``NAME#all`` uses `model` and records the greatest deviation of a
-        member's force or stress from that of `model`, an estimate of uncertainty.
 
     Returns
     -------
@@ -168,26 +160,10 @@ def store(
         samples.target,
         f"{name}@{version}",
     )
-    _check_members(members, target)
-    surrogate, resampling, stated = _surrogate_and_entry(model, samples, law, title)
-    stated["errors"].update(
-        target.more_reports(surrogate, law, tuple(samples.design["stretch_range"]))
-    )
-    committee, cards = [], []
-    for number, (fitted, drawn, of_member) in enumerate(members, 1):
-        found, _, entry = _surrogate_and_entry(
-            fitted, drawn, of_member, f"{title}#{number}", MEMBER_STATES
-        )
-        box = entry["errors"]["box"]
-        committee.append(found)
-        cards.append(
-            {
-                **entry,
-                "errors": {
-                    "box": {key: box[key] for key in ("stretch_range", "n_samples", "on_surface")}
-                },
-            }
-        )
+    surrogate, resampling = checked_surrogate(model, law, samples, title)
+    stretches = tuple(samples.design["stretch_range"])
+    errors = target.report(surrogate, law, stretches)
+    check_worth_storing(errors, title, law)
     search = (
         search_table(model)
         if text.search is None and hasattr(model, "cv_results_")
@@ -200,7 +176,13 @@ def store(
         "version": version,
         "kind": surrogate.kind,
         "description": text.description,
-        **stated,
+        "material": {
+            "law": law.name,
+            "trained_with": law.describe(),
+            "shape": dict(surrogate.shape_of(law)),
+        },
+        "domain": asdict(surrogate.domain),
+        "errors": {"box": errors, **target.more_reports(surrogate, law, stretches)},
         "weight_function": target.weight_function,
         "features": {
             "set": surrogate.feature_set,
@@ -227,70 +209,9 @@ def store(
             **({"resampling": resampling} if resampling else {}),
         },
         "made_with": versions(),
-        "members": cards,
     }
     kept = model if isinstance(model, BaseEstimator) else None
-    return save_artifact(folder, card, surrogate, kept, committee)
-
-
-def _check_members(members: Sequence[tuple], target: Target) -> None:
-    """Raise TypeError or ValueError unless committee members are tuples of a fitted model,
-    samples of the target, and a law.
-    """
-    check_kind(
-        members,
-        list | tuple,
-        "members",
-        "a list of tuples, each a fitted model, its samples and its law",
-    )
-    if members and not target.has_committees:
-        raise ValueError(
-            f"a surrogate of the target {target.name} cannot have a committee; use the target"
-            " bond-force or isochoric-energy"
-        )
-    for number, member in enumerate(members, 1):
-        if not isinstance(member, list | tuple) or len(member) != 3:
-            raise TypeError(
-                f"member {number} must be a tuple of a fitted model, its samples and its law, not"
-                f" {kind_of(member)}"
-            )
-        check_kind(
-            member[1],
-            Samples,
-            f"the samples of member {number}",
-            "Samples, such as training_samples draws",
-        )
-        if member[1].target is not target:
-            raise ValueError(
-                f"the samples of member {number} belong to the target {member[1].target.name}, not"
-                f" to {target.name}"
-            )
-        checked_law(member[2])
-
-
-def _surrogate_and_entry(
-    model, samples: Samples, law: Law, title: str, n_samples: int = REPORTED_STATES
-) -> tuple[LearnedBondForce | LearnedEnergy, dict, dict]:
-    """Return the surrogate of a fitted model, a report on its resampling, and the card's entries
-    material, domain and errors.
-
-    Raise `TooInexact` for a surrogate that is too far from its law.
-    """
-    surrogate, resampling = checked_surrogate(model, law, samples, title)
-    errors = samples.target.report(
-        surrogate, law, tuple(samples.design["stretch_range"]), n_samples
-    )
-    check_worth_storing(errors, title, law)
-    material = {
-        "law": law.name,
-        "trained_with": law.describe(),
-        "shape": dict(surrogate.shape_of(law)),
-    }
-    return (
-        surrogate,
-        resampling,
-        {"material": material, "domain": asdict(surrogate.domain), "errors": {"box": errors}},
-    )
+    return save_artifact(folder, card, surrogate, kept)
 
 
 def search_table(search) -> list[dict]:

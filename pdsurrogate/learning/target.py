@@ -11,26 +11,17 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
-from sklearn import config_context, get_config
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
-from sklearn.compose import TransformedTargetRegressor
 from sklearn.linear_model import LinearRegression
-from sklearn.multioutput import MultiOutputRegressor
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils import get_tags
-from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, get_routing_for_object
-from sklearn.utils.validation import (
-    _check_sample_weight,
-    check_is_fitted,
-    has_fit_parameter,
-    validate_data,
-)
+from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..arguments import in_order
 from ..forces import Domain, LearnedBondForce, LearnedEnergy
 from ..materials import Law
-from .base import NamedFunction, check_targets, checked_columns, columns_read, distinct_samples
+from .base import NamedFunction, check_targets, checked_columns, columns_read
 from .sampling import PERTURBATION
 from .sobolev import SobolevRegressor
 
@@ -57,26 +48,6 @@ def is_search(model) -> bool:
     return isinstance(model, BaseEstimator) and (
         hasattr(model, "param_grid") or hasattr(model, "param_distributions")
     )
-
-
-def weighted_part(estimator) -> tuple[str, object]:
-    """Return the name of the argument of an estimator's ``fit`` for sample weights, and the inner
-    regressor that receives the weights.
-
-    For a pipeline the name is that of the last step, "__" and the argument of this step, such as
-    ``regressor__sample_weight``; nested pipelines add one prefix each.
-    """
-    if isinstance(estimator, Pipeline):
-        name, last = estimator.steps[-1]
-        parameter, regressor = weighted_part(last)
-        return f"{name}__{parameter}", regressor
-    if isinstance(estimator, TransformedTargetRegressor):
-        return weighted_part(
-            LinearRegression() if estimator.regressor is None else estimator.regressor
-        )
-    if isinstance(estimator, MultiOutputRegressor) or is_search(estimator):
-        return weighted_part(estimator.estimator)
-    return "sample_weight", estimator
 
 
 class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
@@ -141,20 +112,13 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         tags.regressor_tags.poor_score = True
         return tags
 
-    def fit(self, X, y, sample_weight=None):
+    def fit(self, X, y):
         """Fit the regressor to the transformed target.
 
         Parameters
         ----------
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
-        sample_weight : array-like, shape (n_samples,), optional
-            Weights for the regressor, or for the last step of a pipeline at any depth. A whole
-            number stands for as many copies of a sample, 0 for none: if the regressor accepts
-            weights, repeated samples are merged into weights, so that both trainings are the same.
-            Scalers in the pipeline then count each distinct sample once, without its weight. With
-            scikit-learn's metadata routing the weights go to the parts of `regressor` that request
-            them, and to the regressor if none does.
 
         Returns
         -------
@@ -190,36 +154,20 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
             y_numeric=True,
         )
         regressor = clone(self.regressor) if self.regressor is not None else LinearRegression()
-        rows = np.arange(len(X))
-        if sample_weight is not None:
-            sample_weight = _check_sample_weight(sample_weight, X, ensure_non_negative=True)
-        if has_fit_parameter(weighted_part(regressor)[1], "sample_weight"):
-            kept, sample_weight = distinct_samples(X, y, sample_weight)
-            X, y, rows = X[kept], y[kept], rows[kept]
         z = y if self.func is None else np.asarray(self.func(X, y))
         undetermined = np.isnan(z).reshape(len(X), -1).any(axis=1)
         if undetermined.any():
-            first = rows[undetermined].min()
+            first = int(undetermined.argmax())
             which = (
                 f"{undetermined.sum()} of {len(X)} samples do not determine the transformed target,"
                 f" such as sample {first}"
             )
             if undetermined.all():
                 raise ValueError(f"{which}, so that no samples are left for training")
-            warnings.warn(f"{which}, {X[rows == first][0]}: they are left out", stacklevel=2)
-            X, z, rows = X[~undetermined], z[~undetermined], rows[~undetermined]
-            sample_weight = None if sample_weight is None else sample_weight[~undetermined]
-        routed = get_config()["enable_metadata_routing"] and (
-            sample_weight is None or self._routes_weights()
-        )
-        weights = (
-            {}
-            if sample_weight is None
-            else {"sample_weight" if routed else weighted_part(regressor)[0]: sample_weight}
-        )
+            warnings.warn(f"{which}, {X[first]}: they are left out", stacklevel=2)
+            X, z = X[~undetermined], z[~undetermined]
         try:
-            with config_context(enable_metadata_routing=routed):
-                regressor.fit(X, z, **weights)
+            regressor.fit(X, z)
         except RuntimeError as error:
             if "dtype" not in str(error):
                 raise
@@ -242,37 +190,8 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         )
         return self
 
-    def _routes_weights(self) -> bool:
-        """Return whether a part of the regressor requests weights by scikit-learn's metadata
-        routing.
-        """
-        return self.regressor is not None and get_routing_for_object(self.regressor).consumes(
-            "fit", ["sample_weight"]
-        )
-
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "offsets_")
-
-    def get_metadata_routing(self):
-        """Return scikit-learn's routing of metadata: to this estimator, or to the parts of the
-        regressor that request them.
-
-        Returns
-        -------
-        MetadataRequest or MetadataRouter
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> type(pds.learning.InputAwareTargetRegressor().get_metadata_routing()).__name__
-        'MetadataRequest'
-        """
-        own = super().get_metadata_routing()
-        if own.consumes("fit", ["sample_weight"]) or not self._routes_weights():
-            return own
-        return MetadataRouter(owner=self).add(
-            regressor=self.regressor, method_mapping=MethodMapping().add(caller="fit", callee="fit")
-        )
 
     def __getstate__(self):
         # `force_model_of` finds the domain of a model in memory from its inputs; a file has the
@@ -396,8 +315,6 @@ class Target:
         Units of features and targets, for cards.
     weight_function : str
         Text about weight functions, for cards.
-    has_committees : bool
-        Whether an artifact may hold a committee.
     reached : callable
         ``reached(law, low, high)``: whether a law is finite in all states of samples whose log
         principal stretches are from low to high.
@@ -435,7 +352,6 @@ class Target:
     n_samples: int
     units: str
     weight_function: str
-    has_committees = True
     reached: Callable[[Law, float, float], bool]
     draw: Callable[..., Samples]
     pipeline: Callable[..., InputAwareTargetRegressor]

@@ -78,16 +78,13 @@ class TorchMLPRegressor(BasePerceptron):
         "random_state": ["random_state"],
     }
 
-    def fit(self, X, y, sample_weight=None):
+    def fit(self, X, y):
         """Train the network with torch and skorch.
 
         Parameters
         ----------
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
-        sample_weight : array-like, shape (n_samples,), optional
-            Weights of the squared errors, in training and validation. A whole number stands for as
-            many copies, 0 for none.
 
         Returns
         -------
@@ -106,7 +103,7 @@ class TorchMLPRegressor(BasePerceptron):
         >>> pds.TorchMLPRegressor((8,), max_epochs=3, random_state=0).fit(x, x[:, 0] ** 2).n_iter_
         3
         """
-        X, Y, share = self._distinct(X, y, sample_weight)
+        X, Y = self._checked(X, y)
         try:
             from .torch_training import train
         except ImportError as error:
@@ -115,8 +112,6 @@ class TorchMLPRegressor(BasePerceptron):
                 f" 'pdsurrogate[torch]' ({error})"
             ) from None
 
-        self.coefs_, self.intercepts_, self.n_iter_, self.validation_loss_ = train(
-            self, X, Y, share
-        )
-        self.loss_ = float(np.average(((self._outputs(X) - Y) ** 2).mean(axis=1), weights=share))
+        self.coefs_, self.intercepts_, self.n_iter_, self.validation_loss_ = train(self, X, Y)
+        self.loss_ = float(((self._outputs(X) - Y) ** 2).mean())
         return self

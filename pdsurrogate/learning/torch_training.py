@@ -28,35 +28,18 @@ ACTIVATIONS = {
 }
 
 
-class WeightedSquares(torch.nn.Module):
-    """Loss function: mean squared error, weighted by the last column of the targets, which holds
-    the weights of the samples.
-    """
-
-    def forward(self, outputs, targets):
-        """Return the mean, over all samples and outputs (shape (n, d)), of the squared error times
-        the weight of the sample.
-
-        `targets`, shape (n, d + 1), hold the exact outputs and, in the last column, the weights of
-        the samples.
-        """
-        return (targets[:, -1:] * (outputs - targets[:, :-1]) ** 2).mean()
-
-
-def train(regressor, X, Y, weights):
+def train(regressor, X, Y):
     """Train a network; return its weights, biases, number of epochs, and least validation loss (NaN
     without a validation part).
 
     The network and its training have the parameters of `regressor`, a `TorchMLPRegressor`;
     `weights` are those of the samples, or None.
     """
-    outputs = Y.shape[1]
-    Y = np.column_stack([Y, np.ones(len(Y)) if weights is None else weights / weights.mean()])
     seed = int(check_random_state(regressor.random_state).randint(2**31 - 1))
     widths = [
         X.shape[1],
         *np.atleast_1d(regressor.hidden_layer_sizes).astype(int).tolist(),
-        outputs,
+        Y.shape[1],
     ]
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
@@ -83,7 +66,6 @@ def train(regressor, X, Y, weights):
         ]
         net = NeuralNetRegressor(
             torch.nn.Sequential(*layers, linear[-1]),
-            criterion=WeightedSquares,
             optimizer=torch.optim.Adam,
             lr=rate,
             max_epochs=most,

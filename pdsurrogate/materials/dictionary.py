@@ -20,21 +20,11 @@ the states of a body, which `wave_check` tells.
 """
 
 from collections.abc import Callable, Sequence
-from itertools import combinations
-from numbers import Real
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ..arguments import kind_of, suggestion
 from ..kernels.elementary_in_numpy import exponential, logarithm, select
-from .stretch_laws import MOST_TERMS
-
-GREATEST_EXPONENT, LIMIT_RANGE = 50.0, (1e-3, 1e6)
-"""Greatest magnitude of an exponent, and least and greatest limit of a logarithm: beyond them
-rounding decides the stresses. Ogden's exponents for rubber are at most 20, and its limits lie
-between 5 and 200.
-"""
 
 GREATEST_POWER = 4
 """Greatest power of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3. Chosen: the third, as in Yeoh's law, and
@@ -49,9 +39,6 @@ Neo-Hookean term, which test data hardly exceed, and an energy from test data mu
 body.
 """
 
-LEAST_EXPONENT = 1.0
-"""Least absolute value of an exponent of the stretches, at which their powers are polyconvex."""
-
 STATES, DIRECTIONS, LINE_STEP = 13, 6, 1e-3
 """Number of stretches of each axis and of angles in a quarter turn of `line_curvatures`, and the
 step of its differences: the rounding is then some 1e-9, and the error of the difference a
@@ -64,57 +51,16 @@ unless measurements exceed it.
 """
 
 
-class Kind(NamedTuple):
-    """Kind of terms: what it is called, which numbers it has, and whether its terms are polyconvex.
-
-    Attributes
-    ----------
-    name : str
-        Name of a term in reports, with a place for its number.
-    numbers : str
-        Numbers that a term may have, in words.
-    permits : callable
-        Whether a term may have a number.
-    polyconvex : bool
-        Whether all terms are polyconvex, at least among deformations of constant volume.
-    """
-
-    name: str
-    numbers: str
-    permits: Callable[[float], bool]
-    polyconvex: bool = True
-
-
 KINDS = {
-    "stretches": Kind(
-        "exponent {:g}",
-        f"exponents of magnitude 1 to {GREATEST_EXPONENT:g}",
-        lambda a: LEAST_EXPONENT <= abs(a) <= GREATEST_EXPONENT,
-    ),
-    "first": Kind(
-        "I1bar - 3 to the power {:g}",
-        f"powers from 1 to {GREATEST_POWER}",
-        lambda k: k in range(1, GREATEST_POWER + 1),
-    ),
-    "second": Kind(
-        "I2bar^1.5 - 3 sqrt 3 to the power {:g}",
-        f"powers from 1 to {GREATEST_POWER}",
-        lambda k: k in range(1, GREATEST_POWER + 1),
-    ),
-    "roots": Kind(
-        "root of I{:g}bar", "the numbers 1 and 2 of the invariants", lambda k: k in (1, 2)
-    ),
-    "logarithms": Kind(
-        "logarithm of I1bar - 3 with limit {:.4g}",
-        f"limits from {LIMIT_RANGE[0]:g} to {LIMIT_RANGE[1]:g}",
-        lambda limit: LIMIT_RANGE[0] <= limit <= LIMIT_RANGE[1],
-    ),
-    "second_logarithm": Kind(
-        "logarithm of I2bar", "the number 1", lambda k: k == 1, polyconvex=False
-    ),
+    "stretches": "exponent {:g}",
+    "first": "I1bar - 3 to the power {:g}",
+    "second": "I2bar^1.5 - 3 sqrt 3 to the power {:g}",
+    "roots": "root of I{:g}bar",
+    "logarithms": "logarithm of I1bar - 3 with limit {:.4g}",
+    "second_logarithm": "logarithm of I2bar",
 }
-"""Kinds of terms, which are also the names of the parameters of `Polyconvex`; ``stretches`` are
-its moduli and exponents.
+"""Names of the terms in reports, with a place for their number, by their kind. The kinds are also
+the names of the parameters of `Polyconvex`; ``stretches`` are its ``exponents``.
 """
 
 
@@ -136,12 +82,12 @@ class Term(NamedTuple):
     number: float
 
     def __str__(self) -> str:
-        return KINDS[self.kind].name.format(self.number)
+        return KINDS[self.kind].format(self.number)
 
     @property
     def polyconvex(self) -> bool:
         """Whether the term is polyconvex, at least among deformations of constant volume."""
-        return KINDS[self.kind].polyconvex
+        return self.kind != "second_logarithm"
 
     @property
     def row(self) -> tuple[float, ...]:
@@ -194,65 +140,6 @@ OF_TESTS = (*OF_INVARIANTS, Term("stretches", 1.0))
 Varga's law, a separate function of the stretches. Sums of functions of one invariant each do not
 have the exponents between 1 and 2 of Ogden's law for natural rubber.
 """
-
-
-def checked_dictionary(terms: Any) -> tuple[Term, ...]:
-    """Return terms that were given as pairs of a kind and a number.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If there are none or too many, one is no such pair or unknown, two are the same function up
-        to a factor, or none has a stiffness at rest.
-
-    Examples
-    --------
-    >>> from pdsurrogate.materials.dictionary import checked_dictionary
-    >>> [str(term) for term in checked_dictionary([("stretches", 2), ("second_logarithm", 1)])]
-    ['exponent 2', 'logarithm of I2bar']
-    """
-    wanted = "pairs of a kind and a number, such as [('first', 1), ('second_logarithm', 1)]"
-    if isinstance(terms, str) or not isinstance(terms, Sequence | np.ndarray):
-        raise TypeError(f"dictionary must be a list of terms, {wanted}, not {kind_of(terms)}")
-    if not len(terms):
-        raise ValueError(
-            f"dictionary: the list is empty; give terms, {wanted}, or None for the default"
-        )
-    found = []
-    for pair in terms:
-        if isinstance(pair, str) or not isinstance(pair, Sequence | np.ndarray) or len(pair) != 2:
-            raise ValueError(f"dictionary: the terms are {wanted}, not {kind_of(pair)}")
-        kind, number = pair
-        if not isinstance(kind, str) or kind not in KINDS:
-            raise ValueError(f"dictionary: unknown kind {kind!r}; {suggestion(str(kind), KINDS)}")
-        if (
-            not isinstance(number, Real)
-            or isinstance(number, bool)
-            or not KINDS[kind].permits(number)
-        ):
-            raise ValueError(f"dictionary: {kind} has {KINDS[kind].numbers}, not {kind_of(number)}")
-        found.append(Term(kind, float(number)))
-    for term, other in combinations(found, 2):
-        if (
-            term.row[:3] == other.row[:3]
-            and np.linalg.matrix_rank([term.row[3:], other.row[3:]]) == 1
-        ):
-            raise ValueError(
-                f"dictionary: {(*term,)} and {(*other,)} are the same function up to a factor: give"
-                " one of them"
-            )
-    counts = [sum(term.kind == kind for term in found) for kind in ("stretches", "logarithms")]
-    if max(counts) > MOST_TERMS:
-        raise ValueError(
-            f"dictionary: a law has at most {MOST_TERMS} terms of the kind 'stretches' and"
-            f" {MOST_TERMS} of the kind 'logarithms': leave some of the {counts[0]} and"
-            f" {counts[1]} out"
-        )
-    if not any(term.shear_modulus > 0 for term in found):
-        raise ValueError(
-            "dictionary: no term has a stiffness at rest; add one that has, such as ('first', 1)"
-        )
-    return tuple(found)
 
 
 def energy_of_row(x1, x2, x3, s1, s2, s3, coefficients):

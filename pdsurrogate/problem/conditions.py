@@ -20,9 +20,8 @@ from ..solvers.conditions import Loading
 from ..solvers.course import Paths
 from ..solvers.held import Held
 from ..solvers.increments import Motion
-from ..solvers.loads import DeadLoad, Loads, Pressure
+from ..solvers.loads import AnyLoad, DeadLoad, Loads, Pressure, Traction
 from ..solvers.nearest_bonds import RESOLVED, strain_rounding
-from ..solvers.obstacles import Obstacle
 from ..solvers.rigid import rigid_motions
 from .obstacles import obstacles_of
 from .program import NominalStress, Prescription, Stage, known_ends, parameter_of
@@ -367,12 +366,15 @@ def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
     return [*words, "turning"] if rows.shape[1] - rank > len(words) else words
 
 
-def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modulus: float) -> None:
-    """Raise ValueError if held parts move apart faster than shear waves: the result would depend on
-    the motion at the start.
+def check_dynamics(
+    scene: Scene, loading: Loading, stages: tuple[Stage, ...], modulus: float
+) -> None:
+    """Raise ValueError if held parts move apart faster than shear waves in a stage in dynamics, or
+    it needs more than `MOST_STEPS` time steps for sure; `modulus` is the least shear modulus.
 
-    The wave speed follows from the shear modulus `modulus` and the density of each stage in
-    dynamics.
+    With such speeds the result would depend on the motion at the start. The estimate of the steps
+    is generous, as the horizon is longer than the waves that limit the step, and pressure waves are
+    faster than shear waves.
     """
     units = scene.units
     unit = f" {units.length}/{units.time}" if units.length and units.time else ""
@@ -381,52 +383,29 @@ def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modu
             continue
         motion, wave = stage.motion(begin), math.sqrt(modulus / stage.inertia.density)
         speed = _greatest_speed(loading, motion)
-        if speed <= wave:
-            continue
-        if stage.inertia.pace == "stretch_rate":
-            what, slowest = (
-                "the grips",
-                f"the greatest possible rate is {motion.rate * wave / speed:.4g}",
+        if speed > wave:
+            if stage.inertia.pace == "stretch_rate":
+                what = "the grips"
+                slowest = f"the greatest possible rate is {motion.rate * wave / speed:.4g}"
+            else:
+                what = "parts that are held"
+                least = units.amount(motion.duration * speed / wave, "time", ".4g")
+                slowest = f"the shortest possible duration is {least}"
+            apart = (
+                f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at"
+                f" {wave:.4g}{unit}"
             )
-        else:
-            what, least = (
-                "parts that are held",
-                units.amount(motion.duration * speed / wave, "time", ".4g"),
-            )
-            slowest = f"the shortest possible duration is {least}"
-        apart = (
-            f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at"
-            f" {wave:.4g}{unit}"
-        )
-        raise ValueError(f"{stage.key}.{stage.inertia.pace}: {apart}; {slowest}")
-
-
-def check_steps(loading: Loading, stages: tuple[Stage, ...], modulus: float) -> None:
-    """Raise ValueError if a stage in dynamics needs more than `MOST_STEPS` time steps for sure;
-    `modulus` is the least shear modulus.
-
-    The estimate is generous, as the horizon is longer than the waves that limit the step, and
-    pressure waves are faster than shear waves.
-    """
-    for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
-        if stage.inertia is None:
-            continue
+            raise ValueError(f"{stage.key}.{stage.inertia.pace}: {apart}; {slowest}")
         # time of a shear wave through a horizon
-        crossing = loading.body.horizon * math.sqrt(stage.inertia.density / modulus)
-        damped, duration = 2 * (stage.inertia.viscosity or 0.0), stage.motion(begin).duration
-        step = stage.inertia.safety * (
-            crossing if crossing >= damped else crossing * crossing / damped
-        )
-        if duration > MOST_STEPS * step:
-            many = (
-                f"a duration of {duration:.3g} in time steps of less than {step:.1g} needs more"
-                f" than {MOST_STEPS:.0e} steps"
+        crossing, damped = loading.body.horizon / wave, 2 * (stage.inertia.viscosity or 0.0)
+        step = stage.inertia.safety * min(crossing, crossing * crossing / (damped or crossing))
+        if motion.duration > MOST_STEPS * step:
+            raise ValueError(
+                f"{stage.key}: a duration of {motion.duration:.3g} in time steps of less than"
+                f" {step:.1g} needs more than {MOST_STEPS:.0e} steps; check {stage.key}.density,"
+                f" {stage.key}.{stage.inertia.pace}, {stage.key}.viscosity and {stage.key}.safety"
+                " and their units"
             )
-            settings = (
-                f"{stage.key}.density, {stage.key}.{stage.inertia.pace}, {stage.key}.viscosity and"
-                f" {stage.key}.safety"
-            )
-            raise ValueError(f"{stage.key}: {many}; check {settings} and their units")
 
 
 def _greatest_speed(loading: Loading, motion: Motion) -> float:
@@ -454,7 +433,7 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[Law]
         For a region that is empty, a load on an edge that is held by reflection, or an unsuitable
         obstacle; the message names the key.
     """
-    found: list[DeadLoad | Pressure | Obstacle] = [*obstacles_of(scene, body, regions, laws)]
+    found: list[AnyLoad] = [*obstacles_of(scene, body, regions, laws)]
     for number, load in enumerate(scene.loads):
         # Several loads may share a name, as traction and pressure on one edge do; results sum them.
         named = (
@@ -472,6 +451,9 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[Law]
             found.append(
                 Pressure(*named, regions.surface(), facets, load.pressure, deformed, at_edge)
             )
+        elif load.kind == "traction":
+            facets = _facets_of(key, load, body, regions)
+            found.append(Traction(*named, regions.surface(), facets, load.traction))
         else:
             found.append(DeadLoad(*named, *_dead_forces(key, load, body, regions)))
     return Loads(body, found)
@@ -518,22 +500,11 @@ def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.nda
 def _dead_forces(
     key: str, load: Load, body: Body, regions: BodyRegions
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return this rank's own points on which a dead load (traction, force or body force) acts, and
-    its forces on them.
+    """Return this rank's own points on which a force or body force acts, and its forces on them.
 
     Raise ValueError, with the `key` of the load's region, for a load on an edge or face that is
     held by reflection.
     """
-    if load.kind == "traction":
-        facets, surface = _facets_of(key, load, body, regions), regions.surface()
-        corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
-        spread = [
-            sum(others, first).T
-            for first, *others in zip(*(one.rows for one in corners), strict=True)
-        ]
-        sizes = np.stack([rows @ surface.areas()[facets] / len(corners) for rows in spread], axis=1)
-        points = np.flatnonzero(sizes.any(axis=1))
-        return points, sizes[points] * np.array(load.traction)
     held = [edge for edge in map(edge_of, body.planes) if edge in regions.mirrors(load.region)]
     if load.kind == "force" and held:
         # It would pull at points half a cell inside the edge, which are free.

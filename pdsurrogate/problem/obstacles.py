@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
-from ..body import Body, Following
+from ..body import Body
 from ..body.local_fit import text_of
 from ..materials import Law
 from ..scenes import Scene
@@ -216,9 +216,11 @@ def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
         (np.ones(len(beside)), (rows, beside)), shape=(len(numbers), len(body))
     )
     nodes = surface.nodes[used]
-    maps = tuple(
-        scipy.sparse.vstack([of_nodes, gauss @ of_nodes, themselves], format="csr")
-        for of_nodes in surface.interpolation[used].rows
+    own, nothing = surface.interpolation.rows, themselves * 0.0
+    follow = surface.interpolation.changed(
+        lambda rows: scipy.sparse.vstack(
+            [rows[used], gauss @ rows[used], themselves if rows is own else nothing], format="csr"
+        )
     )
     places = np.vstack([nodes, gauss @ nodes, share.joined(body.points[beside], beside)[order]])
     sides = share.joined(body.volumes[beside] / body.spacing, beside)[order]
@@ -230,7 +232,7 @@ def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
         else (np.full(len(facets), np.inf), 0)
     )
     stops = np.where(distance < body.cell.max(), first + nearest, -1)
-    return ContactNodes(share, Following(maps), places, areas, facets, bonded, stops, body.spacing)
+    return ContactNodes(share, follow, places, areas, facets, bonded, stops, body.spacing)
 
 
 def _modulus(law: Law, plane: str) -> float:

@@ -30,7 +30,7 @@ from ..scenes.model import RIGID
 from ..solvers.conditions import Loading
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
-from .conditions import check_speeds, check_steps, conditions_of, loads_of, warn_of_points
+from .conditions import check_dynamics, conditions_of, loads_of, warn_of_points
 from .fracture import CriticalStretches, check_walls
 from .fronts import Fronts
 from .materials import (
@@ -381,7 +381,9 @@ def _on_body(
                 "materials: rigid regions are supported on one rank only; run without mpiexec, or"
                 " give the regions a law"
             )
-        vars(body)["loaded"] = any(load.kind in ("traction", "pressure") for load in scene.loads)
+        vars(body)["loaded"] = bool(scene.obstacles) or any(
+            load.kind in ("traction", "pressure") for load in scene.loads
+        )
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages, parameter_of(scene)[1])
         measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))
@@ -392,8 +394,7 @@ def _on_body(
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
             softest = min(portion.law.shear_modulus for portion in portions)
-            check_speeds(scene, loading, stages, softest)
-            check_steps(loading, stages, softest)
+            check_dynamics(scene, loading, stages, softest)
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
         critical = None

@@ -21,11 +21,6 @@ by the time it has waited so far. Chosen: too short to be noticed, and long enou
 rank takes no processor time from the others.
 """
 
-_TOLD, _ASKED = 1, 2
-"""Tags of messages between the first rank and a rank that takes no part in a run: how the run
-ended, and that it should stop.
-"""
-
 
 class NotUnderMPI(RuntimeError):
     """Error for several processes that a launcher has started without messages between them:
@@ -41,21 +36,18 @@ class Communicator:
     ----------
     mpi : module, optional
         ``mpi4py.MPI``; without it there is one rank.
-    world : Comm, optional
-        MPI communicator of the ranks, by default of all.
 
     Attributes
     ----------
     rank, size : int
     """
 
-    def __init__(self, mpi=None, world=None) -> None:
-        self._mpi, self._world = mpi, mpi and (world or mpi.COMM_WORLD)
+    def __init__(self, mpi=None) -> None:
+        self._mpi, self._world = mpi, mpi and mpi.COMM_WORLD
         self.rank, self.size = (self._world.rank, self._world.size) if mpi else (0, 1)
         # A rank may leave while others wait in a message to it: the end of a run is agreed upon
         # apart.
         self._ends = mpi and self._world.Dup()
-        self._firsts: dict[int, Communicator] = {}
 
     def __deepcopy__(self, memo):
         return self
@@ -68,51 +60,6 @@ class Communicator:
         """Wait for all ranks, asleep."""
         if self._mpi:
             _wait(self._world.Ibarrier().Test)
-
-    def first(self, count: int) -> "Communicator":
-        """Return the communicator of the first `count` ranks, which all ranks must ask for
-        together; the others must not use it.
-        """
-        if count == self.size:
-            return self
-        if count not in self._firsts:
-            world = self._world.Split(self.rank >= count, self.rank) if count > 1 else None
-            self._firsts[count] = (
-                Communicator(self._mpi, world) if world and self.rank < count else ALONE
-            )
-        return self._firsts[count]
-
-    def tell(self, ranks: range, value) -> None:
-        """Send a value from the first rank to each of `ranks`, which wait for it in `hear`."""
-        for rank in ranks:
-            self._ends.send(value, dest=rank, tag=_TOLD)
-        for rank in ranks:
-            while self._ends.recv(source=rank, tag=_ASKED):
-                pass  # requests to stop that arrived after the end
-
-    def hear(self, asks: Callable[[], bool]):
-        """Return the value that the first rank sends by `tell`, for which this rank waits asleep.
-
-        When `asks` returns true for the first time, a request that the first rank can see in
-        `asked` is sent to it.
-        """
-        asked = False
-
-        def arrived() -> bool:
-            nonlocal asked
-            if not asked and asks():
-                asked = True
-                self._ends.send(True, dest=0, tag=_ASKED)
-            return self._ends.iprobe(source=0, tag=_TOLD)
-
-        _wait(arrived)
-        value = self._ends.recv(source=0, tag=_TOLD)
-        self._ends.send(False, dest=0, tag=_ASKED)
-        return value
-
-    def asked(self) -> bool:
-        """Return, on the first rank, whether a rank that waits in `hear` has asked to stop."""
-        return self.size > 1 and self.rank == 0 and self._ends.iprobe(tag=_ASKED)
 
     def to_all(self, value):
         """Return the value of the first rank, on every rank."""

@@ -4,6 +4,8 @@ points that other ranks own.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy
 
@@ -29,7 +31,7 @@ class Halo:
     """
 
     def __init__(self, ranks: Communicator, names: np.ndarray, owners: np.ndarray) -> None:
-        self._ranks, self.rows = ranks, np.flatnonzero(owners != ranks.rank)
+        self.ranks, self.rows = ranks, np.flatnonzero(owners != ranks.rank)
         self._receive = {
             rank: np.flatnonzero(owners == rank) for rank in np.unique(owners[self.rows]).tolist()
         }
@@ -55,10 +57,10 @@ class Halo:
         """Return a sparse matrix with a row for each row here, with the rows of the halo
         replaced by those of the ranks that own them.
         """
-        if self._ranks.size == 1:
+        if self.ranks.size == 1:
             return rows
-        ranks, none = range(self._ranks.size), self.rows[:0]
-        received = self._ranks.to_each([rows[self._send.get(rank, none)] for rank in ranks])
+        ranks, none = range(self.ranks.size), self.rows[:0]
+        received = self.ranks.to_each([rows[self._send.get(rank, none)] for rank in ranks])
         own = np.setdiff1d(np.arange(rows.shape[0]), self.rows)
         order = np.concatenate([own, *(self._receive.get(rank, none) for rank in ranks)])
         return scipy.sparse.vstack([rows[own], *received]).tocsr()[np.argsort(order)]
@@ -91,10 +93,11 @@ class Halo:
             rank: np.empty((len(rows), *field.shape[1:]), dtype=field.dtype)
             for rank, rows in sorted(receive.items())
         }
-        self._ranks.exchange({rank: field[rows] for rank, rows in send.items()}, incoming)
+        self.ranks.exchange({rank: field[rows] for rank, rows in send.items()}, incoming)
         return [(receive[rank], values) for rank, values in incoming.items()]
 
 
+@dataclass(eq=False)
 class Rows:
     """Correspondence between the rows of an array on this rank, which it owns or has copied, and
     the rows of that array for the whole body.
@@ -106,32 +109,28 @@ class Rows:
         Number in the whole body of every row on this rank.
     own : ndarray of bool, shape (k,)
         True for rows that this rank owns.
-    total : int
+    size : int
         Number of rows of the whole body.
-
-    Attributes
-    ----------
-    numbers, own, total
     """
 
-    def __init__(
-        self, ranks: Communicator, numbers: np.ndarray, own: np.ndarray, total: int
-    ) -> None:
-        self._ranks, self.numbers, self.own, self.total = ranks, numbers, own, total
+    ranks: Communicator
+    numbers: np.ndarray
+    own: np.ndarray
+    size: int
 
     def gather(self, values: np.ndarray) -> np.ndarray | None:
         """Return, on the first rank, the array of the whole body from the own rows of all ranks;
         None on the other ranks.
         """
-        if self._ranks.size == 1:
+        if self.ranks.size == 1:
             return values
         numbers, rows = (
-            self._ranks.gather(self.numbers[self.own]),
-            self._ranks.gather(values[self.own]),
+            self.ranks.gather(self.numbers[self.own]),
+            self.ranks.gather(values[self.own]),
         )
         if rows is None:
             return None
-        whole = np.empty((self.total, *values.shape[1:]), dtype=values.dtype)
+        whole = np.empty((self.size, *values.shape[1:]), dtype=values.dtype)
         for places, found in zip(numbers, rows, strict=True):
             whole[places] = found
         return whole
@@ -140,15 +139,15 @@ class Rows:
         """Return this rank's rows of an array of the whole body, given on the first rank;
         `whole` is None on the other ranks.
         """
-        if self._ranks.size == 1:
+        if self.ranks.size == 1:
             return whole
-        numbers = self._ranks.gather(self.numbers)
-        return self._ranks.hand_out(numbers and [whole[places] for places in numbers])
+        numbers = self.ranks.gather(self.numbers)
+        return self.ranks.hand_out(numbers and [whole[places] for places in numbers])
 
 
-class Share:
+class Share(Halo, Rows):
     """Points of a body that one rank works on: its own points, and a halo of points owned by other
-    ranks.
+    ranks, with the methods of `Halo` and `Rows` for arrays with a row for each point.
 
     In a single process all points are its own. Points are numbered in the order of the whole body,
     with those of the halo in between, so that sums over bonds are taken in the same order on any
@@ -182,31 +181,20 @@ class Share:
     agree, everywhere, total, greatest : callable
         Methods of `Communicator`: raise an error of any rank on all, list the values of all ranks,
         and take sum and maximum over them.
-    fill, fill_sparse, fold, clear, gather : callable
-        Methods of `Halo` and `Rows`, for arrays with a row for each point.
     numbers, owners, size, ranks
     """
 
     def __init__(
         self, numbers: np.ndarray, owners: np.ndarray, size: int, ranks: Communicator = ALONE
     ) -> None:
-        self.numbers, self.owners, self.size, self.ranks = numbers, owners, size, ranks
-        self.own, self.divided, self.leads = owners == ranks.rank, ranks.size > 1, ranks.rank == 0
+        Rows.__init__(self, ranks, numbers, owners == ranks.rank, size)
+        Halo.__init__(self, ranks, numbers, owners)
+        self.owners, self.divided, self.leads = owners, ranks.size > 1, ranks.rank == 0
         self.agree, self.everywhere, self.total, self.greatest = (
             ranks.agree,
             ranks.everywhere,
             ranks.total,
             ranks.greatest,
-        )
-        halo, self.gather = (
-            Halo(ranks, numbers, owners),
-            Rows(ranks, numbers, self.own, size).gather,
-        )
-        self.fill, self.fill_sparse, self.fold, self.clear = (
-            halo.fill,
-            halo.fill_sparse,
-            halo.fold,
-            halo.clear,
         )
         self._own = np.flatnonzero(self.own) if self.divided else slice(None)
         self._weights = self.own.astype(float) if self.divided else None
@@ -222,6 +210,10 @@ class Share:
         """
         found = self.total(np.asarray(flags, dtype=np.int64)) > 0
         return found if np.ndim(flags) else bool(found)
+
+    def count(self, flags: np.ndarray) -> int:
+        """Return the number of points of the body whose flag, one for each local point, is true."""
+        return self.total(int(np.count_nonzero(flags[self._own])))
 
     def dot(
         self, first: np.ndarray, second: np.ndarray, weights: np.ndarray | None = None

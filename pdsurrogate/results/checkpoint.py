@@ -56,7 +56,6 @@ class Checkpoint(NamedTuple):
         text = json.dumps(
             {"format": FORMAT, "identity": identity, "progress": self.progress}, allow_nan=False
         )
-        # First, so that the head of the file identifies it.
         arrays = {_DESCRIPTION: np.frombuffer(text.encode(), dtype=np.uint8), **self.arrays}
         with replacing(folder / NAME) as temporary, temporary.open("wb") as file:
             np.savez(file, **arrays)

@@ -19,12 +19,8 @@ MESH = "mesh"
 
 MOST_TOLD, MOST_CHARACTERS = 3, 60
 """Greatest number of differences between the inputs of two runs that a message lists, and of
-characters that it shows of a value. Chosen: the message stays some lines long, and three
-differences tell a changed setting from another scene.
+characters that it shows of a value.
 """
-
-ABSENT = "not given"
-"""Text that stands in a message for the value of a missing entry."""
 
 
 def contents_of(scene: Scene, models: Sequence[ForceModel]) -> dict[str, Any]:
@@ -72,44 +68,25 @@ def differences_between(there: dict[str, Any], now: dict[str, Any]) -> str:
     `there` is the run found in a folder, `now` the run that is to begin, both in the form of
     `contents_of`.
     """
-    before, after = ({**contents["scene_as_run"], "title": None} for contents in (there, now))
-    found = differences_of(before, after)
-    if there["force"] != now["force"]:
-        found.append(f"force is {there['force']} there and {now['force']} here")
-    changed = [
-        name
+    before, after = (
+        {
+            **leaves_of({**contents["scene_as_run"], "title": None}),
+            "force": contents["force"],
+        }
+        for contents in (there, now)
+    )
+    found = [
+        f"{key} is {_value(before, key)} there and {_value(after, key)} here"
+        for key in {**before, **after}
+        if before.get(key) != after.get(key)
+    ]
+    found += [
+        f"the file of the {MESH} has changed" if name == MESH else f"{name} is another one now"
         for name, digest in there["digests"].items()
         if now["digests"].get(name, digest) != digest
     ]
-    found += [
-        (
-            f"the file of the {MESH} has changed"
-            if name == MESH
-            else f"{name} is another one by that name"
-        )
-        for name in changed
-    ]
-    return told(found)
-
-
-def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
-    """Return texts such as "spacing is 0.1 there and 0.2 here", one for each entry that differs
-    between two nested dictionaries.
-    """
-    before, now = leaves_of(there), leaves_of(here)
-    return [
-        f"{key} is {_value(before.get(key, ABSENT))} there and {_value(now.get(key, ABSENT))} here"
-        for key in dict.fromkeys([*before, *now])
-        if before.get(key, ABSENT) != now.get(key, ABSENT)
-    ]
-
-
-def told(differences: list[str]) -> str:
-    """Return a message that joins the first `MOST_TOLD` of a list of differences and counts the
-    rest; an empty text for an empty list.
-    """
-    more = f", and {len(differences) - MOST_TOLD} more" if len(differences) > MOST_TOLD else ""
-    return "; ".join(differences[:MOST_TOLD]) + more
+    more = f", and {len(found) - MOST_TOLD} more" if len(found) > MOST_TOLD else ""
+    return "; ".join(found[:MOST_TOLD]) + more
 
 
 def digest_of_mesh(mesh: Mesh) -> str:
@@ -140,6 +117,6 @@ def leaves_of(value: Any) -> dict[str, Any]:
     )
 
 
-def _value(value: Any) -> str:
-    text = str(value)
+def _value(entries: dict[str, Any], key: str) -> str:
+    text = str(entries.get(key, "not given"))
     return text if len(text) <= MOST_CHARACTERS else text[:MOST_CHARACTERS] + " ..."

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from ..html_tables import html_facts
 from ..progress import event
 from . import figures
+from .contents import leaves_of
 from .measures import greatest_of, label_of, scalars_of
 from .tables import columns_of, facts, html_history, kind_of
 
@@ -209,6 +210,7 @@ def html_page(result, fields: Sequence[str] = ()) -> str:
     curves = {"loading": loading_figure(result)} if result.history else {}
     if "energy" in map(kind_of, columns_of(result.history)):
         curves["energy"] = _figure_of(result, "energy", "energy")
+    origin = {key: result.summary.get(key, {}) for key in ("provenance", "digests")}
     history = result.history[:: max(1, -(-len(result.history) // MOST_ROWS))]
     return Template(PAGE.read_text("utf-8")).substitute(
         title=escape(f"{result.summary['scene']}, {result.summary['force']}"),
@@ -222,7 +224,7 @@ def html_page(result, fields: Sequence[str] = ()) -> str:
         summary=facts(result),
         history=html_history(history, result.scene.units),
         scene=result.scene._repr_html_(),
-        versions=_versions(result),
+        versions=html_facts("Where it comes from", leaves_of(origin)),
         data=json.dumps({"pictures": pictures, "titles": titles, "labels": labels}).replace(
             "</", "<\\/"
         ),
@@ -234,15 +236,3 @@ def _uri(figure) -> str:
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=110)
     return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()
-
-
-def _versions(result) -> str:
-    origin = dict(result.summary.get("provenance", {}))
-    machine, git = origin.pop("machine", {}), origin.pop("git", None)
-    origin |= (
-        {"commit": f"{git['commit']}{', changed since' if git['modified'] else ''}"} if git else {}
-    )
-    digests = {
-        f"digest of {name}": digest for name, digest in result.summary.get("digests", {}).items()
-    }
-    return html_facts("Where it comes from", {**origin, **machine, **digests})

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from ..body.cell_mesh import CellMesh
-from .files import MARK, replacing
+from .files import replacing
 
 Moved = list[tuple[CellMesh, np.ndarray]]
 """One entry for each state: the cells of the body, and the displacements of their nodes, shape
@@ -71,15 +71,9 @@ other.
 ELEVATION, AZIMUTH = 22.0, -58.0
 """Direction of view in degrees: from the front right, a little above; x3 points up."""
 
-_UP, _ROUND = np.radians([ELEVATION, AZIMUTH])
-EYE = np.array([np.cos(_UP) * np.cos(_ROUND), np.cos(_UP) * np.sin(_ROUND), np.sin(_UP)])
-"""Unit vector from a solid to the viewer, by `ELEVATION` and `AZIMUTH`."""
-
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a PNG file, whole or not at all; `MARK` in the PNG metadata identifies
-    the file as written by this package.
-    """
+    """Write a figure as a PNG file, whole or not at all."""
     box, layout = "tight", figure.get_layout_engine()
     if layout is not None:
         # Once the layout is final, the box to keep is known without drawing; `savefig` would draw
@@ -89,7 +83,7 @@ def save(figure: Figure, path: Path) -> None:
         figure.set_layout_engine("none")
         box = figure.get_tightbbox().padded(matplotlib.rcParams["savefig.pad_inches"])
     with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", bbox_inches=box, metadata={"Software": MARK})
+        figure.savefig(temporary, format="png", bbox_inches=box)
 
 
 def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:

@@ -12,16 +12,6 @@ from uuid import uuid4
 TEMPORARY = ".pdsurrogate-tmp-"
 """Beginning of the names of files that are still being written."""
 
-MARK = "pdsurrogate run"
-"""Mark within the first `HEAD` bytes of every state file and picture that this package writes;
-it identifies them later.
-"""
-
-HEAD = 2048
-"""Number of bytes at the beginning of a file among which `MARK` stands, and which are read to
-recognize the file. Chosen: the metadata of pictures and the header of a state file are shorter.
-"""
-
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
@@ -62,17 +52,6 @@ def remove_leftovers(folder: Path) -> None:
     """Remove temporary files that killed processes left in a folder."""
     for path in folder.glob(f"{TEMPORARY}*"):
         path.unlink(missing_ok=True)
-
-
-def head_of(path: Path) -> bytes:
-    """Return the first `HEAD` bytes of a file, by which its kind is recognized; for an
-    unreadable file, bytes that match no kind.
-    """
-    try:
-        with path.open("rb") as file:
-            return file.read(HEAD)
-    except OSError:
-        return b"?"
 
 
 @contextmanager

@@ -2,16 +2,12 @@
 
 A run of a scene called NAME owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (if every rank writes a
 piece, ``NAME-000.pvtu`` and ``NAME-000.piece0.vtu``), ``NAME.png``, ``NAME-loading.png``,
-``summary.json``, ``history.csv``, ``convergence.csv`` and ``checkpoint.npz``, and,
-while it writes, the lock file ``.pdsurrogate-run``, see `occupied`.
+``summary.json``, ``history.csv``, ``convergence.csv`` and ``checkpoint.npz``, and, while it writes,
+the lock file ``.pdsurrogate-run``, see `occupied`.
 
-A file with such a name belongs to a run if its first bytes contain `MARK` (state files, PVD index,
-pictures) or match a pattern of `_HEADS` (tables, checkpoint), or if it is a valid summary; any
-other file is never replaced, but raises `FolderTaken`.
-
-A folder holds a run of a scene if its summary or, without one, its checkpoint names the scene, or
-if a PVD index of that name contains `MARK`.  Summary and checkpoint also hold the scene of the run
-and the digests of its force models and mesh, see `contents_of`.
+A folder holds a run if its summary or, without one, its checkpoint describes one: scene, and
+digests of force models and mesh, see `contents_of`. Files with the names of results in a folder
+that holds no run are never replaced, but raise `FolderTaken`.
 """
 
 import json
@@ -22,8 +18,8 @@ from pathlib import Path
 
 from .checkpoint import NAME as CHECKPOINT
 from .checkpoint import identity_in
-from .contents import contents_in, differences_between, differences_of, told
-from .files import MARK, head_of, made, remove_leftovers
+from .contents import contents_in, differences_between
+from .files import made, remove_leftovers
 
 SUMMARY, HISTORY, CONVERGENCE = "summary.json", "history.csv", "convergence.csv"
 
@@ -62,7 +58,7 @@ def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
         try:
             held = lock.acquire(patience, 0.2)
         except Timeout:
-            process, host, *_ = [*head_of(path).decode(errors="replace").split(), "", ""]
+            process, host, *_ = [*path.read_text(errors="replace").split(), "", ""]
             taken = (
                 f"{folder}: {f'process {process} on {host}' if host else 'another process'} is"
                 " writing a run to this folder"
@@ -73,15 +69,6 @@ def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
         with held:
             yield
 
-
-_HEADS = {
-    HISTORY: rb"step,(stretch|t),evaluations|\Z",
-    CONVERGENCE: rb"(stretch|t),increment,evaluation|\Z",
-    CHECKPOINT: rb'(?s).*description\.npy.*\{"format": |\Z',
-}
-"""Patterns of the first bytes of files that have the same name in every run; an empty or damaged
-file of a run still matches.
-"""
 
 WAY_OUT = "use another folder, or --overwrite (in Python overwrite=True)"
 
@@ -102,25 +89,27 @@ def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
     ------
     FolderTaken
         If the folder holds results of another run, a checkpoint of an equal run that was
-        interrupted, or a file named like a result that no run wrote.
+        interrupted, or, without a run, a file named like a result.
     """
-    names, name = _scenes_in(folder), contents["scene_as_run"]["name"]
-    check_names(folder, name)
-    if overwrite or not names:
+    summary, name = read_summary(folder), contents["scene_as_run"]["name"]
+    described = summary or identity_in(folder)
+    if not described:
+        for path in _files_of(folder, name):
+            raise FolderTaken(
+                f"{path} was not written by a run and would be overwritten; use another folder"
+            )
+    if overwrite or not described:
         return
-    if others := sorted(names - {name}):
-        raise FolderTaken(
-            f"{folder} contains the results of another scene ({', '.join(others)}); {WAY_OUT}"
-        )
-    summary = read_summary(folder)
-    found = contents_in(summary or identity_in(folder))
+    found = contents_in(described)
     if found is None:
         raise FolderTaken(
-            f"{folder} contains results of {name} without a description of their scene; {WAY_OUT}"
+            f"{folder} contains results of {described.get('scene')} without a description of their"
+            f" scene; {WAY_OUT}"
         )
     if differences := differences_between(found, contents):
         raise FolderTaken(
-            f"{folder} contains the results of another run of {name} ({differences}); {WAY_OUT}"
+            f"{folder} contains the results of another run of {found['scene_as_run']['name']}"
+            f" ({differences}); {WAY_OUT}"
         )
     ended = summary is not None and summary.get("status") not in (RUNNING, INTERRUPTED)
     if not ended and (folder / CHECKPOINT).exists():  # without a checkpoint nothing can be resumed
@@ -131,72 +120,19 @@ def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
         raise FolderTaken(f"{folder} contains this run, which was interrupted: {ways}")
 
 
-def check_names(folder: Path, name: str, resumed: bool = False) -> None:
-    """Raise FolderTaken if a folder has a file that is named like a result of the scene `name` but
-    was not written by a run.
-
-    For a run that is `resumed`, the checkpoint is not checked.
-    """
-    for path in (*(folder / kind for kind in (SUMMARY, *_HEADS)), *_files_of(folder, name)):
-        if path.exists() and not _is_ours(path) and not (resumed and path.name == CHECKPOINT):
-            raise FolderTaken(
-                f"{path} was not written by a run and would be overwritten; use another folder"
-            )
-
-
 def make_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
-    """Remove the files of earlier runs, and no others, from a folder for a run with the given
+    """Remove the files of an earlier run, and no others, from a folder for a run with the given
     `contents`.
 
     Raise FolderTaken if `check_room` does not permit it.
     """
     check_room(folder, contents, overwrite)
-    name = contents["scene_as_run"]["name"]
     remove_leftovers(folder)
-    for scene in _scenes_in(folder) | {name}:
-        for path in filter(_is_ours, _files_of(folder, scene)):
+    begun = contents_in(identity_in(folder)) or contents
+    earlier = (read_summary(folder) or {}).get("scene", begun["scene_as_run"]["name"])
+    for name in {earlier, contents["scene_as_run"]["name"]}:
+        for path in _files_of(folder, name):
             path.unlink()
-    for kind in (SUMMARY, *_HEADS):
-        (folder / kind).unlink(missing_ok=True)
-
-
-def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
-    """Check that a report may be written to a path: no file is there, or a report whose entry
-    ``asked`` equals the settings `asked`.
-
-    Parameters
-    ----------
-    path : Path
-        Path of a JSON file.
-    asked : dict
-        Settings that determine the report, as plain values.
-    overwrite : bool
-        Whether to replace any other file.
-
-    Raises
-    ------
-    FolderTaken
-        If there is a report with other settings, or a file that is no report.
-    """
-    if overwrite or not path.exists():
-        return
-    if differences := differences_from(path, "asked", asked)[1]:
-        raise FolderTaken(f"{path} is the report of other settings: {differences}; {WAY_OUT}")
-
-
-def differences_from(path: Path, key: str, asked: dict) -> tuple[dict, str]:
-    """Return the content of a JSON file, and a text that says how its entry `key` differs from the
-    settings `asked`, empty if it is equal.
-
-    Raise FolderTaken if the file cannot be read or has no such entry.
-    """
-    try:
-        written = json.loads(path.read_text("utf-8"))
-        return written, told(differences_of(written[key], json.loads(json.dumps(asked))))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise FolderTaken(
-            f"{path} is not a report with known settings, and would be overwritten; {WAY_OUT}"
-        ) from None
 
 
 def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:
@@ -209,39 +145,14 @@ def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:
 
 
 def _files_of(folder: Path, name: str) -> list[Path]:
-    others = (folder / f"{name}{ending}" for ending in (".pvd", ".png", "-loading.png"))
+    """Return the files in a folder that have the names of results of a scene."""
+    pictures = (f"{name}{ending}" for ending in (".pvd", ".png", "-loading.png"))
+    names = (SUMMARY, HISTORY, CONVERGENCE, CHECKPOINT, *pictures)
+    others = (folder / one for one in names)
     return [
-        *(path for _, path in state_files(folder, name)),
         *(path for path in others if path.exists()),
+        *(path for _, path in state_files(folder, name)),
     ]
-
-
-def _is_ours(path: Path) -> bool:
-    """Return whether a file that is named like a result was written by a run of this package,
-    judging by its first bytes.
-    """
-    if path.name == SUMMARY:
-        return read_summary(path.parent) is not None
-    return (
-        bool(re.match(_HEADS[path.name], head_of(path))) if path.name in _HEADS else is_marked(path)
-    )
-
-
-def is_marked(path: Path) -> bool:
-    """Return whether a state file (VTU or PVTU), a PVD index or a picture contains `MARK`, which
-    identifies files of this package.
-    """
-    return MARK.encode() in head_of(path)
-
-
-def _scenes_in(folder: Path) -> set[str]:
-    """Return the names of the scenes whose runs a folder holds."""
-    scenes = {path.stem for path in folder.glob("*.pvd") if is_marked(path)}
-    if summary := read_summary(folder):
-        scenes.add(summary["scene"])
-    elif begun := contents_in(identity_in(folder)):
-        scenes.add(begun["scene_as_run"]["name"])
-    return scenes
 
 
 def read_summary(folder: Path) -> dict | None:

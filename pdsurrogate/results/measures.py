@@ -5,12 +5,11 @@ probes.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy
 
 from ..arguments import suggestion
 from ..body import Body, fields_at
@@ -61,7 +60,7 @@ def edge_displacements(
         along = low + (high - low) * (np.arange(count) + 0.5) / count
         places = np.repeat(along, 2)[:, None].repeat(2, axis=1)
         places[:, axis] = np.tile(box[:, axis], count)
-        return along, *(fields_at(body, places)[0][axis] @ u).reshape(-1, 2).T
+        return along, *(fields_at(body, places)[0].component(axis) @ u).reshape(-1, 2).T
     order, line = _lines_along(body, axis)
     lines = np.split(order, np.flatnonzero(np.diff(line)) + 1)
     first, second, before, last = np.array(
@@ -95,10 +94,9 @@ def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
         some = np.arange(0, len(body), -(-len(body) // MOST_FITTED))
         second = (
             4
-            * (
-                displacements[some]
-                - fields_at(body, body.points[some])[0][1 - axis] @ displacements
-            )[:, 1 - axis]
+            * (displacements[some] - fields_at(body, body.points[some])[0](displacements))[
+                :, 1 - axis
+            ]
         )
     else:
         order, line = _lines_along(body, axis)
@@ -158,10 +156,6 @@ class PointState:
     deviation : ndarray, shape (n,), or None
         How far the points are beyond the training domain of a surrogate, see
         `InternalForce.learned`; None without a domain.
-    member_deviation : ndarray, shape (n,), or None
-        Greatest deviation of the committee members' stresses from those of the surrogate at each
-        point; a committee is a set of further fits stored with a surrogate, whose spread estimates
-        its error. None without a committee.
     kept : dict of ndarray
         Internal variables that the force model marks for output (`pdsurrogate.forces.term.Kept`
         with ``shown``), by name.
@@ -180,10 +174,7 @@ class PointState:
         self.position, self.volumes = force.body.points, force.body.volumes
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
         self.stress, self.energy_density = force.stress_and_energy()
-        self.deviation, self.member_deviation = (
-            force.learned.domain_deviation(),
-            force.learned.member_deviation(),
-        )
+        self.deviation = force.learned.domain_deviation()
         self.kept = {
             array.name: array.at_points(force.body) for array in force.states if array.shown
         }
@@ -290,7 +281,6 @@ POINT_FIELDS = {
     ),
     "deformation_gradient": PointField(lambda state: state.deformation_gradient, 9, symbol="F"),
     "domain_deviation": PointField(lambda state: state.deviation),
-    "member_deviation": PointField(lambda state: state.member_deviation, unit="stress"),
     "damage": PointField(lambda state: state.damage),
 }
 """Fields on the points by their names in result files."""
@@ -336,12 +326,8 @@ def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
     values = fields[base]
     values = values.reshape(-1, 3, 3) if values.ndim == 2 and values.shape[1] == 9 else values
     if indices and values.ndim - 1 != len(indices):
-        needed = {
-            1: "no components",
-            2: f"components such as {base}_1",
-            3: f"components such as {base}_22",
-        }[values.ndim]
-        raise ValueError(f"field: {name!r} does not exist: {base} has {needed}")
+        needed = ("no components", f"components such as {base}_1", f"components such as {base}_22")
+        raise ValueError(f"field: {name!r} does not exist: {base} has {needed[values.ndim - 1]}")
     return values[(slice(None), *indices)]
 
 
@@ -418,15 +404,16 @@ class Probes:
                 rows = fields_at(body, np.array([probe.at]), portion_of)
             except ValueError as error:
                 raise ValueError(f"probes.{number}.at: {error}") from None
-            self._rows.append(
-                [[self._share.own_columns(row) for row in of_kind] for of_kind in rows]
-            )
+            own = self._share.own_columns
+            self._rows.append((rows[0].changed(own), [own(row) for row in rows[1]]))
 
     def __len__(self) -> int:
         return len(self._names)
 
-    def read(self, state: PointState) -> dict[str, dict[str, list]]:
+    def read(self, state: PointState, planes: np.ndarray) -> dict[str, dict[str, list]]:
         """Return displacement, stress and deformation gradient at every probe in a state.
+
+        `planes` are the displacements of planes of symmetry across themselves (planes,).
 
         A local fit to the values at the surrounding points is evaluated at the position of the
         probe.
@@ -440,46 +427,40 @@ class Probes:
         stress, gradient = (
             field.reshape(len(field), 9) for field in (state.stress, state.deformation_gradient)
         )
-        read = self.displacements(state.displacement)
+        read = self.displacements(state.displacement, planes)
         for name, (_, tensors) in zip(self._names, self._rows, strict=True):
             for key, field in (("stress", stress), ("F", gradient)):
-                read[name][key] = self._share.total(_read(tensors, field)).reshape(3, 3).tolist()
+                found = [(row @ field[:, entry])[0] for entry, row in enumerate(tensors)]
+                read[name][key] = self._share.total(np.reshape(found, (3, 3))).tolist()
         return read
 
-    def weights(self, name: str) -> list[scipy.sparse.csr_array]:
-        """Return, for each component of the displacement at a probe, the weights of the points,
-        shape (1, n).
+    def weights(self, name: str, axis: int) -> np.ndarray:
+        """Return the weights of the points, shape (n,), in a component of the displacement at a
+        probe.
         """
-        return self._rows[self._names.index(name)][0]
+        return self._rows[self._names.index(name)][0].component(axis).toarray()[0]
 
-    def displacements(self, displacements: np.ndarray) -> dict[str, dict[str, list]]:
-        """Return the entries of `read` that are displacements, from the displacements of the
-        points, shape (n, d).
+    def displacements(
+        self, displacements: np.ndarray, planes: np.ndarray
+    ) -> dict[str, dict[str, list]]:
+        """Return the entries of `read` that are displacements, from those of the points, shape
+        (n, d), and of planes.
         """
         # The weights of a row sum to 1 and reproduce the place, so they apply to displacements as
         # to positions.
         rows = zip(self._names, self._rows, strict=True)
         return {
-            name: {"displacement": self._share.total(_read(moved, displacements)).tolist()}
+            name: {"displacement": self._share.total(moved(displacements, planes)[0]).tolist()}
             for name, (moved, _) in rows
         }
 
-    def columns(self, displacements: np.ndarray) -> dict[str, float]:
-        """Return the displacements at the probes as columns of the history, from the
-        displacements of the points, shape (n, d).
+    def columns(self, displacements: np.ndarray, planes: np.ndarray) -> dict[str, float]:
+        """Return the displacements at the probes as columns of the history, from those of the
+        points, shape (n, d), and of planes.
         """
-        read = self.displacements(displacements).items()
+        read = self.displacements(displacements, planes).items()
         return {
             f"{name}_displacement_{axis}": value
             for name, row in read
             for axis, value in enumerate(row["displacement"], 1)
         }
-
-
-def _read(rows: Sequence[scipy.sparse.csr_array], values: np.ndarray) -> np.ndarray:
-    """Return the m components of a field at a probe, from the values at the points, shape (n, m).
-
-    `rows` has a sparse row of weights, shape (1, n), for each component; weights differ by
-    component at planes of symmetry.
-    """
-    return np.array([(row @ values[:, component])[0] for component, row in enumerate(rows)])

@@ -218,8 +218,7 @@ class Result:
 
         They are first-order: derivatives of the measurements by the numbers of the law, as from
         `sensitivity`, times the covariance. In them is the uncertainty of the measurements to which
-        the law was fitted, but neither an unsuitable form of the law, nor the choice of terms of an
-        energy without a law, which the spread of a committee contains, nor the discretization error
+        the law was fitted, but neither an unsuitable form of the law nor the discretization error
         of this simulation. The derivatives of a surrogate by the law are those of the exact force
         of its law.
 
@@ -251,7 +250,6 @@ class Result:
         See Also
         --------
         pdsurrogate.Result.sensitivity : derivatives of the same measurements.
-        pdsurrogate.identification.committee_spread : uncertainty of a result from repeated fits.
 
         Examples
         --------

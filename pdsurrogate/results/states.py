@@ -9,7 +9,7 @@ import numpy as np
 
 from ..body import Body, CellMesh
 from . import vtk
-from .folder import is_marked, state_files
+from .folder import state_files
 
 Fields = dict[str, np.ndarray]
 
@@ -116,7 +116,7 @@ class StatesInFiles(States):
         if moments is not None and body.share.leads:
             self._write_index()
             for number, path in state_files(folder, name):
-                if number >= len(moments) and is_marked(path):
+                if number >= len(moments):
                     path.unlink()
 
     @classmethod

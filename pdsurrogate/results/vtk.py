@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..body import CellMesh
-from .files import MARK, replacing, write_text
+from .files import replacing, write_text
 
 CELL_TYPES = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}
 """Names of the types of cells in meshio, by dimension and number of corners; others are polygons
@@ -72,9 +72,7 @@ def write_state(
             f' format="ascii">{value:.17g}</DataArray>'
             for name, value in values.items()
         )
-        temporary.write_text(
-            f"{head}<!--{MARK}-->{grid}<FieldData>{arrays}</FieldData>{rest}", encoding="utf-8"
-        )
+        temporary.write_text(f"{head}{grid}<FieldData>{arrays}</FieldData>{rest}", encoding="utf-8")
 
 
 def _kind(name: str) -> type:
@@ -130,10 +128,7 @@ def _write_listing(path: Path, kind: str, attributes: str, lines: list[str]) -> 
     """Write an XML file of VTK that lists other files: one element of a given `kind` and
     `attributes`, with `lines` as its content.
     """
-    head = (
-        f'<?xml version="1.0"?>\n<!--{MARK}-->\n<VTKFile type="{kind}" version="0.1"'
-        ' byte_order="LittleEndian">'
-    )
+    head = f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="0.1" byte_order="LittleEndian">'
     inner = "\n".join(f"    {line}" for line in lines)
     write_text(path, f"{head}\n  <{kind}{attributes}>\n{inner}\n  </{kind}>\n</VTKFile>\n")
 

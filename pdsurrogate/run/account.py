@@ -198,7 +198,7 @@ class Bookkeeping:
         last = max(self.account.last_break, self.account.last_drift)
         changing = self.closes and self._integrator.steps - last < STEPS_PER_ROW
         moving = self._planes_move()
-        reactions = self._run.loading.reactions(self._run.force, self._integrator.forces, moving)
+        reactions = self._run.loading.reactions(self._run.loaded, self._integrator.forces, moving)
         unknown = moving and self.account.on_planes is None
         self.advance(reactions, changing or unknown or self._uneven(), moving)
 
@@ -233,6 +233,19 @@ class Bookkeeping:
         after = course.power(reactions, self._motion, time + step, step)
         return Power(before, 0.5 * (before + after), after)
 
+    def _velocities_of_planes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the velocities of planes of symmetry across themselves (planes,) in the last
+        step, their mean, and those in the next step.
+        """
+        time, step = self.account.time, self._integrator.last_step
+        before, now, next_one = (
+            self._run.loading.planes_at(self._motion.at(time + ahead))
+            for ahead in (-step, 0.0, step)
+        )
+        after = (next_one - now) / step
+        before = (now - before) / step if time >= step else after
+        return before, 0.5 * (before + after), after
+
     def _work_over(self, elapsed: float, last: Power, power: Power) -> float:
         """Return the work done in the `elapsed` time by the trapezoidal rule, from `last` and
         `power`, the power at its start and end.
@@ -257,8 +270,8 @@ class Bookkeeping:
         if run.loads:
             thickness, around = run.loaded.thickness(), integrator.velocities_around()
             loads = (
-                run.body.share.total(run.loads.power(run.positions, velocities, thickness))
-                for velocities in around
+                run.body.share.total(run.loads.power(run.positions, *velocities, thickness))
+                for velocities in zip(around, self._velocities_of_planes(), strict=True)
             )
             power = held.plus(Power(*loads))
         # At the start the account is empty, and no time has passed.
@@ -314,7 +327,7 @@ class Bookkeeping:
             self._integrator.elastic_with_loads(),
         )
         if evaluated:
-            found = loading.reactions(self._run.force, on_points, of_planes)
+            found = loading.reactions(self._run.loaded, on_points, of_planes)
         else:
             share = self._integrator.followed
             planes = (

@@ -32,17 +32,6 @@ SECONDS_BETWEEN_TABLES = 1.0
 watched file thus shows increments, but fast runs do not write for each one.
 """
 
-ACCEPTED = "accepted_"
-"""Prefix of the names of arrays in a checkpoint that belong to the last equilibrium on the way
-to an output.
-"""
-
-
-LAST_OUTPUT = "last_output"
-"""Beginning of the names of arrays in a checkpoint to which a stage in equilibrium returns if a
-bond would break.
-"""
-
 
 class Checkpoints:
     """Writer and reader of the checkpoints of a run; for a run without a folder none is written.
@@ -78,9 +67,9 @@ class Checkpoints:
         """Return the entries by which a checkpoint is recognized as one of this run: scene,
         force and sizes of the body.
         """
-        run = self.run
-        sizes = {"n_points": self._share.size, "n_pairs": self._share.total(run.counted_pairs())}
-        return {**run.contents, **sizes}
+        run, share = self.run, self._share
+        pairs = share.total(int(share.own[run.body.bonds.first].sum()))
+        return {**run.contents, "n_points": share.size, "n_pairs": pairs}
 
     def write(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
         """Write a checkpoint of the run, with the entries `progress` and the `arrays` of the
@@ -117,7 +106,7 @@ class Checkpoints:
         """
         run, held, identity = self.run, self._held(), self.identity
         shapes = {
-            key: ((self._rows_of(key).total, *array.shape[1:]), array.dtype)
+            key: ((self._rows_of(key).size, *array.shape[1:]), array.dtype)
             for key, array in held.items()
         }
         with run.ranks.together():
@@ -161,12 +150,11 @@ class Checkpoints:
         names, those of pushes are places on the boundary, other rows are points.
         """
         of_force = {array.name: array.rows for array in self.run.force.states}
-        name = key.removeprefix(ACCEPTED).removeprefix(f"{LAST_OUTPUT}_")
-        if name == PUSHES:  # on every rank all of them
+        if key == PUSHES:  # on every rank all of them
             places = len(self.run.loads.pushes)
             leads = np.full(places, self._share.leads)
             return Rows(self.run.ranks, np.arange(places), leads, places)
-        kind = "pairs" if key in ("broken", "recent") else of_force.get(name, "points")
+        kind = "pairs" if key in ("broken", "recent") else of_force.get(key, "points")
         return self._rows(kind)
 
 

@@ -31,9 +31,6 @@ class DisplacementPath:
         Stage with a `control`.
     """
 
-    records_last = False
-    """The outputs before the failure tell how far the displacement was followed."""
-
     def __init__(self, run: Run, stage: Stage) -> None:
         spec, self._control = run.problem.scene.solver, control_of(run, stage.control)
         self.solver = DisplacementControl(
@@ -85,7 +82,7 @@ class DisplacementPath:
 
     def _value(self, positions: np.ndarray) -> float:
         """Return the controlled displacement at positions (n, d)."""
-        return float(np.vdot(self._control, positions - self._run.body.points))
+        return displacement_of(self._run, self._stage, positions)
 
     def _along(self) -> np.ndarray:
         """Return the displacements (n, d) in which the controlled one changes by 1 from the
@@ -141,10 +138,12 @@ def control_of(run: Run, control: str) -> np.ndarray:
     """
     name, axis = controlled_place(control)
     weights = np.zeros_like(run.body.points)
-    weights[:, axis] = run.probes.weights(name)[axis].toarray()[0]
+    weights[:, axis] = run.probes.weights(name, axis)
     return weights
 
 
-def displacement_of(run: Run, stage: Stage) -> float:
-    """Return the displacement that a stage controls, at the present positions of a run."""
-    return float(np.vdot(control_of(run, stage.control), run.positions - run.body.points))
+def displacement_of(run: Run, stage: Stage, positions: np.ndarray) -> float:
+    """Return the displacement that a stage controls at positions (n, d) of the points."""
+    name, axis = controlled_place(stage.control)
+    found = run.probes.displacements(positions - run.body.points, run.loads.planes_moved)
+    return found[name]["displacement"][axis]

@@ -114,9 +114,7 @@ class Cracks:
             failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True
         pairs = np.flatnonzero(failing & ~self._damage.broken)
         if share.any(len(pairs)):
-            run.state.crack["failed_points"] += share.total(
-                int(np.count_nonzero(failed[:n] & share.own))
-            )
+            run.state.crack["failed_points"] += share.count(failed[:n])
         return pairs
 
     def _count_lost(self, pairs: np.ndarray) -> None:

@@ -20,7 +20,7 @@ from ..scenes.reading import leaves
 from ..solvers.equilibrium import NoEquilibrium
 from .parameters import by_key, laws_of, numbers_in
 from .reopened import check_intact, number_of_output
-from .sensitivity import LEAST_EXACT, STEP, TINY, Differentiated, Jacobian
+from .sensitivity import LEAST_EXACT, STEP, TINY, Jacobian, differentiated
 
 
 def differentiate(
@@ -44,14 +44,14 @@ def differentiate(
     number = number_of_output(scene, models, result, level, "sensitivity", "derivatives")
     control = [stage.control for stage in stages_of(scene) for _ in range(stage.outputs)][number]
     _check(scene, models, result, parameters, loading, control, number)
-    body, at = Differentiated(scene, models), result.levels[number][loading]
-    check_intact(body.run, result, number, "derivatives")
+    body, at = differentiated(scene, models), result.levels[number][loading]
+    check_intact(body.system.problem, result, number, "derivatives")
     try:
         found = body.jacobian(at, result.displacement(number), outputs, parameters, control)
     except NoEquilibrium as error:
         why = (
             ""
-            if body.run.force.has_energy
+            if body.system.force.has_energy
             else f"; the forces of {models[0].name} have no energy: use bond-energy"
         )
         raise ValueError(f"sensitivity at {loading} {at:g}: {error}{why}") from None

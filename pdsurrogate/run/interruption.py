@@ -9,7 +9,6 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable
 
 SECONDS_TO_HEAR = 1.0
 """Seconds after Ctrl-C within which a run should stop by itself; otherwise it is ended, with the
@@ -37,17 +36,10 @@ class Interruption:
         Whether to end a run that does not react within `SECONDS_TO_HEAR`, since setting up a
         preconditioner, or compilation, may last minutes. False with several ranks, since the others
         would wait for the one that ended.
-    elsewhere : callable, optional
-        Returns whether another process has received the request; by default none.
     """
 
-    def __init__(
-        self,
-        until: float = math.inf,
-        insists: bool = True,
-        elsewhere: Callable[[], bool] = lambda: False,
-    ) -> None:
-        self.told, self._until, self._insists, self._elsewhere = False, until, insists, elsewhere
+    def __init__(self, until: float = math.inf, insists: bool = True) -> None:
+        self.told, self._until, self._insists = False, until, insists
         self._before, self._timer = None, None
 
     @property
@@ -60,7 +52,6 @@ class Interruption:
         """Return whether the run should stop; to be read only at a consistent state, since
         reading it acknowledges the signal.
         """
-        self.told = self.told or self._elsewhere()
         if self.told:
             self._hear()
         return self.told or self.out_of_time

@@ -13,7 +13,6 @@ from ..solvers.equilibrium import (
     Equilibrium,
     EquilibriumSolver,
     NoEquilibrium,
-    OutOfPatience,
     RanAway,
     TooSmall,
     Unbalanced,
@@ -22,7 +21,7 @@ from ..solvers.equilibrium import (
 from ..solvers.increments import Increments
 from ..solvers.methods import SOLVERS
 from ..solvers.nearest_bonds import RESOLVED, is_rigid, strain_of, strain_rounding
-from .checkpoints import ACCEPTED, LAST_OUTPUT, Checkpoints
+from .checkpoints import Checkpoints
 from .controlled import DisplacementPath
 from .interruption import Interrupted
 from .paths import ParameterPath
@@ -39,15 +38,6 @@ Where no equilibrium exists, a solver moves points that far within some ten eval
 need thousands to fail by itself; equilibria beyond this distance are found with shorter increments
 too.
 """
-
-BUDGET = 7
-"""Force evaluations of an output after its first failed attempt, divided by the mean for an output
-of the run so far, from which on an increment that fails is halved no further. The first attempt may
-take any number: outputs just below a limit load do.
-"""
-
-USUAL = 200
-"""Force evaluations assumed for an output of a run that has none yet."""
 
 FINE, COARSE = 1e-3, 1e-2
 """Tolerances of the solver in intermediate states, from which only the next increments start.
@@ -110,8 +100,7 @@ class Equilibria:
     them.
 
     An increment that finds no equilibrium, or one that does not continue the last equilibrium, is
-    undone and shortened. A checkpoint between outputs contains the increments and the state of the
-    solver.
+    undone and shortened.
 
     Parameters
     ----------
@@ -133,10 +122,7 @@ class Equilibria:
         )
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
-        self._last_output = self._at_output()
-        self._increments: Increments | None = None
-        self._accepted: _Accepted | None = None  # start of the present increment
-        self._iterate: np.ndarray | None = None  # state of the solver of a resumed run
+        self._last_output = _Accepted(run, solver)
 
     def go(self) -> bool:
         """Compute and record the remaining outputs of the stage; return whether its end was
@@ -150,103 +136,48 @@ class Equilibria:
             goal = self._outputs[state.outputs + 1]
             run.target = self._path.parameter_at(goal)
             run.report("equilibrium", state.outputs / self.stage.outputs, run.target)
-            if self._increments is None:
-                self._last_output, state.failed, state.begun = (
-                    self._at_output(),
-                    None,
-                    run.force.evaluations,
-                )
-                self._increments = self._path.increments_to(goal)
-            equilibrium, self._increments = self._go_to_output(self._increments), None
+            self._last_output = _Accepted(run, self.solver)
+            equilibrium = self._go_to_output(self._path.increments_to(goal))
             if equilibrium is None:
-                arrays, state.parameter = self._last_output
-                for key, array in self._output_arrays().items():
-                    array[:] = arrays[key]
-                run.loading.apply(state.parameter, run.loaded, run.positions)
+                self._last_output.restore(run, self.solver)
                 return False
             state.outputs += 1
-            state.costs.append(run.force.evaluations - state.begun)
             self._record(equilibrium)
-            self.checkpoint()
+            self._checkpoint()
         return True
 
     def resume(self, checkpoint: Checkpoint) -> None:
-        """Restore the stage from a checkpoint that was written at an output or between two
-        outputs.
-        """
-        run, kept, arrays = self.run, checkpoint.progress["way"], checkpoint.arrays
+        """Restore the stage from a checkpoint, which was written at an output."""
+        run = self.run
         self.solver.gave_up = bool(checkpoint.progress["gave_up"])
-        if kept is not None:
-            self._iterate = run.positions.copy()
-            self._last_output = (
-                {key: arrays[key].copy() for key in self._output_arrays()},
-                kept["last_output"],
-            )
-            self._increments = Increments(
-                end=self._outputs[run.state.outputs + 1], **kept["increments"]
-            )
-            for key, array in run.arrays().items():
-                array[:] = arrays[ACCEPTED + key]
         run.loading.apply(run.state.parameter, run.loaded, run.positions)
 
-    def checkpoint(self, increments: Increments | None = None) -> None:
-        """Write a checkpoint: at an output, or with `increments` between two outputs."""
-        kept, arrays = None, {}
-        if increments is not None:
-            kept = {"increments": increments.describe(), "last_output": self._last_output[1]}
-            arrays = {
-                ACCEPTED + key: array for key, array in self._accepted.arrays.items()
-            } | self._last_output[0]
-        self._checkpoints.write({"gave_up": self.solver.gave_up, "way": kept}, arrays)
-
-    def _output_arrays(self) -> dict[str, np.ndarray]:
-        """Return the positions, the pushes of obstacles and the history of the force, by the names
-        that they have in a checkpoint as those of the last output.
-        """
-        others = self.run.contact | self.run.force.history
-        return {LAST_OUTPUT: self.run.positions} | {
-            f"{LAST_OUTPUT}_{name}": array for name, array in others.items()
-        }
-
-    def _at_output(self) -> tuple[dict[str, np.ndarray], float]:
-        """Return copies of positions and history, and the loading parameter, by which the body
-        can return to the present state.
-        """
-        return {
-            key: array.copy() for key, array in self._output_arrays().items()
-        }, self.run.state.parameter
+    def _checkpoint(self) -> None:
+        """Write a checkpoint of the last output."""
+        self._checkpoints.write({"gave_up": self.solver.gave_up}, {})
 
     def _go_to_output(self, increments: Increments) -> Equilibrium | None:
         """Return the equilibrium at the next output, reached in increments; None if a bond would
         break on the way.
         """
-        run, state, told, usual = self.run, self.run.state, None, self._usual()
+        run, state, told = self.run, self.run.state, None
         while not increments.finished:
-            self._accepted, began = _Accepted(run, self.solver), run.force.evaluations
-            left = np.inf if state.failed is None else BUDGET * usual + state.failed - began
+            accepted, began = _Accepted(run, self.solver), run.force.evaluations
             try:
-                equilibrium = self._follow(increments, max(left, usual))
+                equilibrium = self._follow(increments)
             except TooSmall:
-                self._accepted.restore(run, self.solver)
+                accepted.restore(run, self.solver)
                 raise
             except FAILURES as error:
-                state.failed, spent = (
-                    state.failed or run.force.evaluations,
-                    left < run.force.evaluations - began,
-                )
+                accepted.restore(run, self.solver)
                 # After loads that carry the body away, shorter increments just below a limit load
                 # fail in less telling ways.
-                told = (
-                    told
-                    if isinstance(told, RanAway)
-                    or (told is not None and isinstance(error, OutOfPatience))
-                    else error
-                )
-                self._take_back(increments, told, error, spent)
+                told = told if isinstance(told, RanAway) else error
+                self._shorten(increments, told, error)
                 continue
             run.force.accept(run.positions)
             taken = run.force.evaluations - began
-            run.earlier = self._accepted.parameter, self._accepted.arrays["positions"]
+            run.earlier = accepted.parameter, accepted.arrays["positions"]
             if increments.accept():
                 again = (
                     f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
@@ -258,15 +189,8 @@ class Equilibria:
                 return None
         return equilibrium
 
-    def _usual(self) -> float:
-        """Return the mean number of force evaluations for an output of the run so far, or
-        `USUAL` before the first one.
-        """
-        return float(np.mean(self.run.state.costs or USUAL))
-
-    def _follow(self, increments: Increments, most: float) -> Equilibrium:
-        """Find and return the equilibrium at the end of the present increment, within `most` force
-        evaluations.
+    def _follow(self, increments: Increments) -> Equilibrium:
+        """Find and return the equilibrium at the end of the present increment.
 
         Raise an error if the equilibrium is unstable or does not continue the last one
         (`check_branch`), or if, at an output, its strains are too small for the precision.
@@ -277,13 +201,9 @@ class Equilibria:
         tolerance = run.problem.scene.solver.tolerance
         if not increments.ends:
             tolerance = max(tolerance, COARSE if run.loaded.nearly_incompressible else FINE)
-        start, self._iterate = (
-            (guess if self._iterate is None else self._best([guess, self._iterate], target)),
-            None,
-        )
-        self._path.force_at(target, start)
-        run.positions[:] = start
-        equilibrium = self._solve(target, tolerance, guess, most, increments)
+        self._path.force_at(target, guess)
+        run.positions[:] = guess
+        equilibrium = self._solve(target, tolerance, guess)
         reached = self._path.reached(target)
         run.loads.check_path(state.parameter, reached, before, run.positions)
         self._path.check_branch(reached, guess)
@@ -310,11 +230,9 @@ class Equilibria:
 
         return guesses[0] if len(guesses) == 1 else min(guesses, key=residual)
 
-    def _take_back(
-        self, increments: Increments, cause: Exception, error: Exception, spent: bool
-    ) -> None:
-        """Undo an increment that failed with an error, and shorten it for another attempt unless
-        the `BUDGET` is `spent`.
+    def _shorten(self, increments: Increments, cause: Exception, error: Exception) -> None:
+        """Shorten an increment that failed with an error and was undone, for another attempt, or
+        else make the last equilibrium an output.
 
         `cause` is the error to report: `error`, or a more telling one of an earlier, longer
         increment.
@@ -325,65 +243,31 @@ class Equilibria:
             If the increment is not shortened. The error has the type of `cause`; its message says
             which loading was reached.
         """
-        run, state = self.run, self.run.state
+        run, at, size = self.run, self.run.state.parameter, increments.size
         run.note(increments.target, failure=str(error))
         logger.info(
             "increment to %s failed and is shortened: %s", self._path.at(increments.target), error
         )
-        self._accepted.restore(run, self.solver)
-        size = increments.size
-        if not spent and increments.shorten():
+        if increments.shorten():
             return
-        if self._path.records_last:
-            self._record_reached()
         what = (
             f"the last equilibrium was found at {self._path.last()}, and none beyond with"
             f" increments down to {size:.2g}"
         )
-        if spent:
-            what += (
-                f" in the force evaluations of {BUDGET} outputs (more outputs come closer to the"
-                " limit)"
-            )
-        raise type(cause)(f"{cause}; {what} ({run.problem.reached(state.parameter)})") from cause
+        if self.stage.control is None and at != self._last_output.parameter:
+            # A state accepted at a coarse tolerance just below a limit load need not be one.
+            target, run.target = run.target, at
+            with suppress(*FAILURES):
+                self._record(self._follow(Increments(at, at, 1.0)))
+            run.target = target
+        raise type(cause)(f"{cause}; {what} ({run.problem.reached(at)})") from cause
 
-    def _record_reached(self) -> None:
-        """Solve further for the last equilibrium of a failed run, to the tolerance of an output,
-        and record it if the solver converges.
+    def _solve(self, target: float, tolerance: float, guess: np.ndarray) -> Equilibrium:
+        """Solve for equilibrium at the end `target` of an increment from `guess`, the first guess
+        of the increment.
 
-        An equilibrium that is an output or the beginning of the stage is recorded already.
-        """
-        run, state = self.run, self.run.state
-        if state.parameter in (
-            state.begin,
-            *(level[run.loading.parameter] for level in state.levels[-1:]),
-        ):
-            return
-        target, run.target = run.target, run.state.parameter
-        # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
-        with suppress(*FAILURES):
-            before = run.positions.copy()
-            equilibrium = self._solve(
-                run.target, run.problem.scene.solver.tolerance, before, BUDGET * self._usual()
-            )
-            run.loads.check_path(run.target, run.target, before, run.positions)
-            self._path.check_branch(run.target, before)
-            self._record(equilibrium)
-        run.target = target
-
-    def _solve(
-        self,
-        target: float,
-        tolerance: float,
-        guess: np.ndarray,
-        most: float,
-        increments: Increments | None = None,
-    ) -> Equilibrium:
-        """Solve for equilibrium at the end `target` of an increment from the present positions,
-        within `most` force evaluations.
-
-        Raise RanAway if loads carry a point farther than `FARTHEST` allows from `guess`, the first
-        guess of the increment. On the way write checkpoints and stop on request.
+        Raise RanAway if loads carry a point farther than `FARTHEST` allows. On the way stop on
+        request.
         """
         run, began = self.run, self.run.force.evaluations
         outputs, greatest = run.state.outputs, tolerance
@@ -404,13 +288,7 @@ class Equilibria:
             )
             done = float(outputs + done) / self.stage.outputs
             run.report("equilibrium", done, run.target, residual=residual, evaluations=evaluations)
-            self._keep_or_stop(increments)
-            taken = run.force.evaluations - began
-            if taken >= most:
-                raise OutOfPatience(
-                    f"no equilibrium was found within {taken} force evaluations, after a longer"
-                    " increment had failed"
-                )
+            self._stop_on_request()
             moved = (
                 run.body.share.greatest(np.abs(run.positions - guess))
                 if len(run.loads) > len(run.loads.obstacles)
@@ -427,22 +305,15 @@ class Equilibria:
             run.loaded, run.positions, tolerance, report, self._path.least_drive(target)
         )
 
-    def _keep_or_stop(self, increments: Increments | None) -> None:
-        """Write a checkpoint if one is due, and raise Interrupted in a run that should stop.
-
-        Ctrl-C makes a checkpoint due only if none exists yet: a run that resumes from an older one
-        repeats some work and has bitwise the same results. A time limit that has passed makes one
-        due, so that the run resumes from its present state.
+    def _stop_on_request(self) -> None:
+        """Raise Interrupted in a run that should stop, back at the last output, of which there is
+        a checkpoint then.
         """
         run = self.run
-        asked = run.interruption.asked
-        due = self._checkpoints.late or (
-            asked and (run.interruption.out_of_time or not self._checkpoints.resumable)
-        )
-        asked, due = run.body.share.total((int(asked), int(due)))
-        if due and increments is not None:
-            self.checkpoint(increments)
-        if asked:
+        if run.body.share.any(run.interruption.asked):
+            self._last_output.restore(run, self.solver)
+            if not self._checkpoints.resumable:
+                self._checkpoint()
             raise Interrupted
 
     def _record(self, equilibrium: Equilibrium) -> None:
@@ -481,17 +352,25 @@ class Equilibria:
 
 
 class _Accepted:
-    """Copy of the equilibrium from which an increment starts, and to which the run returns if
-    the increment fails.
+    """Copy of an equilibrium, to which the run returns if an increment fails, a bond would break,
+    or the run is interrupted.
     """
 
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
-        self.parameter, self.gave_up = run.state.parameter, solver.gave_up
+        self.parameter, self.earlier, self.gave_up = (
+            run.state.parameter,
+            run.earlier,
+            solver.gave_up,
+        )
         self.arrays = {key: array.copy() for key, array in run.arrays().items()}
 
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:
         """Bring a run and its solver back to this equilibrium."""
-        run.state.parameter, solver.gave_up = self.parameter, self.gave_up
+        run.state.parameter, run.earlier, solver.gave_up = (
+            self.parameter,
+            self.earlier,
+            self.gave_up,
+        )
         for key, array in run.arrays().items():
             array[:] = self.arrays[key]
         run.loading.apply(self.parameter, run.loaded, run.positions)

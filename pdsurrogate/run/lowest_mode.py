@@ -8,6 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from ..engine.threads import thread_count
 from ..forces import ForceModel
+from ..problem import compile_scene
 from ..results import Result
 from ..results.lowest_mode import LowestMode
 from ..scenes import Scene
@@ -15,42 +16,45 @@ from ..solvers.equilibrium import NotConverged
 from ..solvers.methods import EnergyMinimizer
 from ..solvers.preconditioner import preconditioner_of
 from ..solvers.stability import lowest_mode
-from .reopened import check_intact, number_of_output, place, run_in_double
+from .reopened import check_intact, number_of_output
+from .system import bound
 
 
 def lowest_mode_of(
     scene: Scene, models: Sequence[ForceModel], result: Result, level: int
 ) -> LowestMode:
     """Return the lowest mode of a result in equilibrium, see `Result.lowest_mode`; `models` are
-    those of its run.
+    those of its system.
     """
     loading = "stretch" if scene.stretched else "t"
     number = number_of_output(scene, models, result, level, "lowest_mode", "modes")
     with thread_count(None), threadpool_limits(1, user_api="blas"):
-        run = run_in_double(scene, models)
-        if not run.force.has_energy:
+        system = bound(compile_scene(scene, models), "float64")
+        if not system.force.has_energy:
             raise ValueError(
                 f"lowest_mode: {models[0].name} is a bond force without energy: use a force with"
                 " one, such as bond-energy"
             )
-        if not run.loaded.has_energy:
+        if not system.loaded.has_energy:
             raise ValueError(
-                f"lowest_mode: the loads have no energy: {run.loaded.no_energy_because}"
+                f"lowest_mode: the loads have no energy: {system.loaded.no_energy_because}"
             )
-        if run.loading.supports or run.loaded.rigid:
+        if system.loading.supports or system.loaded.rigid:
             raise ValueError(
                 "lowest_mode: the scene has rigid regions or supports between points, with which"
                 " modes are not computed"
             )
-        check_intact(run, result, number, "modes")
-        at = run.state.parameter = result.levels[number][loading]
-        place(run, run.body.points + result.displacement(number))
-        if run.loads.obstacles:  # finds their pushes
-            EnergyMinimizer(run.loading.free, run.body.volumes).solve(run.loaded, run.positions)
-        preconditioner = preconditioner_of(run.loaded, run.loading.free, bending=True)
+        check_intact(system.problem, result, number, "modes")
+        at = system.state.parameter = result.levels[number][loading]
+        system.place(system.body.points + result.displacement(number))
+        if system.loads.obstacles:  # finds their pushes
+            EnergyMinimizer(system.loading.free, system.body.volumes).solve(
+                system.loaded, system.positions
+            )
+        preconditioner = preconditioner_of(system.loaded, system.loading.free, bending=True)
         try:
             eigenvalue, error, mode = lowest_mode(
-                run.loaded, run.positions, run.loading.free, preconditioner
+                system.loaded, system.positions, system.loading.free, preconditioner
             )
         except NotConverged as problem:
             raise ValueError(f"lowest_mode at {loading} {at:g}: {problem}") from None

@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 
 from ..forces import ForceModel
-from ..ranks import communicator
 from ..results import Result
 from ..results.folder import INTERRUPTED
 from ..results.provenance import provenance
@@ -41,25 +40,27 @@ def result_of(
     residuals = [level["residual"] for level in state.levels if "residual" in level]
     if failure is not None and run.residual is not None and np.isfinite(run.residual):
         residuals.append(run.residual)
-    outside, started = force.fraction_outside, communicator().size
-    total, stress = run.body.share.total, run.problem.measures.nominal_stress
-    directed = total(run.directed_bonds())
+    outside = force.fraction_outside
+    share, bonds, stress = run.body.share, run.body.bonds, run.problem.measures.nominal_stress
+    # without bonds to images; an undirected bond counts at each end
+    within = bonds.second < len(run.body)
+    ends = np.concatenate([bonds.first[within], bonds.second[within]])
+    directed = share.total(int(share.own[ends].sum()))
     summary = {
         **run.problem.describe(),
         "force": run.contents["force"],
         "plane": force.plane,
         "thickness": 1.0,
-        "n_points": run.body.share.size,
-        "n_bonds": total(run.counted_pairs()),
+        "n_points": share.size,
+        "n_bonds": share.total(int(share.own[bonds.first].sum())),
         "n_directed_bonds": directed,
-        "n_ghost_points": total(int(run.body.share.own[run.body.ghosts.source].sum())),
+        "n_ghost_points": share.total(int(share.own[run.body.ghosts.source].sum())),
         "spacing": run.body.spacing,
         "cell_size": np.asarray(run.body.cell).tolist(),
         "horizon": run.body.horizon,
         "precision": force.precision,
         "correction": force.correction,
-        **({"ranks": run.ranks.size} if started > 1 else {}),
-        **({"ranks_waiting": started - run.ranks.size} if started > run.ranks.size else {}),
+        **({"ranks": run.ranks.size} if run.ranks.size > 1 else {}),
         "threads": run.threads,
         "status": status,
         "converged": failure is None,
@@ -73,7 +74,7 @@ def result_of(
         "fallback_fraction": outside if run.problem.settings.outside in (None, "fallback") else 0.0,
         "fraction_outside_domain": outside,
         **({"beyond_data": state.beyond_data} if state.beyond_data else {}),
-        "unsupported_points": run.unsupported_points(),
+        "unsupported_points": share.count(~force.supported),
         "levels": state.levels,
         **run.contents,
         "provenance": provenance(),

@@ -141,7 +141,7 @@ def with_numbers(
         new = type(before).from_payload(
             before.name, payload, before.domain, before.law, before.shape
         )
-        new = replace(new, stated=before.stated, members=before.members)
+        new = replace(new, stated=before.stated)
         changed = {key: new if model is before else model for key, model in changed.items()}
     if any(name in dict(leaves(data)) for name in values):
         scene = Scene.model_validate(data)

@@ -23,9 +23,6 @@ class ParameterPath:
     solver : EquilibriumSolver
     """
 
-    records_last = True
-    """Whether a run that fails between two outputs records its last equilibrium."""
-
     def __init__(self, run: Run, stage: Stage, solver: EquilibriumSolver) -> None:
         self.solver = solver
         self._run, self._stage, self._course = run, stage, run.loading.course

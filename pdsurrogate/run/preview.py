@@ -15,8 +15,6 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from scipy.linalg import null_space
-from scipy.spatial import cKDTree
 
 from ..arguments import check_kind
 from ..problem import Problem, compile_scene
@@ -25,7 +23,6 @@ from ..results import figures
 from ..scenes import Load, Part, Prescribed, Scene
 from ..scenes.regions import label_of_region
 from ..scenes.shapes import Precut
-from ..scenes.solids import DiscCut, ParallelogramCut
 
 OBSTACLE = "#8b8f98"
 """Color of obstacles."""
@@ -38,15 +35,6 @@ cells the edges would cover the picture.
 FEW = 8
 """Greatest number of points of a region that are marked by dots as well, since so few cells are
 hardly seen.
-"""
-
-SIGHT, WITHIN = 0.75, 0.6
-"""Distances in cells that decide whether a body hides a place from the eye: from the place to the
-start of the line of sight, and from this line to a point that blocks it.
-
-Over a side that faces the eye, the line of sight begins 0.77 cells or more from the nearest point,
-which is half a cell below that side; the second distance is less than that, and more than the half
-cell at which a line passes between two rows.
 """
 
 ARROW = 0.12
@@ -268,50 +256,14 @@ def _in_space(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple
             )
     for cut in (cut for cut in scene.precuts if not isinstance(cut, Precut)):
         axes.add_collection3d(
-            Poly3DCollection([_rim(cut)], facecolors=(0, 0, 0, 0.25), edgecolors="black", zorder=6)
+            Poly3DCollection(
+                [cut.edge(0.05 * (high - low).max())[0]],
+                facecolors=(0, 0, 0, 0.25),
+                edgecolors="black",
+                zorder=6,
+            )
         )
-    tree, reach = cKDTree(body.points), float(np.linalg.norm(high - low))
     for probe in scene.probes:
-        hidden = _hidden(np.array(probe.at), tree, np.asarray(body.cell).min(), reach)
-        axes.plot(
-            *([value] for value in probe.at),
-            "x",
-            color="black",
-            ms=6,
-            zorder=7,
-            alpha=0.35 if hidden else 1,
-        )
-        axes.text(
-            *probe.at,
-            f" {probe.name}{' (hidden)' if hidden else ''}",
-            zorder=8,
-            alpha=0.6 if hidden else 1,
-        )
+        axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7)
+        axes.text(*probe.at, f" {probe.name}", zorder=8)
     return figure, axes
-
-
-def _hidden(place: np.ndarray, points: cKDTree, cell: float, reach: float) -> bool:
-    """Return whether the body hides a place from the eye: whether points lie near the line of
-    sight.
-
-    The line of sight goes from the place toward the eye and is searched up to the distance `reach`.
-    `cell` is the side of a cell, in which `SIGHT`, the distance of the line's start from the place,
-    and `WITHIN`, the greatest distance of points from it, are measured.
-    """
-    way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * figures.EYE
-    return bool((points.query(place + way)[0] < WITHIN * cell).any())
-
-
-def _rim(cut: ParallelogramCut | DiscCut) -> np.ndarray:
-    """Return the corners of the polygon that shows a planar cut of a solid, shape (k, 3)."""
-    if isinstance(cut, ParallelogramCut):
-        one, other = map(np.array, cut.sides)
-        return np.array(cut.corner) + np.array([0 * one, one, one + other, other])
-    _, normal, _ = cut.plane()
-    angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)
-    return (
-        np.array(cut.center)
-        + cut.radius
-        * np.column_stack([np.cos(angles), np.sin(angles)])
-        @ null_space(np.array([normal])).T
-    )

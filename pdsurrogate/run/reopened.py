@@ -1,16 +1,15 @@
-"""Outputs of a result in equilibrium that are computed once more, in double precision on one
-rank: checks, and the run that does so.
+"""Checks of outputs of a result in equilibrium that are computed once more, in double precision
+on one rank.
 """
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from ..forces import ForceModel
+from ..problem import Problem
 from ..ranks import communicator
 from ..results import Result
 from ..scenes import Scene
-from .run import Run
+from .damage import Damage
 
 
 def check_models(
@@ -62,29 +61,19 @@ def number_of_output(
     return number
 
 
-def run_in_double(scene: Scene, models: Sequence[ForceModel]) -> Run:
-    """Return a run of a scene, at rest, in double precision."""
-    run = Run(scene, models)
-    if run.force.precision != "float64":
-        run.take_double()
-    return run
-
-
-def check_intact(run: Run, result: Result, number: int, what: str) -> None:
+def check_intact(problem: Problem, result: Result, number: int, what: str) -> None:
     """Raise ValueError if bonds are broken at an output."""
     # Bonds that a precut has cut are damage of the undeformed body as well; single precision of
     # files leaves 1e-7.
+    critical = problem.critical_stretches
     if (
-        run.damage is not None
-        and (result.field("damage", number) > run.damage.at_points() + 1e-6).any()
+        critical is not None
+        and (
+            result.field("damage", number)
+            > Damage(problem.body, critical.of_pairs()).at_points() + 1e-6
+        ).any()
     ):
         raise ValueError(
             f"level: bonds are broken at output {number}; {what} are those of bodies whose bonds"
             " are intact"
         )
-
-
-def place(run: Run, positions: np.ndarray) -> None:
-    """Bring a run to given positions (n, d), with its supports and loads in their places."""
-    run.positions[:] = positions
-    run.loading.apply(run.state.parameter, run.loaded, run.positions)

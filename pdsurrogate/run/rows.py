@@ -97,7 +97,7 @@ def state_columns(run: Run) -> dict[str, float]:
     displacements where supports and loads act.
     """
     found = component_columns("displacement", displacements_by_name(run)) | run.probes.columns(
-        run.positions - run.body.points
+        run.positions - run.body.points, run.loads.planes_moved
     )
     for name, contact in contact_by_name(run).items():
         found |= {f"contact_{kind}_{name}": value for kind, value in contact.items()}
@@ -208,12 +208,13 @@ def output_row(
             row |= run.ranks.to_all(
                 None
                 if displacements is None
-                else _lateral(run.whole, displacements, declared.lateral, box)
+                else _lateral(run.problem.whole, displacements, declared.lateral, box)
             )
     if run.measures_cracks and costly:
         row["cracks"] = crack_rows(run)
     if len(run.probes) and costly:
-        row["probes"] = run.probes.read(measures.PointState(run.force, run.positions))
+        state = measures.PointState(run.force, run.positions)
+        row["probes"] = run.probes.read(state, run.loads.planes_moved)
     for key, reference in declared.reference(run.state.parameter).items():
         if key in row:
             row[f"{key}_reference"] = float(reference)

@@ -2,19 +2,19 @@
 parameters of the scene.
 """
 
-import copy
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..body import fields_at
+from ..body import Following, fields_at
 from ..engine.threads import thread_count
 from ..forces import ForceModel
 from ..materials.covariance import with_numbers_of
+from ..problem import compile_scene
 from ..scenes import Scene
 from ..scenes.reading import leaves
 from ..solvers.control import ControlledForce, DisplacementControl
@@ -24,9 +24,8 @@ from ..solvers.nearest_bonds import strain_rounding
 from ..solvers.tangent import COARSE, FINE, TangentEquations, central_difference
 from .controlled import control_of
 from .parameters import array_of, laws_of, names_below, numbers_in, with_numbers
-from .reopened import place, run_in_double
 from .rows import output_row
-from .run import Run
+from .system import System, bound
 
 STEP, STEP_OF_LAWS = 1e-6, 1e-4
 """Changes of parameters in central differences, relative to the value or to the greatest number of
@@ -171,55 +170,47 @@ class _Change:
     rounding: float
 
 
+@dataclass(frozen=True)
 class Differentiated:
     """Scene on a body that is built once, whose equilibria are solved and differentiated by
     parameters, in double precision on one rank.
 
-    Parameters
-    ----------
-    scene : Scene
-    models : sequence of ForceModel
-        As from `checked_models`.
-    places : ndarray, shape (k, d), optional
-        Undeformed places whose displacements are measured besides the outputs.
-
     Attributes
     ----------
+    system : System
+        Body of the scene in the present state.
     numbers : dict of float
         Values of the possible parameters by name: numbers of the scene below `PLACES`, and numbers
         of the arrays of learned models, such as ``"force.output_weights.3"`` or, for the model of a
         region, ``"materials.0.force.coefficients.0.2.1"``.
-    run : Run
-        Run of the scene in the present state.
-    at_places : tuple of sparse array, shape (k, n)
-        For each axis, the weights of the points' displacements in those at `places`.
+    at_places : Following or None
+        Map from the displacements of the points to those at places that are measured besides the
+        outputs.
     control : str or None
         Key of the displacement that the step of the equilibrium controls, so that the loading
         parameter t is an unknown.
     """
 
+    system: System
+    numbers: dict[str, float]
+    at_places: Following | None = None
     control: str | None = None
 
-    def __init__(
-        self, scene: Scene, models: Sequence[ForceModel], places: np.ndarray | None = None
-    ) -> None:
-        with thread_count(None):
-            self.run = run = run_in_double(scene, models)
-        self.at_places = (
-            () if places is None else fields_at(run.body, places, run.force.portion_of)[0]
-        )
-        self.numbers = numbers_in(scene, models)
+    def moved_places(self, displacements: np.ndarray, parameter: float) -> np.ndarray:
+        """Return the displacements (k, d) at places that are measured, from those of the points
+        (n, d) at a value of the loading parameter.
+        """
+        if self.at_places is None:
+            return np.empty((0, displacements.shape[1]))
+        loading = self.system.loading
+        planes = loading.planes_at(parameter) - loading.loads.at_rest
+        return self.at_places(displacements, planes)
 
     def changed(self, values: Mapping[str, float]) -> "Differentiated":
         """Return the scene with other values of parameters, by name, on the same body."""
-        scene, models = with_numbers(self.run.problem.scene, self.run.problem.models, values)
-        other = Differentiated.__new__(Differentiated)
-        other.run, other.at_places = (
-            self.run.beside(scene, models, self.run.state.parameter),
-            self.at_places,
-        )
-        other.numbers = self.numbers | values
-        return other
+        problem, at = self.system.problem, self.system.state.parameter
+        system = self.system.beside(*with_numbers(problem.scene, problem.models, values), at)
+        return replace(self, system=system, numbers=self.numbers | values)
 
     def jacobian(
         self,
@@ -257,81 +248,61 @@ class Differentiated:
             If there is no such output.
         """
         with thread_count(None), threadpool_limits(1, user_api="blas"):
-            run, loading = self.run, self.run.loading
-            run.state.parameter = at
-            place(run, run.body.points + displacements)
-            tolerance = max(
-                BALANCED, ROUNDED_STRAIN * self.contrast * strain_rounding(run.body, run.positions)
+            system = self.system
+            system.state.parameter = at
+            system.place(system.body.points + displacements)
+            rounding = strain_rounding(system.body, system.positions)
+            settings = (
+                system.loading.free,
+                system.body.volumes,
+                max(BALANCED, ROUNDED_STRAIN * self.contrast * rounding),
             )
-            if control is not None:
-                return self._controlled(control, tolerance, outputs, parameters)
-            solver = Newton(loading.free, run.body.volumes, tolerance)
-            solver.solve(run.loaded, run.positions)
-            measured = self.measured(run.positions)
-            names = [
-                *names_below(outputs, measured),
-                *(name for name in measured if name.startswith("places.")),
-            ]
+            if control is None:
+                solver = Newton(*settings)
+                solver.solve(system.loaded, system.positions)
+                return self._jacobian(outputs, parameters, solver)
+            controlled = DisplacementControl(control_of(system, control), *settings)
+            controlled.solve(system.loaded, system.positions)
+            system = replace(system, loaded=controlled.controlled(system.loaded))
+            return replace(self, system=system, control=control)._jacobian(outputs, parameters)
+
+    def _jacobian(
+        self, outputs: Sequence[str], parameters: Sequence[str], solver: Newton | None = None
+    ) -> Jacobian:
+        """Return measurements and derivatives in the present equilibrium, which `solver` has found,
+        or which is one at a controlled displacement.
+
+        The force of the latter has the factor of the loads at which the weighted forces vanish, and
+        no direction of its equations changes the controlled displacement: they are the bordered
+        system of theory (73c), regular at a limit load.
+        """
+        system, loaded, positions = self.system, self.system.loaded, self.system.positions
+        measured, gradients, along = self.evaluated(positions)[0], None, None
+        names = [
+            *names_below(outputs, measured),
+            *(name for name in measured if name.startswith("places.")),
+        ]
+        if solver is None:
+            self.numbers[self.control] = measured[self.control]
+            equations, along = loaded.equations(positions), loaded.along()
+        else:
             few = 0 < len(names) < len(parameters) and self.contrast <= MOST_CONTRAST
-            few = few and not run.loads.obstacles  # whose pushes follow forward solutions
-            gradients = self._gradients(names) if few else None
-            moved = None if gradients else np.empty((len(parameters), *run.positions.shape))
-            derivatives, errors = np.empty((2, len(names), len(parameters)))
+            if few and not system.loads.obstacles:  # whose pushes follow forward solutions
+                gradients = self._gradients(names)
             if parameters:
-                equations = solver.equations(run.loaded, run.positions)
-            if gradients:
-                derivatives, errors = self._adjoint(equations, gradients, names, parameters)
-            else:
-                for number, name in enumerate(parameters):
-                    found = self._forward(equations, self._change(name), names)
-                    derivatives[:, number], moved[number], errors[:, number] = found
+                equations = solver.equations(loaded, positions)
+        moved = None if gradients else np.empty((len(parameters), *positions.shape))
+        derivatives, errors = np.empty((2, len(names), len(parameters)))
+        if gradients:
+            derivatives, errors = self._adjoint(equations, gradients, names, parameters)
+        else:
+            for number, name in enumerate(parameters):
+                change = self._change(name, (), along if name == self.control else None)
+                found = self._forward(equations, change, names)
+                derivatives[:, number], moved[number], errors[:, number] = found
         values = np.array([measured[name] for name in names])
         return Jacobian(
-            tuple(names), values, derivatives, run.positions - run.body.points, moved, errors
-        )
-
-    def _controlled(
-        self, control: str, tolerance: float, outputs: Sequence[str], parameters: Sequence[str]
-    ) -> Jacobian:
-        """Return the measurements and derivatives of `jacobian` at a controlled displacement, of a
-        run near the equilibrium.
-
-        The force has the factor of the loads at which the weighted forces vanish, also beside the
-        equilibrium, and no direction of the equations changes the controlled displacement: they are
-        the bordered system of theory (73c), regular at a limit load.
-        """
-        body, run = copy.copy(self), copy.copy(self.run)
-        solver = DisplacementControl(
-            control_of(run, control), run.loading.free, run.body.volumes, tolerance
-        )
-        solver.solve(run.loaded, run.positions)
-        body.control, body.run, run.loaded = control, run, solver.controlled(run.loaded)
-        measured = body.measured(run.positions)
-        body.numbers = self.numbers | {control: measured[control]}
-        return body.jacobian_at_control(
-            control, measured, names_below(outputs, measured), parameters
-        )
-
-    def jacobian_at_control(
-        self, control: str, measured: dict[str, float], names: list[str], parameters: Sequence[str]
-    ) -> Jacobian:
-        """Return measurements and derivatives, where the force of the run has the factor of the
-        loads as an unknown.
-        """
-        run = self.run
-        equations, along = run.loaded.equations(run.positions), run.loaded.along()
-        moved, (derivatives, errors) = (
-            np.empty((len(parameters), *along.shape)),
-            np.empty((2, len(names), len(parameters))),
-        )
-        for number, name in enumerate(parameters):
-            change = self._change(name, (), along if name == control else None)
-            derivatives[:, number], moved[number], errors[:, number] = self._forward(
-                equations, change, names
-            )
-        values = np.array([measured[name] for name in names])
-        return Jacobian(
-            tuple(names), values, derivatives, run.positions - run.body.points, moved, errors
+            tuple(names), values, derivatives, positions - system.body.points, moved, errors
         )
 
     def _forward(
@@ -358,15 +329,15 @@ class Differentiated:
         ):  # loads answer to a unit of stress, and the body rests
             least = (
                 RESTING
-                * float(np.abs(self.run.positions - self.run.body.points).max())
+                * float(np.abs(self.system.positions - self.system.body.points).max())
                 / abs(self.numbers[change.name])
             )
         for number in range(MOST_ROUNDS):
             moved += equations.displacements(left, ROUGH, change.rounding)
             along = self._change(change.name, names, moved, pushes)
             left = along.forces
-            if self.run.loads.obstacles:
-                left = left + self.run.loaded.of_contact(along.pushes - pushes)
+            if self.system.loads.obstacles:
+                left = left + self.system.loaded.of_contact(along.pushes - pushes)
                 pushes = along.pushes
             (wrong, size), before = equations.estimate(left), size
             share = float(np.abs(wrong).max()) / max(float(np.abs(moved).max()), least)
@@ -399,7 +370,7 @@ class Differentiated:
         those of the change of a parameter. By the inequality of Cauchy and Schwarz it is at most
         the product of the roots of the work of both on their own displacements.
         """
-        free = self.run.loading.free
+        free = self.system.loading.free
         # The reactions of all supports change together if all free points move alike.
         equations.learn(np.broadcast_to(axis, free.shape) for axis in np.eye(free.shape[1]))
         solutions = [equations.displacements(each, ROUGH) for each in gradients]
@@ -444,7 +415,7 @@ class Differentiated:
     @property
     def contrast(self) -> float:
         """Greatest K/mu of the materials of a nearly incompressible body, else 1."""
-        force = self.run.force
+        force = self.system.force
         return (
             max(law.bulk_modulus / law.shear_modulus for law, _ in force.laws)
             if force.nearly_incompressible
@@ -458,35 +429,32 @@ class Differentiated:
         """
         if self.contrast <= STIFF:
             return COARSE
-        return CAREFUL if self.run.loads.obstacles else FINE
+        return CAREFUL if self.system.loads.obstacles else FINE
 
     @property
     def fine(self) -> bool:
         """Whether differences are of fourth order."""
         return self.width > COARSE
 
-    def measured(self, positions: np.ndarray) -> dict[str, float]:
-        """Return the measurements at given positions (n, d), by dotted key, with the
-        displacements at `places` as the last ones.
-        """
-        return self.evaluated(positions)[0]
-
     def evaluated(self, positions: np.ndarray) -> tuple[dict[str, float], np.ndarray]:
-        """Return the measurements as `measured` does, and the forces (n, d)."""
-        forces = _forces(self.run, positions)[1]
+        """Return the measurements at given positions (n, d), by dotted key, with the displacements
+        at places as the last ones; and the forces (n, d).
+        """
+        forces = _forces(self.system, positions)[1]
         return self._read(), forces
 
     def _read(self, costly: bool = True) -> dict[str, float]:
-        """Return the measurements where the force was last evaluated, see `measured`; `costly`
+        """Return the measurements where the force was last evaluated, see `evaluated`; `costly`
         as for `output_row`.
         """
-        run, displacements = self.run, self.run.positions - self.run.body.points
-        row = {"probes": run.probes.displacements(displacements)} | output_row(run, costly=costly)
+        system, displacements = self.system, self.system.positions - self.system.body.points
+        probes = system.probes.displacements(displacements, system.loads.planes_moved)
+        row = {"probes": probes} | output_row(system, costly=costly)
         found = {key: value for key, value in leaves(row) if isinstance(value, float)}
-        moved = [rows @ displacements[:, axis] for axis, rows in enumerate(self.at_places)]
+        moved = self.moved_places(displacements, system.state.parameter)
         return found | {
             f"places.{place}.{axis}": float(u)
-            for place, each in enumerate(zip(*moved, strict=True))
+            for place, each in enumerate(moved)
             for axis, u in enumerate(each)
         }
 
@@ -503,23 +471,24 @@ class Differentiated:
         Free components move at the rates `moved` (n, d); with None they rest. The pushes of
         obstacles change at the rates `pushes` (places, obstacles).
         """
-        run, fine = self.run, self.fine or name.endswith("bulk_modulus")
+        system, fine = self.system, self.fine or name.endswith("bulk_modulus")
         value, step = self._step(name, fine, moved is not None)
         if moved is not None:
             step = min(
                 step,
                 (max(self.width, CAREFUL) if fine else COARSE)
-                * run.body.spacing
+                * system.body.spacing
                 / max(np.abs(moved).max(), 1e-300),
             )
         sizes: list[float] = []
 
         def state(way: float) -> np.ndarray:
             with self._beside(name, value + way) as side:
-                loads = side.run.loads
-                loads.pushes[:] = run.loads.pushes + way * pushes
+                loads = side.system.loads
+                loads.pushes[:] = system.loads.pushes + way * pushes
                 positions, forces = _forces(
-                    side.run, run.positions if moved is None else run.positions + way * moved
+                    side.system,
+                    system.positions if moved is None else system.positions + way * moved,
                 )
                 sizes.append(float(np.linalg.norm(forces)))
                 pushed = loads.pushed(positions, loads.pushes)
@@ -527,12 +496,15 @@ class Differentiated:
                 return np.concatenate([each.ravel() for each in found])
 
         rates = central_difference(state, step, fine)
-        place(run, run.positions)  # planes of reflection have moved
-        size, shape = run.positions.size, run.loads.pushes.shape
+        system.place(system.positions)  # planes of reflection have moved
+        size, shape = system.positions.size, system.loads.pushes.shape
         motion, forces, found, measured = np.split(
-            rates, np.cumsum([size, size, run.loads.pushes.size])
+            rates, np.cumsum([size, size, system.loads.pushes.size])
         )
-        motion, forces = motion.reshape(run.positions.shape), forces.reshape(run.positions.shape)
+        motion, forces = (
+            motion.reshape(system.positions.shape),
+            forces.reshape(system.positions.shape),
+        )
         return _Change(
             name, motion, forces, found.reshape(shape), measured, ROUNDED * max(sizes) / step
         )
@@ -555,19 +527,21 @@ class Differentiated:
         beside it by a tenth of the change: energies are linear in all numbers with such a range,
         and the thickness of a sheet nearly so.
         """
-        run, array = self.run, array_of(name, self.run.problem.models)
-        value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
+        system, array = self.system, array_of(name, self.system.problem.models)
+        value = system.state.parameter if name == system.loading.parameter else self.numbers[name]
         owner, _, last = name.rpartition(".")
         scale = abs(value) if array is None else float(np.abs(array).max())
         if name == self.control:
-            return value, (STEP_OF_LAWS * (WIDER if fine else 1.0)) * max(scale, run.body.spacing)
+            return value, (STEP_OF_LAWS * (WIDER if fine else 1.0)) * max(
+                scale, system.body.spacing
+            )
         if array is None and owner.startswith("material") and last.isdigit():
             scale = max(
                 abs(number)
                 for key, number in self.numbers.items()
                 if key.rpartition(".")[0] == owner
             )
-            scale = scale or laws_of(run.problem.scene)[owner.rpartition(".")[0]].shear_modulus
+            scale = scale or laws_of(system.problem.scene)[owner.rpartition(".")[0]].shear_modulus
             step = min(STEP_OF_LAWS * scale, max(LEAST_STEP * scale, abs(value) / 2))
             return value + (np.copysign(step, value) if step > abs(value) / 2 else 0.0), step
         of_law = array is None and owner.endswith("material")
@@ -577,9 +551,13 @@ class Differentiated:
         if not of_law:
             return value, change * (
                 scale
-                or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing)
+                or (
+                    system.problem.law.shear_modulus
+                    if name.startswith("loads")
+                    else system.body.spacing
+                )
             )
-        law, step = laws_of(run.problem.scene)[owner], change * (scale or 1.0)
+        law, step = laws_of(system.problem.scene)[owner], change * (scale or 1.0)
         for middle, width in (
             (value, step),
             (value + step / 10, step / 10),
@@ -599,20 +577,16 @@ class Differentiated:
         """Provide the scene with another value of one parameter, or of the loading parameter,
         with the force of this one in the block.
         """
-        run, (scene, models), at = (
-            self.run,
-            (self.run.problem.scene, self.run.problem.models),
-            self.run.state.parameter,
-        )
-        if name == run.loading.parameter:
+        system, problem, at = self.system, self.system.problem, self.system.state.parameter
+        scene, models = problem.scene, problem.models
+        if name == system.loading.parameter:
             at = value
         elif name != self.control:  # the controlled displacement changes with the positions
             scene, models = with_numbers(scene, models, {name: value})
-        other = copy.copy(self)
-        with run.lending_force(scene, models, at) as other.run:
+        with system.lending_force(scene, models, at) as other:
             if self.control is not None:
-                other.run.loaded = run.loaded.beside(other.run.loaded)
-            yield other
+                other.loaded = system.loaded.beside(other.loaded)
+            yield replace(self, system=other)
 
     def _gradients(self, names: Sequence[str]) -> list[np.ndarray] | None:
         """Return the derivatives (n, d) of measurements by the positions of free components.
@@ -621,29 +595,29 @@ class Differentiated:
         stress and energy; None if another one is asked for, or if the tangent is not symmetric, as
         that of bond forces.
         """
-        run, found = self.run, []
-        if not run.loaded.has_energy or run.loading.supports or run.loaded.rigid:
+        system, found = self.system, []
+        if not system.loaded.has_energy or system.loading.supports or system.loaded.rigid:
             return None
         for name in names:
-            gradient = np.zeros_like(run.positions)
+            gradient = np.zeros_like(system.positions)
             if place := re.fullmatch(r"places\.(\d+)\.(\d)", name):
                 number, axis = map(int, place.groups())
-                gradient[:, axis] = self.at_places[axis][[number]].toarray()[0]
+                gradient[:, axis] = self.at_places.component(axis)[[number]].toarray()[0]
             elif place := re.fullmatch(r"probes\.(.+)\.displacement\.(\d)", name):
                 axis = int(place[2])
-                gradient[:, axis] = run.probes.weights(place[1])[axis].toarray()[0]
+                gradient[:, axis] = system.probes.weights(place[1], axis)
             elif name == "energy":
-                _forces(run, run.positions)
-                gradient = -run.loading.internal_forces(run.force)
+                _forces(system, system.positions)
+                gradient = -system.loading.internal_forces(system.force)
             elif name == "nominal_stress":
-                stress = run.problem.measures.nominal_stress
-                unit = np.zeros((len(run.loading.names), run.body.dimension))
+                stress = system.problem.measures.nominal_stress
+                unit = np.zeros((len(system.loading.names), system.body.dimension))
                 unit[stress.number, stress.axis] = 1.0
                 gradient = stress.of(unit) * self._stiffness(stress.number, stress.axis)
             elif (place := re.fullmatch(r"forces\.(.+)\.(\d)", name)) and place[
                 1
-            ] not in run.loads.by_name(run.positions, run.loaded.thickness()):
-                gradient = self._stiffness(run.loading.names.index(place[1]), int(place[2]))
+            ] not in system.loads.by_name(system.positions, system.loaded.thickness()):
+                gradient = self._stiffness(system.loading.names.index(place[1]), int(place[2]))
             else:
                 return None
             found.append(gradient)
@@ -655,34 +629,51 @@ class Differentiated:
         As K is symmetric, it is minus the derivative of the forces by a displacement of the
         support.
         """
-        run, loading = self.run, self.run.loading
+        system, loading = self.system, self.system.loading
         holders, points, axes = loading.counted
         chosen = (holders == holder) & (axes == axis)
 
         def forces_at(change: float) -> np.ndarray:
-            moved, forces = run.positions.copy(), np.empty_like(run.positions)
-            loading.hold(run.state.parameter, run.loaded, moved)
+            moved, forces = system.positions.copy(), np.empty_like(system.positions)
+            loading.hold(system.state.parameter, system.loaded, moved)
             moved[points[chosen], axes[chosen]] += change
             for part in loading.held:
                 if part.plane is not None and part.holder == holder and axis in part.components:
-                    motion = loading.plane_motions(run.state.parameter)[part.plane].copy()
+                    motion = loading.plane_motions(system.state.parameter)[part.plane].copy()
                     motion[axis, -1] += change
-                    run.loaded.move_plane(part.plane, motion[:, -1])
-            run.loaded(moved, forces)
+                    system.loaded.move_plane(part.plane, motion[:, -1])
+                    system.loads.planes[part.plane] += (
+                        change * system.loads.normals[part.plane, axis]
+                    )
+            system.loaded(moved, forces)
             return forces
 
-        found = -central_difference(forces_at, self.width * run.body.spacing, self.fine)
-        loading.hold(run.state.parameter, run.loaded, run.positions)
+        found = -central_difference(forces_at, self.width * system.body.spacing, self.fine)
+        loading.hold(system.state.parameter, system.loaded, system.positions)
         return found
 
 
-def _forces(run: Run, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def differentiated(
+    scene: Scene, models: Sequence[ForceModel], places: np.ndarray | None = None
+) -> Differentiated:
+    """Return a scene at rest, to be differentiated; `models` are as from `checked_models`, and
+    `places` (k, d) undeformed ones whose displacements are measured besides the outputs.
+    """
+    with thread_count(None):
+        system = bound(compile_scene(scene, models), "float64")
+    at_places = None
+    if places is not None:
+        at_places, _ = fields_at(system.body, places, system.force.portion_of)
+    return Differentiated(system, numbers_in(scene, models), at_places)
+
+
+def _forces(system: System, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return positions with the supports of a run in their places, and the forces there; the run
     is at these positions then.
     """
-    place(run, positions)
+    system.place(positions)
     forces = np.empty_like(positions)
-    run.loaded(run.positions, forces)
-    if isinstance(run.loaded, ControlledForce):
-        run.state.parameter = run.loaded.factor
-    return run.positions.copy(), forces
+    system.loaded(system.positions, forces)
+    if isinstance(system.loaded, ControlledForce):
+        system.state.parameter = system.loaded.factor
+    return system.positions.copy(), forces

@@ -8,7 +8,6 @@ import logging
 import math
 import time
 import warnings
-from collections.abc import Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -30,7 +29,6 @@ from ..forces import (
     OwnForceInvalid,
     is_own_force,
 )
-from ..problem import compile_scene
 from ..problem.materials import checked_models, scene_errors
 from ..progress import COMPILING, event
 from ..ranks import Communicator, communicator
@@ -42,12 +40,10 @@ from ..results.folder import (
     FAILED,
     INTERRUPTED,
     RUNNING,
-    check_names,
     check_room,
     make_room,
     occupied,
 )
-from ..results.states import States
 from ..results.tables import write_tables
 from ..scenes import Scene, SceneError, load_scene
 from ..solvers.conditions import FoldedOver
@@ -63,10 +59,9 @@ from ..solvers.equilibrium import (
 from ..solvers.obstacles import Obstructed
 from .checkpoints import Record
 from .interruption import Interrupted, Interruption
-from .outcome import methods_of, result_of
+from .outcome import result_of
 from .run import Run
 from .stages import SinglePrecisionLeft, go
-from .waiting import RanksWait, note_of_waiting, working_ranks
 
 if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
@@ -286,55 +281,10 @@ def simulate(
     folder = None if folder is None else Path(folder)
     own = folder if ranks.rank == 0 else None  # of the rank that writes
     with ranks.together():  # before any work
-        count = working_ranks(scene, ranks)
         if own and resume:
-            check_names(own, scene.name, resumed=True)
             remove_leftovers(own)
         elif own:
             check_room(own, contents_of(scene, models), overwrite)
-    working = ranks.first(count)
-    if ranks.rank >= count:
-        return _elsewhere(ranks, scene, models)
-    try:
-        result = _on_these_ranks(
-            working,
-            scene,
-            models,
-            began,
-            threads=threads,
-            folder=folder,
-            resume=resume,
-            overwrite=overwrite,
-            max_time=max_time,
-        )
-    except Exception as error:
-        if ranks.rank == 0:
-            ranks.tell(
-                range(count, ranks.size),
-                (type(error), str(error), getattr(error, "out_of_time", None), _numbers_of(error)),
-            )
-        raise
-    if ranks.rank == 0:
-        ranks.tell(range(count, ranks.size), (None, None, None, _numbers_of(result)))
-    return result
-
-
-def _on_these_ranks(
-    ranks: Communicator,
-    scene: Scene,
-    models: Sequence[ForceModel],
-    began: float,
-    *,
-    threads: int | None,
-    folder: Path | None,
-    resume: bool,
-    overwrite: bool,
-    max_time: float | None,
-) -> Result:
-    """Run a scene on the ranks that work on it, and return the result; arguments as of
-    `simulate`, and errors as from the run on.
-    """
-    model, own = models[0], folder if ranks.rank == 0 else None
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(own) if own else nullcontext()
     announce = None if ranks.rank else partial(event, COMPILING, 0, 1)
@@ -344,15 +294,9 @@ def _on_these_ranks(
         threadpool_limits(1, user_api="blas"),
         compilation_clock(announce) as clock,
     ):
-        run, world = Run(scene, models, folder, threads and most, ranks), communicator()
-        if ranks.rank == 0 and ranks.size < world.size:
-            warnings.warn(
-                note_of_waiting(run.body.share.size, ranks.size, world.size),
-                RanksWait,
-                stacklevel=3,
-            )
+        run = Run(scene, models, folder, threads and most)
         until = math.inf if max_time is None else began + max_time
-        run.interruption = interruption = Interruption(until, world.size == 1, world.asked)
+        run.interruption = interruption = Interruption(until, ranks.size == 1)
         size = len(run.body), len(run.body.bonds.first), run.threads
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
@@ -362,6 +306,7 @@ def _on_these_ranks(
             begun = result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
             if own:
                 run.keep_tables = Record(run, begun.summary).keep_if_due
+                run.keep_tables()  # by which the folder is known as that of this run
 
         def ended(message: str | None, status: str) -> Result:
             result = result_of(run, clock.seconds, began, message, status)
@@ -393,42 +338,6 @@ def _on_these_ranks(
         return ended(None, DONE)
 
 
-def _numbers_of(ended: Result | Exception) -> tuple | None:
-    """Return what ranks without work learn of a result, or of that of a run that failed; None
-    for an error without a result.
-    """
-    result = ended.result if isinstance(ended, SimulationFailed) else ended
-    return (
-        (result.summary, result.history, result.states.moments, result.convergence)
-        if isinstance(result, Result)
-        else None
-    )
-
-
-def _elsewhere(ranks: Communicator, scene: Scene, models: Sequence[ForceModel]) -> Result:
-    """Wait for a run that other ranks carry out, and return its result without fields, or raise
-    its error, as on these ranks.
-    """
-    interruption = Interruption(insists=False)
-    with interruption:
-        kind, message, out_of_time, numbers = ranks.hear(lambda: interruption.asked)
-    if numbers is None:
-        raise kind(message)
-    summary, history, moments, convergence = numbers
-    result = Result(
-        scene,
-        compile_scene(scene, models).body,
-        summary,
-        history,
-        States(moments),
-        convergence,
-        **methods_of(scene, models),
-    )
-    if kind is None:
-        return result
-    raise kind(message, result, *([] if out_of_time is None else [out_of_time]))
-
-
 def _warn_of_domain(run: Run, share: float) -> None:
     """Warn if a `share` of the bond evaluations was outside the surrogate's domain, with the
     greatest number of bonds at once.
@@ -445,7 +354,7 @@ def _warn_of_domain(run: Run, share: float) -> None:
             f"{100 * share:.2g} % of the bond evaluations were outside the surrogate's domain,"
             f" where {instead}"
         )
-        warnings.warn(f"{what} (at most {most} bonds at once)", OutsideDomainWarning, stacklevel=5)
+        warnings.warn(f"{what} (at most {most} bonds at once)", OutsideDomainWarning, stacklevel=4)
 
 
 def _refuse_different(

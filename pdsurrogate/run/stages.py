@@ -82,7 +82,7 @@ def _begin(run: Run) -> float:
     return (
         run.state.parameter
         if stage is None or stage.control is None
-        else displacement_of(run, stage)
+        else displacement_of(run, stage, run.positions)
     )
 
 
@@ -93,7 +93,7 @@ def _take_double(run: Run, error: TooSmall) -> None:
     reason = f"{error}: from here on, forces are evaluated in double precision"
     run.note(run.state.parameter, reason=reason)
     if run.ranks.rank == 0:
-        warnings.warn(f"{run.loading.at(run.target)}: {reason}", SinglePrecisionLeft, stacklevel=5)
+        warnings.warn(f"{run.loading.at(run.target)}: {reason}", SinglePrecisionLeft, stacklevel=4)
     run.take_double()
     run.loading.apply(run.state.parameter, run.loaded, run.positions)
 
@@ -123,7 +123,7 @@ def _dynamics_after(run: Run) -> int:
             f"a bond would break in equilibrium between {begin} and {run.loading.at(run.target)}:"
             f" the dynamics start at {begin}, the last output; add outputs before the break to"
             " start closer to it",
-            stacklevel=5,
+            stacklevel=4,
         )
     return following[0]
 

@@ -20,14 +20,6 @@ class State:
         Time that earlier stages in dynamics took.
     steps : int
         Steps in dynamics.
-    failed : int or None
-        Number of force evaluations of the run when an attempt at the present output had first
-        failed; None if none has.
-    begun : int
-        Number of force evaluations of the run when the search for the present output in equilibrium
-        began.
-    costs : list of int
-        Force evaluations for every output in equilibrium so far.
     greatest_drive : float
         Greatest sum of the magnitudes of loads or reactions (`Equilibrium.drive`) of the outputs so
         far.
@@ -49,11 +41,8 @@ class State:
     outputs: int = 0
     elapsed: float = 0.0
     steps: int = 0
-    failed: int | None = None
-    begun: int = 0
     greatest_drive: float = 0.0
     crack: dict | None = None
-    costs: list[int] = field(default_factory=list)
     dynamics: list[dict] = field(default_factory=list)
     levels: list[dict] = field(default_factory=list)
     history: list[dict] = field(default_factory=list)

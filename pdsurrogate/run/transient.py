@@ -12,7 +12,6 @@ import numpy as np
 
 from ..forces import InvalidState
 from ..problem import Stage
-from ..problem.conditions import MOST_STEPS
 from ..results.checkpoint import Checkpoint
 from ..solvers.dynamics import ExplicitDynamics
 from ..solvers.equilibrium import Diverging
@@ -118,18 +117,6 @@ class Transient:
         self._limit_step()
         if run.velocities is None:
             integrator.center()
-        if motion.duration > MOST_STEPS * integrator.time_step:
-            duration, key = (
-                run.problem.scene.units.amount(motion.duration, "time", ".3g"),
-                self.stage.key,
-            )
-            many = (
-                f"a duration of {duration} in time steps of {integrator.time_step:.3g} needs more"
-                f" than {MOST_STEPS:.0e} steps"
-            )
-            raise Diverging(
-                f"{many}; check the units of {key}.density and {key}.{self.stage.inertia.pace}"
-            )
         run.state.dynamics.append({"step": run.state.stage, "viscosity": float(self.viscosity)})
         self._row(first=True)
 
@@ -186,7 +173,7 @@ class Transient:
                 self._last_row()
                 raise Interrupted
         if self._books.closes and run.state.dynamics[-1]["remark"] and run.ranks.rank == 0:
-            warnings.warn(run.state.dynamics[-1]["remark"], stacklevel=5)
+            warnings.warn(run.state.dynamics[-1]["remark"], stacklevel=4)
         return True
 
     def _time_due(self, outputs: int) -> float:
@@ -287,7 +274,7 @@ class Transient:
         """
         run, books, stress = self.run, self._books, self.run.problem.measures.nominal_stress
         reactions, kinetic = (
-            run.loading.reactions(run.force, self.integrator.forces),
+            run.loading.reactions(run.loaded, self.integrator.forces),
             books.kinetic_energy(),
         )
         forces = forces_by_name(run, reactions)
@@ -307,7 +294,7 @@ class Transient:
         if run.state.crack is not None:
             row |= {
                 "broken_bonds": run.state.crack["broken_bonds"],
-                "free_points": run.unsupported_points(),
+                "free_points": run.body.share.count(~run.force.supported),
             }
         run.state.history.append(row)
         run.state.dynamics[-1] |= books.entries()

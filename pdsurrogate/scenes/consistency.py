@@ -2,30 +2,27 @@
 the wrong part.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..arguments import suggestion
 from .amplitudes import amplitude_of
 from .loading import controlled_place
+from .model import SceneData
+from .obstacles import Obstacle
 from .regions import FACES, Region, edge_names, label_of_region, references_in, reserved_names
 from .shapes import Mesh
 from .solids import Extrusion, Prism
 from .strict_model import vectors_in
 from .tip_diameter import tip_diameters_in
 
-if TYPE_CHECKING:
-    from .model import Scene
-
 MOST_INCREMENTS = 100_000
 """Greatest number of increments of a step; more would run for days on the smallest body."""
 
 
-def check_consistency(scene: Scene) -> None:
+def check_consistency(scene: SceneData) -> None:
     """Raise ValueError if the parts of a scene, each valid alone, do not fit together, such as a
     shape of the plane in a solid body.
     """
@@ -44,7 +41,7 @@ def check_consistency(scene: Scene) -> None:
         check(scene)
 
 
-def _entries(scene: Scene, *keys: str) -> Iterator[tuple[str, Any]]:
+def _entries(scene: SceneData, *keys: str) -> Iterator[tuple[str, Any]]:
     """Yield each entry of the lists `keys` of a scene, preceded by its dotted key, such as
     ``loads.0``.
     """
@@ -52,7 +49,7 @@ def _entries(scene: Scene, *keys: str) -> Iterator[tuple[str, Any]]:
         yield from ((f"{key}.{number}", entry) for number, entry in enumerate(getattr(scene, key)))
 
 
-def _references(scene: Scene) -> Iterator[tuple[str, str | Region]]:
+def _references(scene: SceneData) -> Iterator[tuple[str, str | Region]]:
     """Yield pairs of a dotted key, such as ``loads.0.region``, and the region, or name of a
     region, that a scene refers to there.
     """
@@ -62,14 +59,14 @@ def _references(scene: Scene) -> Iterator[tuple[str, str | Region]]:
         yield from references_in(f"{key}.region", entry.region)
 
 
-def _spacing(scene: Scene) -> None:
+def _spacing(scene: SceneData) -> None:
     if scene.spacing is None and not isinstance(scene.body, Mesh):
         raise ValueError(
             "spacing: must be a number, unless the body is a mesh, which has its own spacing"
         )
 
 
-def _arrangement(scene: Scene) -> None:
+def _arrangement(scene: SceneData) -> None:
     """Raise ValueError if the lattice has a seed, or a shape that is no body an arrangement."""
     if isinstance(scene.body, Mesh):
         return
@@ -91,7 +88,7 @@ def _arrangement(scene: Scene) -> None:
             )
 
 
-def _dimension(scene: Scene) -> None:
+def _dimension(scene: SceneData) -> None:
     """Raise ValueError if a part of a scene belongs to the plane and the body is a solid, or the
     other way round.
     """
@@ -106,15 +103,15 @@ def _dimension(scene: Scene) -> None:
         if part.dimension != dimension:
             what = f"a {part.shape}" if key.startswith("holes") else "this cut"
             raise ValueError(f"{key}: {what} is {there}, but the body, a {body}, is {here}")
-    for key, obstacle in _entries(scene, "obstacles"):
-        if obstacle.shapes[obstacle.shape] != dimension:
-            shapes = " or ".join(
-                shape for shape, meant in obstacle.shapes.items() if meant == dimension
-            )
-            raise ValueError(
-                f"{key}.{obstacle.shape}: this obstacle is {there}, but the body, a {body}, is"
-                f" {here}; use {shapes}"
-            )
+    for key, holder in [*_entries(scene, "obstacles"), *_references(scene)]:
+        for shape, meant in Obstacle.shapes.items():
+            if meant != dimension and getattr(holder, shape, None) is not None:
+                known = type(holder).model_fields
+                others = [one for one in known if Obstacle.shapes.get(one) == dimension]
+                raise ValueError(
+                    f"{key}.{shape}: this shape is {there}, but the body, a {body}, is {here}; use"
+                    f" {' or '.join(others)}"
+                )
     for key, entry in _entries(scene, "prescribed"):
         if dimension == 3 and entry.rotation is not None and entry.axis is None:
             raise ValueError(
@@ -126,13 +123,6 @@ def _dimension(scene: Scene) -> None:
             f"x1, x2 and the edges {', '.join(edge_names(2))}" if name in FACES else "x1 and x2"
         )
         raise ValueError(f"{key}: a 2D body has no {name}, only {others}")
-    for key, region in _references(scene):
-        for pair in (("disc", "ball"), ("half_plane", "half_space")):
-            own, other = pair if dimension == 2 else pair[::-1]
-            if getattr(region, other, None) is not None:
-                raise ValueError(
-                    f"{key}: {other} is a {there} region, but the body is {here}; use {own}"
-                )
     for key, vector in vectors_in(scene):
         if len(vector) != dimension:
             raise ValueError(
@@ -140,7 +130,7 @@ def _dimension(scene: Scene) -> None:
             )
 
 
-def _of_solids_alone(scene: Scene) -> Iterator[tuple[str, str]]:
+def _of_solids_alone(scene: SceneData) -> Iterator[tuple[str, str]]:
     """Yield the name of each component, axis or face in a scene that only solids have, preceded
     by its dotted key.
     """
@@ -161,7 +151,7 @@ def _of_solids_alone(scene: Scene) -> Iterator[tuple[str, str]]:
     )
 
 
-def _way_of_loading(scene: Scene) -> None:
+def _way_of_loading(scene: SceneData) -> None:
     general = [key for key in ("prescribed", "loads", "obstacles", "steps") if getattr(scene, key)]
     short = [key for key in ("grips", "stretches", "holds", "dynamics") if getattr(scene, key)]
     if general and short:
@@ -189,7 +179,7 @@ def _way_of_loading(scene: Scene) -> None:
         )
 
 
-def _rigid_regions(scene: Scene) -> None:
+def _rigid_regions(scene: SceneData) -> None:
     if scene.material is not None and scene.material.rigid:
         raise ValueError("material: cannot be rigid; define rigid regions as entries of materials")
     rigid = next((key for key, part in _entries(scene, "materials") if part.material.rigid), None)
@@ -207,7 +197,7 @@ def _rigid_regions(scene: Scene) -> None:
         )
 
 
-def _grips(scene: Scene) -> None:
+def _grips(scene: SceneData) -> None:
     if not scene.grips:
         return
     if len(scene.grips) != 2:
@@ -235,7 +225,7 @@ def _grips(scene: Scene) -> None:
         )
 
 
-def _program(scene: Scene) -> None:
+def _program(scene: SceneData) -> None:
     begin, before = 0.0, None
     for key, step in _entries(scene, "steps"):
         if step.control != before:
@@ -253,7 +243,7 @@ def _program(scene: Scene) -> None:
         begin = step.to
 
 
-def names_of_materials(scene: Scene) -> list[str]:
+def names_of_materials(scene: SceneData) -> list[str]:
     """Return the name of the material of the rest of the body, ``"rest"``, then those of the
     entries of `materials`.
     """
@@ -263,7 +253,7 @@ def names_of_materials(scene: Scene) -> list[str]:
     ]
 
 
-def gives_fracture_energy(scene: Scene) -> bool:
+def gives_fracture_energy(scene: SceneData) -> bool:
     """Return whether a scene gives the fracture energy of a material or an interface."""
     criteria = (
         []
@@ -277,7 +267,7 @@ def gives_fracture_energy(scene: Scene) -> bool:
     return any(one is not None and one.energy is not None for one in criteria)
 
 
-def _fracture(scene: Scene) -> None:
+def _fracture(scene: SceneData) -> None:
     """Raise ValueError if fracture has no dynamics, no effective diameter of a crack tip, or an
     interface of unknown materials.
     """
@@ -316,7 +306,7 @@ def _fracture(scene: Scene) -> None:
         tip_diameters_in(scene)  # for which force model, a run checks
 
 
-def _control(scene: Scene) -> None:
+def _control(scene: SceneData) -> None:
     """Raise ValueError if a step controls a displacement of which t cannot be found, or that no
     probe has.
     """
@@ -370,7 +360,7 @@ def _control(scene: Scene) -> None:
             )
 
 
-def _thickness(scene: Scene) -> None:
+def _thickness(scene: SceneData) -> None:
     for key, load in _entries(scene, "loads"):
         if scene.plane != "stress" and load.thickness is not None:
             why = (
@@ -381,7 +371,7 @@ def _thickness(scene: Scene) -> None:
             raise ValueError(f"{key}.thickness: {why}; leave it out")
 
 
-def _amplitudes(scene: Scene) -> None:
+def _amplitudes(scene: SceneData) -> None:
     """Raise ValueError if an amplitude of a scene has no value at the end of a step; a run
     checks the values within steps itself.
     """
@@ -394,13 +384,13 @@ def _amplitudes(scene: Scene) -> None:
             raise ValueError(f"{key}.amplitude: {error}") from None
 
 
-def _probes(scene: Scene) -> None:
+def _probes(scene: SceneData) -> None:
     names = [probe.name for probe in scene.probes]
     if twice := [name for name in names if names.count(name) > 1]:
         raise ValueError(f"probes: the name {twice[0]!r} is used twice")
 
 
-def _regions(scene: Scene) -> None:
+def _regions(scene: SceneData) -> None:
     """Raise ValueError if a scene refers to a region that does not exist, or a region refers to
     itself, directly or through others.
     """
@@ -428,7 +418,7 @@ def _regions(scene: Scene) -> None:
         ) from None
 
 
-def _check_hole(scene: Scene, key: str, name: str) -> None:
+def _check_hole(scene: SceneData, key: str, name: str) -> None:
     """Raise ValueError if a region such as ``holes.0`` names a hole that the body does not have;
     skip meshes, which are read later.
     """

@@ -3,8 +3,8 @@ one way in which bodies are held.
 """
 
 from .loading import Prescribed
-from .model import Scene
 from .regions import EDGES, Region
+from .scene import Scene
 
 
 def prescribed_in(scene: Scene, length: float = 1.0) -> dict[str, Prescribed]:

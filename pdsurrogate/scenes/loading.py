@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 from .amplitudes import Amplitude
 from .regions import RegionReference
-from .strict_model import Finite, Positive, SpaceDirection, StrictModel, Vector, Whole
+from .strict_model import Finite, Positive, SpaceDirection, StrictModel, Vector, Whole, the_one
 
 CONTROLLED = r"^probes\.(.+)\.displacement\.([0-2])$"
 """Pattern of the key of a displacement that a step can control: name of the probe, and
@@ -153,15 +153,12 @@ class Load(StrictModel):
         >>> pds.Load(region="left", pressure=0.1).kind
         'pressure'
         """
-        return next(kind for kind in self.kinds if getattr(self, kind) is not None)
+        return the_one(self, self.kinds)
 
     def model_post_init(self, _) -> None:
-        given = [kind for kind in self.kinds if getattr(self, kind) is not None]
-        if len(given) != 1:
-            raise ValueError("a load needs exactly one of traction, pressure, body_force and force")
-        if given != ["body_force"] and "region" not in self.model_fields_set:
-            raise ValueError(f"a {given[0]} needs the region on which it acts")
-        if self.thickness is not None and given != ["pressure"]:
+        if self.kind != "body_force" and "region" not in self.model_fields_set:
+            raise ValueError(f"a {self.kind} needs the region on which it acts")
+        if self.thickness is not None and self.kind != "pressure":
             raise ValueError("thickness applies to a pressure only")
 
 

@@ -1,9 +1,6 @@
-"""Scene: a body, its material, its supports and loads, and the reference solution with which
-results are compared.
-"""
+"""Parts of a scene, such as its material, grips and units, and all keys of a scene."""
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -18,33 +15,14 @@ from pydantic import (
 )
 
 from ..arguments import suggestion
-from ..html_tables import html_facts
 from ..kernels.weights import WEIGHT_FUNCTIONS
 from ..materials import LAWS, Law
-from .consistency import check_consistency
 from .loading import DynamicsSettings, Load, Prescribed, Probe, Step
 from .obstacles import Obstacle
-from .problems import SceneError
 from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_names
 from .shapes import Mesh
 from .solids import AnyBody, AnyPrecut, AnyShape
-from .strict_model import Finite, Positive, StrictModel, Vector, Whole, refused
-
-
-def _bond_force_correction(value: Any) -> Any:
-    """Return a correction; raise ValueError for those that were choices for bond energies."""
-    if value == "balanced":
-        raise ValueError(
-            "bond energies always have balanced gradients now, so that balanced is no choice; leave"
-            " out correction"
-        )
-    if value == "quadratic":
-        raise ValueError(
-            "quadratic is gone: bond energies have balanced gradients in its place; leave out"
-            " correction"
-        )
-    return value
-
+from .strict_model import Finite, Positive, StrictModel, Vector, Whole, refused, the_one
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 """Name of a scene, after which result files are named: no path, and no character with a meaning
@@ -180,8 +158,7 @@ class Criterion(StrictModel):
     energy: Positive | None = None
 
     def model_post_init(self, _) -> None:
-        if (self.critical_stretch is None) == (self.energy is None):
-            raise ValueError("fracture needs exactly one of critical_stretch and energy")
+        the_one(self, ("critical_stretch", "energy"))
 
 
 class InterfaceFracture(Criterion):
@@ -314,8 +291,7 @@ class Hold(StrictModel):
     travel: Vector | None = None
 
     def model_post_init(self, _) -> None:
-        if (self.box is None) == (self.points is None):
-            raise ValueError("a hold needs either a box or a list of points")
+        the_one(self, ("box", "points"))
         for name, along in zip(("x1", "x2", "x3"), self.travel or (), strict=False):
             if along and name not in (self.components or (name,)):
                 raise ValueError(
@@ -346,10 +322,8 @@ class SolverSpec(StrictModel):
         would vanish. Unit: none.
     """
 
-    # Scene files of earlier versions write "minimiser".
-    method: Annotated[
-        Literal["automatic", "minimizer", "quasi-newton", "relaxation", "explicit", "newton"],
-        BeforeValidator(lambda name: "minimizer" if name == "minimiser" else name),
+    method: Literal[
+        "automatic", "minimizer", "quasi-newton", "relaxation", "explicit", "newton"
     ] = "automatic"
     tolerance: Annotated[Positive, Field(le=1e-2)] = 1e-6
     most_evaluations: Annotated[Whole, Field(gt=0)] = 50_000
@@ -475,125 +449,8 @@ class _UnitsPerThickness(Units):
     """
 
 
-class Scene(StrictModel):
-    """Complete description of a simulation: body, material, loading, solver and output.
-
-    All values are in one consistent system of units. Places, directions and forces have as many
-    components as the body has dimensions. A scene defines its loading in one of two ways: with two
-    `grips` and `stretches` (and `holds` and `dynamics`), or with `prescribed` displacements,
-    `loads` and `obstacles` (at least one of these) and `steps`.
-
-    Parameters
-    ----------
-    name : str
-        Name of the scene and of its result files: letters, digits, spaces and ``._-``, at most 64
-        characters.
-    title : str
-        Title of tables and figures.
-    spacing : float
-        Distance between neighboring points, which is the side of their cells. If it does not divide
-        a side of the body, the cells have the nearest side that does; a spacing from which it
-        differs by more than 10 % is an error. A mesh defines its own spacing, so that this key is
-        optional. Unit: length.
-    stretches : float or list of float
-        Stretches that the grips reach in equilibrium, in this order; a stretch is the distance of
-        the grips divided by their undeformed distance. A single number means a list with this
-        number. Unit: none.
-    body : shape or Mesh
-        Shape of the undeformed body; without the key ``shape`` it is a rectangle.
-    holes : list of shapes
-        Shapes that are cut out of the body.
-    precuts : list of Precut, ParallelogramCut or DiscCut
-        Cuts of the undeformed body; points on different sides of a cut have no bond. An edge that
-        is held by reflection mirrors them as it mirrors the body.
-    plane : {"stress", "strain", "space"}
-        Plane stress for a thin sheet, plane strain for a long body of constant cross-section,
-        ``"space"`` for a solid. By default plane stress for a body in the plane.
-    material : MaterialSpec or str, optional
-        Material of the body outside the regions of `materials`; the name of a law alone means the
-        law with its default parameters. Optional if the force model is an artifact: the run then
-        uses the material of the artifact.
-    materials : list of Part
-        Regions that have another material or are rigid.
-    grips : list of Grip
-        Two grips on opposite edges.
-    holds : list of Hold
-        Points that are held besides the grips.
-    regions : dict of Region
-        Regions by name, to which conditions, loads and materials refer.
-    prescribed : list of Prescribed
-        Prescribed displacements of regions.
-    loads : list of Load
-        Loads on regions.
-    obstacles : list of Obstacle
-        Rigid obstacles without friction.
-    steps : float, Step or list of these
-        Steps of the loading program. They move the loading parameter t, which begins at 0. A number
-        is a step to this value in equilibrium; a single step means a list with one step.
-    probes : list of Probe
-        Places at which results are reported.
-    support : {"reflected", "points"}
-        How an edge of the bounding box with a held normal component is held: ``"reflected"``
-        continues the body beyond the edge by its mirror image, which holds the edge exactly;
-        ``"points"`` holds the outermost points, half a cell inside the edge. ``"reflected"`` also
-        holds whole spheres, circular and elliptic holes and convex outlines by mirror images, if
-        all components are prescribed and the radius of curvature is at least two spacings; other
-        boundaries are held at their points.
-    horizon_ratio : float
-        Horizon divided by the smaller side of a cell; by default 3.15 in the plane, as in the
-        paper, and 1.75 for solids. Unit: none.
-    weight : str
-        Weight of a bond of length l at the horizon d: ``"inverse"`` is d/l, as in the paper;
-        ``"constant"`` is 1; ``"linear"`` is 1 - l/d.
-    correction : {"tensor", "scalar", "none"}, optional
-        Correction of incomplete horizons, near edges, in bond forces: ``"tensor"`` is theory (21),
-        ``"scalar"`` is the paper's (24)-(25). By default ``"tensor"`` if the force model supports
-        it. Bond energies have balanced gradients there (theory, section 26).
-    rotation : {"polar", "convected"}, optional
-        Rotation of a horizon: that of the polar decomposition, which is the default, or the paper's
-        (22)-(23).
-    precision : {"float32", "float64"}, optional
-        Precision in which forces of bonds are computed; by default the force model chooses.
-        Positions and sums are always in float64.
-    outside : {"fallback", "warn", "raise", "extrapolate"}, optional
-        What happens to a bond whose state is outside the domain of a surrogate: ``"fallback"``, the
-        default, uses the exact force; ``"extrapolate"`` uses the surrogate; ``"warn"`` does the
-        same with a warning; ``"raise"`` ends the run.
-    solver : SolverSpec
-        Settings of the solver for equilibrium.
-    fracture : Fracture, optional
-        Criterion by which bonds break; requires dynamics.
-    dynamics : Dynamics, optional
-        Dynamics after the last of `stretches`. A step has its own dynamics.
-    units : Units
-        Names of the units, for tables and figures.
-    reference : {"uniaxial", "finite-elements"}, optional
-        Solution with which results are compared: exact homogeneous tension of a rectangle between
-        rollers, or the stored finite element solutions of built-in scenes.
-
-    See Also
-    --------
-    pdsurrogate.load_scene : loads a scene by name or from a file.
-    pdsurrogate.preview : draws a scene before it runs.
-    pdsurrogate.simulate : runs a scene.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> scene = pds.Scene(
-    ...     name="block",
-    ...     spacing=0.25,
-    ...     body=pds.shapes.Rectangle(size=(1.0, 1.0)),
-    ...     material={"law": "neo-hookean"},
-    ...     prescribed=(
-    ...         pds.Prescribed(region="left", x1=0.0, x2=0.0),
-    ...         pds.Prescribed(region="right", x1=0.2),
-    ...     ),
-    ...     steps=(1.0,),
-    ... )
-    >>> scene
-    <Scene block: rectangle, spacing 0.25, neo-hookean, 1 step>
-    """
+class SceneData(StrictModel):
+    """Keys of a scene, before checks that its parts fit together."""
 
     name: SceneName
     title: str = ""
@@ -616,10 +473,7 @@ class Scene(StrictModel):
     support: Literal["reflected", "points"] = "reflected"
     horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = Field(None, validate_default=True)
     weight: Annotated[str, AfterValidator(_known_weight)] = "inverse"
-    correction: (
-        Annotated[Literal["tensor", "scalar", "none"], BeforeValidator(_bond_force_correction)]
-        | None
-    ) = None
+    correction: Literal["tensor", "scalar", "none"] | None = None
     rotation: Literal["polar", "convected"] | None = None
     precision: Literal["float32", "float64"] | None = None
     outside: Literal["fallback", "warn", "raise", "extrapolate"] | None = None
@@ -662,32 +516,6 @@ class Scene(StrictModel):
         """
         return self.body.dimension
 
-    def law(self) -> Law:
-        """Return the law of the material.
-
-        Returns
-        -------
-        Law
-
-        Raises
-        ------
-        SceneError
-            If the scene names no material: only an artifact that brings its own material can run
-            such a scene.
-
-        Examples
-        --------
-        >>> import pdsurrogate as pds
-        >>> pds.load_scene("uniaxial").law().name
-        'neo-hookean'
-        """
-        if self.material is None:
-            raise SceneError(
-                f"scene {self.name}: material: missing; add one, or choose an artifact as the force"
-                " to use its material"
-            )
-        return self.material.build()
-
     @property
     def stretched(self) -> bool:
         """Return whether grips and stretches define the loading.
@@ -721,33 +549,3 @@ class Scene(StrictModel):
         body = value.get("body") if isinstance(value, Mapping) else None
         meshed = isinstance(body, Mesh) or (isinstance(body, dict) and body.get("shape") == "mesh")
         return {"spacing": None, **value} if meshed else value
-
-    def model_post_init(self, _) -> None:
-        check_consistency(self)
-
-    def __repr__(self) -> str:
-        program, kind = (self.stretches, "stretch") if self.stretched else (self.steps, "step")
-        count, law = len(program), "no material" if self.material is None else self.material.law
-        told = (
-            f"{count} {kind}{'' if count == 1 else 'es' if kind == 'stretch' else 's'}"
-            if count
-            else "dynamics"
-        )
-        spacing = (
-            ""
-            if self.spacing is None
-            else f", spacing {self.units.amount(self.spacing, 'length', 'g')}"
-        )
-        return f"<Scene {self.name}: {self.body.shape}{spacing}, {law}, {told}>"
-
-    __str__ = __repr__
-
-    def _repr_html_(self) -> str:
-        given = self.model_dump(
-            mode="json", by_alias=True, exclude_defaults=True, exclude_none=True
-        )
-        facts = {
-            key: value if isinstance(value, str | int | float) else json.dumps(value)
-            for key, value in given.items()
-        }
-        return html_facts(f"Scene {facts.pop('name')}", facts)

@@ -5,7 +5,7 @@ from typing import ClassVar
 from .amplitudes import Amplitude
 from .loading import LoadName
 from .regions import Ball, Disc, HalfPlane, HalfSpace
-from .strict_model import Finite, Positive, SpaceDirection, SpacePoint, StrictModel
+from .strict_model import Finite, Positive, SpaceDirection, SpacePoint, StrictModel, the_one
 
 
 class Roller(StrictModel):
@@ -89,8 +89,7 @@ class Obstacle(StrictModel):
     name: LoadName | None = None
 
     def model_post_init(self, _) -> None:
-        if sum(getattr(self, shape) is not None for shape in self.shapes) != 1:
-            raise ValueError(f"an obstacle needs exactly one shape: {', '.join(self.shapes)}")
+        the_one(self, self.shapes)
 
     @property
     def shape(self) -> str:
@@ -102,4 +101,4 @@ class Obstacle(StrictModel):
         >>> pds.Obstacle(disc={"center": (0.0, 2.0), "radius": 0.5}).shape
         'disc'
         """
-        return next(shape for shape in self.shapes if getattr(self, shape) is not None)
+        return the_one(self, self.shapes)

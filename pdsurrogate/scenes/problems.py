@@ -2,7 +2,7 @@
 errors.
 """
 
-from typing import Any, get_args, get_origin
+from typing import Any, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -82,37 +82,13 @@ def _lines(problem: Any, problems: list, part: type[BaseModel]) -> list[tuple[st
         return []  # Pydantic counts the entries that remain without the invalid ones.
     message = PLAIN.get(kind, problem["msg"].removeprefix("Value error, "))
     if kind == "missing" and isinstance(loc[-1], int):
-        if any(
-            other["type"] == "missing" and other["loc"][:-1] == loc[:-1] and other["loc"] > loc
-            for other in problems
-        ):
-            return []  # The last one missing shows how many there should be.
-        key, count = key.rpartition(".")[0], f"needs {loc[-1] + 1} entries, not {len(given)}"
-        message = (
-            f"{count}; this shape is 3D, and 2D shapes need two components"
-            if loc[-1] == 2
-            else count
-        )
+        message = f"this entry is missing, of {len(given)} given"
     elif kind == "extra_forbidden":
         message, given = f"unknown key; {suggestion(str(loc[-1]), fields)}", None
     elif kind in ("too_short", "too_long"):
-        bound = (
-            f"at least {context['min_length']}"
-            if kind == "too_short"
-            else f"at most {context['max_length']}"
-        )
-        # Pairs and triples have a fixed length; places and directions (`Vector`) have two or three
-        # components.
-        types = get_args(fields[loc[0]].annotation) if loc[0] in fields else ()
-        if kind == "too_long" and (
-            context["max_length"] == 2 or types == types[:1] * context["max_length"]
-        ):
-            bound = context["max_length"]
+        least, most = context.get("min_length"), context.get("max_length")
+        bound = f"at least {least}" if kind == "too_short" else f"at most {most}"
         message = f"needs {bound} entries, not {context['actual_length']}"
-        if (context.get("max_length"), context["actual_length"]) == (2, 3) and all(
-            isinstance(entry, int | float) for entry in given
-        ):
-            message += "; this shape is 2D, and solids need three components"
     elif kind == "union_tag_invalid":
         shapes = context["expected_tags"].replace("'", "").split(", ")
         message = f"unknown shape {context['tag']!r}; {suggestion(context['tag'], shapes)}"

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ..arguments import check_path, suggestion
-from .model import Scene
 from .problems import SceneError
+from .scene import Scene
 
 MOST_BYTES = 16 * 2**20
 """Greatest size of a scene or study file in bytes, enough for an outline of half a million

@@ -9,7 +9,7 @@ from importlib import resources
 import numpy as np
 
 from ..materials import homogeneous
-from .model import Scene
+from .scene import Scene
 from .shapes import Rectangle
 
 

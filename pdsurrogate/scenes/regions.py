@@ -28,6 +28,7 @@ from .strict_model import (
     Vector,
     Whole,
     refused,
+    the_one,
 )
 
 Face = Literal["left", "right", "bottom", "top", "back", "front"]
@@ -185,10 +186,7 @@ class Region(StrictModel):
 
     @model_validator(mode="after")
     def _given_once(self) -> Region:
-        fields = type(self).model_fields
-        if sum(getattr(self, name) is not None for name in fields) != 1:
-            names = ", ".join(field.alias or name for name, field in fields.items())
-            raise ValueError(f"a region needs exactly one of {names}")
+        the_one(self, type(self).model_fields)
         if self.box is not None and not all(
             low <= high for low, high in zip(*self.box, strict=False)
         ):

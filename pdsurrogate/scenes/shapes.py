@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-import scipy
 from pydantic import BeforeValidator, Field
 
 from ..kernels.polygons import distances_to_segments, encloses
@@ -133,7 +132,35 @@ class Outline(Shape):
         """
 
 
-class Rectangle(Outline):
+class Sided(Outline):
+    """Closed shape in the plane with straight sides."""
+
+    @property
+    @abstractmethod
+    def _corners(self) -> np.ndarray:
+        """Return the corners in order around the shape, shape (k, 2)."""
+
+    def boundary(self, cell: np.ndarray) -> np.ndarray:
+        # Every side is divided into equal pieces, as near as possible to the size of a cell.
+        corners = self._corners
+        sides = np.roll(corners, -1, axis=0) - corners
+        pieces = [max(1, round(float(np.hypot(*(side / cell))))) for side in sides]
+        divided = zip(corners, sides, pieces, strict=True)
+        return np.concatenate(
+            [corner + np.arange(count)[:, None] / count * side for corner, side, count in divided]
+        )
+
+    def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        import shapely  # here, because few bodies need it
+
+        sides = shapely.linearrings(self._corners)
+        feet = shapely.line_interpolate_point(
+            sides, shapely.line_locate_point(sides, shapely.points(places))
+        )
+        return shapely.get_coordinates(feet), np.zeros((len(places), 1))
+
+
+class Rectangle(Sided):
     """Rectangle.
 
     Parameters
@@ -169,17 +196,10 @@ class Rectangle(Outline):
         lower = np.array(self.lower)
         return lower, lower + np.array(self.size)
 
-    def boundary(self, cell: np.ndarray) -> np.ndarray:
+    @property
+    def _corners(self) -> np.ndarray:
         (left, bottom), (right, top) = self.bounds()
-        return _divided(
-            np.array([[left, bottom], [right, bottom], [right, top], [left, top]]), cell
-        )
-
-    def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        (left, bottom), (right, top) = self.bounds()
-        return _nearest_on_sides(
-            places, np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
-        )
+        return np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
 
 
 class Ellipse(Outline):
@@ -281,7 +301,7 @@ class Circle(Outline):
         return nearest_on_sphere(places, np.array(self.center), self.radius)
 
 
-class Polygon(Outline):
+class Polygon(Sided):
     """Polygon.
 
     Parameters
@@ -307,30 +327,30 @@ class Polygon(Outline):
     vertices: Annotated[tuple[Point, ...], Field(min_length=3)]
 
     def model_post_init(self, _) -> None:
-        corners = np.array(self.vertices)
-        area = 0.5 * abs(_cross(corners, np.roll(corners, -1, axis=0)).sum())
-        extent = np.ptp(corners, axis=0).max()
-        if crossing := _crossing(corners):
+        import shapely  # here, because few bodies need it
+
+        outline = shapely.Polygon(self._corners - self._corners.mean(axis=0))
+        extent = np.ptp(self._corners, axis=0).max()
+        # Parts around which the outline runs backward, twice or more make the area of its corners
+        # another one than that of the parts around which it runs once, or an odd number of times.
+        around, once = outline.area, shapely.make_valid(outline).area
+        if abs(around - once) > 1e-9 * extent**2:
             raise ValueError(
-                f"the outline {crossing}; give the corners in order, once around, and cut-outs as"
-                " holes"
+                "the outline crosses itself, or runs around itself more than once; give the corners"
+                " in order, once around, and cut-outs as holes"
             )
-        if not area > 1e-9 * extent**2:
+        if not around > 1e-9 * extent**2:
             raise ValueError("the polygon has no area")
 
+    @property
+    def _corners(self) -> np.ndarray:
+        return np.array(self.vertices)
+
     def contains(self, points: np.ndarray) -> np.ndarray:
-        corners = np.array(self.vertices)
-        return encloses(points, corners, np.roll(corners, -1, axis=0))
+        return encloses(points, self._corners, np.roll(self._corners, -1, axis=0))
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        corners = np.array(self.vertices)
-        return corners.min(axis=0), corners.max(axis=0)
-
-    def boundary(self, cell: np.ndarray) -> np.ndarray:
-        return _divided(np.array(self.vertices), cell)
-
-    def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return _nearest_on_sides(places, np.array(self.vertices))
+        return self._corners.min(axis=0), self._corners.max(axis=0)
 
 
 def nearest_on_sphere(
@@ -343,67 +363,6 @@ def nearest_on_sphere(
     distances = np.linalg.norm(offsets, axis=1, keepdims=True)
     ways = np.where(distances > 0, offsets / np.maximum(distances, 1e-300), np.eye(len(center))[0])
     return center + radius * ways, np.full((len(places), len(center) - 1), 1 / radius)
-
-
-def _nearest_on_sides(places: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points of a polygon nearest to places, shape (k, 2), and the curvature of its
-    sides, zeros of shape (k, 1).
-    """
-    import shapely  # here, because few bodies need it
-
-    sides = shapely.linearrings(corners)
-    feet = shapely.line_interpolate_point(
-        sides, shapely.line_locate_point(sides, shapely.points(places))
-    )
-    return shapely.get_coordinates(feet), np.zeros((len(places), 1))
-
-
-def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:
-    """Return nodes around a polygon, shape (k, 2): every side is divided into equal pieces, as
-    near as possible to the size of a cell.
-    """
-    sides = np.roll(corners, -1, axis=0) - corners
-    pieces = [max(1, round(float(np.hypot(*(side / cell))))) for side in sides]
-    divided = zip(corners, sides, pieces, strict=True)
-    return np.concatenate(
-        [corner + np.arange(count)[:, None] / count * side for corner, side, count in divided]
-    )
-
-
-def _crossing(corners: np.ndarray) -> str | None:
-    """Return, in words, where the outline of a polygon with given corners crosses itself or runs
-    around twice; None if it is valid.
-
-    Sides may touch, and may run back along each other, as the two sides do that connect an inner
-    opening with the outer outline. The outline divides the plane into faces. It is valid if it
-    winds around every face 0 or 1 times (0 or -1 times if it is clockwise).
-    """
-    import shapely  # here, because few bodies need it
-
-    extent = float(np.ptp(corners, axis=0).max())
-    windings = {}
-    for face in shapely.polygonize([shapely.node(shapely.linearrings(corners))]).geoms:
-        if (
-            face.area > 1e-9 * extent * face.length
-        ):  # not a sliver between sides that run along each other
-            around = (corners - shapely.get_coordinates(face.representative_point())) @ [1, 1j]
-            windings[face] = round(np.angle(np.roll(around, -1) / around).sum() / (2 * np.pi))
-    sense = max(windings.values(), key=abs, default=0)
-    wrong = [face for face, turns in windings.items() if turns not in (0, np.sign(sense))]
-    if not wrong:
-        return None
-    places = shapely.get_coordinates(wrong[0])
-    crossings = places[scipy.spatial.cKDTree(corners).query(places)[0] > 1e-9 * extent]
-    if len(crossings):
-        return f"crosses itself at ({crossings[0, 0]:.4g}, {crossings[0, 1]:.4g})"
-    return (
-        "runs around itself more than once, or crosses itself at a corner, near"
-        f" ({places[0, 0]:.4g}, {places[0, 1]:.4g})"
-    )
-
-
-def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
 
 
 def _around(center: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.ndarray:
@@ -593,7 +552,7 @@ class Cut(StrictModel):
         ...     center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0)
         ... ).edge(0.1)
         >>> places.shape, round(float(lengths.sum()), 3)
-        ((26, 3), 2.513)
+        ((28, 3), 2.513)
         """
 
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:

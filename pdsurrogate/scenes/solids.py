@@ -516,7 +516,7 @@ class DiscCut(Cut):
 
     def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         center, normal, radius = self.plane()
-        count = int(np.ceil(2 * np.pi * radius / pitch))
+        count = 4 * int(np.ceil(np.pi / 2 * radius / pitch))  # symmetric about the axes
         angles = 2 * np.pi * (np.arange(count) + 0.5) / count
         axes = np.linalg.svd(normal[None])[2][1:]
         outward = np.column_stack([np.cos(angles), np.sin(angles)]) @ axes

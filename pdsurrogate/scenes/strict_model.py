@@ -1,6 +1,6 @@
 """Base class, number types and vector types of all parts of a scene's description."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Any, Self
 
@@ -48,12 +48,6 @@ SpacePoint = tuple[Finite, Finite, Finite]
 _not_zero = refused(lambda value: not any(value), "it is a direction, of any length but zero")
 Direction = Annotated[Point, AfterValidator(_not_zero)]
 SpaceDirection = Annotated[SpacePoint, AfterValidator(_not_zero)]
-
-
-BRITISH = {"centre": "center"}
-"""Keys that scene files of earlier versions spell in British English, and the keys that have
-replaced them.
-"""
 
 
 class Components(tuple):
@@ -117,12 +111,19 @@ class StrictModel(BaseModel, metaclass=_PartType):
     @model_validator(mode="wrap")
     @classmethod
     def _explained(cls, value: Any, read: Callable[[Any], Any]) -> Any:
-        if isinstance(value, Mapping) and not {*BRITISH.values()} & {*value}:
-            value = {BRITISH.get(key, key): inner for key, inner in value.items()}
         try:
             return read(value)
         except ValidationError as error:
             raise Problems(error, cls) from None
+
+
+def the_one(part: StrictModel, names: Iterable[str]) -> str:
+    """Return which one of some fields a part of a scene has; raise ValueError unless it is one."""
+    keys = {name: type(part).model_fields[name].alias or name for name in names}
+    given = [name for name in keys if getattr(part, name) is not None]
+    if len(given) != 1:
+        raise ValueError(f"needs exactly one of {', '.join(keys.values())}")
+    return given[0]
 
 
 def vectors_in(value: Any, key: str = "") -> Iterator[tuple[str, Components]]:

@@ -2,17 +2,14 @@
 horizon to spacing, and critical stretch.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from importlib import resources
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from .model import Scene
+from .model import SceneData
 
 TIP_DIAMETER = 1.15
 """Effective diameter of a crack tip, in horizons, in sheets whose bonds have forces and no
@@ -129,7 +126,7 @@ def _between(by_ratio: dict[float, list], horizon_ratio: float) -> TipDiameters:
     return TipDiameters(stretches, spacings / np.clip(horizon_ratio, ratios[0], ratios[-1]))
 
 
-def tip_diameters_in(scene: Scene, family: str | None = None) -> TipDiameters:
+def tip_diameters_in(scene: SceneData, family: str | None = None) -> TipDiameters:
     """Return `tip_diameters` for a scene; the points of a mesh count as those of a lattice.
 
     Raise ValueError for a weight of bonds that was not measured: with ``"constant"`` tears needed

@@ -13,15 +13,9 @@ from ..body.body import sums_at_points
 from ..forces import InternalForce, InvalidState
 from ..forces.errors import at_point
 from .held import Held, Support
-from .loads import AT_REST, Loads
+from .loads import AT_REST, LoadedForce, Loads
 from .obstacles import PASSED, TOUCHING, Obstructed
 from .rigid import displaced, moment_of, nearest_turn, rigid_placement
-
-ONE_SIDED = 0.1
-"""Distance along a reflection plane, divided by the horizon, between a point and the mean position
-of its neighbors, beyond which the point counts as next to a free side. The distance is 0 for a full
-horizon, and 0.4 horizons for half of one.
-"""
 
 MOST_MOTIONS = 8
 """Number of values of the loading parameter at which `Loading` keeps the motions of all held parts.
@@ -35,8 +29,7 @@ Chosen above the rounding of coordinates in single precision, and far below a sp
 
 
 class FoldedOver(InvalidState):
-    """Error for a free side of the body that has bulged beyond the plane of a grip next to it:
-    contact there is not computed.
+    """Error for a body that has bulged beyond the plane of a grip: contact there is not computed.
 
     A grip is a reflection plane of which more than one component is held, unlike a plane of
     symmetry.
@@ -209,6 +202,13 @@ class Loading:
         """
         return self._motions(parameter).of_planes
 
+    def planes_at(self, parameter: float) -> np.ndarray:
+        """Return the positions of planes of symmetry at a value of the loading parameter, see
+        `Loads.planes`.
+        """
+        moved = self.plane_motions(parameter)[:, :, -1] * self.loads.normals
+        return self.loads.at_rest + moved.sum(axis=1)
+
     def at_rest(self, parameter: float) -> bool:
         """Return whether all held parts are in their undeformed places and all loads are zero,
         at a value of the loading parameter.
@@ -271,6 +271,7 @@ class Loading:
             force.move_plane(
                 number, motion[:, -1], motion[:, :-1] if number in self.turning else None
             )
+        self.loads.planes[:] = self.planes_at(parameter)
 
     def unevenness(self, last: float, now: float, ahead: float) -> float:
         """Return how much the rate of the prescribed motions changes between two increments, `last`
@@ -304,8 +305,7 @@ class Loading:
             If a point has crossed, or an obstacle has passed the boundary; the message names the
             farthest point, and the plane or obstacle.
         FoldedOver
-            If that point lies next to a free side, and the plane is held along itself too, so that
-            the side can bulge over it.
+            If the plane is held along itself too, so that a free side can bulge over it.
         """
         for obstacle in self.loads.obstacles:
             depths, error = -obstacle.gaps(positions)[0] - PASSED * self.body.spacing, None
@@ -343,17 +343,11 @@ class Loading:
                 what = (
                     f"it lies {beyond[worst]:.3g} beyond the {name}, on the side of its own image"
                 )
-                error = InvalidState(at_point(self.body, worst, what))
-                if (
-                    plane.axis is not None
-                    and self.plane_components[number].sum() > 1
-                    and self._beside_free_side(worst, plane.axis)
-                ):
-                    what += (
-                        "; the free side next to it bulges over what it is bonded to, and would lie"
-                        " against it"
-                    )
-                    error = FoldedOver(at_point(self.body, worst, what))
+                kind = InvalidState
+                if plane.axis is not None and self.plane_components[number].sum() > 1:
+                    kind = FoldedOver
+                    what += "; the body bulges over what it is bonded to, and would lie against it"
+                error = kind(at_point(self.body, worst, what))
             self.body.share.agree(error)
 
     def _check_held(self, name: str, plane: Mirror, motion: np.ndarray) -> None:
@@ -371,20 +365,8 @@ class Loading:
                     " motion is prescribed"
                 )
 
-    def _beside_free_side(self, point: int, axis: int) -> bool:
-        """Return whether a point lies next to a side of the body parallel to `axis`.
-
-        The mean position of its neighbors is then shifted, normal to `axis`, by more than
-        `ONE_SIDED` horizons from the point.
-        """
-        bonds = self.body.bonds
-        neighbors = bonds.neighbors[bonds.pointers[point] : bonds.pointers[point + 1]]
-        arms = self.body.all_points[neighbors] - self.body.points[point]
-        middle = np.average(arms, axis=0, weights=self.body.all_volumes[neighbors])
-        return bool(np.linalg.norm(np.delete(middle, axis)) > ONE_SIDED * self.body.horizon)
-
     def reactions(
-        self, force: InternalForce, on_points: np.ndarray | None = None, of_planes: bool = True
+        self, force: LoadedForce, on_points: np.ndarray | None = None, of_planes: bool = True
     ) -> Reactions:
         """Return the reaction forces of all supports on the body in the state last evaluated.
 
@@ -393,11 +375,11 @@ class Loading:
         over bonds to images (mirrored points) of half the bond force, times the displacement of the
         image per displacement of the plane.  The factor is a half since half the energy of such a
         bond belongs to the mirrored body.  For a single plane the reaction is the sum of the forces
-        of all bonds that cross it.
+        of all bonds that cross it.  It balances the parts of loads that images carry, too.
 
         Parameters
         ----------
-        force : InternalForce
+        force : LoadedForce
         on_points : ndarray, shape (n, d), optional
             Internal force and loads on every point in that state; by default summed from the forces
             of all pairs.
@@ -410,7 +392,7 @@ class Loading:
             crossing = force.pair_forces(bonds)
             np.add.at(on_planes, planes, crossing * shares)
             on_planes, levers = (
-                self._share.total(on_planes),
+                self._share.total(on_planes) - self._loads_on_planes(force)[:, :, 0],
                 (self._levers_on_planes(force, crossing) if self.turning else None),
             )
             levers = None if levers is None else self._share.total(levers)
@@ -435,7 +417,7 @@ class Loading:
         self._add_planes(forces, on_planes)
         return Reactions(forces, on_planes, at_points, levers)
 
-    def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
+    def moments(self, force: LoadedForce, reactions: Reactions) -> np.ndarray:
         """Return the moments of the holders' forces about the origin of the coordinates.
 
         Moments on planes follow from virtual work if the force has an energy; otherwise a bond that
@@ -450,6 +432,7 @@ class Loading:
         levers = np.zeros((len(self.names), self.body.dimension, self.body.dimension))
         if len(self.crossing[0]):
             self._add_planes(levers, self._levers_on_planes(force))
+        self._add_planes(levers, -self._share.leads * self._loads_on_planes(force)[:, :, 1:])
         if reactions.at_points is not None:
             holder, point, component = self.counted
             np.add.at(
@@ -489,7 +472,13 @@ class Loading:
         np.add.at(levers, planes, pulls[:, :, None] * middles[:, None])
         return levers
 
-    def _on_points(self, force: InternalForce) -> np.ndarray:
+    def _loads_on_planes(self, force: LoadedForce) -> np.ndarray:
+        """Return what reaches the planes from the loads, see `Loads.on_planes`."""
+        if not self.loads:
+            return np.zeros((*self.plane_components.shape, 1 + self.body.dimension))
+        return self.loads.on_planes(force.positions[: len(self.body)], force.thickness())
+
+    def _on_points(self, force: LoadedForce) -> np.ndarray:
         """Return internal force plus loads on every point in the state last evaluated, shape (n,
         d).
 

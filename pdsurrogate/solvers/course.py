@@ -11,10 +11,10 @@ from itertools import pairwise
 import numpy as np
 
 from ..body.body import sums_at_points
-from ..forces import InternalForce
 from .conditions import Loading, Reactions
 from .equilibrium import TooFar
 from .increments import Motion
+from .loads import LoadedForce
 from .nearest_bonds import greatest_bond_strain, inverse_of, laplacian_of, springs_of
 from .obstacles import ContactStiffness
 from .preconditioner import extension_of
@@ -211,7 +211,7 @@ class Paths:
             power += self._share.sum(reactions.at_points * moved) / step
         return power
 
-    def pushes(self, force: InternalForce, least: float = 0.0) -> bool:
+    def pushes(self, force: LoadedForce, least: float = 0.0) -> bool:
         """Return whether grips push in the state last evaluated, with more than the force `least`,
         or else whether a point is compressed.
 

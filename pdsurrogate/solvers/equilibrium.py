@@ -93,12 +93,6 @@ class NotConverged(NoEquilibrium):
     """Error for a residual that did not fall below the tolerance."""
 
 
-class OutOfPatience(NoEquilibrium):
-    """Error for a search that a run has ended, because failed increments before it took many
-    evaluations.
-    """
-
-
 class Unbalanced(NotConverged):
     """Error for loads and reactions that do not add up to zero."""
 

@@ -27,9 +27,6 @@ class Increments:
         Values of the loading parameter.
     largest : float
         Bound of the planned increments.
-    done, share : float
-        To continue from a checkpoint: number of planned increments done, and the present increment
-        divided by the planned one.
 
     Attributes
     ----------
@@ -37,23 +34,11 @@ class Increments:
         The present increment divided by the planned one.
     """
 
-    def __init__(
-        self, start: float, end: float, largest: float, done: float = 0.0, share: float = 1.0
-    ) -> None:
-        self._start, self._largest = start, largest
+    def __init__(self, start: float, end: float, largest: float) -> None:
         self._count = max(1, int(np.ceil(abs(end - start) / largest - 1e-9)))
         self._planned = np.linspace(start, end, self._count + 1)
         # The unit is the planned increment; sums of powers of one half are exact.
-        self._done, self.share = done, share
-
-    def describe(self) -> dict[str, float]:
-        """Return the arguments that make these increments again, except `end`, for a checkpoint."""
-        return {
-            "start": self._start,
-            "largest": self._largest,
-            "done": self._done,
-            "share": self.share,
-        }
+        self._done, self.share = 0.0, 1.0
 
     @property
     def finished(self) -> bool:

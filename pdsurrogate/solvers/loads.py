@@ -4,10 +4,12 @@ boundary (theory (42)-(46)).
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from operator import attrgetter
 
 import numpy as np
+import scipy
 
 from ..body import Body
 from ..body.surface import Following, Surface
@@ -62,13 +64,9 @@ class DeadLoad:
             forces,
             0.0,
         )
-        total = share.total(forces.sum(axis=0))
-        with np.errstate(
-            over="ignore", invalid="ignore"
-        ):  # `Loads.set` refuses forces that are not finite
-            self.weights = forces @ total / max(np.linalg.norm(total), 1e-300)
+        self.weights = _along_total(forces, share.total(forces.sum(axis=0)))
 
-    def at_sites(self, vectors: np.ndarray) -> np.ndarray:
+    def at_sites(self, vectors: np.ndarray, planes: np.ndarray | None) -> np.ndarray:
         """Return the vectors at the k points that the load acts on, shape (k, d), from an array
         of all points (n, d).
         """
@@ -81,11 +79,105 @@ class DeadLoad:
         return self.factor * self.forces
 
 
-class Pressure:
-    """Pressure on facets of the boundary, which follows their deformation.
+def _along_total(forces: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Return the components of forces (k, d) along their total (d,)."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        # `Loads.set` refuses forces that are not finite
+        return forces @ total / max(np.linalg.norm(total), 1e-300)
+
+
+class _OnFacets:
+    """Base class for loads on facets of the boundary, shape (f,), given by their numbers in a
+    `surface`.
 
     A facet may depend on points of several ranks, so that all ranks evaluate all facets together,
-    and only the first rank counts them.
+    and only the first rank counts them. Beside a plane of symmetry it depends on images of points
+    as well; the part of its force that these carry acts on the plane.
+
+    Attributes
+    ----------
+    points : ndarray of int, shape (k,)
+        Points that this rank owns on which the facets depend, so that the work of an evaluation is
+        proportional to the boundary.
+    planes : ndarray, shape (planes,)
+        Positions of the planes of symmetry, set by `Loads`.
+    """
+
+    factor: float
+    planes: np.ndarray
+
+    def __init__(self, share: Share, surface: Surface, facets: np.ndarray) -> None:
+        self._share, self._areas = share, surface.areas()[facets]
+        corners, (f, d) = surface.facets[facets], (len(facets), surface.facets.shape[1])
+
+        def combined(weights: np.ndarray) -> Following:
+            """Return the map to combinations of the corners of each facet."""
+            entries = np.tile(weights, f), corners.ravel(), d * np.arange(f + 1)
+            matrix = scipy.sparse.csr_array(entries, shape=(f, len(surface.nodes)))
+            return surface.interpolation.changed(lambda rows: (matrix @ rows).tocsr())
+
+        middle, sides = combined(np.full(d, 1 / d)), np.eye(d)[1:] - np.eye(d)[0]
+        self.points = np.unique(middle.rows.indices)
+        self._middle, *self._sides = (
+            each.changed(lambda rows: rows[:, self.points].tocsr())
+            for each in (middle, *map(combined, sides))
+        )
+
+    @abstractmethod
+    def _on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
+        """Return the force on every facet, shape (f, d)."""
+
+    def at_sites(self, vectors: np.ndarray, planes: np.ndarray | None) -> np.ndarray:
+        """Return vectors at the middles of the facets, shape (f, d), interpolated from positions
+        or velocities of all points (n, d) and, across themselves, of the planes.
+        """
+        return self._share.total(self._middle(vectors.take(self.points, axis=0), planes))
+
+    def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
+        """Return the force on every facet, shape (f, d); 0 on ranks other than the first."""
+        return self._on_facets(positions, thickness) * self._share.leads
+
+    def on_planes(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
+        """Return this rank's part of what acts on the planes, see `Following.on_planes`."""
+        return self._middle.on_planes(
+            self._on_facets(positions, thickness), positions[self.points], self.planes
+        )
+
+
+class Traction(_OnFacets):
+    """Dead force on facets of the boundary, for which `points` and `forces` are as in `DeadLoad`.
+
+    Parameters
+    ----------
+    name, amplitude, share
+        As for `DeadLoad`.
+    surface, facets
+        As for `Pressure`.
+    value : sequence of float
+        Force divided by undeformed area where the amplitude is 1.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        amplitude: Amplitude,
+        share: Share,
+        surface: Surface,
+        facets: np.ndarray,
+        value: Sequence[float],
+    ) -> None:
+        super().__init__(share, surface, facets)
+        self.name, self.amplitude, self.factor = name, amplitude, 0.0
+        self._forces = self._areas[:, None] * np.array(value)
+        self.forces = self._middle.spread(self._forces)
+        self.weights = _along_total(self._forces, self._forces.sum(axis=0)) * share.leads
+
+    def _on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
+        return self.factor * self._forces
+
+
+class Pressure(_OnFacets):
+    """Pressure on facets of the boundary, which follows their deformation.
 
     Parameters
     ----------
@@ -126,15 +218,15 @@ class Pressure:
         deformed: bool,
         thickness_at_edge: Callable[[np.ndarray, float], np.ndarray] | None = None,
     ) -> None:
-        self.name, self.amplitude, self._share, self._value, self.deformed, self.factor = (
+        super().__init__(share, surface, facets)
+        self.name, self.amplitude, self._value, self.deformed, self.factor = (
             name,
             amplitude,
-            share,
             value,
             deformed,
             0.0,
         )
-        self._at_edge, self._lengths = thickness_at_edge, surface.areas()[facets]
+        self._at_edge = thickness_at_edge
         self.needs_thickness = deformed and thickness_at_edge is None
         self.weights, why = np.full(len(facets), float(share.leads)), None
         if deformed:
@@ -145,14 +237,6 @@ class Pressure:
         elif not _closed(surface.facets[facets]):
             why = "acts on a part of the boundary that is not closed"
         self.no_potential_because = why and f"the pressure on {name} {why}"
-        corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
-        # Only points that the facets depend on are used, so that the work of an evaluation is
-        # proportional to the boundary.
-        self._points = np.unique(np.concatenate([rows.points() for rows in corners]))
-        first, *others = (rows.of_points(self._points) for rows in corners)
-        self._middle = Following.mean([first, *others])
-        self._sides = [other - first for other in others]
-        self._spread = self._middle.T
         # Enclosed volumes are measured about a place within the body, which minimizes rounding
         # errors.
         self._origin = surface.nodes.mean(axis=0)
@@ -175,9 +259,9 @@ class Pressure:
         forces = -pressure * _normals(sides)
         if self.deformed and pressure:
             if self._at_edge is None:
-                there = self._share.total(self._middle @ thickness[self._points])
+                there = self._share.total(self._middle.rows @ thickness[self.points])
             else:
-                there = self._at_edge(np.linalg.norm(sides[0], axis=1) / self._lengths, pressure)
+                there = self._at_edge(np.linalg.norm(sides[0], axis=1) / self._areas, pressure)
             if not (there > 0).all():
                 raise InvalidState(
                     "the thickness of the sheet that a pressure acts on is not positive at the"
@@ -190,24 +274,14 @@ class Pressure:
 
     def add(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
         """Add the forces of the pressure on the points to `out`, shape (n, d)."""
-        out[self._points] += self._spread @ self._on_facets(positions, thickness)
-
-    def at_sites(self, vectors: np.ndarray) -> np.ndarray:
-        """Return vectors at the middles of the facets, shape (f, d), interpolated from positions
-        or velocities of all points (n, d).
-        """
-        return self._share.total(self._middle @ vectors.take(self._points, axis=0))
-
-    def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
-        """Return the force on every facet, shape (f, d); 0 on ranks other than the first."""
-        return self._on_facets(positions, thickness) * self._share.leads
+        out[self.points] += self._middle.spread(self._on_facets(positions, thickness))
 
     def _sides_at(self, positions: np.ndarray) -> list[np.ndarray]:
         """Return the vectors from the first node of each facet to its other nodes, an array (f,
         d) for each of these.
         """
-        places = positions.take(self._points, axis=0)
-        return [self._share.total(rows @ places) for rows in self._sides]
+        places = positions.take(self.points, axis=0)
+        return [self._share.total(side(places, self.planes)) for side in self._sides]
 
     def potential(self, positions: np.ndarray) -> float:
         """Return the potential (theory (46)): the pressure times the growth of the area or volume
@@ -215,7 +289,8 @@ class Pressure:
 
         On ranks other than the first the value is 0.
         """
-        enclosed = _enclosed(self.at_sites(positions) - self._origin, self._sides_at(positions))
+        middles = self.at_sites(positions, self.planes) - self._origin
+        enclosed = _enclosed(middles, self._sides_at(positions))
         return (
             self._value
             * self.factor
@@ -258,6 +333,9 @@ def _closed(facets: np.ndarray) -> bool:
     return all(np.array_equal(mine, theirs) for mine, theirs in zip(one, other, strict=True))
 
 
+AnyLoad = DeadLoad | Traction | Pressure | Obstacle
+
+
 class Loads:
     """Loads on a body, at one value of the loading parameter at a time.
 
@@ -267,10 +345,14 @@ class Loads:
     Parameters
     ----------
     body : Body
-    loads : sequence of DeadLoad, Pressure or Obstacle
+    loads : sequence of DeadLoad, Traction, Pressure or Obstacle
 
     Attributes
     ----------
+    normals : ndarray, shape (planes, d)
+        Unit vectors across the planes of symmetry; 0 for other planes and boundaries.
+    at_rest, planes : ndarray, shape (planes,)
+        Positions of the planes along their normals, in the undeformed body and now.
     needs_thickness : bool
         Whether a pressure continues the thickness from the points.  Methods with a `thickness`
         argument then need the stretch of the thickness at the points, J3 / det F, shape (n,): the
@@ -282,12 +364,21 @@ class Loads:
         Forces of the obstacles at places where the gap is zero, found by equilibria.
     """
 
-    def __init__(self, body: Body, loads: Sequence[DeadLoad | Pressure | Obstacle]) -> None:
+    def __init__(self, body: Body, loads: Sequence[AnyLoad]) -> None:
         self.body, self._loads = body, loads
-        self._dead = [load for load in loads if isinstance(load, DeadLoad)]
-        self._following: list[Pressure | Obstacle] = [
-            load for load in loads if not isinstance(load, DeadLoad)
+        planes = [
+            (plane.axis, plane.position) if plane.symmetric else (-1, 0.0) for plane in body.planes
         ]
+        axes, self.at_rest = np.reshape(planes, (-1, 2)).T
+        self.normals = axes[:, None] == np.arange(body.dimension)
+        self.planes = self.at_rest.copy()
+        self._dead = [load for load in loads if isinstance(load, DeadLoad | Traction)]
+        self._following: list[Pressure | Obstacle] = [
+            load for load in loads if not isinstance(load, DeadLoad | Traction)
+        ]
+        self._beside_planes = [load for load in loads if not isinstance(load, DeadLoad)]
+        for load in self._beside_planes:
+            load.planes = self.planes
         self.obstacles = [load for load in loads if isinstance(load, Obstacle)]
         places = len(self.obstacles[0].surface.nodes) if self.obstacles else 0
         self.pushes = np.zeros((places, len(self.obstacles)))
@@ -302,6 +393,11 @@ class Loads:
 
     def __len__(self) -> int:
         return len(self._loads)
+
+    @property
+    def planes_moved(self) -> np.ndarray:
+        """Displacements (planes,) of planes of symmetry across themselves."""
+        return self.planes - self.at_rest
 
     def set(self, t: float) -> None:
         """Set all loads to their size at a value of the loading parameter.
@@ -391,17 +487,29 @@ class Loads:
         return potential
 
     def power(
-        self, positions: np.ndarray, velocities: np.ndarray, thickness: np.ndarray | None = None
+        self,
+        positions: np.ndarray,
+        velocities: np.ndarray,
+        planes: np.ndarray | None = None,
+        thickness: np.ndarray | None = None,
     ) -> float:
         """Return the power of the loads in a state in which the points have the given velocities
-        (n, d).
+        (n, d), and the planes of symmetry velocities (planes,) across themselves.
         """
         return float(
             sum(
-                (load.on_sites(positions, thickness) * load.at_sites(velocities)).sum()
+                (load.on_sites(positions, thickness) * load.at_sites(velocities, planes)).sum()
                 for load in self._loads
             )
         )
+
+    def on_planes(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
+        """Return the forces of the loads on planes of symmetry, and their first moments, see
+        `Following.on_planes`.
+        """
+        found = (load.on_planes(positions, thickness) for load in self._beside_planes)
+        shape = *self.normals.shape, 1 + self.body.dimension
+        return self.body.share.total(sum(found, np.zeros(shape)))
 
     def by_name(
         self, positions: np.ndarray, thickness: np.ndarray | None = None
@@ -419,10 +527,10 @@ class Loads:
         displacement. For a pressure the mean is over the middles of its facets. For an obstacle it
         is the displacement of the obstacle.
         """
-        displacement = positions - self.body.points
+        displacement, planes = positions - self.body.points, self.planes_moved
         loads = [load for load in self._loads if load not in self.obstacles]
         totals = self._summed(
-            lambda load: load.weights[:, None] * load.at_sites(displacement), loads
+            lambda load: load.weights[:, None] * load.at_sites(displacement, planes), loads
         )
         weights = self._summed(lambda load: load.weights, loads)
         found = {name: total / (weights[name] or 1.0) for name, total in totals.items()}
@@ -440,7 +548,7 @@ class Loads:
         levers = self._summed(
             lambda load: (
                 load.on_sites(positions, thickness)[:, :, None]
-                * (load.at_sites(positions) - about)[:, None]
+                * (load.at_sites(positions, self.planes) - about)[:, None]
             )
         )
         return {name: moment_of(lever) for name, lever in levers.items()}

@@ -157,13 +157,12 @@ class QuasiNewton(EquilibriumSolver):
 
         `forces` (n, d) are those before the step and `following` those after this fraction. The
         function returns whether to accept it, and the factor by which to shorten it otherwise. Here
-        it accepts if the norm of the forces grows at most `MOST_GROWTH` times.
+        it accepts if the norm of the forces grows at most `MOST_GROWTH` times, or not at all where
+        places would touch an obstacle and leave it in turn.
         """
-        square = self.share.dot(forces, forces)
-        return lambda following, share: (
-            self.share.dot(following, following) <= self.MOST_GROWTH**2 * square,
-            0.5,
-        )
+        growth = 1.0 if force.obstacles else self.MOST_GROWTH
+        most = growth**2 * self.share.dot(forces, forces)
+        return lambda following, share: (self.share.dot(following, following) <= most, 0.5)
 
     def _direction(self, preconditioner, forces, history):
         """Return the next step (n, d) by the two-loop recursion of L-BFGS, with the preconditioner

@@ -94,29 +94,43 @@ class ContactNodes:
             spacing,
         )
         self.stops = stops
-        self._points = interpolation.points()
+        self._points = np.unique(interpolation.rows.indices)
         numbers = share.everywhere(share.numbers[self._points])
         self._order = np.argsort(np.concatenate(numbers))
         start = sum(map(len, numbers[: share.ranks.rank]))
         self._here = np.argsort(self._order)[start : start + len(self._points)]
-        parts = (share.everywhere(rows[:, self._points]) for rows in interpolation.rows)
-        self._map = Following(
-            tuple(scipy.sparse.hstack(part, format="csc")[:, self._order].tocsr() for part in parts)
-        )
-        self._spread = self._map.T
 
-    def places(self, vectors: np.ndarray) -> np.ndarray:
-        """Return vectors at the places (k, d) from vectors at the points of this rank (n, d)."""
-        return (
-            self._map
-            @ np.concatenate(self.share.everywhere(vectors.take(self._points, axis=0)))[self._order]
-        )
+        def of_all(rows: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+            parts = share.everywhere(rows[:, self._points])
+            return scipy.sparse.hstack(parts, format="csc")[:, self._order].tocsr()
+
+        self._map = interpolation.changed(of_all)
+
+    def _gathered(self, vectors: np.ndarray) -> np.ndarray:
+        """Return the vectors at the points of all ranks on which the places depend."""
+        return np.concatenate(self.share.everywhere(vectors.take(self._points, axis=0)))[
+            self._order
+        ]
+
+    def places(self, vectors: np.ndarray, planes: np.ndarray | None = None) -> np.ndarray:
+        """Return vectors at the places (k, d) from vectors at the points of this rank (n, d) and,
+        across themselves, of planes of symmetry; see `Following`.
+        """
+        return self._map(self._gathered(vectors), planes)
 
     def add(self, forces: np.ndarray, out: np.ndarray) -> None:
         """Add the forces on the points of this rank that result from forces on the places (k, d)
         to `out`, shape (n, d).
         """
-        out[self._points] += (self._spread @ forces)[self._here]
+        out[self._points] += self._map.spread(forces)[self._here]
+
+    def on_planes(
+        self, forces: np.ndarray, positions: np.ndarray, planes: np.ndarray
+    ) -> np.ndarray:
+        """Return what acts on planes of symmetry by forces on the places (k, d), see
+        `Following.on_planes`; 0 on ranks other than the first.
+        """
+        return self._map.on_planes(forces, self._gathered(positions), planes) * self.share.leads
 
     def greatest_frequency(self, stiffness: np.ndarray, mass: np.ndarray) -> float:
         """Return an upper bound of the squared frequencies of points with masses (n,) on springs of
@@ -124,7 +138,7 @@ class ContactNodes:
 
         The bound is the greatest sum of a row of absolute values.
         """
-        parts = (abs(rows) for rows in self._map.rows)
+        parts = (abs(self._map.component(axis)) for axis in range(self.nodes.shape[1]))
         sums = np.max([rows.T @ (stiffness * rows.sum(axis=1)) for rows in parts], axis=0)
         return self.share.greatest((sums[self._here] / mass[self._points]).max(initial=0.0))
 
@@ -165,9 +179,12 @@ class Obstacle:
     barred : mapping of str to ndarray of int
         Places that the obstacle must not touch, by the name of the rigid region that they belong
         to.
+    planes : ndarray, shape (planes,)
+        Positions of the planes of symmetry, set by `Loads`.
     name, amplitude, surface, travel
     """
 
+    planes: np.ndarray
     needs_thickness, no_potential_because = False, None
 
     def __init__(
@@ -226,7 +243,7 @@ class Obstacle:
         """
         for name, places in self.barred.items():
             if (
-                self.gaps(self.at_sites(positions)[places])[0].min(initial=0.0)
+                self.gaps(self.at_sites(positions, self.planes)[places])[0].min(initial=0.0)
                 < -CLOSE * self.surface.spacing
             ):
                 raise Obstructed(
@@ -256,9 +273,9 @@ class Obstacle:
             found |= bool((gaps < -PASSED * surface.spacing).any())
         return bool(surface.share.any(found))
 
-    def at_sites(self, vectors: np.ndarray) -> np.ndarray:
-        """Return vectors at the places (k, d) from vectors at the points (n, d)."""
-        return self.surface.places(vectors)
+    def at_sites(self, vectors: np.ndarray, planes: np.ndarray | None) -> np.ndarray:
+        """Return vectors at the places (k, d) from vectors at the points (n, d) and planes."""
+        return self.surface.places(vectors, planes)
 
     def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
         """Return the force at every place, shape (k, d); 0 on ranks other than the first."""
@@ -271,7 +288,7 @@ class Obstacle:
         """Return the force (k,) at every place, by default with the present `pushes`, and its
         directions (k, d).
         """
-        gaps, normals = self.gaps(self.surface.places(positions))
+        gaps, normals = self.gaps(self.surface.places(positions, self.planes))
         pushes = self.pushes if pushes is None else pushes
         return np.maximum(pushes - self.stiffness * gaps, 0.0), normals
 
@@ -279,6 +296,11 @@ class Obstacle:
         """Add the forces of the obstacle on the points to `out`, shape (n, d)."""
         forces, normals = self.pushed(positions)
         self.surface.add(forces[:, None] * normals, out)
+
+    def on_planes(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
+        """Return this rank's part of what acts on the planes, see `Following.on_planes`."""
+        forces, normals = self.pushed(positions)
+        return self.surface.on_planes(forces[:, None] * normals, positions, self.planes)
 
     def potential(self, positions: np.ndarray) -> float:
         """Return the energy of the contact, 0 without gaps and penetration; 0 on ranks other than
@@ -297,7 +319,7 @@ class Obstacle:
         """
         facets, places, touching = (
             self.surface.facets,
-            self.surface.places(positions),
+            self.surface.places(positions, self.planes),
             TOUCHING * self.surface.spacing,
         )
         gaps, _ = self.gaps(places)
@@ -373,7 +395,7 @@ class ContactStiffness:
         """Return the gaps of all pairs, infinite where obstacles do not push, the gaps below which
         they push, and the normals.
         """
-        places = self._surface.places(positions)
+        places = self._surface.places(positions, self._obstacles[0].planes)
         gaps, normals = (
             np.concatenate(parts)
             for parts in zip(*(one.gaps(places) for one in self._obstacles), strict=True)

@@ -98,30 +98,20 @@ class Distribution(StrictModel):
         """
         from scipy import stats
 
-        known = {
-            name: kind
-            for name, kind in vars(stats).items()
-            if isinstance(kind, stats.rv_continuous | stats.rv_discrete)
-        }
+        kinds = stats.rv_continuous | stats.rv_discrete
+        known = [name for name, kind in vars(stats).items() if isinstance(kind, kinds)]
         if self.distribution not in known:
-            nearest = suggestion(self.distribution, known, "")
-            meant = (
-                nearest
-                if nearest.endswith("?")
-                else f"use a name from scipy.stats, such as {', '.join(USUAL)}"
-            )
-            raise ValueError(f"unknown distribution {self.distribution!r}; {meant}")
-        kind, given = known[self.distribution], self.model_extra or {}
-        shapes = kind.shapes.split(", ") if kind.shapes else []
-        takes = [*shapes, "loc", *([] if self.discrete else ["scale"])]
-        if unknown := [key for key in given if key not in takes]:
             raise ValueError(
-                f"{self.distribution} has no parameter {unknown[0]!r};"
-                f" {suggestion(unknown[0], takes, 'it has')}"
+                f"unknown distribution {self.distribution!r};"
+                f" {suggestion(self.distribution, USUAL, 'scipy.stats has', known)}"
             )
-        if missing := [key for key in shapes if key not in given]:
+        kind, given = getattr(stats, self.distribution), self.model_extra or {}
+        needed = kind.shapes.split(", ") if kind.shapes else []
+        takes = [*needed, "loc", *([] if self.discrete else ["scale"])]
+        if not set(needed) <= set(given) <= set(takes):
             raise ValueError(
-                f"{self.distribution} needs {', '.join(missing)}; it has {', '.join(takes)}"
+                f"{self.distribution} has the parameters {', '.join(takes)}"
+                f"{' and needs ' * bool(needed)}{', '.join(needed)}; given are {', '.join(given)}"
             )
         frozen = kind(**given)
         if not np.isfinite(frozen.ppf([0.25, 0.5, 0.75])).all():

@@ -7,7 +7,7 @@ import json
 import os
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -20,7 +20,6 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from .. import artifacts
 from ..arguments import check_whole_number, suggestion
-from ..artifacts.store import parted
 from ..discretization import check_size
 from ..forces import FORCES, ForceModel
 from ..forces.identity import digest_of, identity_of
@@ -57,11 +56,6 @@ reason why there are none.
 NOT_DONE = "not done yet"
 """Text in place of the reason of failure for a run that is not finished: not started,
 interrupted, or out of time.
-"""
-
-MOST_ENDS = 2
-"""Number of losses of its worker process (killed, for example when memory runs out) after which a
-run counts as failed. Chosen: one loss may be due to another run, a second one is not.
 """
 
 
@@ -166,9 +160,8 @@ class SceneTask:
 
         `options`, with ``folder`` among them, are those of `simulate`.
         """
-        if (options["folder"] / checkpoint.NAME).is_file():
-            with suppress(checkpoint.CheckpointError):
-                return simulate(self.scene, model, **options, resume=True)
+        with suppress(checkpoint.CheckpointError):
+            return simulate(self.scene, model, **options, resume=True)
         return simulate(self.scene, model, **options, overwrite=True)
 
 
@@ -263,11 +256,10 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
     if force not in FORCES:
         # The name with its present version; an artifact that cannot be found by name is given by
         # its whole path.
-        named, which = artifacts.find_artifact(force), parted(force)[1]
+        named = artifacts.find_artifact(force)
         name, force = f"{named.parent.name}@{named.name}", str(named.resolve())
         with suppress(artifacts.ArtifactError):
             force = name if artifacts.find_artifact(name).resolve() == named.resolve() else force
-        force += "" if which is None else f"#{which}"
     return SceneTask(
         scene, force, _scene_digest(scene, model), *_derivatives(study, scene, model, changes)
     )
@@ -288,7 +280,7 @@ def _derivatives(
         check_models(scene, checked_models(scene, model))
     except ValueError as error:
         raise SceneError(f"derivatives: {error}") from None
-    _check_measurements(study.derivatives, scene, model)
+    _check_measurements(study.derivatives, scene)
     known = numbers_in(scene, ())
     numbers = {key: key for key in parameters if key in known}
     if scene.stretched and "stretches" in parameters:
@@ -303,54 +295,28 @@ def _derivatives(
     return study.derivatives, numbers
 
 
-def _check_measurements(names: Iterable[str], scene: Scene, model: ForceModel) -> None:
-    """Raise SceneError for a name whose derivative no equilibrium of the scene can have, as
-    scene and force show before a run.
+def _check_measurements(names: Iterable[str], scene: Scene) -> None:
+    """Raise SceneError if the last output of a scene is no equilibrium, or if a name has the probe,
+    support or load of no entry of the scene.
     """
     if scene.dynamics is not None or (scene.steps and scene.steps[-1].dynamics is not None):
         raise SceneError(
             "derivatives: the last output of the scene is one of dynamics; derivatives are those of"
             " equilibria"
         )
-    energy = all(kind.has_energy for kind in model.terms(scene.plane))
-    reasons = {
-        "energy": None if energy else f"the forces of {model.name} have no energy: use bond-energy",
-        "nominal_stress": None if scene.stretched else "scenes with steps have none: use forces",
-        "moments": None if not scene.stretched else "scenes with stretches have none: use forces",
-        "contact": None if scene.obstacles else "the scene has no obstacles",
-        "cracks": None if scene.precuts else "the scene has no precuts",
-        **dict.fromkeys(
-            ("method", "stability", "residual", "evaluations", "kinetic_energy", "time", "step"),
-            "it has no derivative",
-        ),
-    }
-    probes, places = (
-        [probe.name for probe in scene.probes],
-        list(dict.fromkeys(names_of_forces(scene).values())),
-    )
+    places = dict.fromkeys(names_of_forces(scene).values())
     for name in names:
-        first, *others = name.split(".")
-        reason = reasons.get(first)
-        if first == "probes" and not probes:
-            reason = "the scene has no probes"
-        elif first == "probes" and others and others[0] not in probes:
-            reason = f"there is no such probe; {suggestion(others[0], probes)}"
-        elif (
-            first in ("forces", "moments", "displacements")
-            and others
-            and not reason
-            and not _begins(others, places)
+        first, _, rest = name.partition(".")
+        known = [probe.name for probe in scene.probes] if first == "probes" else places
+        if (
+            first in ("probes", "forces", "moments", "displacements")
+            and rest
+            and not any(f"{rest}.".startswith(f"{one}.") for one in known)
         ):
-            reason = f"no support or load has this name; {suggestion(others[0], places)}"
-        if reason:
-            raise SceneError(f"derivatives: {name!r}: {reason}")
-
-
-def _begins(parts: Sequence[str], names: Iterable[str]) -> bool:
-    """Return whether the parts of a dotted key begin with one of some names, which may contain
-    dots themselves.
-    """
-    return any(parts[: name.count(".") + 1] == name.split(".") for name in names)
+            raise SceneError(
+                f"derivatives: {name!r}: the scene has none of this name;"
+                f" {suggestion(rest.split('.')[0], known)}"
+            )
 
 
 def _scene_digest(scene: Scene, model: ForceModel) -> str:
@@ -443,12 +409,13 @@ class Workers:
         """Carry out the tasks, in parallel and for at most `max_time` seconds each, and yield the
         outcome of every run as it ends.
 
-        `tasks` has, for each run, the name of its folder under `folder` as the key. A run whose
-        process is killed, for example when memory runs out, is tried once more.
+        `tasks` has, for each run, the name of its folder under `folder` as the key. Runs under way
+        when a process is killed, for example when memory runs out, fail; the next study of the
+        same description tries them again.
         """
         if not tasks:
             return
-        left, ends = dict(tasks), dict.fromkeys(tasks, 0)
+        left = dict(tasks)
         with self._backend(folder) as (study, backend, lost):
             while left:
                 # Each worker gets one run at a time: only that run is lost with the worker.
@@ -465,16 +432,8 @@ class Workers:
                 except lost:
                     begun = [place for place in left if (folder / place / LOCK).exists()]
                     for place in begun or list(left):
-                        ends[place] += 1
-                        if ends[place] >= MOST_ENDS:
-                            del left[place]
-                            yield (
-                                place,
-                                (
-                                    f"its process was killed {MOST_ENDS} times, possibly for lack"
-                                    " of memory"
-                                ),
-                            )
+                        del left[place]
+                        yield place, "a process was killed beside it, or its own for lack of memory"
 
     @contextmanager
     def _backend(

@@ -4,7 +4,6 @@ all runs in one table.
 
 import logging
 import math
-import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ from ..progress import event
 from ..ranks import communicator
 from ..results import figures
 from ..results.files import check_writable, remove_leftovers, write_json, write_text
-from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, differences_from, occupied
+from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, occupied
 from ..run.interruption import heard
 from .description import Study, load_study, parameters_of_runs
 from .runs import DERIVATIVES, NOT_DONE, OUTCOME, FitTask, SceneTask, Workers, read_json, tasks_of
@@ -41,11 +40,6 @@ TABLE, MEANS, FIGURE, DESCRIPTION, RUNS = (
     "study.json",
     "runs",
 )
-
-SECONDS_BETWEEN_TABLES = 10.0
-"""Seconds between updates of the table on disk while runs end. Chosen: the whole table is written
-each time, which takes longer the more runs there are.
-"""
 
 DIGITS = 16
 """Number of hexadecimal digits in the name of a run's folder, which are the first of the run's
@@ -177,17 +171,6 @@ class StudyResult:
         """
         return [row for row in self.rows if row[FAILURE] == NOT_DONE]
 
-    def _summaries(self) -> dict[str, dict[str, Any]]:
-        """Return the contents of the file ``summary.json`` of each successful run, by the name
-        of its folder.
-        """
-        done = [row[RUN] for row in self.rows if row[FAILURE] is None]
-        return {
-            place: summary
-            for place in done
-            if (summary := read_json(self.folder / RUNS / place / SUMMARY))
-        }
-
     def cautions(self) -> list[str]:
         """Return texts of warnings: of asked quantities that no successful run has, and of states
         outside the domain of a surrogate.
@@ -205,16 +188,16 @@ class StudyResult:
         >>> pds.studies.StudyResult(described, Path("out"), rows).cautions()
         []
         """
-        summaries = self._summaries()
+        done = [row[RUN] for row in self.rows if row[FAILURE] is None]
+        read = {place: read_json(self.folder / RUNS / place / SUMMARY) for place in done}
+        summaries = {place: summary for place, summary in read.items() if summary}
         missing = [
             name
             for name in self.study.quantities or ()
             if not any(quantities_in(one, [name]) for one in summaries.values())
         ]
         found = [f"quantities: no run has {name!r}" for name in missing if summaries]
-        outside = [
-            place for place, summary in summaries.items() if summary.get("fraction_outside_domain")
-        ]
+        outside = [place for place in summaries if summaries[place].get("fraction_outside_domain")]
         if outside:
             found.append(
                 f"{len(outside)} runs (first {outside[0]}) left the domain of the surrogate; see"
@@ -241,10 +224,7 @@ class StudyResult:
         >>> type(pds.studies.StudyResult(described, Path("out"), rows).figure()).__name__
         'Figure'
         """
-        units = next(
-            (summary["units"] for summary in self._summaries().values() if "units" in summary), {}
-        )
-        return study_figure(self.rows, list(self.study.parameters), units)
+        return study_figure(self.rows, list(self.study.parameters))
 
 
 class StudyInterrupted(RuntimeError):
@@ -370,7 +350,7 @@ def study(
     places = [task.digest[:DIGITS] for task in tasks]
     by_place = dict(zip(places, tasks, strict=True))
     workers = Workers.chosen(len(by_place), jobs, threads, scheduler)
-    _check_table(folder, described, places, overwrite)
+    _check_table(folder, places, overwrite)
     check_writable(folder / RUNS)
     with occupied(folder):
         remove_leftovers(folder)
@@ -397,7 +377,6 @@ def study(
             workers.threads,
         )
         event("runs", len(ended), count)
-        written = time.monotonic()
         try:
             for place, failure in workers.carry_out(left, folder / RUNS, max_time):
                 if failure == NOT_DONE:
@@ -405,9 +384,6 @@ def study(
                 ended[place] = failure
                 failed += failure is not None
                 event("runs", len(ended), count, failed=failed)
-                if time.monotonic() - written > SECONDS_BETWEEN_TABLES:
-                    _write(result())
-                    written = time.monotonic()
         except KeyboardInterrupt:
             heard.set()
             # Runs that ended in the meantime are included.
@@ -419,7 +395,7 @@ def study(
     return reached
 
 
-def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool) -> None:
+def _check_table(folder: Path, places: list[str], overwrite: bool) -> None:
     """Raise FolderTaken if the folder holds a table not written by a study, or, without
     `overwrite`, one with runs that this study lacks.
 
@@ -433,16 +409,11 @@ def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool)
         )
     if overwrite or not described:
         return
-    written, differences = differences_from(
-        folder / DESCRIPTION, "study", study.model_dump(mode="json")
-    )
-    if not isinstance(runs := written.get("runs"), dict | list):
-        raise FolderTaken(f"{folder / DESCRIPTION} does not name the runs of its study; {WAY_OUT}")
-    if lost := set(map(str, runs)) - set(places):
-        why = f": {differences}" if differences else ": its force or mesh differs"
+    runs = (read_json(folder / DESCRIPTION) or {}).get("runs", ["unknown"])
+    if lost := set(runs) - set(places):
         raise FolderTaken(
             f"{folder} contains the table of a study with {len(lost)} runs that are not in this"
-            f" study{why}; {WAY_OUT}"
+            f" study; {WAY_OUT}"
         )
 
 

@@ -2,7 +2,8 @@
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
+from itertools import product
 from typing import Any
 
 import matplotlib
@@ -13,7 +14,6 @@ from ..arguments import suggestion
 from ..results import tables
 from ..results.figures import STYLE
 from ..scenes import SceneError
-from ..scenes.model import with_unit
 from ..scenes.reading import leaves
 from .description import Study
 
@@ -32,137 +32,42 @@ OF_FITS = (
 only those with a value in some run are shown.
 """
 
-COMPARED = ("nominal_stress", "lateral_displacement", "greatest_lateral_displacement")
-"""Keys of a level (an output in equilibrium) whose value may be compared with a reference solution,
-in keys ``..._reference`` and ``..._error``.
-"""
-
-KEYS_OF_RUNS = (
-    *(
-        "scene",
-        "force",
-        "material",
-        "materials",
-        "plane",
-        "thickness",
-        "n_points",
-        "n_bonds",
-        "n_directed_bonds",
-        "n_ghost_points",
-    ),
-    *(
-        "spacing",
-        "cell_size",
-        "horizon",
-        "precision",
-        "correction",
-        "support",
-        "ranks",
-        "ranks_waiting",
-    ),
-    *("threads", "converged", "failure", "interrupted"),
-    *(
-        "residual",
-        "n_force_evaluations",
-        "seconds_total",
-        "seconds_compile",
-        "ns_per_directed_bond",
-        "fallback_fraction",
-    ),
-    *("status", "beyond_data", "held_at_points"),
-    *(
-        "fraction_outside_domain",
-        "unsupported_points",
-        "units",
-        "grip_areas",
-        "levels",
-        "digests",
-        "scene_as_run",
-        "provenance",
-    ),
-    *(
-        "peak_nominal_stress",
-        "n_steps",
-        "dynamics",
-        "critical_stretch",
-        "fracture_remarks",
-        "interfaces",
-        "crack",
-    ),
-)
-KEYS_OF_LEVELS = (
-    *(
-        "stretch",
-        "t",
-        "step",
-        "time",
-        "forces",
-        "moments",
-        "displacements",
-        "energy",
-        "kinetic_energy",
-        "stability",
-        "probes",
-    ),
-    *(f"{key}{ending}" for key in COMPARED for ending in ("", "_reference", "_error")),
-    *(
-        "nominal_stress_grip",
-        "nominal_stress_area",
-        "nominal_stress_work_conjugate",
-        "roughness",
-        "residual",
-        "evaluations",
-        "method",
-    ),
-    *("force_balance", "rigid", "contact", "cracks"),
-)
-KEYS_OF_CRACKS = ("start", "peak", "path", "tips", "broken_bonds", "failed_points", "through")
-KEYS_OF_FITS = (
-    *(
-        "material",
-        "artifact",
-        "stretch_range",
-        "n_samples",
-        "random_state",
-        "on_surface",
-        "off_surface",
-        "by_strain",
-        "at_rest",
-    ),
-    *(
-        "least_slope",
-        "least_slope_exact",
-        "least_acoustic",
-        "least_acoustic_exact",
-        "least_curvature",
-        "least_curvature_exact",
-    ),
-    *("shear_modulus", "outcome", "cross_validation", "cross_validated_rms", "seconds_total"),
+KEYS_OF_RUNS, KEYS_OF_LEVELS, KEYS_OF_CRACKS, KEYS_OF_FITS = (
+    keys.split()
+    for keys in (
+        """
+        scene force material materials plane thickness n_points n_bonds n_directed_bonds
+        n_ghost_points spacing cell_size horizon precision correction support ranks
+        threads converged failure interrupted residual n_force_evaluations seconds_total
+        seconds_compile ns_per_directed_bond fallback_fraction status beyond_data held_at_points
+        fraction_outside_domain unsupported_points units grip_areas levels digests scene_as_run
+        provenance peak_nominal_stress n_steps dynamics critical_stretch fracture_remarks interfaces
+        crack
+        """,
+        """
+        stretch t step time forces moments displacements energy kinetic_energy stability probes
+        nominal_stress nominal_stress_reference nominal_stress_error lateral_displacement
+        lateral_displacement_reference lateral_displacement_error greatest_lateral_displacement
+        greatest_lateral_displacement_reference greatest_lateral_displacement_error
+        nominal_stress_grip nominal_stress_area nominal_stress_work_conjugate roughness residual
+        evaluations method force_balance rigid contact cracks
+        """,
+        "start peak path tips broken_bonds failed_points through",
+        """
+        material artifact stretch_range n_samples random_state on_surface off_surface by_strain
+        at_rest least_slope least_slope_exact least_acoustic least_acoustic_exact least_curvature
+        least_curvature_exact shear_modulus outcome cross_validation cross_validated_rms
+        seconds_total
+        """,
+    )
 )
 """All keys that the summary of a run, its levels (outputs) and its crack can have, and those of the
 summary of a fit; tests compare them with written files.
 """
 
-DERIVATIVE = re.compile(r"d (.+) / d (.+)")
-"""Form of the name of a column with the derivatives of a measurement by a parameter."""
-
 RUN, FAILURE = "run", "failure"
 """Names of the first and last column: the name of the run's folder, and the reason of its
 failure.
-"""
-
-UNITS = {
-    "length": (
-        "spacing|cell_size|horizon|(greatest_)?lateral_displacement|displacements?|(.*_)?radius|semi_axes|size|length|center|lower"
-    ),
-    "stress": (
-        "(peak_)?nominal_stress(_work_conjugate)?|stress|(shear|bulk)_modulus|traction|pressure"
-    ),
-    "force": "forces",
-    "energy": "moments|(kinetic_)?energy|energy_put_in",
-}
-"""Regular expressions for quantities of runs and parameters of scenes, by the kind of their unit; a
-key has the kind whose expression matches a whole part between its dots.
 """
 
 MOST_DRAWN = 6
@@ -276,57 +181,18 @@ def _cell(value: Any) -> str:
     )
 
 
-def label_of(key: str, units: Mapping[str, str]) -> str:
-    """Return the axis label of a quantity: its dotted key, followed by its unit in brackets if it
-    has one.
-
-    `units` gives the names of the units by kind, such as "length" or "stress"; the expressions in
-    `UNITS` give the kind of a key.
-    """
-    if derivative := DERIVATIVE.fullmatch(key):
-        above, below = (_unit_of(part, units) for part in derivative.groups())
-        return with_unit(
-            key, above if below is None else None if above == below else f"{above or 1}/{below}"
-        )
-    return with_unit(key, _unit_of(key, units))
-
-
-def _unit_of(key: str, units: Mapping[str, str]) -> str | None:
-    """Return the unit of a quantity or parameter, None if it has none; arguments are those of
-    `label_of`.
-    """
-    parts = [part.removesuffix("_reference") for part in key.split(".")]
-    kind = next(
-        (
-            kind
-            for kind, pattern in UNITS.items()
-            if any(re.fullmatch(pattern, part) for part in parts)
-        ),
-        None,
-    )
-    return None if kind is None else units.get(kind)
-
-
-def study_figure(
-    rows: list[dict[str, Any]], parameters: list[str], units: Mapping[str, str]
-) -> Figure | None:
+def study_figure(rows: list[dict[str, Any]], parameters: list[str]) -> Figure | None:
     """Return a figure of every varying quantity against every varying parameter, up to `MOST_DRAWN`
     of each; None if nothing varies.
 
-    Runs that differ in this parameter alone are joined by a line; its color stands for the other
-    parameters.
-
-    `rows` are those of the study's table, and `parameters` the columns of parameters. `units` gives
-    the names of the units of length, stress, force and energy from a run's summary; it is empty for
-    a study of fits of surrogates, which has no units.
+    `rows` are those of the study's table, and `parameters` the columns of parameters.
     """
-    across = [key for key in parameters if len({_cell(row.get(key)) for row in rows}) > 1][
-        :MOST_DRAWN
-    ]
+    across = [key for key in parameters if len({_cell(row.get(key)) for row in rows}) > 1]
     others = [key for key in columns_of(rows) if key not in (RUN, FAILURE, *parameters)]
     down = [
         key for key in others if len({row[key] for row in rows if _is_number(row.get(key))}) > 1
-    ][:MOST_DRAWN]
+    ]
+    across, down = across[:MOST_DRAWN], down[:MOST_DRAWN]
     if not across or not down:
         return None
     with matplotlib.rc_context(STYLE):
@@ -334,37 +200,14 @@ def study_figure(
             figsize=(1.0 + 2.6 * len(across), 0.6 + 2.3 * len(down)), layout="constrained"
         )
         axes = figure.subplots(len(down), len(across), squeeze=False, sharey="row", sharex="col")
-        for row_of_axes, quantity in zip(axes, down, strict=True):
-            for axis, key in zip(row_of_axes, across, strict=True):
-                places, words = _places([row.get(key) for row in rows])
-                lines: dict[str, list] = {}
-                for place, row in zip(places, rows, strict=True):
-                    others = ", ".join(
-                        f"{other.split('.')[-1]} {_cell(row.get(other))}"
-                        for other in across
-                        if other != key
-                    )
-                    if _is_number(row.get(quantity)):
-                        lines.setdefault(others.replace("_", " "), []).append(
-                            (place, row[quantity])
-                        )
-                color = {} if len(lines) <= MOST_DRAWN else {"color": "C0"}
-                for others, drawn in lines.items():
-                    axis.plot(
-                        *zip(*sorted(drawn), strict=True),
-                        "o-",
-                        ms=3.5,
-                        lw=0.8,
-                        label=others,
-                        **color,
-                    )
-                if 1 < len(lines) <= MOST_DRAWN and quantity == down[0]:
-                    axis.legend(fontsize=7)
-                if words:
-                    axis.set_xticks(range(len(words)), words, rotation=30, ha="right")
-            row_of_axes[0].set_ylabel(label_of(quantity, units).replace("_", " "))
-        for axis, key in zip(axes[-1], across, strict=True):
-            axis.set_xlabel(label_of(key, units).replace("_", " "))
+        for (i, quantity), (j, key) in product(enumerate(down), enumerate(across)):
+            shown = [row for row in rows if _is_number(row.get(quantity))]
+            places = [row.get(key) for row in shown]
+            if not all(map(_is_number, places)):
+                places = [_cell(place)[:24] for place in places]
+            axes[i, j].plot(places, [row[quantity] for row in shown], "o", ms=3.5)
+            axes[i, j].set(xlabel=key, ylabel=quantity)
+            axes[i, j].label_outer()
         return figure
 
 
@@ -372,17 +215,3 @@ def _is_number(value: Any) -> bool:
     return (
         isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
     )
-
-
-def _places(values: list[Any]) -> tuple[list[float], list[str]]:
-    """Return the positions of a parameter's values on an axis, and tick labels.
-
-    Numbers are their own positions and have no labels; if any value is not a number, different
-    values stand at 0, 1, 2 ... with labels.
-    """
-    if all(_is_number(value) for value in values):
-        return values, []
-    words = list(dict.fromkeys(_cell(value) for value in values))
-    return [float(words.index(_cell(value))) for value in values], [
-        word if len(word) <= 24 else word[:21] + "..." for word in words
-    ]

@@ -7,6 +7,7 @@ from functools import cache, wraps
 from typing import Any
 
 import numpy as np
+import scipy
 from scipy.linalg import block_diag
 
 from ..body import Body, ReflectionPlane
@@ -24,8 +25,11 @@ from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..forces.settings import PRECISIONS, SETTINGS
 from ..learning import training_samples
 from ..materials import dimension_of
+from ..problem import compile_scene
+from ..problem.materials import checked_models
 from .bodies import (
     DEFORMATIONS,
+    SPACING,
     crack,
     disc_with_hole,
     gripped,
@@ -67,6 +71,11 @@ def _scale(force: InternalForce, forces: np.ndarray) -> float:
     number mu dx (in solids, too).
     """
     return max(float(np.abs(forces).max()), force.law.shear_modulus * force.body.spacing)
+
+
+def _error(force: InternalForce, found: np.ndarray, expected: np.ndarray) -> float:
+    """Return the greatest difference of two arrays of forces, relative to their `_scale`."""
+    return float(np.abs(found - expected).max()) / _scale(force, expected)
 
 
 def _settled(force: InternalForce, positions: np.ndarray) -> np.ndarray:
@@ -169,10 +178,7 @@ def objectivity(subject, force, positions):
     for degrees in (15, 110, 170, 200, 275, 360):
         rotation = turn(degrees, subject.dimension)
         turned = _settled(force, positions @ rotation.T + [3.0, -2.0, 1.0][: subject.dimension])
-        errors += [
-            np.abs(turned @ rotation - still).max() / _scale(force, still),
-            abs(_energy(force) - energy),
-        ]
+        errors += [_error(force, turned @ rotation, still), abs(_energy(force) - energy)]
     return errors
 
 
@@ -185,8 +191,7 @@ def another_start(subject, force, positions):
     ratio J3 is the square, 1e-16, and the forces change by K/mu times 1e-16.
     """
     forces_at(force, force.body.points)
-    found, expected = forces_at(force, positions), forces_at(force, positions)
-    return np.abs(found - expected).max() / _scale(force, expected)
+    return _error(force, forces_at(force, positions), forces_at(force, positions))
 
 
 @drawn(1e-9)
@@ -195,10 +200,8 @@ def mirror(subject, force, positions):
     the original.
     """
     across = MIRROR[: subject.dimension]
-    expected = _settled(force, positions) * across
-    return np.abs(_settled(_mirrored(subject), positions * across) - expected).max() / _scale(
-        force, expected
-    )
+    mirrored = _settled(_mirrored(subject), positions * across)
+    return _error(force, mirrored, _settled(force, positions) * across)
 
 
 @drawn(1e-12)
@@ -238,10 +241,9 @@ def order_of_points(subject, force, positions):
     Rounding is 1e-16 for each of some thirty bonds, multiplied by K/mu where the large volumetric
     parts of the bond forces cancel.
     """
-    (renumbered, order), expected = _renumbered(subject), _settled(force, positions)
-    return np.abs(_settled(renumbered, positions[order]) - expected[order]).max() / _scale(
-        force, expected
-    )
+    renumbered, order = _renumbered(subject)
+    found = _settled(renumbered, positions[order])
+    return _error(force, found, _settled(force, positions)[order])
 
 
 @drawn(1e-9)
@@ -256,7 +258,7 @@ def units(subject, force, positions):
     for length, stress in ((1e-9, 1e9), (1e9, 1e-9)):
         other = _in_other_units(subject, length, stress)
         found = _settled(other, length * positions) / (length ** (d - 1) * stress)
-        errors.append(np.abs(found - expected).max() / _scale(force, expected))
+        errors.append(_error(force, found, expected))
     return errors
 
 
@@ -285,10 +287,7 @@ def far_from_the_origin(subject, force, positions):
     """
     (near, far), placed = _near_and_far(subject), GRID * np.rint(positions / GRID)
     expected, found = _settled(near, placed), _settled(far, placed + AWAY)
-    return [
-        np.abs(found - expected).max() / _scale(near, expected),
-        abs(_energy(far) - _energy(near)),
-    ]
+    return [_error(near, found, expected), abs(_energy(far) - _energy(near))]
 
 
 GRADIENTS = (
@@ -451,7 +450,86 @@ def reflected_half(subject: Subject) -> float:
     force = subject.bind(whole)
     expected = forces_at(force, positions)
     found = forces_at(subject.bind(half), positions[left])
-    return np.abs(found - expected[left]).max() / _scale(force, expected)
+    return _error(force, found, expected[left])
+
+
+CUTS = {
+    2: (
+        {"start": (0.0, -0.3), "end": (0.42, -0.3)},
+        {"start": (-0.42, -0.3), "end": (0.42, -0.3)},
+        {"start": (0.1, 0.1), "end": (0.1, 0.5)},
+        {"start": (-0.1, 0.5), "end": (-0.1, 0.1)},
+    ),
+    3: (
+        *({"center": (0.0, -0.3, 0.0), "radius": 0.35, "normal": (0.0, 1.0, 0.0)},) * 2,
+        {"center": (0.1, 0.2, 0.0), "radius": 0.3, "normal": (1.0, 0.0, 0.0)},
+        {"center": (-0.1, 0.2, 0.0), "radius": 0.3, "normal": (-1.0, 0.0, 0.0)},
+    ),
+}
+"""Cuts of `reflected_parts`, by dimension: one that meets the plane x1 = 0, of the half and of the
+whole, and one a cell beside the plane, with its image.
+"""
+
+
+@tested(1e-6)
+def reflected_parts(subject: Subject) -> float:
+    """Return the difference of the forces and loads on a half with cuts and a quarter with a hole,
+    at or beside planes of symmetry, and on these parts of the wholes.
+
+    Weights that balance the boundary are solutions to 1e-8, and the ends of faces of cuts follow
+    places some 1e-6 cells inside.
+    """
+    d, errors = subject.dimension, []
+    hole = {"radius": 0.33} if d == 2 else {"radius": 0.33, "base": (0, 0, -0.2), "length": 0.4}
+    holed = {
+        "holes": [{"shape": subject.sized("circle", "cylinder"), **hole}],
+        "loads": [{"region": "holes", "pressure": 0.2}],
+    }
+    met, all_met, near, image = CUTS[d]
+    for axes, of_part, of_whole in (
+        ((0, 1), holed, holed),
+        ((0,), {"precuts": [met, near]}, {"precuts": [all_met, near, image]}),
+    ):
+        (part, own), (whole, expected) = (
+            _deformed_at(subject, axes, of_part),
+            _deformed_at(subject, (), of_whole),
+        )
+        errors.append(off(own, expected[scipy.spatial.cKDTree(whole).query(part)[1]]))
+    return np.max(errors)
+
+
+def _deformed_at(
+    subject: Subject, axes: tuple[int, ...], described: dict[str, Any]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points (n, d) of a body 1.6 wide, or of its part between planes of symmetry
+    normal to `axes`, and the forces and loads on it in a state symmetric about these.
+    """
+    d = subject.dimension
+    lower = np.array([-0.8 * (axis not in axes) for axis in (0, 1)] + [-0.2])[:d]
+    upper = np.array([0.8, 0.8, 0.2])[:d]
+    corner = {"box": ((upper - 0.2).tolist(), upper.tolist())}
+    scene = subject.scene(
+        (),
+        spacing=SPACING,
+        steps=1.0,
+        body={"shape": subject.sized("rectangle", "box"), "size": upper - lower, "lower": lower},
+        prescribed=[
+            *({"region": ("left", "bottom")[axis], f"x{axis + 1}": 0.0} for axis in axes),
+            subject.held_at(corner),
+        ],
+        **described,
+    )
+    with warnings.catch_warnings(action="ignore"):
+        problem = compile_scene(scene, checked_models(scene, subject.model))
+        _, force = problem.bind("float64")
+    x1, x2, *rest = points = problem.body.points.T
+    stretched = [
+        1.1 * x1 + 0.05 * x1 * np.cos(2 * x2),
+        0.95 * x2 + 0.05 * x2 * x1**2,
+        *(0.9 * x3 + 0.05 * x2**2 for x3 in rest),
+    ]
+    force.loads.set(1.0)
+    return points.T, forces_at(force, np.stack(stretched, axis=1))
 
 
 @tested(1e-10)

@@ -54,9 +54,8 @@ def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
         "run", "uniaxial", "--set", "spacing=0.12", "--set", "stretches=1.2", "--force", "analytic"
     )
     assert done.exit_code == 0, done.output
-    assert (
-        "The cells measure 0.12 x 0.125 cm, the nearest to the spacing of 0.12 that fills the body;"
-        " the horizon is 0.378 cm" in " ".join(done.stdout.split())
+    assert "The cells measure 0.12 x 0.125 cm; the horizon is 0.378 cm" in " ".join(
+        done.stdout.split()
     )
     assert "The cells measure" not in invoke("run", "uniaxial", *FAST, "--force", "analytic").stdout
 
@@ -225,11 +224,9 @@ def test_data_that_no_law_describes_make_no_artifact(tmp_path):
     assert "the stresses of mode uniaxial are all zero" in done.stderr
 
 
-@pytest.mark.parametrize("width", [20, 60, 80])
+@pytest.mark.parametrize("width", [60, 80])
 def test_tables_cut_nothing_off(width, monkeypatch):
-    """In a terminal of 80 columns figures were cut (``384.793…``); in one that is too narrow for
-    them the table is wider.
-    """
+    """In a terminal of 80 columns figures were cut (``384.793…``)."""
     monkeypatch.setattr(terminal.out, "width", width)
     figures = ["-384.79312", "1234567.12345", "+0.00012", "6.02214e+23"]
     titles = [
@@ -244,9 +241,9 @@ def test_tables_cut_nothing_off(width, monkeypatch):
         assert captured.get().count(figure) == 2
     assert captured.get().count("[kPa]") == 1
     assert "…" not in captured.get()
-    assert max(map(len, captured.get().splitlines())) <= max(width, 60)
+    assert max(map(len, captured.get().splitlines())) <= width
     with terminal.out.capture() as captured:
-        terminal.print_table("words", ["what it is"], [["many words " * 30]])
+        terminal.print_table("words", ["what it is"], [["many words " * 30]], left=1)
     assert max(map(len, captured.get().splitlines())) <= width
     assert captured.get().count("many") == 30
 
@@ -318,7 +315,7 @@ def test_a_folder_belongs_to_one_scene(tmp_path):
     done = invoke(*other)
     assert done.exit_code == 2
     assert (
-        "contains the results of another scene (uniaxial); use another folder, or --overwrite"
+        "contains the results of another run of uniaxial (name is uniaxial there and gent here"
         in done.stderr
     )
     assert "ns per directed bond" not in done.output
@@ -342,9 +339,8 @@ def test_unlike_cross_sections_are_told(tmp_path):
     body = "body={shape='polygon',vertices=[[0,0],[3,0],[3,1],[1,1],[1,3],[0,3]]}"
     done = invoke("run", "pure-shear", *FAST, "--force", "analytic", "--set", body, "--set", grips)
     assert done.exit_code == 0, done.output
-    assert (
-        "force of the top grip divided by its cross-section of 1 cm; the cross-section of the"
-        " bottom grip is 3 cm" in " ".join(done.output.split())
+    assert "force of the top grip divided by its cross-section of 1 cm" in " ".join(
+        done.output.split()
     )
     assert "cross-section" not in invoke("run", "pure-shear", *FAST, "--force", "analytic").output
 
@@ -391,7 +387,7 @@ def test_fit_evaluate_and_run(tmp_path, monkeypatch):
     report = invoke("evaluate", "mine", "--samples", 500, "--json")
     assert report.exit_code == 0
     assert json.loads(report.stdout)["on_surface"]["rms"] < 5e-3
-    assert "least_slope" in invoke("evaluate", "mine@1", "--samples", 500).output
+    assert "least slope" in invoke("evaluate", "mine@1", "--samples", 500).output
     assert "mine@1" in invoke("artifacts").output
     assert json.loads(invoke("artifacts", "mine").stdout)["name"] == "mine"
     assert invoke("run", "uniaxial", *FAST, "--force", "mine").exit_code == 0
@@ -438,15 +434,12 @@ def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
     assert laws[0]["rows"] == 4
     assert laws[0]["parameters"]["shear_modulus"] == pytest.approx(0.4, rel=1e-3)
     assert (tmp_path / "found" / "identify.png").stat().st_size > 5000
-    # The answer to another question is not replaced unasked.
+    # A report is not replaced unasked.
     other = invoke(
         "identify", data, "--law", "gent", "--bulk-ratio", 1e6, "--out", tmp_path / "found"
     )
     assert other.exit_code == 2
-    assert (
-        "is the report of other settings: laws is ['mooney-rivlin', 'gent'] there and ['gent']"
-        " here; up_to is 2.6 there" in other.stderr
-    )
+    assert "identify.json exists: use another folder, or --overwrite" in other.stderr
     fitted = invoke(
         "fit",
         "measured",

@@ -245,7 +245,7 @@ def test_a_log_gets_a_line_of_progress_with_the_time_left_every_half_a_minute(mo
         "tear: dynamics: 71 % done, about 0:03:45 left",
         "tear: dynamics: 75 % done, about 0:03:14 left",
     ]
-    assert lines[0].endswith("; 2 of 3, stretch 1.13, 217 broken bonds (7/s)")
+    assert lines[0].endswith("; 2 of 3, stretch 1.131, broken bonds 217")
 
 
 def test_laws_of_the_users_own(own_law):
@@ -351,7 +351,7 @@ def test_training_says_how_far_it_is(monkeypatch, tmp_path):
         "fitting",
         "cross-validating",
         "fold 2 of 2",
-        r"loss \d\.\d+e-\d+, \d+ iterations \([\d.e+]+/s\)",
+        r"loss \d\.\d+e-\d+, iterations \d+",
     ):
         assert re.search(words, file.getvalue())
 

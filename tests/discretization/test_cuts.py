@@ -246,7 +246,7 @@ def check_faces(problem, faces, size):
     sizes, d = np.linalg.norm(faces.areas, axis=1), problem.body.dimension
     assert sizes.sum() == pytest.approx(2 * size, rel=1e-4)
     np.testing.assert_allclose(faces.areas.sum(axis=0), 0.0, atol=1e-12)
-    body, rows = problem.body, faces.interpolation.rows[0]
+    body, rows = problem.body, faces.interpolation.rows
     on_points = problem.regions.surface().on_points(())
     np.testing.assert_allclose(on_points.sum(axis=0), 0.0, atol=1e-12)
     np.testing.assert_allclose(on_points.T @ body.points, body.volumes.sum() * np.eye(d), atol=1e-6)
@@ -360,7 +360,7 @@ def test_the_mouth_of_a_cut_follows_both_of_its_sides(begin):
     """
     surface = compile_scene(scene_of(line((begin, 1), (1.5, 1)))).regions.surface()
     mouth = np.flatnonzero(np.linalg.norm(surface.nodes - [0.0, 1.0], axis=1) < 1e-9)
-    rows, points = surface.interpolation.rows[0][mouth], compile_scene(scene_of(())).body.points
+    rows, points = surface.interpolation.rows[mouth], compile_scene(scene_of(())).body.points
     assert rows.sum() == pytest.approx(1.0)
     np.testing.assert_allclose(rows @ points, [[0.0, 1.0]], atol=1e-6)
     above = rows @ (points[:, 1] > 1.0).astype(float)
@@ -373,7 +373,7 @@ def test_the_mouth_of_a_panel_follows_both_of_its_sides():
     surface, points = problem.regions.surface(), problem.body.points
     mouth = np.flatnonzero((np.abs(surface.nodes[:, :2] - [0.0, 0.4]) < 1e-9).all(axis=1))
     assert len(mouth) == 7
-    rows = surface.interpolation.rows[0][mouth]
+    rows = surface.interpolation.rows[mouth]
     np.testing.assert_allclose(rows @ points, surface.nodes[mouth], atol=1e-6)
     np.testing.assert_allclose(rows @ (points[:, 1] > 0.4).astype(float), 0.5, atol=1e-6)
 

@@ -114,21 +114,21 @@ STAR = tuple(
 @pytest.mark.parametrize(
     ("vertices", "message"),
     [
-        (((0, 0), (2, 2), (2, 0), (0, 2)), r"crosses itself at \(1, 1\)"),
-        (STAR, r"crosses itself at \("),
+        (((0, 0), (2, 2), (2, 0), (0, 2)), "crosses itself, or runs around itself"),
+        (STAR, "crosses itself, or runs around itself"),
         (
             SQUARE + SQUARE,
-            r"runs around itself more than once, or crosses itself at a corner, near \(",
+            "crosses itself, or runs around itself more than once",
         ),
         (
             ((0, 0), (1, 1), (2, 2), (2, 0), (1, 1), (0, 2)),
-            r"runs around itself more than once, or crosses itself at a corner",
+            "crosses itself, or runs around itself more than once",
         ),
         # A side that goes through a corner where the outline does not cross, and on through another
         # side.
         (
             ((0, 0), (4, 0), (4, 2), (1, 2), (3, -1), (2, -1), (0, 2)),
-            r"crosses itself at \([12]\.333, 0\)",
+            "crosses itself, or runs around itself",
         ),
         (SQUARE + SQUARE[::-1], "the polygon has no area"),
     ],
@@ -290,7 +290,7 @@ def test_a_corner_that_folds_over_the_plate_is_told():
         pds.simulate(gasket())
     told = str(caught.value)
     assert "beyond the bottom edge" in told
-    assert "the free side next to it bulges over what it is bonded to" in told
+    assert "the body bulges over what it is bonded to" in told
     assert "contact is modeled at obstacles alone, and a smaller spacing folds earlier" in told
     assert "use a smaller spacing" not in told
 

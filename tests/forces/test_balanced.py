@@ -619,8 +619,7 @@ def test_a_curved_held_boundary_carries_no_load():
 
 
 REFUSED = {
-    "balanced": "bond energies always have balanced gradients now",
-    "quadratic": "quadratic is gone",
+    "balanced": "correction: Input should be 'tensor', 'scalar' or 'none'",
     "none": "correction=none",
 }
 

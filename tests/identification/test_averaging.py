@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pdsurrogate.identification import MODES
-from pdsurrogate.identification.averaging import average, columns_of, isochoric, sets_of
+from pdsurrogate.identification.averaging import average, columns_of, isochoric
 from pdsurrogate.materials.dictionary import OF_INVARIANTS as TERMS
-from pdsurrogate.materials.dictionary import Term, line_curvatures, wave_margin
+from pdsurrogate.materials.dictionary import line_curvatures, wave_margin
 
 MARGIN = wave_margin(TERMS)
 
@@ -114,9 +114,3 @@ def test_every_set_has_stiffness_at_rest():
         ),
     ):
         average(TERMS, J, -J @ LAWS["Carroll"], known, MARGIN)
-
-
-def test_sets_of_terms_of_the_inverses_alone_have_one_each():
-    """A set without a term made SciPy's nnls end the process."""
-    assert list(sets_of([Term("second_logarithm", 1.0), Term("stretches", -2.0)])) == [[0], [1]]
-    assert list(sets_of([Term("first", 1.0), Term("stretches", -2.0)])) == [[0], [0, 1]]

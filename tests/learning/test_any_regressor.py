@@ -10,10 +10,10 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.linear_model import LinearRegression, LogisticRegression, Ridge
-from sklearn.model_selection import GridSearchCV, KFold
+from sklearn.model_selection import GridSearchCV
 from sklearn.multioutput import MultiOutputRegressor
 from sklearn.neural_network import MLPRegressor
-from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import (
     FunctionTransformer,
     MinMaxScaler,
@@ -40,8 +40,8 @@ def samples():
     return pds.training_samples(LAW, 1500, (0.6, 2.5), random_state=0)
 
 
-def fitted(samples, regressor, features="isochoric", **weights):
-    return pds.surrogate_pipeline(regressor, features=features).fit(samples.X, samples.y, **weights)
+def fitted(samples, regressor, features="isochoric"):
+    return pds.surrogate_pipeline(regressor, features=features).fit(samples.X, samples.y)
 
 
 def agreement(surrogate, model, samples) -> float:
@@ -384,73 +384,6 @@ def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
     ):
         pds.store(Holed(), samples, LAW, tmp_path, "x", "1", "x")
     assert list(tmp_path.iterdir()) == []
-
-
-WEIGHTED = {
-    "a polynomial": pds.learning.ChebyshevRegressor(4),
-    "Levenberg-Marquardt": pds.LevenbergMarquardtRegressor(
-        (3,), "algebraic", max_iter=15, random_state=0
-    ),
-    "a pipeline": make_pipeline(PolynomialFeatures(2), Ridge(1.0)),
-    "one target at a time": GradientBoostingRegressor(n_estimators=3, random_state=0),
-    "drawn with replacement": RandomForestRegressor(3, random_state=0),
-    "a search": GridSearchCV(
-        make_pipeline(PolynomialFeatures(1), Ridge()), {"ridge__alpha": [0.1, 1.0]}, cv=KFold(2)
-    ),
-    "torch": pytest.param(
-        pds.TorchMLPRegressor((4,), max_epochs=3, random_state=0), marks=needs_torch
-    ),
-}
-
-
-def repeated(samples, stride=5):
-    """Weights of 0, 1, 2 and 3 for every fifth sample, and the copies that they stand for."""
-    X, y = samples.X[::stride], samples.y[::stride]
-    weights = (np.arange(len(X)) % 4).astype(float)
-    return X, y, weights, *(array.repeat(weights.astype(int), axis=0) for array in (X, y))
-
-
-@pytest.mark.parametrize("regressor", WEIGHTED.values(), ids=WEIGHTED)
-def test_a_weight_of_two_is_a_sample_twice_in_every_pipeline(samples, regressor):
-    """The same bits: scalings, splits and early stopping see the same samples.  Scalings took
-    copies and no weights.
-    """
-    model = pds.surrogate_pipeline(regressor, features="isochoric")
-    X, y, weights, copied_X, copied_y = repeated(samples)
-    right = clone(model).fit(copied_X, copied_y).predict(X)
-    assert np.abs(right - clone(model).fit(X, y).predict(X)).max() > 1e-8  # weights matter
-    within = Pipeline([("model", clone(model))])
-    for found in (
-        clone(model).fit(X, y, sample_weight=weights),
-        within.fit(X, y, model__sample_weight=weights),
-    ):
-        np.testing.assert_array_equal(found.predict(X), right)
-
-
-def test_a_regressor_without_weights_refuses_them_by_name(samples):
-    with pytest.raises(TypeError, match="sample_weight"):
-        fitted(samples, Quadratic(), sample_weight=np.arange(len(samples)) * 1.0)
-
-
-def test_weights_need_no_knowledge_of_the_scalings_of_a_pipeline(samples):
-    """``set_fit_request(sample_weight=True)`` ended in an error that asked for requests of the
-    scaler.
-    """
-    model, weights = (
-        pds.surrogate_pipeline(Ridge(1.0), features="isochoric"),
-        np.where(samples.X[:, 0] > 1.2, 3.0, 1.0),
-    )
-    right = clone(model).fit(samples.X, samples.y, sample_weight=weights).predict(samples.X)
-    with config_context(enable_metadata_routing=True):
-        itself = clone(model).fit(samples.X, samples.y, sample_weight=weights)
-        requested = (
-            clone(model).set_fit_request(sample_weight=True).set_score_request(sample_weight=False)
-        )
-        within = Pipeline([("model", requested)]).fit(samples.X, samples.y, sample_weight=weights)
-        search = GridSearchCV(requested, {"regressor__regressor__regressor__alpha": [1.0]}, cv=2)
-        search.fit(samples.X, samples.y, sample_weight=weights)
-        for found in (itself, within, search):
-            np.testing.assert_array_equal(found.predict(samples.X), right)
 
 
 def test_frames_of_pandas_go_through_with_their_names(samples):

@@ -12,7 +12,6 @@ from pdsurrogate.materials import plane_stress
 from pdsurrogate.materials.dictionary import (
     KINDS,
     Term,
-    checked_dictionary,
     derivatives,
     line_curvatures,
     wave_margin,
@@ -128,59 +127,6 @@ def test_sums_of_polyconvex_terms_are_stable_by_form_and_others_are_checked():
     assert np.abs(margins).max() <= 1
     with patch("pdsurrogate.materials.dictionary.line_curvatures", side_effect=AssertionError):
         assert (wave_margin([Term("first", 1.0), Term("roots", 2.0)])(coefficients) == 1).all()
-
-
-@pytest.mark.parametrize(
-    ("terms", "error", "message"),
-    [
-        ([], ValueError, "dictionary: the list is empty; give terms, pairs"),
-        ("first", TypeError, "dictionary must be a list of terms, pairs .*, not 'first'"),
-        (["first"], ValueError, "dictionary: the terms are pairs .*, not 'first'"),
-        ([("frist", 1)], ValueError, "dictionary: unknown kind 'frist'; did you mean first"),
-        ([("first", 5)], ValueError, "dictionary: first has powers from 1 to 4, not 5"),
-        ([("first", "2")], ValueError, "dictionary: first has powers from 1 to 4, not '2'"),
-        (
-            [("stretches", -0.5)],
-            ValueError,
-            "dictionary: stretches has exponents of magnitude 1 to 50, not -0.5",
-        ),
-        (
-            [("logarithms", 0)],
-            ValueError,
-            "dictionary: logarithms has limits from 0.001 to 1e[+]06, not 0",
-        ),
-        (
-            [("stretches", 200)],
-            ValueError,
-            "dictionary: stretches has exponents of magnitude 1 to 50, not 200",
-        ),
-        (
-            [("logarithms", 1e30)],
-            ValueError,
-            "dictionary: logarithms has limits from 0.001 to 1e[+]06, not 1e[+]30",
-        ),
-        ([("first", True)], ValueError, "dictionary: first has powers from 1 to 4, not True"),
-        (
-            [("first", 1), ("first", 1.0)],
-            ValueError,
-            r"dictionary: \('first', 1.0\) and \('first', 1.0\) are the same function up to a",
-        ),
-        (
-            [("stretches", 2), ("roots", 2), ("first", 1)],
-            ValueError,
-            r"\('stretches', 2.0\) and \('first', 1.0\) are the same function",
-        ),
-        (
-            [("stretches", a) for a in range(1, 10)],
-            ValueError,
-            "at most 8 terms of the kind 'stretches' and 8 .* of the 9 and 0 out",
-        ),
-        ([("first", 2), ("second", 3)], ValueError, "dictionary: no term has a stiffness at rest"),
-    ],
-)
-def test_a_dictionary_of_other_things_is_refused(terms, error, message):
-    with pytest.raises(error, match=message):
-        checked_dictionary(terms)
 
 
 @pytest.mark.parametrize("term", TERMS, ids=str)

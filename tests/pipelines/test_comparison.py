@@ -71,29 +71,3 @@ def test_a_busy_machine_is_told_of(disturbance, words):
     told = comparison.caution([{"disturbance_1": 1.0, "disturbance_all": disturbance}])
     assert words in told
     assert bool(told) == bool(words)
-
-
-@pytest.mark.slow
-def test_a_comparison_is_exact_for_neo_hookean_rubber():
-    report = comparison.compare(quick=True)
-    rival = next(row for row in report["models"] if row["force"] == "ba-nosb")
-    assert rival["speedup_over_ba_nosb"] == 1
-    for title in comparison.TABLES:
-        assert len(comparison.table(report, title)[1]) == len(report["models"])
-    # Both are exact for a law whose response is a constant of the isochoric features, but for
-    # single precision.
-    for row in report["models"]:
-        if "isochoric" in row["force"]:
-            assert row["rms_off_surface"] < 1e-6
-
-
-@pytest.mark.parametrize(
-    ("references", "law", "message"),
-    [
-        (["gent"], pds.materials.Yeoh(), "gent@1 describes the law gent, not yeoh"),
-        (["neo-hookean-isochoric"], LAW, "does not describe plane stress"),
-    ],
-)
-def test_models_of_other_laws_or_planes_are_refused(references, law, message):
-    with pytest.raises(ValueError, match=message):
-        comparison.candidates(law, True, clock.sheet(), references)

@@ -36,7 +36,7 @@ def interpolation(body, nodes):
         weights = np.exp(-(((points[own] - node) / (2 * body.spacing)) ** 2).sum(axis=1) / 2)
         affine = np.vstack([np.ones(len(own)), (points[own] - node).T]) * weights
         row[own] = np.linalg.pinv(affine)[:, 0] * weights
-    return Following((sparse.csr_array(rows),))
+    return Following(sparse.csr_array(rows))
 
 
 def surface_of(body, loops):
@@ -52,6 +52,52 @@ def surface_of(body, loops):
         begin += len(loop)
     nodes = np.concatenate(nodes)
     return Surface(nodes, np.concatenate(facets), np.array(parts), interpolation(body, nodes))
+
+
+QUARTER = {
+    "name": "quarter",
+    "spacing": 0.1,
+    "body": {"size": [0.8, 0.8]},
+    "holes": [{"shape": "circle", "radius": 0.35}],
+    "material": {"law": "neo-hookean", "bulk_modulus": 10.0},
+    "loads": [{"region": "holes.0", "pressure": 0.3}, {"region": "top", "traction": [0.0, 0.1]}],
+    "probes": [{"name": "hole", "at": [0.35, 0.0]}, {"name": "inside", "at": [0.6, 0.05]}],
+    "steps": [1.0],
+    "solver": {"tolerance": 1e-9},
+}
+
+
+@pytest.mark.parametrize("thickness", ["deformed", "undeformed"])
+def test_planes_of_symmetry_move_what_is_followed_and_carry_a_part_of_loads(thickness):
+    """A quarter whose left plane moves has the displacements and forces of one at rest, but for the
+    motion; images carry loads to the planes, and all are in balance.
+    """
+    loads = [QUARTER["loads"][0] | {"thickness": thickness}, QUARTER["loads"][1]]
+    rest, moved = (
+        pds.simulate(
+            pds.Scene(
+                **QUARTER
+                | {
+                    "loads": loads,
+                    "prescribed": [{"region": "left", "x1": way}, {"region": "bottom", "x2": 0.0}],
+                }
+            ),
+            "bond-energy",
+        ).levels[0]
+        for way in (0.0, 0.2)
+    )
+    for kind in ("displacements", "probes"):
+        for name, before in rest[kind].items():
+            after = moved[kind][name]
+            both = [
+                each if kind == "displacements" else each["displacement"]
+                for each in (before, after)
+            ]
+            np.testing.assert_allclose(np.subtract(*both[::-1]), [0.2, 0.0], atol=1e-8)
+    for name, force in rest["forces"].items():
+        np.testing.assert_allclose(moved["forces"][name], force, atol=1e-8)
+    assert rest["probes"]["hole"]["displacement"][1] == pytest.approx(0, abs=1e-12)
+    assert max(rest["force_balance"], moved["force_balance"]) < 1e-8
 
 
 def outline_of_sheet(spacing=0.1):
@@ -167,7 +213,7 @@ def test_resultant_and_moment_of_a_traction():
     total, moment = totals(loads, y)
     force = 1.5 * np.array([0.3, -0.2])
     np.testing.assert_allclose(total, force * HEIGHT, atol=1e-13)
-    nodes = (surface.interpolation @ y)[surface.facets[surface.parts == "right"]]
+    nodes = surface.interpolation(y)[surface.facets[surface.parts == "right"]]
     assert moment == pytest.approx(cross(nodes.mean(axis=1) - ABOUT, force).sum() * 0.1, abs=1e-13)
 
 
@@ -194,7 +240,7 @@ def test_resultant_and_moment_of_a_pressure_on_a_deformed_edge():
     loads = loads_on(body, surface, {"region": "right", "pressure": p, "thickness": "undeformed"})
     total, moment = totals(loads, y)
     ends = surface.nodes[:, 0] == WIDTH
-    nodes = (surface.interpolation @ y)[ends]
+    nodes = surface.interpolation(y)[ends]
     order = np.argsort(surface.nodes[ends, 1])
     low, high = nodes[order[0]], nodes[order[-1]]
     along = high - low

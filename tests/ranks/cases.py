@@ -5,11 +5,7 @@ scenes; a script; and errors.
 import os
 import resource
 import runpy
-import signal
 import sys
-import threading
-import time
-from contextlib import contextmanager
 
 import numpy as np
 
@@ -18,7 +14,7 @@ from pdsurrogate.cli import main
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.ranks import communicator
-from pdsurrogate.run import run, waiting
+from pdsurrogate.run import run
 from pdsurrogate.run.transient import Transient
 from pdsurrogate.solvers.nearest_bonds import inverse_of, laplacian_of
 
@@ -48,84 +44,6 @@ def in_pieces(*arguments):
         command(*arguments)
     finally:
         run.MOST_GATHERED = most
-
-
-@contextmanager
-def few(points):
-    """In this context each rank that works has at least so many points, and the others wait."""
-    usual, waiting.POINTS_PER_RANK = waiting.POINTS_PER_RANK, points
-    try:
-        yield
-    finally:
-        waiting.POINTS_PER_RANK = usual
-
-
-def command_of_few(points, *arguments):
-    with few(points):
-        command(*arguments)
-
-
-def error_of_few(points, limit):
-    """The error of a run whose first rank works alone, as every rank finds it: type, message,
-    and number of its levels.
-    """
-    with few(points):
-        try:
-            pds.simulate(
-                pds.load_scene("uniaxial", spacing=0.25, stretches=[1.1, 1.5]),
-                Rubber(limit, rank=0),
-            )
-        except pds.SimulationFailed as error:
-            return str(error), len(error.result.levels), error.result.status
-    return None
-
-
-def result_of_few(points):
-    """What a script finds on every rank of a run in which some wait: history, points, and
-    whether fields are there.
-    """
-    with few(points):
-        result = pds.simulate(pds.load_scene("hole", spacing=0.25, stretches=1.05), "analytic")
-    try:
-        shown = result.displacement().shape
-    except RuntimeError as error:
-        shown = str(error)
-    return (
-        result.history,
-        result.summary["ranks"],
-        result.summary["ranks_waiting"],
-        result.body.points,
-        shown,
-    )
-
-
-def seconds_of_waiting(seconds):
-    """Processor time of each rank while the second waits so long for the first."""
-    ranks = communicator()
-    ranks.barrier()
-    began = time.process_time()
-    if ranks.rank == 0:
-        time.sleep(seconds)
-        ranks.tell(range(1, ranks.size), "done")
-    else:
-        assert ranks.hear(lambda: False) == "done"
-    return time.process_time() - began
-
-
-def told_at_rest(happened, *arguments):
-    """Run on the first rank alone; once it is under way, the last rank, which waits, receives
-    Ctrl-C.
-    """
-
-    def interrupt():
-        while not os.path.exists(happened):
-            time.sleep(0.02)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    if communicator().rank == communicator().size - 1:
-        threading.Thread(target=interrupt, daemon=True).start()
-    with few(10**9):
-        disturbed("nothing", 60, *arguments)
 
 
 def disturbed(what, at, *arguments):
@@ -215,11 +133,11 @@ def script(path):
 class Rubber:
     """Exact forces of bonds, with an error on one rank beyond a stretch."""
 
-    def __init__(self, limit, rank=1):
-        self.limit, self.rank = limit, rank
+    def __init__(self, limit):
+        self.limit = limit
 
     def bond_force(self, stretch, rotation, length, C33, J):
-        if communicator().rank == self.rank and stretch.max() > self.limit:
+        if communicator().rank == 1 and stretch.max() > self.limit:
             raise RuntimeError("boom")
         return pds.AnalyticBondForce().bond_force(stretch, rotation, length, C33, J)
 
@@ -233,8 +151,4 @@ def different_scenes():
 
 
 if __name__ == "__main__":
-    waiting.POINTS_PER_RANK = 0
-    if sys.argv[1] == "told at rest":
-        told_at_rest(*sys.argv[2:])
-    else:
-        disturbed(sys.argv[1], int(sys.argv[2]), *sys.argv[3:])
+    disturbed(sys.argv[1], int(sys.argv[2]), *sys.argv[3:])

@@ -40,7 +40,7 @@ def check():
         here = names(body, body.share.numbers, len(whole))
         for kind, values in here.items():
             rows = rows_of(body, kind)
-            assert rows.total == len(expected[kind]), kind
+            assert rows.size == len(expected[kind]), kind
             assert np.array_equal(expected[kind][rows.numbers], values)
             there = rows.gather(values)
             if ranks.rank == 0:

@@ -16,7 +16,6 @@ from mpi4py import MPI
 
 from pdsurrogate.engine.compile import compilation_clock
 from pdsurrogate.ranks import ALONE, Communicator
-from pdsurrogate.run import waiting
 
 WORLD = MPI.COMM_WORLD
 
@@ -60,7 +59,6 @@ def done(communicator, folder, module, function, arguments):
 
 def main():
     replies = os.fdopen(os.dup(1), "w")
-    waiting.POINTS_PER_RANK = 0  # all ranks work on the small bodies of the tests
     for ranks, *case in orders():
         takes_part = WORLD.rank < ranks
         mpi = SimpleNamespace(

@@ -40,7 +40,7 @@ def block():
             ("deformation_gradient_12", "F₁₂"),
             ("volume_ratio", "volume ratio J"),
         ),
-        *(("member_deviation", "member deviation (kPa)"), ("own_field_2", "own field₂")),
+        *(("own_field", "own field"), ("own_field_2", "own field₂")),
     ],
 )
 def test_labels_are_symbols_with_units(field, label):

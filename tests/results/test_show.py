@@ -16,7 +16,6 @@ from pdsurrogate.cli import app
 from pdsurrogate.cli.show import MARK
 from pdsurrogate.results import figures
 from pdsurrogate.results.drawings import html_page
-from pdsurrogate.results.files import HEAD
 
 BROWSER = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))),
@@ -65,7 +64,7 @@ def test_pictures_of_a_saved_run(folder, tmp_path):
         picture_of(path)
     assert "Fields: position, displacement" in done.stdout
     assert all(
-        f"{row['strain_energy']:.5g}" in done.stdout for row in pds.load_result(folder).history
+        f"{row['strain_energy']:.4g}" in done.stdout for row in pds.load_result(folder).history
     )
     assert set(json.loads(invoke("show", folder, "--out", tmp_path, "--json").stdout)) == {
         "fields",
@@ -148,7 +147,7 @@ def page(folder):
 
 def test_the_page_holds_everything_and_fetches_nothing(page):
     data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
-    assert MARK in page.encode()[:HEAD]  # by which it may be replaced
+    assert MARK in page.encode()  # by which it may be replaced
     assert list(data["pictures"]) == ["displacement", "stress_11"]
     assert all(
         picture.startswith("data:image/png;base64,")
@@ -162,7 +161,7 @@ def test_the_page_holds_everything_and_fetches_nothing(page):
         "neo-hookean@2",
         pds.__version__,
         "strain_energy [kPa cm^2]",
-        "digest of neo-hookean@2",
+        "digests.neo-hookean@2",
         "stretches",
     ):
         assert words in page

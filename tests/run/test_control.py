@@ -12,7 +12,7 @@ import pdsurrogate as pds
 from pdsurrogate import simulate
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.problem.materials import checked_models
-from pdsurrogate.run.sensitivity import Differentiated
+from pdsurrogate.run.sensitivity import differentiated
 
 INNER, OUTER, K = 1.0, 2.0, 100.0
 
@@ -159,7 +159,7 @@ def test_derivatives_keep_the_controlled_displacement_before_at_and_beyond_the_m
     parameters = ["material.shear_modulus", "material.bulk_modulus", "loads.0.pressure", INWARD]
     outputs = ["t", "probes", "displacements", "energy"]
     body, slopes = (
-        Differentiated(result.scene, checked_models(result.scene, load_surrogate("bond-energy"))),
+        differentiated(result.scene, checked_models(result.scene, load_surrogate("bond-energy"))),
         [],
     )
     for level in levels:

@@ -532,17 +532,6 @@ def test_too_many_time_steps_are_refused_before_the_equilibrium(changes, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
-def test_more_time_steps_than_estimated_are_refused_where_the_dynamics_start(monkeypatch):
-    """The estimate before the run takes a longer step than the critical one, so that it refuses
-    nothing that could run.
-    """
-    monkeypatch.setattr(transient, "MOST_STEPS", 10)
-    with pytest.raises(
-        pds.SimulationFailed, match=r"more than 1e\+01 steps; check the units of dynamics\.density"
-    ):
-        simulate(small(), "analytic")
-
-
 def test_a_level_at_which_a_bond_would_break_is_missed_aloud():
     """The motion began at the level before, without a word."""
     with pytest.warns(

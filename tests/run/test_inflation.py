@@ -57,13 +57,13 @@ def errors(result, level, pressure):
 
 
 def test_a_coarse_sphere():
-    """Six cells across the wall.  Of second order in the spacing: 0.5 % at 20 cells are some 5 %
-    here.
+    """Six cells across the wall. Of second order in the spacing: 0.5 % at 20 cells are 5.6 % here,
+    as in a quarter of the sphere and in the whole.
     """
     result = pds.simulate(
         pds.load_scene("inflation", {"spacing": 1 / 12, "steps": [0.25], "solver.tolerance": 1e-5})
     )
-    assert np.abs(errors(result, 0, 0.25)).max() < 0.05
+    assert np.abs(errors(result, 0, 0.25)).max() < 0.005 * (20 / 6) ** 2
 
 
 def scene_of(body, **more):

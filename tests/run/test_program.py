@@ -261,25 +261,8 @@ def test_a_load_beyond_its_maximum_ends_in_a_clear_failure():
     assert result.summary["n_force_evaluations"] < 1000
 
 
-def test_an_output_that_does_not_exist_costs_at_most_fifteen_good_ones():
-    """From its first failure on it has a budget of seven, which the message names, and the last
-    attempt may exceed it; then the last equilibrium is made as exact as an output.
-    """
-    with pytest.raises(
-        SimulationFailed, match=r"with increments down to .* in the force evaluations of 7 outputs"
-    ) as caught:
-        simulate(
-            pds.load_scene("ring-pressure", spacing=0.25, steps=(0.2, 0.4, 0.6, 0.8)), "neo-hookean"
-        )
-    result = caught.value.result
-    good = sum(level["evaluations"] for level in result.levels[:3])
-    assert result.summary["n_force_evaluations"] - good < 15 * good / 3
-
-
 def test_a_body_that_buckles_is_not_taken_for_one_that_follows_its_grips():
-    """Whatever it costs to follow it to its buckled state, the increments are halved within the
-    budget.
-    """
+    """Whatever it costs to follow it to its buckled state."""
     scene = pds.load_scene(
         "uniaxial",
         {"body.size": [4.0, 1.0], "reference": None},
@@ -288,11 +271,8 @@ def test_a_body_that_buckles_is_not_taken_for_one_that_follows_its_grips():
     )
     with pytest.raises(SimulationFailed, match=r"the body buckles between the stretches") as caught:
         simulate(scene, "analytic")
-    result = caught.value.result
-    good = sum(level["evaluations"] for level in result.levels[:2])
     reached = re.search(r"the last equilibrium was found at stretch ([0-9.]+),", str(caught.value))
     assert 0.6 < float(reached[1]) < 0.8
-    assert result.summary["n_force_evaluations"] - good < 25 * good / 2
 
 
 def test_an_output_just_below_the_greatest_load_is_found():

@@ -11,8 +11,7 @@ from pdsurrogate.materials.covariance import numbers_of, with_numbers_of
 from pdsurrogate.materials.homogeneous import uniaxial
 from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.run.parameters import numbers_in
-from pdsurrogate.run.reopened import place
-from pdsurrogate.run.sensitivity import Differentiated
+from pdsurrogate.run.sensitivity import differentiated
 from pdsurrogate.scenes.reading import apply_change, leaves
 
 CONVERGED = {"solver.method": "newton", "solver.tolerance": 1e-10, "precision": "float64"}
@@ -340,7 +339,7 @@ def test_adjoint_solutions_give_the_derivatives_of_forward_ones(name):
     """
     scene = pds.load_scene(name, spacing=0.25)
     body, result = (
-        Differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy"))),
+        differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy"))),
         pds.simulate(scene, "bond-energy"),
     )
     at, start = (
@@ -368,7 +367,7 @@ def test_adjoint_solutions_give_the_derivatives_of_forward_ones(name):
 def test_jacobians_of_displacements_at_places_are_those_of_changed_equilibria():
     scene = pds.load_scene("hole", spacing=0.25)
     places = np.array([[0.5, 0.3], [0.3, 1.1], [0.9, 0.8]])
-    body = Differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy")), places)
+    body = differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy")), places)
     at, start, outputs, step = (
         scene.stretches[-1],
         pds.simulate(scene, "bond-energy").displacement(),
@@ -506,9 +505,9 @@ def settled(body, at, displacements):
     """Return the measurements of an equilibrium that Newton's method with the dense tangent has
     converged to rounding.
     """
-    run = body.run
+    run = body.system
     run.state.parameter = at
-    place(run, run.body.points + displacements)
+    run.place(run.body.points + displacements)
     free, forces = run.loading.free.ravel() > 0, np.empty_like(run.positions)
     chosen = np.eye(free.size)[:, free]
     for number in range(8 if not run.loads.obstacles else 16):
@@ -521,20 +520,20 @@ def settled(body, at, displacements):
         # without penetration
         run.loads.pushes[:] = run.loads.pushed(run.positions, run.loads.pushes)
     assert all(one.contact(run.positions)["penetration"] < 1e-12 for one in run.loads.obstacles)
-    return body.measured(run.positions)
+    return body.evaluated(run.positions)[0]
 
 
 def by_settled(body, at, start, names, parameter):
     """Return derivatives of measurements by Richardson's extrapolation of the differences of
     four equilibria.
     """
-    loading = body.run.loading.parameter
+    loading = body.system.loading.parameter
     value = at if parameter == loading else body.numbers[parameter]
     # Nearly incompressible bodies hardly depend on their bulk modulus.
     step, found = (1e-2 if parameter.endswith("bulk_modulus") else 1e-4) * value, {}
     for way in (-2, -1, 1, 2):
         if parameter == loading:  # bodies move about in proportion to their supports
-            rest = body.run.loading.rest
+            rest = body.system.loading.rest
             measured = settled(body, at + way * step, start * (1 + way * step / (at - rest)))
         else:
             measured = settled(body.changed({parameter: value + way * step}), at, start)
@@ -588,7 +587,7 @@ def test_derivatives_at_large_bulk_moduli_in_contact_and_of_slender_bodies(
     scene = scene()
     result = pds.simulate(scene, "bond-energy")
     found = result.sensitivity(outputs, parameters)
-    body = Differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy")))
+    body = differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy")))
     at = result.levels[-1]["stretch" if scene.stretched else "t"]
     body.jacobian(at, result.displacement(), outputs, [])  # finds the pushes of obstacles
     for number, parameter in enumerate(parameters):

@@ -456,7 +456,7 @@ def test_holds(tmp_path):
             r"holds\.0: the region contains no point of the body; the nearest is point 299",
         ),
         ({"points": [10_000]}, "there is no point 10000"),
-        ({}, "either a box or a list of points"),
+        ({}, "needs exactly one of box, points"),
     ):
         with pytest.raises(SceneError, match=message):
             simulate(pds.load_scene("uniaxial", {"holds": [bad], "spacing": 0.1}), "analytic")

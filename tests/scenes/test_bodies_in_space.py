@@ -74,7 +74,7 @@ def test_a_box_is_filled_with_cells_and_continued_beyond_its_grips():
         ),
         (
             {"body": {"shape": "box", "size": [1, 1]}},
-            "body.size: needs 3 entries, not 2; this shape is 3D",
+            "body.size.2: this entry is missing, of 2 given",
         ),
         (
             {"body": {"shape": "box", "size": [1, 1, -1]}},
@@ -106,11 +106,11 @@ def test_a_box_is_filled_with_cells_and_continued_beyond_its_grips():
         ),
         (
             {"regions": {"x": {"disc": {"center": [0, 0], "radius": 1}}}},
-            "regions.x: disc is a 2D region, but the body is 3D; use ball",
+            "regions.x.disc: this shape is 2D, but the body, a box, is 3D; use ball or half_space",
         ),
         (
             {"regions": {"x": {"half_plane": {"point": [0, 0], "normal": [1, 0]}}}},
-            "regions.x: half_plane is a 2D region, but the body is 3D; use half_space",
+            "regions.x.half_plane: this shape is 2D, but the body, a box, is 3D; use ball or half",
         ),
         (
             {"regions": {"x": {"box": [[0, 0], [1, 1]]}}},
@@ -413,7 +413,7 @@ def check_boundary(surface, body, volume):
     assert surface.followed().all()
     F, shift = np.array([[1.2, 0.1, 0.3], [0.0, 0.9, 0.2], [-0.1, 0.4, 1.1]]), [1, 2, 3]
     np.testing.assert_allclose(
-        surface.interpolation @ (body.points @ F.T + shift),
+        surface.interpolation(body.points @ F.T + shift),
         surface.nodes @ F.T + shift,
         rtol=0,
         atol=1e-12,

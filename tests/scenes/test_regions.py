@@ -442,13 +442,13 @@ def test_groups_of_a_mesh(meshed):
         (
             {},
             (
-                "prescribed.0.region: a region needs exactly one of edge, box, disc, half_plane,"
+                "prescribed.0.region: needs exactly one of edge, box, disc, half_plane,"
                 " ball, half_space, points,"
             ),
         ),
         (
             {"edge": "left", "near": [0, 0]},
-            "prescribed.0.region: a region needs exactly one of edge, box",
+            "prescribed.0.region: needs exactly one of edge, box",
         ),
         (
             {"and": ["left", {"boks": 1}]},

@@ -34,17 +34,6 @@ def test_the_papers_section_6_2():
     assert scene.material.build() == NeoHookean(1.0, 100.0)
 
 
-def test_british_spelling_of_earlier_versions_is_read():
-    scene = load_scene(
-        "hole", ["holes=[{shape='circle', radius=0.2, centre=[0.5,0]}]", "solver.method=minimiser"]
-    )
-    assert scene.holes[0].center == (0.5, 0.0)
-    assert scene.solver.method == "minimizer"
-    assert pds.shapes.Circle(centre=(0.5, 0.0), radius=0.2) == scene.holes[0]
-    with pytest.raises(SceneError, match=r"holes.0.centre: unknown key; did you mean center\?"):
-        load_scene("hole", {"holes.0.centre": [0.1, 0.0]})
-
-
 def test_changes_by_key():
     scene = load_scene(
         "uniaxial",
@@ -439,7 +428,7 @@ def test_what_has_no_units_claims_none(tmp_path, monkeypatch):
         html_page(result, ["stress_11"]),
         label_of("stress_11", scene.units),
     ]
-    for printed in (run_tables.print_levels, run_tables.print_cells, run_tables.print_grip):
+    for printed in (run_tables.print_levels, run_tables.print_cells):
         with run_tables.out.capture() as said:
             printed(result)
         texts.append(said.get())

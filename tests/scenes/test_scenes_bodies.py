@@ -221,7 +221,7 @@ def test_a_precut_through_a_row_of_points_cuts_on_one_side_of_it(spacing):
             {"fracture": {"critical_stretch": 0.9}},
             "fracture.critical_stretch: Input should be greater than 1",
         ),
-        ({"fracture": {}}, "fracture: fracture needs exactly one of critical_stretch and energy"),
+        ({"fracture": {}}, "fracture: needs exactly one of critical_stretch, energy"),
         ({"fracture": {"critical_stretch": 2.0}}, "fracture: needs dynamics"),
         (
             {"dynamics": {"stretch": 1.1, "stretch_rate": 1, "density": 1}},

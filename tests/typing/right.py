@@ -123,8 +123,6 @@ stored = pds.load_pipeline("neo-hookean@1")
 data = pds.load_test_data("treloar")
 identified = pds.fit_to_tests(pds.identification.LawRegressor("ogden", n_terms=2), data)
 free = pds.identification.EnergyRegressor(margin=0.1, bulk_modulus=1000.0)
-members: list = pds.identification.committee(free, np.ones((3, 2)), np.ones(3), n_members=4)
-deviation: np.ndarray = pds.identification.committee_spread(np.ones(3), np.ones((4, 3)))
 
 # Checks of models and laws of one's own
 known: tuple[pds.testing.Property, ...] = (
