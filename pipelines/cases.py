@@ -11,7 +11,7 @@ import argparse
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -94,29 +94,41 @@ def report(told: str, *studies: Study) -> None:
         description=told, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "words", nargs="*", help="cases or studies that have one of these words in their names"
+        "words", nargs="*", help="cases that have all parts of one of these in their names"
     )
     parser.add_argument("--lacking", action="store_true", help="cases without stored figures alone")
     parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
     arguments = parser.parse_args()
     words = arguments.words or [""] * (arguments.lacking or not arguments.docs)
     for study in studies:
-        for case, measure in study.cases.items():
-            known, name = stored(study.name), f"{study.name}: {case}"
-            if (arguments.lacking and case in known) or not any(word in name for word in words):
-                continue
-            began = time.perf_counter()
-            try:
-                rows = rounded(list(measure()))
-            except pds.SimulationFailed as failure:
-                print(f"{name}: {failure}", flush=True)
-                continue
-            print(f"{name}: {rows}, {time.perf_counter() - began:.0f} s", flush=True)
-            known = stored(study.name) | {case: rows}
-            found = {case: known[case] for case in study.cases if case in known}
-            write_json(FIGURES / f"{study.name}.json", found)
-        for name, table in study.tables.items() if arguments.docs else ():
-            replace_block(name, table(stored(study.name)))
+        known = stored(study.name) if arguments.lacking else {}
+        for case in study.cases:
+            name = f"{study.name}: {case}"
+            wanted = any(all(part in name for part in word.split()) for word in words)
+            if wanted and case not in known:
+                measure(study, case)
+        if arguments.docs:
+            write_tables(study)
+
+
+def measure(study: Study, case: str) -> None:
+    """Measure a case, print and store its figures; those of a case that fails stay as they are."""
+    name, began = f"{study.name}: {case}", time.perf_counter()
+    try:
+        rows = rounded(list(study.cases[case]()))
+    except (pds.SimulationFailed, ValueError) as failure:
+        print(f"{name}: {failure}", flush=True)
+        return
+    print(f"{name}: {rows}, {time.perf_counter() - began:.0f} s", flush=True)
+    known = stored(study.name) | {case: rows}
+    found = {case: known[case] for case in study.cases if case in known}
+    write_json(FIGURES / f"{study.name}.json", found)
+
+
+def write_tables(study: Study) -> None:
+    """Put the tables of all stored figures into the documentation."""
+    for name, table in study.tables.items():
+        replace_block(name, table(stored(study.name)))
 
 
 Errors = Iterable[tuple[str, float, int]]
@@ -137,14 +149,11 @@ class Case:
         From coarse to fine.
     title : str
         What is compared, if the name of the case does not say it.
-    aims : dict of str
-        By quantity: the greatest error aimed at, in percent, and the spacing.
     """
 
     measure: Callable[[float], Errors]
     spacings: tuple[float, ...]
     title: str = ""
-    aims: Mapping[str, str] = field(default_factory=dict)
 
 
 def percent(found: float, expected: float) -> float:
@@ -161,7 +170,7 @@ def at_spacings(name: str, cases: Mapping[str, Case]) -> Study:
     }
 
     def table(figures: Figures) -> str:
-        lines, aimed = [], any(case.aims for case in cases.values())
+        lines = []
         for title, case in cases.items():
             spacings = [f"{spacing:.4g}" for spacing in case.spacings]
             found = [
@@ -175,14 +184,11 @@ def at_spacings(name: str, cases: Mapping[str, Case]) -> Study:
             for quantity in dict.fromkeys(quantity for at in found for quantity in at):
                 errors, counts = zip(*(at.get(quantity, (None, None)) for at in found), strict=True)
                 words = ["-" if one is None else error_in_words(one) for one in errors]
-                aim = [case.aims.get(quantity, "")] if aimed else []
                 columns = (shown(column, "") for column in (spacings, words, list(counts)))
-                lines.append([first, quantity, *aim, *columns])
+                lines.append([first, quantity, *columns])
                 first = ""
-        aim = ["aim (%)"] if aimed else []
-        return markdown_table(
-            ["case", "quantity", *aim, "spacing", "error (%)", "evaluations"], lines
-        )
+        head = ["case", "quantity", "spacing", "error (%)", "evaluations"]
+        return markdown_table(head, lines)
 
     return Study(name, named, {name: table})
 

@@ -1,32 +1,27 @@
 """Direction, energy and G at the peak of cracks in strips that are turned by an angle, on the
 lattice and on relaxed clouds.
 
-python pipelines/crack_directions.py                   tears what docs/figures/crack-directions.json
-lacks, two strips at a time python pipelines/crack_directions.py --only space 15   the tears alone
-that have all of these words in their names python pipelines/crack_directions.py --docs
-and puts the tables of all stored tears into the documentation python pipelines/crack_directions.py
---table           puts them there without a tear
+python pipelines/crack_directions.py --lacking     tears what has no stored figures yet
+python pipelines/crack_directions.py "space 15"    the tears that have all of these in their names
 
 The strip, its grips and its rate are those of `tip_diameters.py`, with more spacings. The tears in
 the plane take some two and a half hours of processor time on a core of 2 GHz, those in space some 8
 minutes.
 """
 
-import argparse
-import json
 import time
 import warnings
+from functools import partial
+from itertools import product
 
-import joblib
 import numpy as np
-from pages import FIGURES, markdown_table, replace_block
+from cases import Figures, Study, report
+from pages import markdown_table
 from tip_diameters import ENERGY, LONG, PRECUT, law_of, layers_of, name_of, repeated, strip
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.scenes.tip_diameter import tip_diameters
-
-TEARS = FIGURES / "crack-directions.json"
 
 ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
 """Of strips in the plane: points per height, horizon in spacings, angles to the axes in degrees,
@@ -71,23 +66,18 @@ OUTPUTS = 120
 
 def cases() -> list[dict]:
     """All tears, one cloud of every angle after the other."""
-    flat, found = {"model": "bond-energy", "plane": "stress", "ratio": RATIO, "rows": ROWS}, []
-    for seed in (None, *SEEDS):
-        cloud = {} if seed is None else {"arrangement": "relaxed", "seed": seed}
-        found += [flat | {"angle": angle} | cloud for angle in ANGLES]
-    finer = flat | {"arrangement": "relaxed"}
-    found += [
-        finer | {"rows": rows, "seed": seed, "angle": angle}
-        for rows in FINER
-        for seed in SEEDS
-        for angle in ANGLES
+    flat, solid = {"plane": "stress", "ratio": RATIO, "rows": ROWS}, SOLID
+    kinds = [(flat, (None, *SEEDS), ANGLES)]
+    kinds += [(flat | {"rows": rows}, SEEDS, ANGLES) for rows in FINER]
+    kinds += [(solid, (None, *SOLID_SEEDS), SOLID_ANGLES)]
+    return [
+        {"model": "bond-energy"}
+        | strips
+        | {"angle": angle}
+        | ({} if seed is None else {"arrangement": "relaxed", "seed": seed})
+        for strips, seeds, angles in kinds
+        for seed, angle in product(seeds, angles)
     ]
-    for seed in (None, *SOLID_SEEDS):
-        cloud = {} if seed is None else {"arrangement": "relaxed", "seed": seed}
-        found += [
-            {"model": "bond-energy"} | SOLID | {"angle": angle} | cloud for angle in SOLID_ANGLES
-        ]
-    return found
 
 
 def advance_of(case: dict) -> int:
@@ -190,22 +180,14 @@ def torn(case: dict, travels: tuple[float, float] | None = None, **dynamics: flo
     }
 
 
-def stored() -> dict[str, dict]:
-    """Tears so far, by name."""
-    return json.loads(TEARS.read_text("utf-8")) if TEARS.exists() else {}
-
-
-def tried(case: dict) -> dict | str:
-    """Figures of a tear, or why it failed. An unstable tear is repeated with shorter time steps,
-    a short one with wider travels.
+def tried(case: dict):
+    """A case with the figures of its tear: an unstable one is repeated with shorter time steps, a
+    short one with wider travels.
     """
     try:
-        try:
-            return repeated(torn, case)
-        except (UserWarning, TooShort):
-            return torn(case, WIDER)
-    except Exception as error:
-        return f"{type(error).__name__}: {error}"
+        yield from repeated(torn, case)
+    except (UserWarning, TooShort):
+        yield case | torn(case, WIDER)
 
 
 def rms(values: np.ndarray) -> float:
@@ -254,12 +236,14 @@ def row_of(label: str, tears: list[dict]) -> list[str]:
     return [label, str(len(tears)), *angles, *energies]
 
 
-def table_of(plane: str, relaxed: bool, rows: int) -> str:
+def table_of(plane: str, points: str, rows: int, figures: Figures) -> str:
     """Tears of a plane, arrangement and number of rows, by angle and all together."""
     tears = [
         tear
-        for tear in stored().values()
-        if (tear["plane"], "seed" in tear, tear["rows"]) == (plane, relaxed, rows)
+        for found in figures.values()
+        for tear in found
+        if (tear["plane"], tear.get("arrangement", "lattice"), tear["rows"])
+        == (plane, points, rows)
     ]
     unit = "G" if plane != "space" else "μ h"
     head = [
@@ -277,45 +261,14 @@ def table_of(plane: str, relaxed: bool, rows: int) -> str:
     return markdown_table(head, [*lines, row_of("all", tears)])
 
 
-def write_page() -> None:
-    """Put the tables into the documentation."""
-    for plane, relaxed, rows in sorted(
-        {(tear["plane"], "seed" in tear, tear["rows"]) for tear in stored().values()}
-    ):
-        replace_block(
-            f"directions-{plane}-{'relaxed' if relaxed else 'lattice'}-{rows}",
-            table_of(plane, relaxed, rows),
-        )
-
+TABLES = [
+    *(("stress", "relaxed", rows) for rows in (ROWS, *FINER)),
+    ("stress", "lattice", ROWS),
+    ("space", "relaxed", SOLID["rows"]),
+    ("space", "lattice", SOLID["rows"]),
+]
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--only", nargs="+", default=[], metavar="WORD")
-    parser.add_argument("--jobs", type=int, default=2, metavar="N")
-    parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
-    parser.add_argument(
-        "--table",
-        action="store_true",
-        help="put the tables of the stored tears there, without a tear",
-    )
-    arguments = parser.parse_args()
-    lacking = [
-        case
-        for case in cases()
-        if name_of(case) not in stored() and all(word in name_of(case) for word in arguments.only)
-    ]
-    if arguments.table:
-        lacking = []
-    outcomes = joblib.Parallel(arguments.jobs, return_as="generator")(
-        joblib.delayed(tried)(case) for case in lacking
-    )
-    for case, figures in zip(lacking, outcomes, strict=True):
-        print(name_of(case), figures, flush=True)
-        if isinstance(figures, dict):
-            TEARS.write_text(
-                json.dumps(stored() | {name_of(case): case | figures}, indent=1) + "\n", "utf-8"
-            )
-    if arguments.docs or arguments.table:
-        write_page()
+    tables = {"directions-{}-{}-{}".format(*one): partial(table_of, *one) for one in TABLES}
+    named = {name_of(case): partial(tried, case) for case in cases()}
+    report(__doc__, Study("crack-directions", named, tables))

@@ -98,18 +98,6 @@ def notch(plane: str, bulk: float):
         yield f"plane {plane}", level["stretch"], rate(level), percent(rate(level), difference)
 
 
-def formula():
-    """A short edge notch in a long sheet, and the formula of Rivlin and Thomas."""
-    more = {"stretches": STRETCHES, "grips": SLIDING}
-    scene = sheet((4.0, 8.0), 0.04, 0.404, "stress", 100.0, **more)
-    law = scene.material.build()
-    for level in pds.simulate(scene, "bond-energy").levels:
-        stretch, length = level["stretch"], level["cracks"][0]["length"]
-        density = homogeneous.uniaxial(law, stretch).energy_density
-        simple = 2 * np.pi / np.sqrt(stretch) * density * length
-        yield stretch, rate(level), simple, rate(level) / simple
-
-
 LEG, THICKNESS = 8.0, 2.0
 """Width of a leg of the trouser tear, and thickness, in mm."""
 
@@ -227,7 +215,6 @@ if __name__ == "__main__":
             "rate-plate", plate, PLATES, "plate", "points in half the crack", "error (%): +.2f"
         ),
         of_rows("rate-notch", notch, NOTCHES, "sheet", *against, f"error {difference}: +.2f"),
-        of_rows("rate-formula", formula, [()], *against, "2 k W a (μ cm): .4f", "ratio: .3f"),
         of_rows("rate-trousers", along_the_tear, [()], *tears, *formulas),
         of_rows("trousers", trousers, TEARS, *torn_by, *found, "points", "steps"),
         of_rows("penny", penny, [(10,), (15,), (20,)], "spacing (cm): .3g", *opened),

@@ -13,6 +13,7 @@ stresses over the domain differ by more than the cards state.
 from __future__ import annotations
 
 import argparse
+import filecmp
 import json
 import os
 import sys
@@ -29,7 +30,6 @@ os.environ |= {
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 from sklearn.base import clone
 from sklearn.metrics import make_scorer
 from sklearn.model_selection import GridSearchCV
@@ -103,15 +103,8 @@ def search(model, samples, grid) -> list[dict]:
 
 
 def show(title: str, rows: list[dict]) -> None:
-    """Print rows as a table."""
-    table = Table(title=title, title_justify="left")
-    for key in rows[0]:
-        table.add_column(key, justify="right")
-    for row in rows:
-        table.add_row(
-            *(f"{value:.1e}" if isinstance(value, float) else str(value) for value in row.values())
-        )
-    console.print(table)
+    """Print rows, a line each."""
+    console.print(title, *rows, sep="\n")
 
 
 def make(name, law, description, samples, model, grid, folder, version=FIRST) -> None:
@@ -311,23 +304,11 @@ ROUNDING = 100 * np.finfo(float).eps
 
 def differences(made: Path, shipped: Path) -> list[str]:
     """Return the files that are not the same in two folders, byte for byte."""
-    names = {
-        path.relative_to(folder)
-        for folder in (made, shipped)
-        for path in folder.rglob("*")
-        if path.is_file()
-    }
-    return [
-        str(name)
-        for name in sorted(names)
-        if len(
-            {
-                (folder / name).is_file() and (folder / name).read_bytes()
-                for folder in (made, shipped)
-            }
-        )
-        > 1
-    ]
+    folders = made, shipped
+    files = {path for of in folders for path in of.rglob("*") if path.is_file()}
+    names = {str(path.relative_to(of)) for path in files for of in folders if of in path.parents}
+    same, _, _ = filecmp.cmpfiles(*folders, names, shallow=False)
+    return sorted(names - {*same})
 
 
 def faults(made: Path, shipped: Path) -> list[str]:

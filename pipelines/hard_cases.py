@@ -449,28 +449,6 @@ class Motion:
             central_difference_step(self.positions, self.velocities, forces, *scheme)
 
 
-def time_step(subject: Tested) -> str:
-    """A hundred steps each. Above the critical step a wave grows by a factor of 2.4 or more per
-    step; below it the energy that a force without energy adds is tolerated up to a tenth a step.
-    """
-    body, notes = subject.body(10, 5), []
-    for part in (0.5, 0.9):
-        motion = Motion(subject.bind(body), part)
-        first = motion.kinetic_energy
-        motion.advance(100)
-        growth, figure = (motion.kinetic_energy / first) ** 0.01, f"at {part} {{:.2g}} times a step"
-        at_most(growth, 1.1, "not conservative", figure)
-    for part in (1.1, 2.0):
-        motion, steps = Motion(subject.bind(body), part), 0
-        with suppress(InvalidState):
-            while steps < 100:
-                steps += 1
-                motion.advance(1)
-            raise Weak(f"at {part} nothing was noticed in 100 steps", "accuracy")
-        notes.append(f"{steps} at {part}")
-    return f"bounded below 1; error after {', '.join(notes)}"
-
-
 def held(subject: Tested) -> Motion:
     """Return the motion of a body held at both ends at stretch 1.5, with half the critical step
     and the damping of `DampedExplicit`.
@@ -596,10 +574,6 @@ CASES = {
     ),
     horizons: ("short and long horizons", "stable at stretch 2"),
     notch_tip: ("notch of 3 spacings, stretch 2", "equilibrium, alternating part below 0.02"),
-    time_step: (
-        "time step of 0.5, 0.9, 1.1, 2 times the critical one",
-        "bounded below 1; above 1 an error within 100 steps",
-    ),
     damped_steps: ("10^5 damped explicit steps at stretch 1.5", "kinetic energy falls to 1e-16"),
     undamped_steps: (
         "10^5 undamped explicit steps at stretch 1.5",

@@ -1,39 +1,34 @@
 """Effective diameters of crack tips: bodies with a precut are torn slowly, and G at the peak of the
 load is divided by psi delta.
 
-python pipelines/tip_diameters.py                    tears what pipelines/data/tip_diameters.json
-lacks, and writes the package's table python pipelines/tip_diameters.py --only strain 2.2  the tears
-alone that have all of these words in their names python pipelines/tip_diameters.py --table
-writes the table and the page docs/validation/tip-diameters.md, without a tear
+python pipelines/tip_diameters.py --lacking        tears what docs/figures/tip-diameters.json lacks
+python pipelines/tip_diameters.py "strain 2.2"     the tears that have all of these in their names
+python pipelines/tip_diameters.py --docs           writes the package's table and the page
 
 A strip of 4 x 1 with a precut of 1.5 is pulled in pure shear, and G is W h; in plane strain, where
 its volume would not allow that, the grips slide. In a strip that is turned in its lattice, and held
-at points, and in a square with an edge notch, G is -dE/da of two equilibria. Every tear is stored
-as it ends. All take some five hours on one core of 2 GHz.
+at points, and in a square with an edge notch, G is -dE/da of two equilibria. All take some five
+hours on one core of 2 GHz.
 """
 
-import argparse
 import json
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import scipy
-from pages import FIGURES, markdown_table, replace_block
+from cases import Figures, Study, report, stored
+from pages import markdown_table
 
 import pdsurrogate as pds
 from pdsurrogate.materials import Law, homogeneous
 from pdsurrogate.scenes.tip_diameter import measured_diameters, tip_diameters
 
 TABLE = Path(pds.__file__).resolve().parent / "scenes" / "tip_diameters.json"
-
-TEARS = Path(__file__).resolve().parent / "data" / "tip_diameters.json"
-
-STRIPS = FIGURES / "crack-directions.json"
-"""Tears of `crack_directions.py`."""
 
 LONG, PRECUT, ENERGY, RATE = 4.0, 1.5, 0.35, 0.02
 """Of a strip of height 1: length, precut, fracture energy over shear modulus and height, speed
@@ -556,23 +551,25 @@ def torn(case: dict, **dynamics: float) -> dict:
     }
 
 
-def repeated(tear: Callable[..., dict], case: dict) -> dict:
-    """Figures of a tear, which is repeated with shorter time steps if it becomes unstable."""
+def repeated(tear: Callable[..., dict], case: dict):
+    """A case with the figures of its tear, which is repeated with shorter time steps if it becomes
+    unstable.
+    """
     try:
-        return tear(case)
+        yield case | tear(case)
     except pds.SimulationFailed:
-        return tear(case, safety=SAFER)
+        yield case | tear(case, safety=SAFER)
 
 
-def stored() -> dict[str, dict]:
-    """Tears so far, by name."""
-    return json.loads(TEARS.read_text("utf-8")) if TEARS.exists() else {}
+def tears_of(name: str) -> list[dict]:
+    """Tears of a study so far."""
+    return [tear for tears in stored(name).values() for tear in tears]
 
 
 def strips() -> list[dict]:
     """Turned strips of `crack_directions.py`, and the diameters of their tips."""
     found = []
-    for case in json.loads(STRIPS.read_text("utf-8")).values():
+    for case in tears_of("crack-directions"):
         if case["plane"] != "space":
             density = homogeneous.uniaxial(law_of(case), case["critical_stretch"]).energy_density
             found.append(case | {"diameter": case["peak"] / density * case["rows"] / case["ratio"]})
@@ -596,7 +593,7 @@ def measured() -> list[dict]:
     averages, and a diameter if settled.
     """
     found: dict[tuple, dict] = {}
-    for case in stored().values():
+    for case in tears_of("tip-diameters"):
         if "critical" in case and not {"limit", "layers"} & case.keys() and high_enough(case):
             kind, number = ("seeds", "seed") if "seed" in case else ("rows", "rows")
             found.setdefault((*told(case), case["critical"]), {kind: {}})[kind][case[number]] = (
@@ -638,8 +635,10 @@ def table() -> list[dict]:
     return [entry for entry in settled if several[case_of(entry)] > 1]
 
 
-def page() -> None:
-    """Put the tables into the documentation."""
+def diameters(figures: Figures) -> str:
+    """The table of the page, and that of the package, an entry to a line."""
+    TABLE.write_text("[\n" + ",\n".join(map(json.dumps, table())) + "\n]\n", "utf-8")
+    measured_diameters.cache_clear()
     entries = measured()
     stretches, rows = sorted({entry["critical_stretch"] for entry in entries}), []
     for case in dict.fromkeys(case_of(entry) for entry in entries):
@@ -655,18 +654,21 @@ def page() -> None:
             ]
         )
     head = ["force model", "body, points", "horizon (spacings)"]
-    replace_block(
-        "tip-diameters",
-        markdown_table([*head, *(f"λ_c = {stretch:g}" for stretch in stretches)], rows),
+    return markdown_table([*head, *(f"λ_c = {stretch:g}" for stretch in stretches)], rows)
+
+
+def others(figures: Figures) -> str:
+    """Tears of other bodies and force models."""
+    rows, found = (
+        [],
+        [
+            case
+            for case in tears_of("tip-diameters")
+            if case["model"] not in FAMILIES or {"bulk", "high", "limit", "layers"} & case.keys()
+        ],
     )
-    others = [
-        case
-        for case in stored().values()
-        if case["model"] not in FAMILIES or {"bulk", "high", "limit", "layers"} & case.keys()
-    ]
-    rows = []
     for case in sorted(
-        others,
+        found,
         key=lambda case: (
             "high" in case,
             case["plane"],
@@ -691,37 +693,6 @@ def page() -> None:
         ]
         rows.append([case["model"], f"{body}, {case['plane']}", *figures])
     head = ["force model", "body", "horizon (spacings)", "rows per unit length", "λ_c", "d / δ"]
-    replace_block("other-tips", markdown_table(head, rows))
-    replace_block("peaks", peaks())
-    replace_block("notches", notches())
-
-
-def notches() -> str:
-    """G at the peak over the prescribed one, of squares with edge notches, for coarse and finer
-    points.
-    """
-    tears = [case for case in stored().values() if "high" in case and case["plane"] == "stress"]
-    rows = []
-    for tear in sorted(tears, key=lambda tear: (tear["precut"], tear["rows"])):
-        family, plane, arrangement, ratio = told(tear)
-        prescribed = tip_diameters(plane, ratio, family, arrangement).at(tear["critical_stretch"])
-        horizons = tear["precut"] * tear["rows"] / ratio
-        figures = [
-            f"{tear['precut']:g}",
-            str(tear["rows"]),
-            f"{horizons:.1f}",
-            f"{tear['critical_stretch']:.2f}",
-        ]
-        rows.append([family, *figures, f"{tear['G']:.3f}", f"{tear['diameter'] / prescribed:.2f}"])
-    head = [
-        "force model",
-        "notch",
-        "rows per unit length",
-        "notch / horizon",
-        "λ_c",
-        "G / (μ · unit length)",
-        "G / prescribed",
-    ]
     return markdown_table(head, rows)
 
 
@@ -750,7 +721,9 @@ def judged() -> dict[tuple, dict[str, list[float]]]:
     The cases are those of the package's table, and along a row of the lattice those at horizons
     between them.
     """
-    own = [case for case in stored().values() if "critical" not in case and "bulk" not in case]
+    own = [
+        case for case in tears_of("tip-diameters") if "critical" not in case and "bulk" not in case
+    ]
     between = [
         told(case) for case in own if (case["model"], case["plane"], case["ratio"]) in BETWEEN
     ]
@@ -787,7 +760,7 @@ def error_of(entries: list[dict], ratios: list[float]) -> float:
     return float(np.hypot(np.std(ratios, ddof=1) / np.sqrt(len(ratios)), max(tips, default=0.0)))
 
 
-def peaks() -> str:
+def peaks(figures: Figures) -> str:
     """G at the peak over the prescribed one, for every judged case."""
     rows, entries = [], table()
     for case, ratios in judged().items():
@@ -826,29 +799,7 @@ def averaged(entries: list[dict], ratios: list[float]) -> str:
     )
 
 
-def write() -> None:
-    """Write the package's table, an entry to a line, and the page."""
-    TABLE.write_text("[\n" + ",\n".join(json.dumps(entry) for entry in table()) + "\n]\n", "utf-8")
-    measured_diameters.cache_clear()
-    page()
-
-
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--only", nargs="+", default=[], metavar="WORD")
-    parser.add_argument("--table", action="store_true")
-    arguments = parser.parse_args()
-    for case in [] if arguments.table else cases():
-        name = name_of(case)
-        if name in stored() or not all(word in name for word in arguments.only):
-            continue
-        try:
-            figures = repeated(torn, case)
-        except Exception as error:
-            print(name, f"failed, {type(error).__name__}: {error}", flush=True)
-            continue
-        TEARS.write_text(json.dumps(stored() | {name: case | figures}, indent=1) + "\n", "utf-8")
-        print(name, figures, flush=True)
-    write()
+    tables = {"tip-diameters": diameters, "other-tips": others, "peaks": peaks}
+    named = {name_of(case): partial(repeated, torn, case) for case in cases()}
+    report(__doc__, Study("tip-diameters", named, tables))

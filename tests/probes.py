@@ -25,7 +25,7 @@ def assert_dilatation_is_linearized(force, positions, random):
     ratios, and its transpose.
     """
     dilatation = force.linearized_dilatation()
-    dilatation.take()
+    dilatation.linearize()
     moved, values, ratios = (
         random.standard_normal(positions.shape),
         random.standard_normal(len(positions)),

@@ -30,7 +30,7 @@ from .terminal import (
 
 COMMANDS = {
     "materials": ("lists", "List the material laws with their parameters."),
-    "identify": ("fit", "Identify the parameters of material laws from test data."),
+    "identify": ("identify", "Identify the parameters of material laws from test data."),
     "calibrate": (
         "calibrate",
         "Fit a law to displacement fields and forces measured on a body that a scene describes.",
@@ -60,7 +60,7 @@ COMMANDS = {
         ),
     ),
     "evaluate": (
-        "fit",
+        "evaluate",
         (
             "Measure the errors of a bond force or an energy by strain, and its state at rest and"
             " stiffness."

@@ -22,7 +22,7 @@ from ..results.files import write_json
 from ..scenes import load_scene
 from ..scenes.reading import parse_change
 from .command import SCENE_HELP, Overwrite, SetScene, check_folder
-from .fit import BulkModulus, Terms, print_parameters
+from .identify import BulkModulus, Terms, print_parameters
 from .terminal import FAILED, Bar, bad_input, note, print_json, print_rows, warn, writing
 
 FIELDS_HELP = (

@@ -1,6 +1,4 @@
-"""Commands ``identify`` for parameters of laws from test data, ``fit`` for surrogates of laws,
-and ``evaluate`` for their errors.
-"""
+"""Command ``fit``, which fits surrogates of laws, identified from test data or given."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -11,28 +9,31 @@ from typing import Annotated, get_type_hints
 import numpy as np
 from typer import Argument, Option
 
-from .. import learning
 from ..artifacts.store import (
-    find_artifact,
     load_card,
     load_surrogate,
     new_artifact,
     next_version,
     own_folder,
 )
-from ..artifacts.store import law_of as stored_law
-from ..forces import FORCES, EnergySurrogate, ForceSurrogate
-from ..identification import figure, fitted_laws, load_test_data, reporting
+from ..identification import figure, load_test_data, reporting
 from ..identification.data import TestData
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import StressRegressor, bulk_arguments
 from ..learning.fitting import TooInexact
-from ..learning.sampling import checked_range
 from ..learning.settings import FitSettings
-from ..learning.target import REPORT_SEED, REPORTED_STATES
 from ..results import figures
-from ..results.files import write_json
-from .command import OneLaw, Overwrite, ReportFolder, SetLaw, check_folder, law_of
+from .command import OneLaw, SetLaw, check_folder, law_of
+from .evaluate import print_errors
+from .identify import (
+    DATA_HELP,
+    BulkModulus,
+    BulkRatio,
+    Loading,
+    Terms,
+    print_by_mode,
+    print_identified,
+)
 from .terminal import (
     FAILED,
     Bar,
@@ -40,8 +41,6 @@ from .terminal import (
     note,
     out,
     print_json,
-    print_rows,
-    print_table,
     warn,
     writing,
 )
@@ -50,136 +49,6 @@ FOLDER_HELP = (
     "Folder of artifacts (default: $PDSURROGATE_ARTIFACTS, or the folder artifacts; in a checkout"
     " own-artifacts)."
 )
-
-STIFFNESS = {
-    "at_rest": "force or stress at rest",
-    "shear_modulus": "shear modulus at rest",
-    "least_slope": "least slope of the force along a bond",
-    "least_acoustic": "least stiffness of shear waves",
-    "least_curvature": "least curvature of the energy",
-}
-"""Words for the entries of a report of `learning.evaluate` on the state at rest and on stiffness;
-those of the law are ``KEY_exact``.
-"""
-
-ERRORS = {"rms": "RMS", "max": "greatest", "energy_rms": "RMS of the energy"}
-"""Words for relative errors in such a report."""
-
-DATA_HELP = (
-    "Test data: treloar, kawabata, or a CSV file with the columns mode, stretch and nominal_stress."
-)
-
-BulkModulus = Annotated[
-    float | None,
-    Option(help="Bulk modulus in the unit of the stresses; the tests do not determine it."),
-]
-BulkRatio = Annotated[
-    float | None,
-    Option(
-        help="Ratio of bulk modulus to shear modulus, instead of --bulk-modulus (default: 1000)."
-    ),
-]
-Terms = Annotated[
-    int | None, Option(help=f"Number of terms of Ogden's law (default: {N_TERMS}).", min=1, max=4)
-]
-
-
-Loading = Annotated[
-    bool,
-    Option("--loading", help="Take the rows of first loading only, without those of unloading."),
-]
-
-
-def identify(
-    data: Annotated[Path, Argument(metavar="DATA", help=DATA_HELP)],
-    *,
-    law: Annotated[
-        list[str] | None, Option(metavar="LAW", help="Law; may be repeated (default: all).")
-    ] = None,
-    terms: Terms = None,
-    stretch: Annotated[
-        float | None, Option("--up-to", help="Leave out rows with a greater stretch.")
-    ] = None,
-    loading: Loading = False,
-    bulk_modulus: BulkModulus = None,
-    bulk_ratio: BulkRatio = None,
-    hold_out: Annotated[
-        bool,
-        Option(
-            "--hold-out",
-            help="Also leave out each mode in turn, and report how the fit predicts it.",
-        ),
-    ] = False,
-    folder: ReportFolder = None,
-    overwrite: Overwrite = False,
-) -> None:
-    """Print a report of each law that is fitted to the tests, and write it to a folder, if
-    given.
-    """
-    names, rows = law or fitted_laws(), load_test_data(data)
-    if terms is not None and "ogden" not in names:
-        raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
-    terms, bulk = terms or N_TERMS, bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
-    check_folder(folder, "identify.json", overwrite)
-    if loading:
-        rows = rows.loading()
-    if stretch is not None:
-        rows = rows.up_to(stretch)
-    with Bar(rows.name):
-        models, reports, held_out = reporting.identify(rows, names, terms, bulk, hold_out)
-    for report in reports:
-        print_identified(report)
-    # Remarks on the data are in the report of every law, and are printed once.
-    for text in dict.fromkeys(
-        text for report in reports for text in (*report["refusals"], *report["remarks"])
-    ):
-        warn(text)
-    print_json({"laws": reports, "held_out": held_out})
-    predicted = [
-        {
-            "law": row["law"],
-            "held out": mode,
-            "R^2": score,
-            "relative RMS error": row["relative_rms"],
-        }
-        for row in held_out
-        for mode, score in row["held_out"].items()
-    ]
-    print_rows("Prediction of held-out modes", predicted)
-    if folder is not None:
-        with writing(folder):
-            write_json(folder / "identify.json", {"laws": reports})
-            figures.save(figure(models, rows), folder / "identify.png")
-        note(f"Results in {folder}")
-
-
-def print_identified(report: dict) -> None:
-    """Print a report of an identification: parameters, differences from the tests, and modes
-    that were not measured.
-    """
-    form = report.get("form", report["law"]["law"])
-    title = f"{form} fitted to {report['data']}, {report['rows']} rows"
-    print_parameters(title, report)
-    scores = report["r_squared"]
-    _print_by_mode(
-        f"{title}: fit compared with the tests",
-        {mode: {"R^2": scores.get(mode), **row} for mode, row in report["differences"].items()},
-    )
-    print_rows(f"{title}: modes that were not measured", report.get("unmeasured", []))
-
-
-def print_parameters(title: str, report: dict) -> None:
-    """Print the parameters of a report with their standard errors."""
-    errors = {
-        name: "not determined by the data" if error is None else f"{error:.2g}"
-        for name, error in report["standard_errors"].items()
-    } | dict.fromkeys(report["at_bound"], "at its bound")
-    cells = [(name, f"{value:.5g}", errors[name]) for name, value in report["parameters"].items()]
-    print_table(title, ("parameter", "value", "standard error"), cells, left=1)
-
-
-def _print_by_mode(title: str, rows: dict[str, dict]) -> None:
-    print_rows(title, [{"mode": mode, **row} for mode, row in rows.items()])
 
 
 def _with_settings(command: Callable[..., None]) -> Callable[..., None]:
@@ -322,7 +191,7 @@ def _simulate_tests(path: Path, data: TestData, model: StressRegressor) -> dict:
         surrogate = load_surrogate(path)
         stress, off_law, outside = reporting.simulate_tests(surrogate, data, model)
     against_measured = reporting.differences(data, stress)
-    _print_by_mode("Tests simulated with the artifact, compared with the data", against_measured)
+    print_by_mode("Tests simulated with the artifact, compared with the data", against_measured)
     off = (
         "no stress in a test"
         if np.isnan(off_law)
@@ -351,94 +220,3 @@ def _simulate_tests(path: Path, data: TestData, model: StressRegressor) -> dict:
             "nominal_stress": values,
         }
     }
-
-
-EVALUATED = [
-    name for name, kind in FORCES.items() if issubclass(kind, ForceSurrogate | EnergySurrogate)
-]
-"""Exact force models with a bond force or an energy of their own, which ``evaluate`` takes
-besides artifacts.
-"""
-
-EVALUATED_HELP = f"{', '.join(EVALUATED)}, or an artifact (NAME, NAME@VERSION or a path)"
-
-
-def evaluate(
-    reference: Annotated[str, Argument(metavar="REF", help=f"Force model: {EVALUATED_HELP}.")],
-    least: Annotated[
-        float | None,
-        Option(help="Least principal stretch (default: that of the artifact's domain)."),
-    ] = None,
-    greatest: Annotated[
-        float | None,
-        Option(help="Greatest principal stretch (default: that of the artifact's domain)."),
-    ] = None,
-    samples: Annotated[
-        int, Option(help="Number of states in each set.", min=100)
-    ] = REPORTED_STATES,
-    seed: Annotated[int, Option(help="Seed of the random states.", min=0)] = REPORT_SEED
-    + 1_000_000,
-    law: Annotated[
-        str | None, Option(metavar="LAW", help="Law of an exact model (default: neo-hookean).")
-    ] = None,
-) -> None:
-    """Print the errors of an artifact against the law on its card, or of an exact force model
-    against a law.
-    """
-    if reference in EVALUATED:
-        model, material = load_surrogate(reference), law_of(law or "neo-hookean")
-        if isinstance(model, ForceSurrogate):
-            model.law = material
-    elif reference in FORCES:
-        raise ValueError(
-            f"{reference} has no bond force or energy of its own; evaluate takes {EVALUATED_HELP}"
-        )
-    else:
-        find_artifact(reference, EVALUATED)
-        model, material = load_surrogate(reference), stored_law(load_card(reference))
-        if law not in (None, material.name):
-            raise ValueError(
-                f"--law {law}: {model.name} is compared with its own law, {material.name}; leave"
-                " out --law"
-            )
-    low, high = (
-        (model.domain.least_stretch, model.domain.greatest_stretch)
-        if model.domain
-        else learning.reachable_stretches(material)
-    )
-    stretches = checked_range(
-        (low if least is None else least, high if greatest is None else greatest)
-    )
-    report = learning.evaluate(model, material, stretches, samples, seed)
-    print_json(report)
-    print_errors(report)
-
-
-def print_errors(report: dict) -> None:
-    """Print, from a report of `learning.evaluate`, the errors of a bond force or an energy, and
-    its state at rest and stiffness.
-    """
-    low, high = report["stretch_range"]
-    rows = {"all": report["on_surface"]}
-    if "off_surface" in report:
-        rows = {
-            "in plane stress": report["on_surface"],
-            "not in plane stress": report["off_surface"],
-        }
-    rows |= {
-        f"strain {row['strain'][0]:g} to {row['strain'][1]:g}": row for row in report["by_strain"]
-    }
-    errors = [
-        {"states": title, **{word: row[key] for key, word in ERRORS.items() if key in row}}
-        for title, row in rows.items()
-    ]
-    print_rows(
-        f"Relative errors, stretches {low:g} to {high:g}, {report['n_samples']} states", errors
-    )
-    of_law = {"at_rest_exact": 0.0, "shear_modulus_exact": 1.0, **report}
-    rest = [
-        {"quantity": word, "model": report[key], "exact": of_law[f"{key}_exact"]}
-        for key, word in STIFFNESS.items()
-        if key in report
-    ]
-    print_rows("State at rest, and stiffness", rest)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from .terminal import (
     note,
     out,
     print_json,
+    print_rows,
     print_table,
     warn,
     writing,
@@ -214,48 +216,43 @@ def _print_outputs(result: Result) -> None:
     """
     scene, units, levels = result.scene, result.scene.units, result.levels
     out.print(_title(result), style="bold", highlight=False)
-    axes = ("x1", "x2", "x3")[: scene.dimension]
-    far = np.abs(result.body.points).max()
+    axes, far = ("x1", "x2", "x3")[: scene.dimension], np.abs(result.body.points).max()
     force, moment = (
         max((np.abs(value).max() for level in levels for value in level[key].values()), default=0.0)
         for key in ("forces", "moments")
     )
-    sizes = {"forces": max(force, moment / far), "moments": max(moment, force * far)}
-    turned = scene.dimension == 3 or any(entry.rotation for entry in scene.prescribed)
-    for key, title, headings in (
-        ("forces", units.label("Forces on the body", "force"), axes),
-        *[
-            (
-                "moments",
-                units.label("Moments about the origin", "energy"),
-                axes if scene.dimension == 3 else ("counter-clockwise",),
-            )
-        ]
-        * turned,
-        ("probes", units.label("Displacements of the probes", "length"), axes),
-        (
-            "contact",
-            "Contact with obstacles",
-            (units.label("area", "area"), units.label("penetration", "length")),
-        ),
-    ):
-        rows: list = []
-        for name in dict.fromkeys(name for level in levels for name in level.get(key, ())):
-            for number, level in enumerate(levels):
-                found = level[key][name]
-                if isinstance(found, dict):
-                    found = found["displacement"] if key == "probes" else [*found.values()]
+    about = axes if scene.dimension == 3 else ("counter-clockwise",)
+    contact = units.label("area", "area"), units.label("penetration", "length")
+    tables = {
+        "forces": ("Forces on the body", "force", axes, max(force, moment / far)),
+        "moments": ("Moments about the origin", "energy", about, max(moment, force * far)),
+        "probes": ("Displacements of the probes", "length", axes, 0.0),
+        "contact": ("Contact with obstacles", "", contact, 0.0),
+    }
+    if scene.dimension == 2 and not any(entry.rotation for entry in scene.prescribed):
+        del tables["moments"]
+    for key, (title, kind, headings, size) in tables.items():
+        found = {
+            name: [_numbers(level[key][name]) for level in levels]
+            for level in levels
+            for name in level.get(key, ())
+        }
+        least = LEAST_SHOWN * max([size, *(np.abs(all_).max() for all_ in found.values())])
+        rows = []
+        for name, values in found.items():
+            for level, numbers in zip(levels, values, strict=True):
                 at = f"{level['t']:g}"
                 at += f", {units.amount(level['time'], 'time', '.4g')}" if "time" in level else ""
-                rows.append((name if number == 0 else "", at, np.ravel(found)))
-            rows += [None] * (len(levels) > 1)
-        if rows:
-            least = LEAST_SHOWN * sizes.get(key, max(np.abs(row[2]).max() for row in rows if row))
-            cells = (
-                row and [*row[:2], *("0" if abs(x) <= least else f"{x:.5g}" for x in row[2])]
-                for row in rows
-            )
-            print_table(title, ("name", "t", *headings), cells, left=1)
+                shown = np.where(np.abs(numbers) <= least, 0.0, numbers).tolist()
+                rows.append({"name": name, "t": at, **dict(zip(headings, shown, strict=True))})
+        print_rows(units.label(title, kind) if kind else title, rows, ".5g")
+
+
+def _numbers(found: Any) -> np.ndarray:
+    """Return the numbers of a region, probe or obstacle at an output, shape (components,)."""
+    if isinstance(found, dict):
+        found = found.get("displacement", [*found.values()])
+    return np.atleast_1d(found)
 
 
 def _print_rates(result: Result) -> None:

@@ -113,7 +113,7 @@ def on_standard_error(text: str) -> None:
 def print_table(
     title: str,
     columns: Sequence[str],
-    rows: Iterable[Sequence[str] | None],
+    rows: Iterable[Sequence[str]],
     left: int,
 ) -> None:
     """Print a title and a table of text on standard output; cells that are too wide for the
@@ -125,7 +125,7 @@ def print_table(
     columns : sequence of str
         Headings.
     rows : iterable
-        Cells of each row; None leaves a line free.
+        Cells of each row.
     left : int
         Number of columns, from the first, that are left-aligned, while the others are
         right-aligned.
@@ -135,16 +135,13 @@ def print_table(
         justify = "right" if number >= left else "left"
         table.add_column(escape(column), justify=justify, overflow="fold")
     for row in rows:
-        if row is None:
-            table.add_section()
-        else:
-            table.add_row(*row)
+        table.add_row(*row)
     out.print(title, style="bold", markup=False, highlight=False)
     out.print(table)
     out.print()
 
 
-def print_rows(title: str, rows: Sequence[dict]) -> None:
+def print_rows(title: str, rows: Sequence[dict], form: str = ".4g") -> None:
     """Print a table of dictionaries, whose keys are the headings: text, numbers, and None, which is
     left empty; without rows print nothing.
     """
@@ -152,7 +149,9 @@ def print_rows(title: str, rows: Sequence[dict]) -> None:
         columns = list(dict.fromkeys(column for row in rows for column in row))
         cells = (
             [
-                f"{one:.4g}" if isinstance(one, float) else "" if one is None else escape(str(one))
+                f"{one:{form}}"
+                if isinstance(one, float)
+                else escape(str("" if one is None else one))
                 for one in map(row.get, columns)
             ]
             for row in rows

@@ -15,9 +15,10 @@ from ..body.ghosts import symmetric
 from ..engine.block_arrays import aligned_rows
 from ..kernels.ghosts import fold_vectors
 from ..ranks.share import connected
+from .changed_weights import moments_of, sums_of_products
 from .fourth_order import solution_of
-from .interface_fits import YIELDING
-from .kinematics import matrices, moments_of, sums_of_products
+from .interface_search import YIELDING
+from .kinematics import matrices
 from .steps import Steps
 
 if TYPE_CHECKING:

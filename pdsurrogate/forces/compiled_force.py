@@ -60,7 +60,7 @@ class CompiledBondForce:
         Whether the function calls the law's response that the pass supplies, which accounts for a
         free or held thickness. Any other function returns the force for zero stress across the
         thickness, to which plane strain adds a pressure
-        (`pdsurrogate.forces.bond_force.in_plane_strain`).
+        (`pdsurrogate.forces.pair_forces.in_plane_strain`).
     """
 
     address: int

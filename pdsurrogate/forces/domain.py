@@ -57,7 +57,14 @@ class Domain:
         bulk : ndarray, shape (n,), optional
             Squared volume ratio J3^2, for a model that depends on it.
         """
-        passed = self.beyond_bounds(stretches, bulk)
+        with np.errstate(divide="ignore"):
+            stretch = np.log(stretches)
+            least, greatest, low, high = np.log(
+                [self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk]
+            )
+            passed = np.maximum(stretch.max(axis=1) - greatest, least - stretch.min(axis=1))
+            if bulk is not None:
+                passed = np.maximum(passed, np.maximum(np.log(bulk) - high, low - np.log(bulk)))
         return passed if self.hull is None else np.maximum(passed, self.beyond_data(stretches))
 
     def beyond_data(self, stretches: np.ndarray) -> np.ndarray:
@@ -73,22 +80,6 @@ class Domain:
         )
         planes = np.array(self.hull)
         return (-np.sort(-logs, axis=1)[:, :2] @ planes[:, :2].T - planes[:, 2]).max(axis=1)
-
-    def beyond_bounds(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
-        """Return the `deviation` of states from the bounds of stretches and J3^2 alone, shape
-        (n,); a run uses the model within these.
-        """
-        with np.errstate(divide="ignore"):
-            stretch = np.log(stretches)
-            least, greatest, low, high = np.log(
-                [self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk]
-            )
-            passed = np.maximum(stretch.max(axis=1) - greatest, least - stretch.min(axis=1))
-            return (
-                passed
-                if bulk is None
-                else np.maximum(passed, np.maximum(np.log(bulk) - high, low - np.log(bulk)))
-            )
 
     def limits(self, dtype) -> np.ndarray:
         """Return the bounds as an array of constants for the compiled test

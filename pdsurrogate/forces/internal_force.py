@@ -17,7 +17,7 @@ from ..body import Body
 from ..body.body import lengths_of
 from ..materials import Law
 from .binding import Binding, Portion
-from .interface_fits import YIELDING
+from .interface_search import YIELDING
 from .interfaces import Interfaces
 from .kinematics import Kinematics
 from .settings import ForceSettings
@@ -209,7 +209,7 @@ class InternalForce:
             watch.found = 0
         try:
             if self.terms[0].places:
-                self._kinematics.take(positions)
+                self._kinematics.set_positions(positions)
             else:
                 self._kinematics.place(positions, self._forms)
             self._add_up([term.find for term in self.terms], out)
@@ -494,7 +494,7 @@ def numbers_in_place(force: InternalForce, materials: Sequence[tuple[Law, Any]])
         )
         force.laws = [(portion.law, portion.points) for portion in force.portions]
         for term in force.terms:
-            term.take_numbers(force.portions)
+            term.set_parameters(force.portions)
 
     try:
         give(materials)

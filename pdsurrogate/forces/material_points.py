@@ -66,7 +66,7 @@ class MaterialPoints:
         dimensions.
     response, parameters
         Compiled response function of the law, and the parameters of the law, changed in place by
-        `take_numbers`.
+        `set_parameters`.
     seen : list of BoundPass
         In a body of several materials, the passes that update positions, gradients and volume
         ratios from the body.
@@ -109,7 +109,7 @@ class MaterialPoints:
         turn = ROTATIONS[rotation or ROTATION]
         self._turn = turn and kinematics.bind(turn, self.gradients, self.records)
 
-    def take_numbers(self, law: Law) -> None:
+    def set_parameters(self, law: Law) -> None:
         """Replace the law by one of the same kind with other numbers; passes that are bound to
         `parameters` evaluate it from then on.
         """

@@ -13,8 +13,9 @@ from ..errors import InvalidState
 from ..kernels.bond_force import lateral_stretch
 from ..materials import InvariantLaw, Law
 from ..materials.consistency import compare_derivatives
-from .bond_force import BondStates, ForceSurrogate, bond_arrays, exact_bond_force
+from .bond_force import ForceSurrogate, bond_arrays, exact_bond_force
 from .compiled_force import CompiledBondForce
+from .pair_forces import BondStates
 
 TRIAL = (
     [1.0, 1.3, 0.8, 1.1],
@@ -252,7 +253,7 @@ class OwnBondForce(ForceSurrogate):
         --------
         >>> import numpy as np
         >>> import pdsurrogate as pds
-        >>> from pdsurrogate.forces.bond_force import BondStates
+        >>> from pdsurrogate.forces.pair_forces import BondStates
         >>> class Mine:
         ...     def energy(self, I1, I2):
         ...         return 0.5 * (I1 - 3), 0.5 + 0 * I1, 0 * I1

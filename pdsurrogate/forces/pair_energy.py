@@ -21,7 +21,7 @@ from .kinematics import matrices
 from .material_points import material_sums
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
-from .term import DomainWatch, MaterialTerm, whole_volume
+from .term import MaterialTerm, OutsideCounter, whole_volume
 from .volume_energy import VolumeEnergy
 
 
@@ -72,7 +72,7 @@ class PairEnergy(MaterialTerm):
             # A material has energy in its own bonds.
             weights = self.shares.weights_of(own=own)
             points = self.points_of(number, None if whole else np.flatnonzero(weights))
-            self.watches.append(DomainWatch(binding, model, points, "energy", "energy"))
+            self.watches.append(OutsideCounter(binding, model, points, "energy", "energy"))
             each.append((binding, self.shares, model, points, weights[points.pairs]))
             self._own_bonds.append(own)
         if self.selective:
@@ -129,11 +129,11 @@ class PairEnergy(MaterialTerm):
         )
         self.places = bool(leading)
 
-    def take_numbers(self, portions: Sequence[Portion]) -> None:
-        super().take_numbers(portions)
+    def set_parameters(self, portions: Sequence[Portion]) -> None:
+        super().set_parameters(portions)
         self._model = portions[0].model
         for part, portion in zip(self.parts, portions, strict=True):
-            part.take_numbers(portion.model)
+            part.set_parameters(portion.model)
 
     def find(self, out: np.ndarray) -> None:
         outside, invalid, without_force = self._run(self._find_all, out)

@@ -76,7 +76,7 @@ class Pairs:
         """Shear modulus of the material."""
         return self.points.law.shear_modulus
 
-    def take_numbers(self, model) -> None:
+    def set_parameters(self, model) -> None:
         """Replace the model by one of the same kind with other numbers, after `points` have
         taken those of the law.
         """
@@ -147,8 +147,8 @@ class PairEnergies(Pairs):
             bond_energy.pair_energies, *self.places, self.pairs, *energy, memory, results
         )
 
-    def take_numbers(self, model) -> None:
-        super().take_numbers(model)
+    def set_parameters(self, model) -> None:
+        super().set_parameters(model)
         self._weights[:] = model.compiled(self._precision).weights
 
     def counts(self) -> tuple[int, int, int]:
@@ -246,8 +246,8 @@ class SelectivePairs(Pairs):
             results,
         )
 
-    def take_numbers(self, model) -> None:
-        super().take_numbers(model)
+    def set_parameters(self, model) -> None:
+        super().set_parameters(model)
         self.isochoric.parameters[:] = self.points.law.parameters
         self.isochoric.weights[:] = model.isochoric_weights
 

@@ -111,7 +111,7 @@ class Smoothing:
             self._single = self._weights.astype(np.float32), self._own.astype(np.float32)
         return self._pointers, self._columns, *self._single
 
-    def take(self) -> None:
+    def renew_copies(self) -> None:
         """Update the single-precision copies of the weights after a change of the weights."""
         for single, exact in zip(self._single, (self._weights, self._own), strict=True):
             single[:] = exact

@@ -124,7 +124,7 @@ class Term(ABC):
         Arrays that the next evaluation starts from, apart from positions and broken bonds.
     materials : list of MaterialPoints
         Points of each material, with the points of other materials that are bonded to them.
-    watches : list of DomainWatch
+    watches : list of OutsideCounter
         Counters of the pairs outside the domain of each model.
     """
 
@@ -145,9 +145,9 @@ class Term(ABC):
         self.state = [kept.allocate(self.body) for kept in self.keeps]
         self.kept = {array.name: array.values for array in self.state}
         self.materials: list[MaterialPoints] = []
-        self.watches: list[DomainWatch] = []
+        self.watches: list[OutsideCounter] = []
 
-    def take_numbers(self, portions: Sequence[Portion]) -> None:
+    def set_parameters(self, portions: Sequence[Portion]) -> None:
         """Replace laws and models in place by others of the same kinds, on the same points, that
         differ in numbers alone.
 
@@ -285,10 +285,10 @@ class MaterialTerm(Term):
         self.in_units: list[tuple[int, BoundPass]] = []
         self.parts: Sequence = ()
 
-    def take_numbers(self, portions: Sequence[Portion]) -> None:
-        super().take_numbers(portions)
+    def set_parameters(self, portions: Sequence[Portion]) -> None:
+        super().set_parameters(portions)
         for points, portion in zip(self.materials, portions, strict=True):
-            points.take_numbers(portion.law)
+            points.set_parameters(portion.law)
         for number, bound in self.in_units:
             bound.give_number("unit", portions[number].law.shear_modulus)
 
@@ -403,7 +403,7 @@ class MaterialTerm(Term):
         return stress, energy
 
 
-class DomainWatch:
+class OutsideCounter:
     """Counter of the pairs outside the training domain of a model; according to the policy it
     raises an error or warns.
 

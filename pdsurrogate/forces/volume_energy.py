@@ -331,11 +331,11 @@ class LinearizedDilatation:
         self._rigid = several and volume.binding.portion_of[:n] == len(volume.parts)
         self.stiffness = body.volumes * max(part.unit for part in volume.parts)
 
-    def take(self) -> None:
+    def linearize(self) -> None:
         """Compute the derivative D and `stiffness` at the state last evaluated."""
         for linearize in self._linearize:
             linearize()
-        self._volume.smoothing.take()
+        self._volume.smoothing.renew_copies()
         self.stiffness = np.sum([volume.stiffness() for volume in self._volumes], axis=0)
 
     def changes(self, displacements: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from ..body import Body
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
 from ..scenes import Scene
-from ..scenes.consistency import gives_fracture_energy, names_of_materials
+from ..scenes.loading_checks import gives_fracture_energy, names_of_materials
 from ..scenes.model import Criterion, Fracture
 from ..scenes.tip_diameter import TIP_DIAMETER, TipDiameters, tip_diameters_in
 

@@ -3,9 +3,9 @@ and how far around them nothing else lies.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -127,6 +127,7 @@ class Front:
         ]
 
 
+@dataclass(eq=False)
 class Fronts:
     """Fronts of the cracks of a scene: at its precuts, and as these grow.
 
@@ -139,22 +140,25 @@ class Fronts:
         Precuts of the scene.
     """
 
-    def __init__(self, scene: Scene, body: Body, cuts: Cuts) -> None:
-        self._scene, self._body, self._cuts = scene, body, cuts
-        self._inside: Callable[[np.ndarray], np.ndarray] = partial(contained, scene, body)
+    scene: Scene
+    body: Body
+    cuts: Cuts
+
+    def _inside(self, places: np.ndarray) -> np.ndarray:
+        return contained(self.scene, self.body, places)
 
     @cached_property
     def first(self) -> list[Front]:
         """Fronts of the precuts."""
         return [
-            front for number in range(len(self._scene.precuts)) for front in self._of_cut(number)
+            front for number in range(len(self.scene.precuts)) for front in self._of_cut(number)
         ]
 
     def after(self, growth: Iterable[Sequence[Sequence[float]]]) -> list[Front]:
         """Return the fronts after tips were found in turn at the given places; each tip moves
         the nearest front ahead of which it lies.
         """
-        fronts, base = list(self.first), 2 * self._body.horizon
+        fronts, base = list(self.first), 2 * self.body.horizon
         for tips in growth:
             still = set(range(len(fronts)))
             for tip in np.array(tips, dtype=float):
@@ -179,14 +183,14 @@ class Fronts:
         which the domain may end. If the radius would be below `LEAST_REACH`, so that no energy
         release rate can be computed, it is None, and the second value says in words why.
         """
-        horizon = self._body.horizon
+        horizon = self.body.horizon
         places, outward = (
             rows[:: -(-len(rows) // MOST_RINGS)] for rows in (front.places, front.outward)
         )
         angles = 2 * np.pi * np.arange(MOST_RINGS) / MOST_RINGS
         ring = np.cos(angles)[:, None] * outward[:, None] + np.sin(angles)[:, None] * front.normal
         radii = horizon * np.arange(1, (MOST_REACH + 1) * STEPS + 1) / STEPS
-        symmetric = [plane for plane in self._body.planes if max(plane.parity) > 0]
+        symmetric = [plane for plane in self.body.planes if max(plane.parity) > 0]
 
         def within(around: np.ndarray) -> bool:
             for plane in symmetric:
@@ -205,7 +209,7 @@ class Fronts:
         depths = [float(plane.mirrored(front.places)[1].min()) for plane in symmetric]
         rooms = {"a plane of symmetry": min(depths, default=math.inf)}
         rooms["the other end of the crack"] = front.length if front.straight else front.length / 2
-        for number, cut in enumerate(self._scene.precuts):
+        for number, cut in enumerate(self.scene.precuts):
             if (
                 cut is not front.cut
                 and np.abs((cut.edge(horizon)[0] - front.places[0]) @ front.normal).max()
@@ -226,8 +230,8 @@ class Fronts:
             (apart[first], LEAST_REACH + 1) if first in apart else (rooms[first], LEAST_REACH)
         )
         # A finer lattice may have points that are nearer by a spacing.
-        closer = self._body.spacing if first in nearest else 0.0
-        finer = math.floor(100 * (away - closer) / (needed * horizon)) / 100 * self._body.spacing
+        closer = self.body.spacing if first in nearest else 0.0
+        finer = math.floor(100 * (away - closer) / (needed * horizon)) / 100 * self.body.spacing
         told = f"a spacing of {finer:.3g} or less would do" if finer > 0 else "no spacing would do"
         return (
             None,
@@ -241,11 +245,11 @@ class Fronts:
         """Return the fronts of a precut: the connected parts of its edge that lie in the body
         and that nothing else touches.
         """
-        body, precut = self._body, self._scene.precuts[number]
+        body, precut = self.body, self.scene.precuts[number]
         edge = precut.edge(PITCH * body.spacing)
         # an end at the boundary is no front
         within = self._inside(edge[0] + body.spacing / 4 * edge[1])
-        within &= ~self._cuts.touched(number, edge[0])
+        within &= ~self.cuts.touched(number, edge[0])
         places, outward, lengths = (rows[within] for rows in edge)
         count, part = connected(
             len(places),
@@ -270,13 +274,13 @@ class Fronts:
             if np.ptp(outward, axis=0).max() > 1e-6
             else (places.mean(axis=0), outward[0])
         )
-        pitch = PITCH * self._body.spacing
+        pitch = PITCH * self.body.spacing
         behind = start - np.outer(
-            pitch * (np.arange(int(self._body.extent * np.sqrt(len(start)) / pitch) + 1) + 0.5),
+            pitch * (np.arange(int(self.body.extent * np.sqrt(len(start)) / pitch) + 1) + 0.5),
             along,
         )
         step = pitch * normal
-        on_crack = self._inside(behind) & self._cuts.crosses(behind - step, behind + step)
+        on_crack = self._inside(behind) & self.cuts.crosses(behind - step, behind + step)
         length = pitch * float(len(behind) if on_crack.all() else on_crack.argmin())
         front = Front(precut, places, outward, normal, float(lengths.sum()), length, ())
-        return replace(front, path=(start - 2 * self._body.horizon * along, start))
+        return replace(front, path=(start - 2 * self.body.horizon * along, start))

@@ -13,9 +13,9 @@ from .. import artifacts
 from ..body import Body
 from ..body.local_fit import text_of
 from ..forces import ForceModel, ForceSettings, InternalForce, Portion
-from ..forces.interface_fits import YIELDING
+from ..forces.interface_search import YIELDING
 from ..scenes import Part, Scene, SceneError
-from ..scenes.consistency import gives_fracture_energy
+from ..scenes.loading_checks import gives_fracture_energy
 from ..scenes.regions import label_of_region
 from ..scenes.tip_diameter import tip_diameters_in
 from .regions import BodyRegions

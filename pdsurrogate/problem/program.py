@@ -292,7 +292,7 @@ def prescriptions_of(
     length = float((regions.upper - regions.lower)[scene.loaded_axis]) if scene.stretched else 1.0
     entries, labels, ends = (
         prescribed_in(scene, length),
-        _labels(scene),
+        names_of_forces(scene),
         [0.0, *(end - rest for end in known_ends(stages))],
     )
     found = []
@@ -343,6 +343,11 @@ def _factor(
 def names_of_forces(scene: Scene) -> dict[str, str]:
     """Return the names under which results report forces, by the keys of the grips, or of the
     entries that prescribe, load or press.
+
+    Raises
+    ------
+    ValueError
+        If entries on different regions share a name.
     """
     entries = {
         key: entry for key, entry in prescribed_in(scene).items() if not key.startswith("holds")
@@ -352,27 +357,12 @@ def names_of_forces(scene: Scene) -> dict[str, str]:
         for kind in ("loads", "obstacles")
         for number, entry in enumerate(getattr(scene, kind))
     }
-    return {
-        key: (
-            entry.name
-            or (key if key.startswith("obstacles") else label_of_region(entry.region, key))
-        )
-        for key, entry in entries.items()
-    }
-
-
-def _labels(scene: Scene) -> dict[str, str]:
-    """Return `names_of_forces`; raise ValueError if entries on different regions share a name."""
-    labels, owners, entries = names_of_forces(scene), {}, prescribed_in(scene)
-    for key, label in labels.items():
-        kind, number = key.split(".")
-        own = (
-            key
-            if kind == "obstacles"
-            else (entries[key] if key in entries else getattr(scene, kind)[int(number)]).region
-        )
-        other, region = owners.setdefault(label, (key, own))
+    names, owners = {}, {}
+    for key, entry in entries.items():
+        own = key if key.startswith("obstacles") else entry.region
+        names[key] = entry.name or (key if own == key else label_of_region(own, key))
+        other, region = owners.setdefault(names[key], (key, own))
         if region != own:
-            one = f"{other} and {key} have different regions but the same name {label!r}"
+            one = f"{other} and {key} have different regions but the same name {names[key]!r}"
             raise ValueError(f"{one}; give one of them another name")
-    return labels
+    return names

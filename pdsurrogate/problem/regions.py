@@ -3,6 +3,7 @@ its boundary, that lie in them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -50,6 +51,7 @@ would turn the body.
 """
 
 
+@dataclass(eq=False)
 class _Parts:
     """Base class for the points of a body, or the facets of its boundary, each at a place, among
     which those in a region are searched.
@@ -58,16 +60,9 @@ class _Parts:
     about empty regions name the nearest: 0 for those in it, infinite where no distance is defined.
     """
 
-    def __init__(
-        self, regions: "BodyRegions", places: np.ndarray, groups: Mapping[str, np.ndarray]
-    ) -> None:
-        self.body, self.surface, self.places, self.groups = (
-            regions.body,
-            regions.surface,
-            places,
-            groups,
-        )
-        self.corners, self.tolerance = (regions.lower, regions.upper), regions.tolerance
+    regions: "BodyRegions"
+    places: np.ndarray
+    groups: Mapping[str, np.ndarray]
 
     def group(self, name: str) -> np.ndarray:
         """Return the distances from a physical group of the mesh file: 0 for its points or
@@ -103,20 +98,29 @@ class _Points(_Parts):
 
     def edge(self, name: str) -> np.ndarray:
         axis, side = EDGES[name]
-        distance = side * (self.corners[side > 0][axis] - self.places[:, axis])
-        cells = self.body.mesh_cells
+        distance = side * (
+            (self.regions.upper if side > 0 else self.regions.lower)[axis] - self.places[:, axis]
+        )
+        cells = self.regions.body.mesh_cells
         return np.where(
-            distance < LAYER * (self.body.cell[axis] if cells is None else cells.extents(axis)),
+            distance
+            < LAYER * (self.regions.body.cell[axis] if cells is None else cells.extents(axis)),
             0.0,
             distance,
         )
 
     def boundary(self, name: str) -> np.ndarray:
-        surface, reach, cells = self.surface(), LAYER * self.body.cell.max(), self.body.mesh_cells
+        surface, reach, cells = (
+            self.regions.surface(),
+            LAYER * self.regions.body.cell.max(),
+            self.regions.body.mesh_cells,
+        )
         facets = _facets_of(surface, name)
         if cells is not None:  # those that touch it, of whatever size
             return np.where(
-                cells.touching(np.isfinite(surface.distances(cells.nodes, self.tolerance, facets))),
+                cells.touching(
+                    np.isfinite(surface.distances(cells.nodes, self.regions.tolerance, facets))
+                ),
                 0.0,
                 np.inf,
             )
@@ -131,18 +135,20 @@ class _Points(_Parts):
         (`ALIKE`). Raise ValueError if a number is too great, or if the nearest point is more than
         `NEAR` cells from the place.
         """
-        share = self.body.share
+        share = self.regions.body.share
         if region.near is not None:
             distance = np.linalg.norm(self.places - np.array(region.near), axis=1)
             nearest = int(distance.argmin())
             least = min(share.everywhere(float(distance[nearest])))
-            if least > NEAR * self.body.cell.max():
+            if least > NEAR * self.regions.body.cell.max():
                 place, found = text_of(np.array(region.near)), self.describe(nearest)
                 raise ValueError(
                     f"no point is close enough to {place}: the nearest one is {found},"
                     f" {distance[nearest]:.3g} away"
                 )
-            return self.numbered(np.flatnonzero(distance <= least + ALIKE * self.body.cell.min()))
+            return self.numbered(
+                np.flatnonzero(distance <= least + ALIKE * self.regions.body.cell.min())
+            )
         numbers, size = np.array(region.points, dtype=np.int64), share.size
         if numbers.max(initial=-1) >= size:
             raise ValueError(
@@ -159,15 +165,15 @@ class _Facets(_Parts):
 
     def describe(self, number: int) -> str:
         return (
-            f"a facet of {self.surface().parts[number]} with its middle at"
+            f"a facet of {self.regions.surface().parts[number]} with its middle at"
             f" {text_of(self.places[number])}"
         )
 
     def edge(self, name: str) -> np.ndarray:
-        return self.numbered(self.surface().parts == name)
+        return self.numbered(self.regions.surface().parts == name)
 
     def boundary(self, name: str) -> np.ndarray:
-        return self.numbered(_facets_of(self.surface(), name))
+        return self.numbered(_facets_of(self.regions.surface(), name))
 
     def listed(self, region: Region) -> np.ndarray:
         key = "near" if region.points is None else "points"
@@ -194,6 +200,7 @@ def _facets_of(surface: Surface, name: str) -> np.ndarray:
     return found
 
 
+@dataclass(eq=False)
 class BodyRegions:
     """Regions of a scene, resolved into numbers of points of its body and of facets of its
     boundary.
@@ -217,23 +224,20 @@ class BodyRegions:
         Returns the boundary of the body, made where it is first needed.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        body: Body,
-        lower: np.ndarray,
-        upper: np.ndarray,
-        surface: Callable[[], Surface],
-    ) -> None:
-        self._scene, self.body, self.lower, self.upper, self.surface = (
-            scene,
-            body,
-            lower,
-            upper,
-            surface,
-        )
-        self.tolerance = ROUNDING * float((upper - lower).max())
-        self._points = _Points(self, body.points, body.groups)
+    scene: Scene
+    body: Body
+    lower: np.ndarray
+    upper: np.ndarray
+    surface: Callable[[], Surface]
+
+    @property
+    def tolerance(self) -> float:
+        """Return the greatest distance that may be due to rounding."""
+        return ROUNDING * float((self.upper - self.lower).max())
+
+    @cached_property
+    def _points(self) -> _Points:
+        return _Points(self, self.body.points, self.body.groups)
 
     @cached_property
     def _facets(self) -> _Facets:
@@ -274,14 +278,14 @@ class BodyRegions:
         """Return the name of the edge or face of the bounding box that a region consists of;
         None for any other region.
         """
-        return whole_edge(self._scene, reference, self.body.faces)
+        return whole_edge(self.scene, reference, self.body.faces)
 
     def mirrors(self, reference: str | Region) -> tuple[str, ...]:
         """Return the name of the edge, or the names of the outline or holes, that a region
         consists of: mirrored points may hold them.
         """
         edge = self.edge(reference)
-        return whole_boundaries(self._scene, reference) if edge is None else (edge,)
+        return whole_boundaries(self.scene, reference) if edge is None else (edge,)
 
     def is_place(self, reference: str | Region) -> bool:
         """Return whether a region is defined as the points nearest to a place."""
@@ -325,15 +329,15 @@ class BodyRegions:
         """Return the region that the scene defines under a name; other names, as of edges, and
         regions are returned unchanged.
         """
-        while isinstance(reference, str) and reference in self._scene.regions:
-            reference = self._scene.regions[reference]
+        while isinstance(reference, str) and reference in self.scene.regions:
+            reference = self.scene.regions[reference]
         return reference
 
     def _resolved(self, reference: str | Region, parts: _Points | _Facets) -> np.ndarray:
         """Return the distances of points or facets, `parts`, from a region: 0 for those in it."""
         region = self._unnamed(reference)
         if isinstance(region, str):
-            if region in edge_names(self._scene.dimension):
+            if region in edge_names(self.scene.dimension):
                 return parts.edge(region)
             return (
                 parts.numbered(np.arange(len(parts.places)))
@@ -399,7 +403,7 @@ class BodyRegions:
         """Return what error messages call a region: ``regions.NAME`` if the scene defines it,
         else `key`, else the name, or "region".
         """
-        if isinstance(reference, str) and reference in self._scene.regions:
+        if isinstance(reference, str) and reference in self.scene.regions:
             return f"regions.{reference}"
         return key or (reference if isinstance(reference, str) else "region")
 

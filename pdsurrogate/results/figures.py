@@ -43,7 +43,7 @@ STYLE = matplotlib.rc_params_from_file(
 )
 """Settings of Matplotlib for all figures."""
 
-OUTLINE = {"colors": "0.2", "linewidths": 0.6, "capstyle": "round", "snap": False}
+OUTLINE: dict[str, Any] = {"colors": "0.2", "linewidths": 0.6, "capstyle": "round", "snap": False}
 """Line around a deformed body."""
 
 AT_REST = {"colors": "0.55", "linewidths": 0.8, "capstyle": "round", "snap": False}

@@ -52,11 +52,18 @@ def git_state() -> dict | None:
     if not (root / ".git").exists():
         return None
 
-    words = ["git", "-C", str(root), "status", "--porcelain=v2", "--branch", "--untracked-files=no"]
+    words = [
+        "git",
+        "-C",
+        str(root),
+        "describe",
+        "--always",
+        "--exclude=*",
+        "--dirty",
+        "--abbrev=40",
+    ]
     with suppress(OSError, subprocess.SubprocessError):
-        lines = subprocess.run(
-            words, capture_output=True, text=True, timeout=10, check=True
-        ).stdout.splitlines()
-        (commit,) = (line.split()[-1] for line in lines if line.startswith("# branch.oid "))
-        return {"commit": commit, "modified": any(not line.startswith("#") for line in lines)}
+        done = subprocess.run(words, capture_output=True, text=True, timeout=10, check=True)
+        commit, _, dirty = done.stdout.strip().partition("-")
+        return {"commit": commit, "modified": bool(dirty)}
     return None

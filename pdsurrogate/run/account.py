@@ -3,7 +3,8 @@ lost in damping and breaking bonds.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -132,6 +133,7 @@ class Account:
     outputs: int = 0
 
 
+@dataclass(eq=False)
 class Bookkeeping:
     """Energy account of a stage in dynamics while it runs: sums work and losses, and checks that
     the account closes.
@@ -144,39 +146,34 @@ class Bookkeeping:
         Loading parameter as a function of time.
     viscosity : float
         Retardation time of the stage.
-
-    Attributes
-    ----------
     account : Account
-    closes : bool
-        Whether the force has an energy, so that the account closes.
     """
 
-    def __init__(
-        self, run: Run, integrator: ExplicitDynamics, motion: Motion, viscosity: float
-    ) -> None:
-        self._run, self._integrator, self._motion, self._viscosity, self.account = (
-            run,
-            integrator,
-            motion,
-            viscosity,
-            Account(),
-        )
-        self.closes = run.force.has_energy
-        # Smaller energies are rounding errors: a body at rest has none, and any motion would exceed
-        # the supplied energy.
-        modulus = max(law.shear_modulus for law, _ in run.force.laws)
-        self._rounding = (
-            EnergyMinimizer.ROUNDING[run.force.precision]
-            * modulus
-            * run.body.share.sum(run.body.volumes)
-        )
+    run: Run
+    integrator: ExplicitDynamics
+    motion: Motion
+    viscosity: float
+    account: Account = field(default_factory=Account)
+
+    @property
+    def closes(self) -> bool:
+        """Whether the force has an energy, so that the account closes."""
+        return self.run.force.has_energy
+
+    @cached_property
+    def _rounding(self) -> float:
+        """Energy that is a rounding error: a body at rest has none, and any motion would exceed
+        the supplied energy.
+        """
+        modulus = max(law.shear_modulus for law, _ in self.run.force.laws)
+        rounding = EnergyMinimizer.ROUNDING[self.run.force.precision]
+        return rounding * modulus * self.run.body.share.sum(self.run.body.volumes)
 
     def kinetic_energy(self) -> float:
         """Return the kinetic energy at the time of the positions; raise Diverging if it is not
         finite.
         """
-        kinetic = self._integrator.kept_energy()[1]
+        kinetic = self.integrator.kept_energy()[1]
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
         return kinetic
@@ -188,7 +185,7 @@ class Bookkeeping:
         `ExplicitDynamics.kept_energy` returns the kinetic energy with and without the forces of
         these bonds; the difference is lost.
         """
-        arriving, leaving = self._integrator.kept_energy()
+        arriving, leaving = self.integrator.kept_energy()
         self.account.released_energy += arriving - leaving
 
     def between_rows(self) -> None:
@@ -196,9 +193,9 @@ class Bookkeeping:
         history.
         """
         last = max(self.account.last_break, self.account.last_drift)
-        changing = self.closes and self._integrator.steps - last < STEPS_PER_ROW
+        changing = self.closes and self.integrator.steps - last < STEPS_PER_ROW
         moving = self._planes_move()
-        reactions = self._run.loading.reactions(self._run.loaded, self._integrator.forces, moving)
+        reactions = self.run.loading.reactions(self.run.loaded, self.integrator.forces, moving)
         unknown = moving and self.account.on_planes is None
         self.advance(reactions, changing or unknown or self._uneven(), moving)
 
@@ -206,9 +203,9 @@ class Bookkeeping:
         """Return whether a reflection plane moves in the last step or the next; otherwise its
         reaction does no work in them.
         """
-        motion, time, step = self._motion, self.account.time, self._integrator.last_step
+        motion, time, step = self.motion, self.account.time, self.integrator.last_step
         now, *others = (
-            self._run.loading.plane_motions(motion.at(time + ahead)) for ahead in (0.0, -step, step)
+            self.run.loading.plane_motions(motion.at(time + ahead)) for ahead in (0.0, -step, step)
         )
         return any((now != other).any() for other in others)
 
@@ -216,11 +213,11 @@ class Bookkeeping:
         """Return whether supports change velocity within the retardation time by more than
         `LEAST_UNEVENNESS`, relatively.
         """
-        viscosity, motion, now = self._viscosity, self._motion, self._run.state.parameter
-        last = motion.at(self.account.time - self._integrator.last_step)
+        viscosity, motion, now = self.viscosity, self.motion, self.run.state.parameter
+        last = motion.at(self.account.time - self.integrator.last_step)
         return (
             viscosity > 0
-            and self._run.loading.unevenness(last, now, now + viscosity * motion.rate)
+            and self.run.loading.unevenness(last, now, now + viscosity * motion.rate)
             > LEAST_UNEVENNESS
         )
 
@@ -228,19 +225,18 @@ class Bookkeeping:
         """Return the power of all supports (holders) at given reactions, with their velocities
         in the last step, the next, and the mean.
         """
-        course, time, step = self._run.loading.course, self.account.time, self._integrator.last_step
-        before = course.power(reactions, self._motion, time, step)
-        after = course.power(reactions, self._motion, time + step, step)
+        course, time, step = self.run.loading.course, self.account.time, self.integrator.last_step
+        before = course.power(reactions, self.motion, time, step)
+        after = course.power(reactions, self.motion, time + step, step)
         return Power(before, 0.5 * (before + after), after)
 
     def _velocities_of_planes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the velocities of planes of symmetry across themselves (planes,) in the last
         step, their mean, and those in the next step.
         """
-        time, step = self.account.time, self._integrator.last_step
+        time, step = self.account.time, self.integrator.last_step
         before, now, next_one = (
-            self._run.loading.planes_at(self._motion.at(time + ahead))
-            for ahead in (-step, 0.0, step)
+            self.run.loading.planes_at(self.motion.at(time + ahead)) for ahead in (-step, 0.0, step)
         )
         after = (next_one - now) / step
         before = (now - before) / step if time >= step else after
@@ -250,7 +246,7 @@ class Bookkeeping:
         """Return the work done in the `elapsed` time by the trapezoidal rule, from `last` and
         `power`, the power at its start and end.
         """
-        if elapsed < 1.5 * self._integrator.last_step:
+        if elapsed < 1.5 * self.integrator.last_step:
             return 0.5 * elapsed * (last.after + power.before)
         return 0.5 * elapsed * (last.now + power.now)
 
@@ -264,7 +260,7 @@ class Bookkeeping:
         present positions, otherwise `ExplicitDynamics.elastic` approximates them. Without
         `of_planes` the planes do not move, and their reactions, which do no work, are omitted.
         """
-        run, account, integrator = self._run, self.account, self._integrator
+        run, account, integrator = self.run, self.account, self.integrator
         elapsed, held = account.time - account.rate_time, self._power_of_holders(reactions)
         power = held
         if run.loads:
@@ -276,10 +272,10 @@ class Bookkeeping:
             power = held.plus(Power(*loads))
         # At the start the account is empty, and no time has passed.
         account.work += self._work_over(elapsed, Power(*account.power), power)
-        if evaluate and self._viscosity > 0:
+        if evaluate and self.viscosity > 0:
             self._judge(integrator.find_elastic())
         damped, last = integrator.damped_power(), Power(*account.damped_power)
-        if self._viscosity > 0:
+        if self.viscosity > 0:
             # Viscosity dissipates a part of the work of the holders as well.
             elastic = self._power_of_holders(
                 self._elastic_reactions(reactions, evaluate, of_planes)
@@ -301,10 +297,10 @@ class Bookkeeping:
         The error decays by a factor in every step, and a like one is added: in a long series of
         steps it is the sum of a geometric series.
         """
-        account, integrator = self.account, self._integrator
+        account, integrator = self.account, self.integrator
         steps, account.last_found = integrator.steps - account.last_found, integrator.steps
         if (
-            self._run.damage is None or not steps or account.last_break == integrator.steps
+            self.run.damage is None or not steps or account.last_break == integrator.steps
         ):  # the error contains forces of broken bonds
             return
         in_step = integrator.last_step * abs(power) / (1 - (1 - integrator.followed) ** steps)
@@ -323,13 +319,13 @@ class Bookkeeping:
         """
         account, loading, on_points = (
             self.account,
-            self._run.loading,
-            self._integrator.elastic_with_loads(),
+            self.run.loading,
+            self.integrator.elastic_with_loads(),
         )
         if evaluated:
-            found = loading.reactions(self._run.loaded, on_points, of_planes)
+            found = loading.reactions(self.run.loaded, on_points, of_planes)
         else:
-            share = self._integrator.followed
+            share = self.integrator.followed
             planes = (
                 [(account.on_planes, held.on_planes), (account.levers, held.levers)]
                 if of_planes
@@ -388,7 +384,7 @@ class Bookkeeping:
         account, put_in = self.account, {"energy_put_in": float(self.account.most_put_in)}
         if not self.closes:
             remark = (
-                f"{self._run.model.name} defines no energy, so energy conservation cannot be"
+                f"{self.run.model.name} defines no energy, so energy conservation cannot be"
                 " checked, and broken bonds release none"
             )
             return put_in | {"energy_gap": None, "greatest_energy_gap": None, "remark": remark}
@@ -408,7 +404,7 @@ class Bookkeeping:
 
     def _words_for_gap(self, gap: float) -> str:
         put_in = max(self.account.most_put_in, self._rounding)
-        amount = self._run.problem.scene.units.amount(put_in, "energy", ".3g")
+        amount = self.run.problem.scene.units.amount(put_in, "energy", ".3g")
         share, what = 100 * abs(gap) / put_in, "created" if gap > 0 else "lost"
         return (
             f"the energy balance has an error of {share:.2g} %: {amount} were put in, and"

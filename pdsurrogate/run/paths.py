@@ -2,6 +2,8 @@
 one output to the next.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..problem import Stage
@@ -12,6 +14,7 @@ from ..solvers.stability import check_branch
 from .run import Run
 
 
+@dataclass(eq=False)
 class ParameterPath:
     """Values of the loading parameter between two outputs: increments, first guesses, and the force
     and the solver at each value.
@@ -23,9 +26,9 @@ class ParameterPath:
     solver : EquilibriumSolver
     """
 
-    def __init__(self, run: Run, stage: Stage, solver: EquilibriumSolver) -> None:
-        self.solver = solver
-        self._run, self._stage, self._course = run, stage, run.loading.course
+    run: Run
+    stage: Stage
+    solver: EquilibriumSolver
 
     def parameter_at(self, goal: float) -> float:
         """Return the loading parameter of the output at the end `goal` of a path, as far as it
@@ -35,35 +38,35 @@ class ParameterPath:
 
     def increments_to(self, goal: float) -> Increments:
         """Return the increments from the present equilibrium to the next output."""
-        run, begin = self._run, self._run.state.parameter
+        run, begin = self.run, self.run.state.parameter
         return Increments(
             begin,
             goal,
-            self._course.largest_increment(
-                run.positions, begin, goal, self._stage.largest_increment
+            self.run.loading.course.largest_increment(
+                run.positions, begin, goal, self.stage.largest_increment
             ),
         )
 
     def at(self, value: float) -> str:
         """Return a value of what the increments change, with its name, as text for messages."""
-        return self._run.loading.at(value)
+        return self.run.loading.at(value)
 
     def last(self) -> str:
         """Return the place of the last equilibrium on the path, as text for messages."""
-        return self.at(self._run.state.parameter)
+        return self.at(self.run.state.parameter)
 
     def guesses(self, target: float) -> list[np.ndarray]:
         """Return first guesses (n, d) of the equilibrium at the end `target` of an increment."""
-        return self._course.guesses(
-            self._run.positions, self._run.state.parameter, target, self._run.earlier
+        return self.run.loading.course.guesses(
+            self.run.positions, self.run.state.parameter, target, self.run.earlier
         )
 
     def force_at(self, target: float, positions: np.ndarray) -> LoadedForce:
         """Return the force at the end of an increment, with the held parts in their places, also
         those in `positions` (n, d).
         """
-        self._run.loading.apply(target, self._run.loaded, positions)
-        return self._run.loaded
+        self.run.loading.apply(target, self.run.loaded, positions)
+        return self.run.loaded
 
     def reached(self, target: float) -> float:
         """Return the loading parameter of the equilibrium that was just found at the end of an
@@ -75,7 +78,7 @@ class ParameterPath:
         """Raise an error if the equilibrium at the parameter `reached` is unstable, or does not
         continue the last one.
         """
-        run = self._run
+        run = self.run
         check_branch(
             run.loading, run.loaded, self.solver, run.state.parameter, reached, guess, run.positions
         )
@@ -84,6 +87,4 @@ class ParameterPath:
         """Return the least driving force for the criterion of convergence, see
         `EquilibriumSolver.solve`.
         """
-        return (
-            self._run.state.greatest_drive or np.inf if self._run.loading.at_rest(target) else 0.0
-        )
+        return self.run.state.greatest_drive or np.inf if self.run.loading.at_rest(target) else 0.0

@@ -2,16 +2,13 @@
 and probes.
 """
 
-from contextlib import suppress
 from typing import NamedTuple
 
 import matplotlib
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -27,10 +24,8 @@ from ..scenes.shapes import Precut
 OBSTACLE = "#8b8f98"
 """Color of obstacles."""
 
-PLAIN, MOST_CELLS_WITH_EDGES = "#d9dde3", 4000
-"""Color of cells in no region, and the number of cells up to which their edges are drawn: with more
-cells the edges would cover the picture.
-"""
+PLAIN = "#d9dde3"
+"""Color of cells in no region."""
 
 FEW = 8
 """Greatest number of points of a region that are marked by dots as well, since so few cells are
@@ -95,8 +90,13 @@ def preview(scene: Scene) -> Figure:
     for mark in marks:
         colors[mark.points] = mark.color
     with matplotlib.rc_context(figures.STYLE):
-        draw = _in_space if scene.dimension == 3 else _in_the_plane
-        figure, axes = draw(problem, marks, colors)
+        figure = Figure(figsize=(7.6, 4.6), layout="constrained")
+        if scene.dimension == 3:
+            axes = figure.add_subplot(projection="3d", computed_zorder=False)
+            _in_space(axes, problem, marks, colors)
+        else:
+            axes = figure.subplots()
+            _in_the_plane(axes, problem, marks, colors)
         axes.set_title(
             f"{scene.name}: {len(problem.body):,} points, spacing"
             f" {scene.units.amount(problem.body.spacing, 'length', '.4g')}"
@@ -148,21 +148,15 @@ def _marks(problem: Problem) -> list[_Mark]:
             )
         )
     for number, load in enumerate(scene.loads):
-        value, label = (
-            np.array(getattr(load, load.kind)),
-            load.name or label_of_region(load.region, f"loads.{number}"),
-        )
-        size = (
-            f"({', '.join(f'{component:g}' for component in value)})"
-            if value.ndim
-            else f"{value:g}"
-        )
+        value = np.array(getattr(load, load.kind))
+        label = load.name or label_of_region(load.region, f"loads.{number}")
+        size = ", ".join(f"{component:g}" for component in np.atleast_1d(value))
         points = (
             regions.points(load.region) if load.kind != "body_force" else np.zeros(0, dtype=int)
         )
         found.append(
             (
-                f"{label}: {load.kind.replace('_', ' ')} {size}",
+                f"{label}: {load.kind.replace('_', ' ')} {f'({size})' if value.ndim else size}",
                 points,
                 value if value.ndim else None,
             )
@@ -175,30 +169,18 @@ def _marks(problem: Problem) -> list[_Mark]:
     return marks
 
 
-def _in_the_plane(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple[Figure, Axes]:
-    """Draw the picture of a sheet: its cells in given colors, with arrows of the labeled parts,
-    cuts and probes.
+def _in_the_plane(axes, problem: Problem, marks: list[_Mark], colors: np.ndarray) -> None:
+    """Draw a sheet: its cells in given colors, with arrows of the labeled parts, cuts and
+    probes.
     """
-    scene, body = problem.scene, problem.body
-    polygons = figures.polygons_of(body.cells, np.zeros_like(body.cells.nodes))
-    low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
+    scene, body, nodes = problem.scene, problem.body, problem.body.cells.nodes
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
     extent = (high - low).max()
-    size = (high - low) / extent * 5.0
-    beside = 1.2 + 0.075 * max((len(mark.text) for mark in marks), default=0)  # for the legend
-    figure = Figure(
-        figsize=(size[0] + beside, max(size[1] + 0.8, 1.6)),
-        layout=ConstrainedLayoutEngine(w_pad=0.15),
-    )
-    axes = figure.subplots()
-    color, width = ("white", 0.3) if len(body) <= MOST_CELLS_WITH_EDGES else ("face", 0.2)
+    polygons = figures.polygons_of(body.cells, np.zeros_like(nodes))
     # The stub of PolyCollection leaves out that it takes one array of polygons.
-    cells = PolyCollection(polygons, facecolors=colors, edgecolors=color, linewidths=width)  # type: ignore[arg-type]
+    cells = PolyCollection(polygons, facecolors=colors, edgecolors="white", linewidths=0.2)  # type: ignore[arg-type]
     axes.add_collection(cells)
-    with suppress(ValueError):  # of a body whose boundary only a load would need, and that has none
-        surface = problem.regions.surface()
-        axes.add_collection(
-            LineCollection(surface.nodes[surface.facets], colors="#555555", linewidths=0.8)
-        )
+    axes.add_collection(LineCollection(nodes[body.cells.outer_sides[0]], **figures.OUTLINE))
     for cut in (cut for cut in scene.precuts if isinstance(cut, Precut)):
         axes.plot(*zip(cut.start, cut.end, strict=True), color="black", lw=2)
     for mark in marks:
@@ -221,28 +203,19 @@ def _in_the_plane(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> t
             axes.add_patch(Circle(obstacle.disc.center, obstacle.disc.radius, color=OBSTACLE))
     for probe in scene.probes:
         axes.plot(*probe.at, "x", color="black", ms=6)
-        axes.annotate(
-            probe.name, (probe.at[0], probe.at[1]), xytext=(4, 4), textcoords="offset points"
-        )
-    room = 1.25 * ARROW * extent if any(mark.arrow is not None for mark in marks) else 0.03 * extent
-    axes.set(
-        xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal"
-    )
-    axes.set(
-        xlabel=scene.units.label(figures.PLACES[0], "length"),
-        ylabel=scene.units.label(figures.PLACES[1], "length"),
-    )
-    return figure, axes
+        axes.text(*probe.at, f" {probe.name}")
+    room = 1.25 * ARROW * extent
+    axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room))
+    xlabel, ylabel = (scene.units.label(place, "length") for place in figures.PLACES[:2])
+    axes.set(aspect="equal", xlabel=xlabel, ylabel=ylabel)
 
 
-def _in_space(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple[Figure, Axes]:
-    """Draw the picture of a solid from outside: its cells in given colors, with arrows of the
-    labeled parts, cuts and probes.
+def _in_space(axes, problem: Problem, marks: list[_Mark], colors: np.ndarray) -> None:
+    """Draw a solid from outside: its cells in given colors, with arrows of the labeled parts, cuts
+    and probes.
     """
     scene, body, nodes = problem.scene, problem.body, problem.body.cells.nodes
     low, high = nodes.min(axis=0), nodes.max(axis=0)
-    figure = Figure(figsize=(7.6, 4.6), layout="constrained")
-    axes = figure.add_subplot(projection="3d", computed_zorder=False)
     places = [scene.units.label(place, "length") for place in figures.PLACES]
     figures.draw_outside(axes, body.cells, nodes, colors, np.array([low, high]), places)
     for mark in marks:
@@ -266,4 +239,3 @@ def _in_space(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple
     for probe in scene.probes:
         axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7)
         axes.text(*probe.at, f" {probe.name}", zorder=8)
-    return figure, axes

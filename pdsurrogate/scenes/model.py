@@ -1,7 +1,7 @@
 """Parts of a scene, such as its material, grips and units, and all keys of a scene."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
@@ -549,3 +549,11 @@ class SceneData(StrictModel):
         body = value.get("body") if isinstance(value, Mapping) else None
         meshed = isinstance(body, Mesh) or (isinstance(body, dict) and body.get("shape") == "mesh")
         return {"spacing": None, **value} if meshed else value
+
+
+def entries_of(scene: SceneData, *keys: str) -> Iterator[tuple[str, Any]]:
+    """Yield each entry of the lists `keys` of a scene, preceded by its dotted key, such as
+    ``loads.0``.
+    """
+    for key in keys:
+        yield from ((f"{key}.{number}", entry) for number, entry in enumerate(getattr(scene, key)))

@@ -11,7 +11,7 @@ import numpy as np
 from ..forces import InvalidState
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
 from .loads import LoadedForce
-from .nearest_bonds import Preconditioner, strain_of_step
+from .nearest_bonds import Preconditioner
 from .tangent import TangentEquations
 
 BALANCED, MOST_SECANTS = 1e-13, 20
@@ -19,9 +19,6 @@ BALANCED, MOST_SECANTS = 1e-13, 20
 the loads is found; and greatest number of secants. Chosen: a hundred roundings; dead loads need one
 secant, pressures on the deformed thickness some five.
 """
-
-LARGEST_STRAIN = 0.25
-"""Greatest change of a bond's stretch in one step, as in the quasi-Newton method."""
 
 
 class ControlledForce(LoadedForce):
@@ -213,7 +210,7 @@ class DisplacementControl(EquilibriumSolver):
                 float(np.linalg.norm(forces)),
                 1.0,
             )
-            step *= min(1.0, LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
+            self._bound(force, step)
             while True:
                 np.multiply(step, share, out=trial)
                 trial += positions

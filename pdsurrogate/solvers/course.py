@@ -15,7 +15,7 @@ from .conditions import Loading, Reactions
 from .equilibrium import TooFar
 from .increments import Motion
 from .loads import LoadedForce
-from .nearest_bonds import greatest_bond_strain, inverse_of, laplacian_of, springs_of
+from .nearest_bonds import greatest_bond_strain, inverse_of, network_of
 from .obstacles import ContactStiffness
 from .preconditioner import extension_of
 from .rigid import displaced
@@ -252,9 +252,7 @@ class Paths:
 
     @cached_property
     def _contact(self) -> ContactStiffness:
-        network = (springs_of if self.body.dimension == 2 else laplacian_of)(
-            self.body, self._springs
-        )
+        network = network_of(self.body, self._springs)
         return ContactStiffness(
             inverse_of(network, self._loading.free), self._loading.loads.obstacles
         )

@@ -13,7 +13,7 @@ from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from ..ranks import Share
 from .loads import LoadedForce
-from .nearest_bonds import is_rigid, strain_rounding
+from .nearest_bonds import is_rigid, strain_of_step, strain_rounding
 from .preconditioner import (
     WIDEST_CHECKED,
     Preconditioner,
@@ -214,13 +214,16 @@ class EquilibriumSolver(ABC):
     """Whether the method needs products of the tangent, and so a force in double precision and
     one rank.
     """
-    steps_in_time = False
-    """Whether the method is a damped motion in time steps, whose residuals oscillate."""
     IDLE = 200
     """Number of evaluations after which a search ends if the residual forces, which may be rounding
     errors (see `ROUNDED`), have not fallen by a third. Chosen: on nearly incompressible strips that
     bend, L-BFGS takes up to 75 evaluations for a third at a length of 20 thicknesses, and up to 150
     at 40.
+    """
+    LARGEST_STRAIN = 0.25
+    """Greatest change of a bond's stretch in one step: beyond it the tangent differs too much from
+    the next one. A quarter is chosen so that no bond, even one pressed to half its length, turns
+    inside out.
     """
     gave_up = False
     """Whether a faster method has failed on this body, so that it is not tried again."""
@@ -300,6 +303,12 @@ class EquilibriumSolver(ABC):
                 else self.preconditioner(force)
             )
         return self._bending
+
+    def _bound(self, force: InternalForce, step: np.ndarray) -> None:
+        """Scale a step (n, d), in place, so that it strains no bond by more than
+        `LARGEST_STRAIN`.
+        """
+        step *= min(1.0, self.LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
         """Return the largest absolute value of a free component of `forces` (n, d) per volume, in

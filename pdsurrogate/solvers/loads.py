@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
@@ -28,6 +29,7 @@ count as zero: a sine has such rounding errors.
 Amplitude = Callable[[float], float]
 
 
+@dataclass(eq=False)
 class DeadLoad:
     """Load on points whose forces do not depend on the deformation.
 
@@ -43,15 +45,8 @@ class DeadLoad:
         Points that this rank owns.
     forces : ndarray, shape (k, d)
         Forces where the amplitude is 1.
-
-    Attributes
-    ----------
     factor : float
         Present value of the amplitude.
-    weights : ndarray, shape (k,)
-        Weight of each point in the mean displacement of the load: the component of its force along
-        the total force, so that the work of the load is force times mean displacement.
-    name, amplitude, points, forces
     """
 
     def __init__(
@@ -596,34 +591,6 @@ class LoadedForce:
     internal, loads, supports, rigid
     """
 
-    # What solvers ask about the internal force alone, it answers itself.
-    body, plane, precision = (
-        property(attrgetter(f"internal.{name}")) for name in ("body", "plane", "precision")
-    )
-    law, laws = property(attrgetter("internal.law")), property(attrgetter("internal.laws"))
-    stiffness_moduli, force_scale = (
-        property(attrgetter(f"internal.{name}")) for name in ("stiffness_moduli", "force_scale")
-    )
-    nearly_incompressible = property(attrgetter("internal.nearly_incompressible"))
-    zero_energy_modes = property(attrgetter("internal.zero_energy_modes"))
-    positions, supported = (
-        property(attrgetter("internal.positions")),
-        property(attrgetter("internal.supported")),
-    )
-    evaluations, state_arrays = (
-        property(attrgetter("internal.evaluations")),
-        property(attrgetter("internal.state_arrays")),
-    )
-    place, move_plane = (
-        property(attrgetter("internal.place")),
-        property(attrgetter("internal.move_plane")),
-    )
-    pair_forces, levers_on_planes = (
-        property(attrgetter(f"internal.{name}")) for name in ("pair_forces", "levers_on_planes")
-    )
-    forces_beside_pairs = property(attrgetter("internal.forces_beside_pairs"))
-    deformation_gradients = property(attrgetter("internal.deformation_gradients"))
-    linearized_dilatation = property(attrgetter("internal.linearized_dilatation"))
     tangent = tangent_of
 
     def __init__(
@@ -710,3 +677,29 @@ class LoadedForce:
         return self.internal.energy() + self.loads.potential(
             self.internal.positions[: len(self.body)]
         )
+
+
+# What solvers ask about the internal force alone, it answers itself.
+for _name in [
+    "body",
+    "plane",
+    "precision",
+    "law",
+    "laws",
+    "stiffness_moduli",
+    "force_scale",
+    "nearly_incompressible",
+    "zero_energy_modes",
+    "positions",
+    "supported",
+    "evaluations",
+    "state_arrays",
+    "place",
+    "move_plane",
+    "pair_forces",
+    "levers_on_planes",
+    "forces_beside_pairs",
+    "deformation_gradients",
+    "linearized_dilatation",
+]:
+    setattr(LoadedForce, _name, property(attrgetter(f"internal.{_name}")))

@@ -18,6 +18,8 @@ import numpy as np
 from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
 from .equilibrium import (
+    PENETRATION,
+    USUAL,
     Diverging,
     Equilibrium,
     EquilibriumSolver,
@@ -28,8 +30,7 @@ from .equilibrium import (
     no_report,
     window_of,
 )
-from .nearest_bonds import strain_of_step
-from .preconditioner import SHORT, with_short_displacements
+from .preconditioner import with_short_displacements
 from .stability import FrequencyEstimate
 from .tangent import TangentEquations
 
@@ -60,10 +61,6 @@ class QuasiNewton(EquilibriumSolver):
     # Chosen: bent sheets (4 to 8 points across) take 44 to 79 evaluations with 0.2, 44 to 90
     # without dropping, and 53 to 121 with 0.3; with 0.6 some do not converge.
     MISJUDGED = 0.2
-    # Greatest change of a bond's stretch in one step: beyond it the tangent differs too much from
-    # the next one. A quarter is chosen so that no bond, even one pressed to half its length, turns
-    # inside out.
-    LARGEST_STRAIN = 0.25
     # Accepted growth of the residual's norm: from a rough start it need not fall in every step. A
     # greater one accepts steps that diverge.
     MOST_GROWTH = 2.0
@@ -121,12 +118,6 @@ class QuasiNewton(EquilibriumSolver):
             if not settled and (lost or evaluations >= self.most_evaluations):
                 raise self.not_converged(force, residual, evaluations, tolerance)
         return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
-
-    def _bound(self, force, step) -> None:
-        """Scale a step (n, d), in place, so that it strains no bond by more than
-        `LARGEST_STRAIN`.
-        """
-        step *= min(1.0, self.LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
 
     def _advance(self, force, positions, step, forces, trial):
         """Move `positions` by the longest accepted fraction of a step, scale `step` by it in place,
@@ -245,7 +236,6 @@ class SteppingSolver(EquilibriumSolver):
     evaluation per step.
     """
 
-    steps_in_time = True
     # Searches with fictitious mass that doubles each time: the last allows for a tangent that
     # becomes 32 times as stiff.
     MOST_RESTARTS = 6
@@ -402,10 +392,6 @@ class Automatic(EquilibriumSolver):
         super().__init__(*settings)
         self._settings, self._sure = settings, DynamicRelaxation(*settings)
 
-    @property
-    def steps_in_time(self) -> bool:
-        return self.gave_up
-
     def preconditioner(self, force):
         return self._method(force).preconditioner(force)
 
@@ -473,6 +459,8 @@ class Newton(EquilibriumSolver):
 
     def __init__(self, *settings) -> None:
         super().__init__(*settings)
+        # In proportion: derivatives in contact have the relative error of its forces.
+        self._penetration = PENETRATION * min(1.0, self.tolerance / USUAL)
         self._first = Automatic(*settings)
         self._equations: TangentEquations | None = None
 
@@ -493,7 +481,7 @@ class Newton(EquilibriumSolver):
             force,
             positions,
             self.free,
-            with_short_displacements(self.preconditioner(force), force, SHORT * self.free),
+            with_short_displacements(self.preconditioner(force), force, self.free),
         )
 
     def solve(

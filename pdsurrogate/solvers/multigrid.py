@@ -235,9 +235,8 @@ def conjugate_gradient_steps(
     dot: InnerProduct,
     share_left: float,
     most: int,
-) -> Iterator[tuple[float, np.ndarray, float]]:
-    """Yield, for every step of conjugate gradients, its length, its direction, and the squared norm
-    of the residual before it.
+) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield, for every step of conjugate gradients, its length and its direction.
 
     The solution is the sum of the lengths times the directions. The steps end when the residual is
     small enough, or after `most`.
@@ -266,7 +265,7 @@ def conjugate_gradient_steps(
             return
         image = image_of(direction)
         length = size / dot(direction, image)
-        yield length, direction, size
+        yield length, direction
         left -= length * image
         better = precondition(left)
         size, before = dot(left, better), size
@@ -278,6 +277,6 @@ def conjugate_gradients(left: np.ndarray, *settings) -> np.ndarray:
     `conjugate_gradient_steps`.
     """
     found = np.zeros_like(left)
-    for length, direction, _ in conjugate_gradient_steps(left, *settings):
+    for length, direction in conjugate_gradient_steps(left, *settings):
         found += length * direction
     return found

@@ -328,6 +328,13 @@ def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     return NearestBonds(body, shear_moduli, RAISED, RAISED)
 
 
+def network_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
+    """Return `springs_of` a sheet, and in three dimensions `laplacian_of` the body, since a
+    factorization of all components would need too much memory.
+    """
+    return (springs_of if body.dimension == 2 else laplacian_of)(body, shear_moduli)
+
+
 def struts_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     """Return the network of springs along bonds alone, which resists no rotation: slender bodies
     bend as easily as those of rubber.

@@ -15,6 +15,7 @@ from .nearest_bonds import (
     Preconditioner,
     inverse_of,
     laplacian_of,
+    network_of,
     spring_solver_of,
     springs_of,
     struts_of,
@@ -154,9 +155,6 @@ def extension_of(
     """Return a function that extends displacements of held components to the whole body, as through
     a network of springs.
 
-    In three dimensions the network is `laplacian_of` the body, since a factorization of all
-    components would need too much memory.
-
     Parameters
     ----------
     body : Body
@@ -172,7 +170,7 @@ def extension_of(
         by u(X) = displacement + turn X, with rows of `planes` (planes, d) as displacements and of
         `turns` (planes, d, d), Q - I for a rotation Q, as turns; None for no turns.
     """
-    network = (springs_of if body.dimension == 2 else laplacian_of)(body, shear_moduli)
+    network = network_of(body, shear_moduli)
     solve = spring_solver_of(network, free, EXTENDED)
 
     def response(
@@ -236,12 +234,12 @@ def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> P
             return pressures / dilatation.stiffness + dilatation.changes(moved)
 
         settings = precondition, image_of, dot, NEARLY_SOLVED * compliance, MOST_STEPS
-        for length, _, _ in conjugate_gradient_steps(dilatation.changes(displacements), *settings):
+        for length, _ in conjugate_gradient_steps(dilatation.changes(displacements), *settings):
             displacements -= length * moved
         return displacements
 
     def update() -> None:
-        dilatation.take()
+        dilatation.linearize()
         return laplacian.update()
 
     return Preconditioner(solve, update)
@@ -273,17 +271,17 @@ def stiffness_of_nearest_bonds(force: InternalForce) -> np.ndarray:
 
 
 def with_short_displacements(
-    inner: Preconditioner, force: InternalForce, amount: np.ndarray
+    inner: Preconditioner, force: InternalForce, free: np.ndarray
 ) -> Preconditioner:
     """Return a preconditioner that adds short displacements to those of another one, `inner`, for
     sheets without constraints.
 
-    `amount` (n, d) is their size in the units of `SHORT`. They would change volumes in nearly
+    They would change volumes in nearly
     incompressible bodies, deform rigid regions, and move the places of supports between points.
     """
     if force.nearly_incompressible or force.rigid or force.supports:
         return inner
-    short = amount / stiffness_of_nearest_bonds(force)
+    short = SHORT * free / stiffness_of_nearest_bonds(force)
     return Preconditioner(lambda forces: inner.solve(forces) + short * forces, inner.update)
 
 

@@ -1,25 +1,15 @@
-"""Runs of a study: the scene or fit of each run, and their execution on the cores of this
-machine or on the workers of Dask.
-"""
+"""Runs of a study: the scene or fit of each run, which any process can carry out."""
 
-import importlib.util
 import json
-import os
-import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
-from typing import Any, Self
-
-import joblib
-import numba
-from joblib.externals.loky.process_executor import TerminatedWorkerError
+from typing import Any
 
 from .. import artifacts
-from ..arguments import check_whole_number, suggestion
+from ..arguments import suggestion
 from ..discretization import check_size
 from ..forces import FORCES, ForceModel
 from ..forces.identity import digest_of, identity_of
@@ -28,7 +18,7 @@ from ..problem.program import names_of_forces
 from ..results import Result, checkpoint, load_result
 from ..results.contents import digest_of_mesh
 from ..results.files import write_json
-from ..results.folder import LOCK, SUMMARY, occupied
+from ..results.folder import SUMMARY
 from ..run.derivatives import differentiate
 from ..run.parameters import PLACES, numbers_in
 from ..run.reopened import check_models
@@ -42,11 +32,6 @@ SURROGATE = ("fitted", "1")
 
 OUTCOME = "outcome.json"
 """File that is written last in the folder of a run and marks it as done."""
-
-SECONDS_TO_LEAVE = 10.0
-"""Seconds to wait for another process that still holds the folder of a run; a process whose
-study was killed ends within a second.
-"""
 
 DERIVATIVES = "derivatives.json"
 """File in the folder of a run with the derivatives that the study asked for, by column, or the
@@ -349,185 +334,9 @@ def _fit_task(study: Study, parameters: dict[str, Any]) -> FitTask:
     return FitTask(fit.material, settings, digest_of(described))
 
 
-Outcome = tuple[str, str | None]
-"""Name of a run's folder, and the reason of its failure; None if it succeeded; `NOT_DONE` if its
-`max_time` was over.
-"""
-
-
-@dataclass(frozen=True)
-class Workers:
-    """Processes on this machine, or Dask workers, that carry out the runs of a study.
-
-    Attributes
-    ----------
-    jobs : int
-        Number of local runs at the same time; has no effect with Dask, which runs as many as its
-        workers have threads.
-    threads : int
-        Threads of the kernels in each run.
-    scheduler : str or None
-        Address of the Dask scheduler.
-    """
-
-    jobs: int
-    threads: int
-    scheduler: str | None = None
-
-    @classmethod
-    def chosen(
-        cls, runs: int, jobs: int | None, threads: int | None, scheduler: str | None
-    ) -> Self:
-        """Return workers with given numbers of jobs and threads; None stands for a number chosen
-        from the cores and the number of `runs`.
-
-        Raise TypeError or ValueError if a number is invalid; raise SceneError if jobs are given
-        together with a scheduler, or if a scheduler is given but Dask is not installed.
-        """
-        for key, value in (("jobs", jobs), ("threads", threads)):
-            if value is not None:
-                check_whole_number(value, key, 1)
-        if scheduler is not None:
-            if jobs is not None:
-                raise SceneError(
-                    "jobs: with a scheduler, the threads of its workers set the number of parallel"
-                    " runs; leave jobs out"
-                )
-            if importlib.util.find_spec("distributed") is None:
-                raise SceneError(
-                    'scheduler: Dask is not installed; pip install "pdsurrogate[dask]"'
-                )
-            return cls(1, threads or 1, scheduler)
-        cores = joblib.cpu_count()
-        if jobs is None:
-            jobs = max(1, min(runs, cores // (threads or 1)))
-        return cls(jobs, threads or max(1, cores // jobs))
-
-    def carry_out(
-        self, tasks: dict[str, SceneTask | FitTask], folder: Path, max_time: float | None = None
-    ) -> Iterator[Outcome]:
-        """Carry out the tasks, in parallel and for at most `max_time` seconds each, and yield the
-        outcome of every run as it ends.
-
-        `tasks` has, for each run, the name of its folder under `folder` as the key. Runs under way
-        when a process is killed, for example when memory runs out, fail; the next study of the
-        same description tries them again.
-        """
-        if not tasks:
-            return
-        left = dict(tasks)
-        with self._backend(folder) as (study, backend, lost):
-            while left:
-                # Each worker gets one run at a time: only that run is lost with the worker.
-                with joblib.parallel_config(**backend):
-                    parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
-                calls = [
-                    joblib.delayed(carry_out)(task, folder / place, self.threads, study, max_time)
-                    for place, task in left.items()
-                ]
-                try:
-                    for place, failure in parallel(calls):
-                        del left[place]
-                        yield place, failure
-                except lost:
-                    begun = [place for place in left if (folder / place / LOCK).exists()]
-                    for place in begun or list(left):
-                        del left[place]
-                        yield place, "a process was killed beside it, or its own for lack of memory"
-
-    @contextmanager
-    def _backend(
-        self, folder: Path
-    ) -> Iterator[tuple[int | None, dict[str, Any], type[Exception]]]:
-        """Yield the process id of the study, options of `joblib.parallel_config`, and the class of
-        the error raised if a worker is killed.
-
-        Local workers end when the process with that id ends; with Dask the id is None. Raise
-        SceneError if no Dask scheduler answers, if it has no workers, or if one of them does not
-        see `folder`.
-        """
-        if self.scheduler is None:
-            yield (
-                os.getpid(),
-                {"backend": "loky", "n_jobs": self.jobs, "inner_max_num_threads": self.threads},
-                TerminatedWorkerError,
-            )
-            return
-        from distributed import Client
-        from distributed.scheduler import KilledWorker
-
-        try:
-            client = Client(self.scheduler, timeout="10s", set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
-            raise SceneError(
-                f"scheduler: no Dask scheduler answers at {self.scheduler}: {error}"
-            ) from None
-        with client:
-            try:
-                client.wait_for_workers(1, timeout=10)
-            except TimeoutError:
-                start = f"start them with: dask worker {self.scheduler}"
-                raise SceneError(
-                    f"scheduler: the scheduler at {self.scheduler} has no workers; {start}"
-                ) from None
-            seen = client.run(os.path.isdir, str(folder))
-            if blind := [worker for worker, found in seen.items() if not found]:
-                count = f"{len(blind)} of {len(seen)} workers, the first {blind[0]}"
-                raise SceneError(
-                    f"scheduler: {count}, cannot access {folder}; use a folder on a shared disk"
-                )
-            yield None, {"backend": "dask", "client": client}, KilledWorker
-
-
 def read_json(file: Path) -> Any:
     """Return the content of a JSON file; None if the file cannot be read or is not JSON."""
     try:
         return json.loads(file.read_text("utf-8"))
     except (OSError, ValueError):
         return None
-
-
-def carry_out(
-    task: SceneTask | FitTask,
-    folder: Path,
-    threads: int,
-    study: int | None,
-    max_time: float | None = None,
-) -> Outcome:
-    """Carry out one run of a study in this process; write its outcome to the run's folder and
-    return it.
-
-    The kernels use `threads` threads, but at most as many as numba was started with. If the process
-    with the id `study`, which started this one, ends, this process ends as well.
-    """
-    if study is not None and os.getpid() != study:
-        _end_without(study)
-    try:
-        with occupied(folder, SECONDS_TO_LEAVE):
-            failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS), max_time)
-            write_json(folder / OUTCOME, {"digest": task.digest, "failure": failure})
-    except SimulationInterrupted as stopped:
-        if not stopped.out_of_time:
-            raise KeyboardInterrupt from None
-        failure = NOT_DONE
-    except OSError as error:
-        failure = f"could not write {error.filename or folder}: {error.strerror or error}"
-    except Exception as error:  # a failed run must not stop the others
-        failure = f"{type(error).__name__}: {error}"
-    return folder.name, failure
-
-
-@cache
-def _end_without(parent: int) -> None:
-    """Start a thread that ends this process when its parent has ended, so that no worker of a
-    killed study goes on writing.
-
-    `parent` is the process id of the parent.
-    """
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.2)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()

@@ -19,7 +19,7 @@ from ..results.files import check_writable, remove_leftovers, write_json, write_
 from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, occupied
 from ..run.interruption import heard
 from .description import Study, load_study, parameters_of_runs
-from .runs import DERIVATIVES, NOT_DONE, OUTCOME, FitTask, SceneTask, Workers, read_json, tasks_of
+from .runs import DERIVATIVES, NOT_DONE, OUTCOME, FitTask, SceneTask, read_json, tasks_of
 from .table import (
     FAILURE,
     RUN,
@@ -30,6 +30,7 @@ from .table import (
     quantities_in,
     study_figure,
 )
+from .workers import Workers
 
 logger = logging.getLogger(__name__)
 

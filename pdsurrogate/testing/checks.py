@@ -13,14 +13,14 @@ from ..forces.own import OwnBondForce, is_own_force
 from ..forces.settings import WHERE
 from ..materials import PLANES, Law, NeoHookean
 from ..materials.law import checked_law
-from . import forces, runs
+from . import forces, reflections, refusals, runs
 from .laws import LAW_PROPERTIES
 from .properties import Finding, Property, checked
 from .subject import Subject
 
 FORCE_MODEL_PROPERTIES = tuple(
     found
-    for module in (forces, runs)
+    for module in (forces, reflections, refusals, runs)
     for found in vars(module).values()
     if isinstance(found, Property)
 )

@@ -1,35 +1,25 @@
 """Properties required of the forces of every force model, whatever the solver."""
 
-import re
-import warnings
 from collections.abc import Callable, Iterable
 from functools import cache, wraps
 from typing import Any
 
 import numpy as np
-import scipy
 from scipy.linalg import block_diag
 
-from ..body import Body, ReflectionPlane
+from ..body import Body
 from ..engine.threads import most_threads, thread_count
 from ..forces import (
     FORCES,
     EnergySurrogate,
     ForceSurrogate,
     InternalForce,
-    InvalidState,
-    OutsideDomain,
-    OutsideDomainWarning,
 )
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
-from ..forces.settings import PRECISIONS, SETTINGS
+from ..forces.settings import PRECISIONS
 from ..learning import training_samples
-from ..materials import dimension_of
-from ..problem import compile_scene
-from ..problem.materials import checked_models
 from .bodies import (
     DEFORMATIONS,
-    SPACING,
     crack,
     disc_with_hole,
     gripped,
@@ -73,7 +63,7 @@ def _scale(force: InternalForce, forces: np.ndarray) -> float:
     return max(float(np.abs(forces).max()), force.law.shear_modulus * force.body.spacing)
 
 
-def _error(force: InternalForce, found: np.ndarray, expected: np.ndarray) -> float:
+def error_of(force: InternalForce, found: np.ndarray, expected: np.ndarray) -> float:
     """Return the greatest difference of two arrays of forces, relative to their `_scale`."""
     return float(np.abs(found - expected).max()) / _scale(force, expected)
 
@@ -178,7 +168,7 @@ def objectivity(subject, force, positions):
     for degrees in (15, 110, 170, 200, 275, 360):
         rotation = turn(degrees, subject.dimension)
         turned = _settled(force, positions @ rotation.T + [3.0, -2.0, 1.0][: subject.dimension])
-        errors += [_error(force, turned @ rotation, still), abs(_energy(force) - energy)]
+        errors += [error_of(force, turned @ rotation, still), abs(_energy(force) - energy)]
     return errors
 
 
@@ -191,7 +181,7 @@ def another_start(subject, force, positions):
     ratio J3 is the square, 1e-16, and the forces change by K/mu times 1e-16.
     """
     forces_at(force, force.body.points)
-    return _error(force, forces_at(force, positions), forces_at(force, positions))
+    return error_of(force, forces_at(force, positions), forces_at(force, positions))
 
 
 @drawn(1e-9)
@@ -201,7 +191,7 @@ def mirror(subject, force, positions):
     """
     across = MIRROR[: subject.dimension]
     mirrored = _settled(_mirrored(subject), positions * across)
-    return _error(force, mirrored, _settled(force, positions) * across)
+    return error_of(force, mirrored, _settled(force, positions) * across)
 
 
 @drawn(1e-12)
@@ -243,7 +233,7 @@ def order_of_points(subject, force, positions):
     """
     renumbered, order = _renumbered(subject)
     found = _settled(renumbered, positions[order])
-    return _error(force, found, _settled(force, positions)[order])
+    return error_of(force, found, _settled(force, positions)[order])
 
 
 @drawn(1e-9)
@@ -258,7 +248,7 @@ def units(subject, force, positions):
     for length, stress in ((1e-9, 1e9), (1e9, 1e-9)):
         other = _in_other_units(subject, length, stress)
         found = _settled(other, length * positions) / (length ** (d - 1) * stress)
-        errors.append(_error(force, found, expected))
+        errors.append(error_of(force, found, expected))
     return errors
 
 
@@ -287,7 +277,7 @@ def far_from_the_origin(subject, force, positions):
     """
     (near, far), placed = _near_and_far(subject), GRID * np.rint(positions / GRID)
     expected, found = _settled(near, placed), _settled(far, placed + AWAY)
-    return [_error(near, found, expected), abs(_energy(far) - _energy(near))]
+    return [error_of(near, found, expected), abs(_energy(far) - _energy(near))]
 
 
 GRADIENTS = (
@@ -337,7 +327,7 @@ def homogeneous_stress(subject: Subject) -> tuple[float, str]:
                     mean_stress_at(exact, F) if scalar else subject.exact_stress(F),
                 )
             )
-            limits.append(rounding + _stated_error(subject, F))
+            limits.append(rounding + _statederror_of(subject, F))
     worst = int(np.argmax(np.subtract(errors, limits)))  # NaN is treated as the greatest value
     return (
         np.maximum(errors[worst] - limits[worst], 0.0),
@@ -352,7 +342,7 @@ def _extended(F: np.ndarray) -> np.ndarray:
     return turn(50, 3) @ block_diag(F, 0.97 / np.linalg.det(F)) @ turn(20, 3)
 
 
-def _stated_error(subject: Subject, F: np.ndarray) -> float:
+def _statederror_of(subject: Subject, F: np.ndarray) -> float:
     """Return the bound of the relative stress error at a deformation gradient F from the card of an
     artifact; 0 without a card.
 
@@ -428,110 +418,6 @@ def threads(subject: Subject) -> float:
     return sum(not np.array_equal(one, two) for one, two in zip(*found.values(), strict=True))
 
 
-@tested(1e-11)
-def reflected_half(subject: Subject) -> float:
-    """Return the difference of the forces on half a body at a reflection plane and on that half of
-    the whole, symmetrically deformed.
-
-    Ghosts (mirror images) take the place of the other half, so the same bonds are summed in another
-    order.
-    """
-    d = subject.dimension
-    half, whole = (
-        plain(d, width=0.6, planes=(ReflectionPlane(0, 0.6, 1, (-1, 1, 1)[:d]),)),
-        plain(d, width=1.2),
-    )
-    x1, x2, *rest = (whole.points - [0.6, 0, 0][:d]).T
-    across = [0.8 * x3 + 0.03 * x2 * x1**2 for x3 in rest]
-    positions = np.stack(
-        [0.6 + 1.4 * x1 + 0.1 * x1 * np.cos(3 * x2), 0.9 * x2 + 0.05 * x1**2, *across], axis=1
-    )
-    left = whole.points[:, 0] < 0.6
-    force = subject.bind(whole)
-    expected = forces_at(force, positions)
-    found = forces_at(subject.bind(half), positions[left])
-    return _error(force, found, expected[left])
-
-
-CUTS = {
-    2: (
-        {"start": (0.0, -0.3), "end": (0.42, -0.3)},
-        {"start": (-0.42, -0.3), "end": (0.42, -0.3)},
-        {"start": (0.1, 0.1), "end": (0.1, 0.5)},
-        {"start": (-0.1, 0.5), "end": (-0.1, 0.1)},
-    ),
-    3: (
-        *({"center": (0.0, -0.3, 0.0), "radius": 0.35, "normal": (0.0, 1.0, 0.0)},) * 2,
-        {"center": (0.1, 0.2, 0.0), "radius": 0.3, "normal": (1.0, 0.0, 0.0)},
-        {"center": (-0.1, 0.2, 0.0), "radius": 0.3, "normal": (-1.0, 0.0, 0.0)},
-    ),
-}
-"""Cuts of `reflected_parts`, by dimension: one that meets the plane x1 = 0, of the half and of the
-whole, and one a cell beside the plane, with its image.
-"""
-
-
-@tested(1e-6)
-def reflected_parts(subject: Subject) -> float:
-    """Return the difference of the forces and loads on a half with cuts and a quarter with a hole,
-    at or beside planes of symmetry, and on these parts of the wholes.
-
-    Weights that balance the boundary are solutions to 1e-8, and the ends of faces of cuts follow
-    places some 1e-6 cells inside.
-    """
-    d, errors = subject.dimension, []
-    hole = {"radius": 0.33} if d == 2 else {"radius": 0.33, "base": (0, 0, -0.2), "length": 0.4}
-    holed = {
-        "holes": [{"shape": subject.sized("circle", "cylinder"), **hole}],
-        "loads": [{"region": "holes", "pressure": 0.2}],
-    }
-    met, all_met, near, image = CUTS[d]
-    for axes, of_part, of_whole in (
-        ((0, 1), holed, holed),
-        ((0,), {"precuts": [met, near]}, {"precuts": [all_met, near, image]}),
-    ):
-        (part, own), (whole, expected) = (
-            _deformed_at(subject, axes, of_part),
-            _deformed_at(subject, (), of_whole),
-        )
-        errors.append(off(own, expected[scipy.spatial.cKDTree(whole).query(part)[1]]))
-    return np.max(errors)
-
-
-def _deformed_at(
-    subject: Subject, axes: tuple[int, ...], described: dict[str, Any]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points (n, d) of a body 1.6 wide, or of its part between planes of symmetry
-    normal to `axes`, and the forces and loads on it in a state symmetric about these.
-    """
-    d = subject.dimension
-    lower = np.array([-0.8 * (axis not in axes) for axis in (0, 1)] + [-0.2])[:d]
-    upper = np.array([0.8, 0.8, 0.2])[:d]
-    corner = {"box": ((upper - 0.2).tolist(), upper.tolist())}
-    scene = subject.scene(
-        (),
-        spacing=SPACING,
-        steps=1.0,
-        body={"shape": subject.sized("rectangle", "box"), "size": upper - lower, "lower": lower},
-        prescribed=[
-            *({"region": ("left", "bottom")[axis], f"x{axis + 1}": 0.0} for axis in axes),
-            subject.held_at(corner),
-        ],
-        **described,
-    )
-    with warnings.catch_warnings(action="ignore"):
-        problem = compile_scene(scene, checked_models(scene, subject.model))
-        _, force = problem.bind("float64")
-    x1, x2, *rest = points = problem.body.points.T
-    stretched = [
-        1.1 * x1 + 0.05 * x1 * np.cos(2 * x2),
-        0.95 * x2 + 0.05 * x2 * x1**2,
-        *(0.9 * x3 + 0.05 * x2**2 for x3 in rest),
-    ]
-    force.loads.set(1.0)
-    return points.T, forces_at(force, np.stack(stretched, axis=1))
-
-
 @tested(1e-10)
 def pair_forces(subject: Subject) -> float:
     """Return the difference of the forces on points and the sums of their pair forces, on a free
@@ -576,113 +462,3 @@ def broken_bonds(subject: Subject) -> float:
     found, expected = forces_at(force, positions), forces_at(built, positions)
     lost = np.abs(force.pair_forces()[pairs]).max() / np.abs(expected).max()
     return np.max([off(found, expected), lost, abs(_energy(force) - _energy(built))])
-
-
-@tested(0.0)
-def unbreakable(subject: Subject) -> tuple[float, str]:
-    """Return 0 if a force bound without the setting ``breakable`` refuses to break bonds with an
-    error that names it, otherwise 1.
-    """
-    force = subject.bind(plain(subject.dimension), precision=None)
-    try:
-        force.break_bonds(np.arange(5))
-    except ValueError as error:
-        return float("breakable" not in str(error)), str(error)
-    return 1.0, "broken all the same"
-
-
-@tested(0.0)
-def impossible_states(subject: Subject) -> tuple[float, str]:
-    """Return how many of a mirrored body (det F < 0) and of positions with NaN are not refused
-    with the number and place of a point.
-    """
-    body = plain(subject.dimension)
-    inverted, lost = body.points * MIRROR[: subject.dimension], body.points.copy()
-    lost[7] = np.nan
-    taken = []
-    for positions, reason in ((inverted, "inside out"), (lost, "not finite")):
-        try:
-            forces_at(subject.bind(body), positions)
-            taken.append(reason)
-        except InvalidState as error:
-            if not re.search(rf"point \d+ at \(.*\): .*{reason}", str(error)):
-                taken.append(f"{reason}: {error}")
-    return len(taken), "; ".join(taken)
-
-
-IN_WORDS = {"breakable": "bonds that break"}
-"""Text by which error messages name a force setting, where it is not the name of the setting
-itself.
-"""
-
-
-@tested(0.0)
-def settings_refused(subject: Subject) -> tuple[float, str]:
-    """Return the number of values of force settings that are ignored, or declared but refused, or
-    refused without their name.
-
-    A value that is accepted, differs from the default and changes neither the forces nor the number
-    of warnings counts as ignored.
-    """
-    wrong, declared = [], subject.model.honored(subject.plane)
-    for key, values in SETTINGS.items():
-        usual, stated, taken = (
-            _settings_outcome(subject, key, None),
-            getattr(_bind_with(subject, key, None), key, None),
-            {},
-        )
-        for value in values:
-            try:
-                taken[value] = _settings_outcome(subject, key, value)
-            except ValueError as error:
-                if IN_WORDS.get(key, key) not in str(error):
-                    wrong.append(f"{key}={value} is refused without its name ({error})")
-        # One value may equal the model's default: then others differ, or the model declares this
-        # value.
-        alive = any(outcome != usual for outcome in taken.values())
-        same = [value for value, outcome in taken.items() if outcome == usual]
-        wrong += [
-            f"{key}={value} changes nothing"
-            for value in same
-            if len(same) > 1 or not (alive or stated == value)
-        ]
-        if set(taken) != set(declared.get(key, ())):
-            wrong.append(
-                f"{key} is declared as {declared.get(key, ())} and taken as {tuple(taken)}"
-            )
-    return len(wrong), "; ".join(wrong)
-
-
-def _bind_with(subject: Subject, key: str, value: Any) -> InternalForce:
-    """Return the force of the model under test on a body, with the setting `key` set to a value;
-    None leaves the model's default.
-    """
-    settings = {} if value is None else {key: value}
-    dimension = dimension_of(settings.get("plane", subject.plane))
-    return subject.bind(plain(dimension), **{"precision": None} | settings)
-
-
-def _settings_outcome(subject: Subject, key: str, value: Any) -> Any:
-    """Return the forces as bytes and the number of warnings under a setting, or "stops" if the
-    evaluation raises OutsideDomain.
-
-    The setting `key` has the given value, None for the default; if the value is True (of
-    ``breakable``), five bonds are broken first.
-    """
-    force = _bind_with(subject, key, value)
-    # The stretch is along axes off the grid, where the paper's rotation differs, and far beyond the
-    # domain of any surrogate.
-    d = force.body.dimension
-    F = (
-        np.diag([6.0, 0.6, 0.6][:d])
-        if key == "outside"
-        else turn(22.5, d) @ np.diag([1.5, 1.0, 0.8][:d]) @ turn(-22.5, d)
-    )
-    if value is True:
-        force.break_bonds(np.arange(5))
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", OutsideDomainWarning)
-        try:
-            return forces_at(force, wavy(force.body.points) @ F.T).tobytes(), len(caught)
-        except OutsideDomain:
-            return "stops"

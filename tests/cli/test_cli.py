@@ -236,7 +236,7 @@ def test_tables_cut_nothing_off(width, monkeypatch):
         "a sentence of many words that may break",
     ]
     with terminal.out.capture() as captured:
-        terminal.print_table("figures", titles, [figures, None, figures], left=1)
+        terminal.print_table("figures", titles, [figures, figures], left=1)
     for figure in figures:
         assert captured.get().count(figure) == 2
     assert captured.get().count("[kPa]") == 1

@@ -125,7 +125,7 @@ def compare(one, other, positions):
 def dilatation_of(force):
     """Stiffness against a change of dilatations, and changes of these."""
     found = force.linearized_dilatation()
-    found.take()
+    found.linearize()
     return found.stiffness, found.changes(np.sin(5 * force.body.points))
 
 

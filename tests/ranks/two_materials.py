@@ -126,7 +126,7 @@ def digests(name, plane, ranks, disc=False, torn=False, loaded=False):
     fields = {"forces": forces, "ratios": force.volume_ratios()}
     if force.nearly_incompressible:
         dilatation = force.linearized_dilatation()
-        dilatation.take()
+        dilatation.linearize()
         displacements = random_vector(body.share, np.ones_like(positions))
         fields |= {
             "changes": dilatation.changes(displacements),

@@ -2,21 +2,17 @@
 the peak of the load of torn strips.
 """
 
-import importlib.util
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+import tip_diameters as pipeline
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.problem.fracture import CriticalStretches
 from pdsurrogate.scenes.tip_diameter import measured_diameters, tip_diameters, tip_diameters_in
-
-PIPELINES = Path(__file__).resolve().parents[2] / "pipelines"
 
 STRIP = {
     "name": "strip",
@@ -39,17 +35,7 @@ STRIP = {
 """Strip in pure shear, of 16 rows, whose G is that of an infinite strip within a percent."""
 
 
-@pytest.fixture
-def pipeline(monkeypatch):
-    monkeypatch.syspath_prepend(str(PIPELINES))
-    spec = importlib.util.spec_from_file_location("tip_diameters", PIPELINES / "tip_diameters.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    yield module
-    sys.modules.pop("pages", None)
-
-
-def test_the_table_is_that_of_the_stored_tears(pipeline):
+def test_the_table_is_that_of_the_stored_tears():
     assert json.loads(json.dumps(pipeline.table())) == measured_diameters()
 
 

@@ -22,7 +22,7 @@ from pdsurrogate.cli import app
 from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.scenes import SceneError
 from pdsurrogate.studies.description import load_study, parameters_of_runs
-from pdsurrogate.studies.runs import Workers, tasks_of
+from pdsurrogate.studies.runs import tasks_of
 from pdsurrogate.studies.table import (
     KEYS_OF_CRACKS,
     KEYS_OF_FITS,
@@ -31,6 +31,7 @@ from pdsurrogate.studies.table import (
     quantities_in,
     study_figure,
 )
+from pdsurrogate.studies.workers import Workers
 
 TINY = {"scene": "uniaxial", "force": "analytic", "set": {"stretches": 1.2, "spacing": 0.5}}
 """Two rows of six points: a run takes some hundredths of a second."""

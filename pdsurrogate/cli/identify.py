@@ -1,0 +1,139 @@
+"""Command ``identify``, which finds parameters of laws from test data."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from ..identification import figure, fitted_laws, load_test_data, reporting
+from ..identification.regressor import N_TERMS
+from ..identification.stress_regressor import bulk_arguments
+from ..results import figures
+from ..results.files import write_json
+from .command import Overwrite, ReportFolder, check_folder
+from .terminal import (
+    Bar,
+    note,
+    print_json,
+    print_rows,
+    print_table,
+    warn,
+    writing,
+)
+
+DATA_HELP = (
+    "Test data: treloar, kawabata, or a CSV file with the columns mode, stretch and nominal_stress."
+)
+
+BulkModulus = Annotated[
+    float | None,
+    Option(help="Bulk modulus in the unit of the stresses; the tests do not determine it."),
+]
+BulkRatio = Annotated[
+    float | None,
+    Option(
+        help="Ratio of bulk modulus to shear modulus, instead of --bulk-modulus (default: 1000)."
+    ),
+]
+Terms = Annotated[
+    int | None, Option(help=f"Number of terms of Ogden's law (default: {N_TERMS}).", min=1, max=4)
+]
+
+
+Loading = Annotated[
+    bool,
+    Option("--loading", help="Take the rows of first loading only, without those of unloading."),
+]
+
+
+def identify(
+    data: Annotated[Path, Argument(metavar="DATA", help=DATA_HELP)],
+    *,
+    law: Annotated[
+        list[str] | None, Option(metavar="LAW", help="Law; may be repeated (default: all).")
+    ] = None,
+    terms: Terms = None,
+    stretch: Annotated[
+        float | None, Option("--up-to", help="Leave out rows with a greater stretch.")
+    ] = None,
+    loading: Loading = False,
+    bulk_modulus: BulkModulus = None,
+    bulk_ratio: BulkRatio = None,
+    hold_out: Annotated[
+        bool,
+        Option(
+            "--hold-out",
+            help="Also leave out each mode in turn, and report how the fit predicts it.",
+        ),
+    ] = False,
+    folder: ReportFolder = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Print a report of each law that is fitted to the tests, and write it to a folder, if
+    given.
+    """
+    names, rows = law or fitted_laws(), load_test_data(data)
+    if terms is not None and "ogden" not in names:
+        raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
+    terms, bulk = terms or N_TERMS, bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
+    check_folder(folder, "identify.json", overwrite)
+    if loading:
+        rows = rows.loading()
+    if stretch is not None:
+        rows = rows.up_to(stretch)
+    with Bar(rows.name):
+        models, reports, held_out = reporting.identify(rows, names, terms, bulk, hold_out)
+    for report in reports:
+        print_identified(report)
+    # Remarks on the data are in the report of every law, and are printed once.
+    for text in dict.fromkeys(
+        text for report in reports for text in (*report["refusals"], *report["remarks"])
+    ):
+        warn(text)
+    print_json({"laws": reports, "held_out": held_out})
+    predicted = [
+        {
+            "law": row["law"],
+            "held out": mode,
+            "R^2": score,
+            "relative RMS error": row["relative_rms"],
+        }
+        for row in held_out
+        for mode, score in row["held_out"].items()
+    ]
+    print_rows("Prediction of held-out modes", predicted)
+    if folder is not None:
+        with writing(folder):
+            write_json(folder / "identify.json", {"laws": reports})
+            figures.save(figure(models, rows), folder / "identify.png")
+        note(f"Results in {folder}")
+
+
+def print_identified(report: dict) -> None:
+    """Print a report of an identification: parameters, differences from the tests, and modes
+    that were not measured.
+    """
+    form = report.get("form", report["law"]["law"])
+    title = f"{form} fitted to {report['data']}, {report['rows']} rows"
+    print_parameters(title, report)
+    scores = report["r_squared"]
+    print_by_mode(
+        f"{title}: fit compared with the tests",
+        {mode: {"R^2": scores.get(mode), **row} for mode, row in report["differences"].items()},
+    )
+    print_rows(f"{title}: modes that were not measured", report.get("unmeasured", []))
+
+
+def print_parameters(title: str, report: dict) -> None:
+    """Print the parameters of a report with their standard errors."""
+    errors = {
+        name: "not determined by the data" if error is None else f"{error:.2g}"
+        for name, error in report["standard_errors"].items()
+    } | dict.fromkeys(report["at_bound"], "at its bound")
+    cells = [(name, f"{value:.5g}", errors[name]) for name, value in report["parameters"].items()]
+    print_table(title, ("parameter", "value", "standard error"), cells, left=1)
+
+
+def print_by_mode(title: str, rows: dict[str, dict]) -> None:
+    """Print rows of numbers by mode of loading."""
+    print_rows(title, [{"mode": mode, **row} for mode, row in rows.items()])
