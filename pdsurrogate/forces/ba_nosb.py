@@ -7,7 +7,8 @@ from typing import ClassVar
 import numpy as np
 import scipy
 
-from ..body.body import lengths_of, pointers_to
+from ..body.body import lengths_of
+from ..body.bonds import pointers_to
 from ..body.ghosts import WITH_ROUNDING, symmetric
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import Chain
