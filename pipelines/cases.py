@@ -101,22 +101,34 @@ def report(told: str, *studies: Study) -> None:
     arguments = parser.parse_args()
     words = arguments.words or [""] * (arguments.lacking or not arguments.docs)
     for study in studies:
-        for case, measure in study.cases.items():
-            name, done = f"{study.name}: {case}", arguments.lacking and case in stored(study.name)
-            if done or not any(all(part in name for part in word.split()) for word in words):
-                continue
-            began = time.perf_counter()
-            try:
-                rows = rounded(list(measure()))
-            except (pds.SimulationFailed, ValueError) as failure:
-                print(f"{name}: {failure}", flush=True)
-                continue
-            print(f"{name}: {rows}, {time.perf_counter() - began:.0f} s", flush=True)
-            known = stored(study.name) | {case: rows}
-            found = {case: known[case] for case in study.cases if case in known}
-            write_json(FIGURES / f"{study.name}.json", found)
-        for name, table in study.tables.items() if arguments.docs else ():
-            replace_block(name, table(stored(study.name)))
+        known = stored(study.name) if arguments.lacking else {}
+        for case in study.cases:
+            name = f"{study.name}: {case}"
+            wanted = any(all(part in name for part in word.split()) for word in words)
+            if wanted and case not in known:
+                measure(study, case)
+        if arguments.docs:
+            write_tables(study)
+
+
+def measure(study: Study, case: str) -> None:
+    """Measure a case, print and store its figures; those of a case that fails stay as they are."""
+    name, began = f"{study.name}: {case}", time.perf_counter()
+    try:
+        rows = rounded(list(study.cases[case]()))
+    except (pds.SimulationFailed, ValueError) as failure:
+        print(f"{name}: {failure}", flush=True)
+        return
+    print(f"{name}: {rows}, {time.perf_counter() - began:.0f} s", flush=True)
+    known = stored(study.name) | {case: rows}
+    found = {case: known[case] for case in study.cases if case in known}
+    write_json(FIGURES / f"{study.name}.json", found)
+
+
+def write_tables(study: Study) -> None:
+    """Put the tables of all stored figures into the documentation."""
+    for name, table in study.tables.items():
+        replace_block(name, table(stored(study.name)))
 
 
 Errors = Iterable[tuple[str, float, int]]

@@ -30,7 +30,8 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from pages import FIGURES, markdown_table, replace_block
+from cases import Figures, Study, measure, of_rows, write_tables
+from pages import FIGURES, markdown_table
 
 import pdsurrogate as pds
 
@@ -514,16 +515,22 @@ def costs(names: list[str], paths: list[Path], turns: int | None) -> None:
             )
 
 
-def of_speed() -> str:
+def of_speed():
     """Force models of sheets: cost, error and effort, and the figure of the documentation."""
     import comparison
 
     from pdsurrogate.results.figures import save
-    from pdsurrogate.results.files import write_json
 
     found = comparison.compare()
     save(comparison.pareto_figure(found), FIGURES / "speed.png")
-    write_json(FIGURES / "speed.json", found)
+    yield found
+
+
+def in_words(figures: Figures) -> str:
+    """The tables of `comparison`."""
+    import comparison
+
+    ((found,),) = figures.values()
     shown = [
         f"{title}:\n\n{markdown_table(*comparison.table(found, title))}"
         for title in comparison.TABLES
@@ -532,7 +539,7 @@ def of_speed() -> str:
     return "\n\n".join([f"Processor: {found['machine']}. {warning}".strip(), *shown])
 
 
-def of_sizes() -> str:
+def of_sizes():
     """Cost per directed bond, setup and memory of the default surrogate by the size of a sheet."""
     from clock import TimedModel, measure_speed
 
@@ -542,36 +549,19 @@ def of_sizes() -> str:
     measured = measure_speed(
         [TimedModel(model, "float32", body) for body in bodies], pds.materials.NeoHookean(), 100.0
     )
-    rows = []
     for width, body, cost in zip(widths, bodies, measured, strict=True):
-        found, ns = (
-            spent(ROOT, "-c", SIZE, str(width)),
-            [f"{cost[f'ns_per_directed_bond_{on}']:.2f}" for on in ("1", "all")],
-        )
-        sizes = [f"{len(body):,}", f"{body.bonds.n_directed:,}"]
-        rows.append(
-            [*sizes, *ns, f"{found['setup (s)']:.1f}", f"{found['memory (MB)'] / 1024:.2f}"]
-        )
-    return markdown_table(
-        [
-            "points",
-            "directed bonds",
-            "ns/directed bond, one thread",
-            "all threads",
-            "setup (s)",
-            "memory (GiB)",
-        ],
-        rows,
-    )
+        found = spent(ROOT, "-c", SIZE, str(width))
+        ns = (cost[f"ns_per_directed_bond_{on}"] for on in ("1", "all"))
+        memory = found["memory (MB)"] / 1024
+        yield len(body), body.bonds.n_directed, *ns, found["setup (s)"], memory
 
 
-def of_space() -> str:
+def of_space():
     """Force models of solids on one thread: exact energies of all laws, learned ones, and NOSB;
     the least of twenty turns.
     """
     from pdsurrogate.artifacts import list_artifacts, load_card
     from pdsurrogate.forces.settings import PRECISIONS
-    from pdsurrogate.results.provenance import processor
 
     cases = {"NOSB": ("nosb", 0, None)} | {
         f"exact, {law}": (f"bond-energy of {law}", 0, None) for law in pds.materials.LAWS
@@ -585,17 +575,8 @@ def of_space() -> str:
     with server(ROOT) as ask:
         least = {name: min(ask(*case, 1, 0.1) for _ in range(20)) for name, case in cases.items()}
     learned = least["learned, neo-hookean, float32"]
-    rows = [
-        [name, f"{ns:.1f}", f"{ns / least['NOSB']:.1f}", f"{ns / learned:.2f}"]
-        for name, ns in least.items()
-    ]
-    header = [
-        "force",
-        "ns/directed bond, 1 thread",
-        "cost / NOSB",
-        "cost / learned Neo-Hookean in float32",
-    ]
-    return f"Processor: {processor()}.\n\n{markdown_table(header, rows)}"
+    for name, ns in least.items():
+        yield name, ns, ns / least["NOSB"], ns / learned
 
 
 WAITING = {
@@ -607,12 +588,13 @@ WAITING = {
 }
 """Number of threads, and the variables that say how they wait."""
 
+WIDTHS = (10, 20, 50, 163)
 
-def of_threads() -> str:
+
+def of_threads():
     """Cost of an evaluation by how threads wait, on free cores and beside other processes;
     medians of fresh processes.
     """
-    widths, rows = (10, 20, 50, 163), []
     found = {(setting, others): [] for setting in WAITING for others in (0, 1, 2)}
     for setting, others in [*found] * 4:
         threads, variables = WAITING[setting]
@@ -620,23 +602,15 @@ def of_threads() -> str:
         try:
             with server(ROOT, NUMBA_NUM_THREADS="2", **variables) as ask:
                 found[setting, others].append(
-                    [ask("neo-hookean", width, None, threads, 0.4) for width in widths]
+                    [ask("neo-hookean", width, None, threads, 0.4) for width in WIDTHS]
                 )
         finally:
             for process in busy:
                 process.kill()
                 process.wait()
     for setting in WAITING:
-        entries = [np.median(found[setting, others], axis=0) for others in (0, 1, 2)]
-        rows.append([setting, *(" / ".join(f"{cost:.3g}" for cost in one) for one in entries)])
-    points = " / ".join(f"{3 * width * width:,}" for width in widths)
-    return markdown_table(
-        [
-            f"ns per directed bond with {points} points",
-            *(f"{others} other processes" for others in (0, 1, 2)),
-        ],
-        rows,
-    )
+        medians = (np.median(found[setting, others], axis=0).tolist() for others in (0, 1, 2))
+        yield setting, *medians
 
 
 def on_ranks(name: str, points: int, ranks: int, threads: int = 1) -> dict:
@@ -647,72 +621,30 @@ def on_ranks(name: str, points: int, ranks: int, threads: int = 1) -> dict:
         (np.prod(upper - lower) - sum(np.pi * hole.radius**2 for hole in scene.holes)) / points
     ) ** (1 / len(lower))
     variables = {"NUMBA_NUM_THREADS": str(threads), "OMP_NUM_THREADS": str(threads)}
-    return spent(
-        ROOT,
-        "-c",
-        RANK,
-        json.dumps([name, float(f"{spacing:.5g}"), threads, 20]),
-        ranks=ranks,
-        **variables,
-    )
+    words = json.dumps([name, float(f"{spacing:.5g}"), threads, 20])
+    return spent(ROOT, "-c", RANK, words, ranks=ranks, **variables)
 
 
-def of_ranks() -> str:
+def of_ranks():
     """Bodies of two sizes on one, two and four ranks."""
-    rows = []
     for points in (100_000, 1_000_000):
         for ranks in (1, 2, 4):
             found = on_ranks("hole", points, ranks)
             own, halo, ms, exchanges, received, *memory = found["of"][:8]
-            figures = [
-                f"{ms:.1f}",
-                f"{exchanges:.0f}",
-                f"{received / 1e3:.0f}",
-                *(f"{one:.0f}" for one in memory),
-            ]
-            rows.append(
-                [f"{found['points']:,}", f"{ranks}", f"{own:,.0f}", f"{halo:,.0f}", *figures]
-            )
-    figures = (
-        "processor time (ms)",
-        "exchanges",
-        "received (kB)",
-        "setup (s)",
-        "held (MB)",
-        "at most (MB)",
-    )
-    return markdown_table(["points", "ranks", "own points", "halo points", *figures], rows)
+            yield found["points"], ranks, own, halo, ms, exchanges, received / 1e3, *memory
 
 
-def against_threads() -> str:
+def against_threads():
     """One process of two threads against two ranks of one, by the clock."""
-    rows = []
     for name in ("hole", "bonded-block"):
         found = [[on_ranks(name, 100_000, *kind) for kind in ((1, 2), (2, 1))] for _ in range(3)]
         threads, ranks = (median(run["of"][8] for run in kind) for kind in zip(*found, strict=True))
         share = median(run["of"][9] for _, run in found)
-        rows.append(
-            [
-                f"`{name}`",
-                f"{found[0][0]['points']:,}",
-                f"{threads:.1f}",
-                f"{ranks:.1f}",
-                f"{ranks / threads:.2f}",
-                f"{share:.1%}",
-            ]
-        )
-    figures = [
-        "1 rank of 2 threads (ms)",
-        "2 ranks of 1 thread (ms)",
-        "ranks / threads",
-        "share of exchange",
-    ]
-    return markdown_table(["scene", "points", *figures], rows)
+        yield f"`{name}`", found[0][0]["points"], threads, ranks, ranks / threads, share
 
 
-def small_bodies() -> str:
+def small_bodies():
     """One rank against two on small bodies."""
-    rows = []
     for sides in ((12, 9, 8), (20, 20, 20), (32, 25, 25), (31, 31, 31), (36, 36, 35)):
         for bulk_modulus in (100.0, 1000.0):
             size = [0.1 * side for side in sides]
@@ -729,21 +661,18 @@ def small_bodies() -> str:
             alone, two = (
                 median(run["run (s)"] for run in kind) for kind in zip(*found, strict=True)
             )
-            seconds = [f"{alone:.2f}", f"{two:.2f}", f"{two / alone:.2f}"]
-            evaluations = " / ".join(str(run["evaluations"]) for run in found[0])
-            rows.append([f"{np.prod(sides):,}", f"{bulk_modulus:g}", *seconds, evaluations])
-    figures = "one rank (s)", "two ranks (s)", "two ranks / one", "evaluations"
-    return markdown_table(["points", "K / μ", *figures], rows)
+            evaluations = [run["evaluations"] for run in found[0]]
+            yield int(np.prod(sides)), bulk_modulus, alone, two, two / alone, evaluations
 
 
-def of_parts() -> str:
+def of_parts():
     """How evenly bisection cuts bodies into parts, and how large the halos are."""
     from scipy.spatial import cKDTree
 
     from pdsurrogate.discretization import discretize
     from pdsurrogate.ranks import bisected, bond_counts
 
-    sheet, rows = discretize(pds.load_scene("hole", spacing=0.0192))[0], []
+    sheet = discretize(pds.load_scene("hole", spacing=0.0107))[0]
     cube = np.stack(np.meshgrid(*[np.arange(50) + 0.5] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     for name, points, horizon in (
         ("sheet with a hole", sheet.points, sheet.horizon),
@@ -757,35 +686,91 @@ def of_parts() -> str:
                 distance, _ = cKDTree(points[owners == part]).query(
                     points, distance_upper_bound=reach
                 )
-                halo.append(np.count_nonzero(np.isfinite(distance)) - own[part])
+                halo.append(int(np.count_nonzero(np.isfinite(distance)) - own[part]))
             shares = bonds.max() / bonds.mean(), max(halo) / np.mean(halo), max(halo) / own.mean()
-            rows.append(
-                [
-                    f"{name}, {len(points):,} points",
-                    f"{parts}",
-                    f"{own.mean():,.0f}",
-                    *(f"{share:.3f}" for share in shares),
-                ]
-            )
-    header = [
-        "parts",
-        "own points (mean)",
-        "largest number of bonds / mean",
-        "largest halo / mean",
-        "largest halo / own points",
-    ]
-    return markdown_table(["body", *header], rows)
+            yield f"{name}, {len(points):,} points", parts, own.mean(), *shares
 
 
+COSTS_OF_BONDS = "ns/directed bond, one thread: .2f", "all threads: .2f", "setup (s): .1f"
+POINTS = " / ".join(f"{3 * width * width:,}" for width in WIDTHS)
 TABLES = {
-    "speed": of_speed,
-    "scaling": of_sizes,
-    "speed-in-space": of_space,
-    "threads": of_threads,
-    "ranks": of_ranks,
-    "against-threads": against_threads,
-    "small-bodies": small_bodies,
-    "parts": of_parts,
+    study.name: study
+    for study in (
+        Study("speed", {"": of_speed}, {"speed": in_words}),
+        of_rows(
+            "scaling",
+            of_sizes,
+            [()],
+            "points: ,",
+            "directed bonds: ,",
+            *COSTS_OF_BONDS,
+            "memory (GiB): .2f",
+        ),
+        of_rows(
+            "speed-in-space",
+            of_space,
+            [()],
+            "force",
+            "ns/directed bond, 1 thread: .1f",
+            "cost / NOSB: .1f",
+            "cost / learned Neo-Hookean in float32: .2f",
+        ),
+        of_rows(
+            "threads",
+            of_threads,
+            [()],
+            f"ns per directed bond with {POINTS} points",
+            *(f"{others} other processes: .3g" for others in (0, 1, 2)),
+        ),
+        of_rows(
+            "ranks",
+            of_ranks,
+            [()],
+            "points: ,",
+            "ranks",
+            "own points: ,.0f",
+            "halo points: ,.0f",
+            "processor time (ms): .1f",
+            "exchanges: .0f",
+            "received (kB): .0f",
+            "setup (s): .0f",
+            "held (MB): .0f",
+            "at most (MB): .0f",
+        ),
+        of_rows(
+            "against-threads",
+            against_threads,
+            [()],
+            "scene",
+            "points: ,",
+            "1 rank of 2 threads (ms): .1f",
+            "2 ranks of 1 thread (ms): .1f",
+            "ranks / threads: .2f",
+            "share of exchange: .1%",
+        ),
+        of_rows(
+            "small-bodies",
+            small_bodies,
+            [()],
+            "points: ,",
+            "K / μ: g",
+            "one rank (s): .2f",
+            "two ranks (s): .2f",
+            "two ranks / one: .2f",
+            "evaluations",
+        ),
+        of_rows(
+            "parts",
+            of_parts,
+            [()],
+            "body",
+            "parts",
+            "own points (mean): ,.0f",
+            "largest number of bonds / mean: .3f",
+            "largest halo / mean: .2f",
+            "largest halo / own points: .3f",
+        ),
+    )
 }
 """Tables of this checkout, by the names of their blocks in the documentation."""
 
@@ -821,10 +806,9 @@ def main() -> None:
     elif names:
         costs(names, [ROOT], arguments.turns)
     for name in [name for name in arguments.names if name in TABLES]:
-        text = TABLES[name]()
-        print(text, flush=True)
+        measure(TABLES[name], "")
         if arguments.docs:
-            replace_block(name, text)
+            write_tables(TABLES[name])
 
 
 if __name__ == "__main__":

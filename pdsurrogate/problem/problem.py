@@ -30,9 +30,10 @@ from ..scenes.model import RIGID
 from ..solvers.conditions import Loading
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
-from .conditions import check_dynamics, conditions_of, loads_of, warn_of_points
+from .conditions import check_dynamics, conditions_of, warn_of_points
 from .fracture import CriticalStretches, check_walls
 from .fronts import Fronts
+from .loads import loads_of
 from .materials import (
     portions_of,
     scene_errors,

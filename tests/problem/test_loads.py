@@ -13,7 +13,7 @@ from pdsurrogate.body import Body, ReflectionPlane, grid
 from pdsurrogate.body.surface import Following, Surface
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
 from pdsurrogate.materials import NeoHookean, plane_stress
-from pdsurrogate.problem.conditions import loads_of
+from pdsurrogate.problem.loads import loads_of
 from pdsurrogate.solvers.loads import LoadedForce
 from pdsurrogate.testing.bodies import wavy
 
