@@ -18,8 +18,6 @@ import numpy as np
 from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
 from .equilibrium import (
-    PENETRATION,
-    USUAL,
     Diverging,
     Equilibrium,
     EquilibriumSolver,
@@ -465,8 +463,6 @@ class Newton(EquilibriumSolver):
 
     def __init__(self, *settings) -> None:
         super().__init__(*settings)
-        # In proportion: derivatives in contact have the relative error of its forces.
-        self._penetration = PENETRATION * min(1.0, self.tolerance / USUAL)
         self._first = Automatic(*settings)
         self._equations: TangentEquations | None = None
 
