@@ -121,8 +121,6 @@ LAWS = [
         first=(0.2, 0.02, 1e-4),
         second=(0.04, 1e-5),
         roots=(0.1, 0.2),
-        logarithms=(0.1,),
-        limits=(60.0,),
         second_logarithm=(0.05,),
     ),
 ]

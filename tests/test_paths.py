@@ -7,13 +7,13 @@ import pytest
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.artifacts import ArtifactError, own_folder, store
-from pdsurrogate.artifacts.store import next_version
+from pdsurrogate.artifacts import ArtifactError, own_folder, places
+from pdsurrogate.artifacts.places import next_version
 from pdsurrogate.cli import app
 
 
 def test_own_artifacts_never_go_among_shipped_ones_by_accident(tmp_path, monkeypatch):
-    shipped = store.SHIPPED[1]
+    shipped = places.SHIPPED[1]
     monkeypatch.delenv("PDSURROGATE_ARTIFACTS", raising=False)
     monkeypatch.chdir(tmp_path)
     assert own_folder() == Path("artifacts")

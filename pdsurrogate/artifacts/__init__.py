@@ -11,13 +11,5 @@ An artifact is a folder ``NAME/VERSION/`` of up to three files:
 
 from .card import ArtifactError, Card
 from .material import with_material
-from .store import (
-    default_force,
-    find_artifact,
-    list_artifacts,
-    load_card,
-    load_pipeline,
-    load_surrogate,
-    own_folder,
-    surrogate_for,
-)
+from .places import find_artifact, list_artifacts, own_folder
+from .store import default_force, load_card, load_pipeline, load_surrogate, surrogate_for

@@ -2,9 +2,11 @@
 and ghosts beyond reflection planes.
 """
 
-from .body import MOST_BONDS, MOST_POINTS, Body, Bonds, Cells, Round, grid
+from .body import Body, Round
+from .bonds import MOST_BONDS, Bonds
 from .cell_mesh import CellMesh
 from .division import HALO, divided, rows_of
 from .ghosts import Ghosts, HeldBoundary, Mirror, ReflectionPlane
+from .grid import MOST_POINTS, Cells, grid
 from .local_fit import fields_at
 from .surface import Faces, Following, Surface

@@ -4,8 +4,7 @@ state.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain, combinations
@@ -15,9 +14,11 @@ import scipy
 
 from ..kernels.weights import WEIGHT_FUNCTIONS
 from ..ranks import Halo, Share
+from .bonds import COINCIDING, Bonds, check_apart
 from .cell_mesh import CellMesh
 from .cut_cells import cut_cells
 from .ghosts import WITH_ROUNDING, Ghosts, HeldBoundary, Mirror, ReflectionPlane
+from .grid import Cells
 
 
 @dataclass(frozen=True)
@@ -44,35 +45,6 @@ class Round:
         cells and to count with its curvature.
         """
         return self.radius > horizon
-
-
-MOST_POINTS, MOST_BONDS = 20_000_000, 500_000_000
-"""Greatest numbers of points and bonds: at some 2 kB a point and 80 bytes a bond, more would
-exceed the memory of a workstation.
-"""
-
-
-PADDED = 1024
-"""The ends of pairs are stored filled up with zeros to a multiple of this number, which is a
-multiple of the blocks of all kernels.
-"""
-
-SLAB = 500_000
-"""Number of pairs of which `Bonds.slabs` makes a part. Chosen: a temporary array of doubles then
-takes 4 MB, and calls of NumPy cost nothing beside the work on so many numbers.
-"""
-
-MOST_COMPARED = 1000
-"""Greatest number of points and images whose pairs are found by comparing each with each other.
-Chosen: this takes some 20 ms and 20 MB; to load SciPy's search trees, which larger bodies need,
-takes 200 ms and 30 MB.
-"""
-
-COINCIDING = 1e-9
-"""Distance of two points, divided by the horizon, below which the points are refused as coinciding:
-a bond between them has no direction. Chosen far above the rounding of positions and far below any
-spacing.
-"""
 
 
 @dataclass(frozen=True)
@@ -190,26 +162,14 @@ class Body:
                 f"unknown weight function {self.weight!r}; there are {', '.join(WEIGHT_FUNCTIONS)}"
             )
         if self.cell is None and self.mesh_cells is None:  # those of a grid or a mesh lie apart
-            _pairs_within(points, 0.0, 0, COINCIDING * self.horizon)
-        object.__setattr__(self, "points", points)
-        if self.share is None:
-            object.__setattr__(self, "share", Share.whole(len(points)))
-        object.__setattr__(self, "volumes", volumes)
-        if not self.spacing:
-            object.__setattr__(self, "spacing", float(volumes.mean() ** (1 / points.shape[1])))
+            check_apart(scipy.spatial.cKDTree(points), COINCIDING * self.horizon)
+        spacing = self.spacing or float(volumes.mean() ** (1 / points.shape[1]))
+        sides = (spacing,) * points.shape[1] if self.cell is None else self.cell
+        share = Share.whole(len(points)) if self.share is None else self.share
+        found = {"points": points, "volumes": volumes, "spacing": spacing, "share": share}
+        vars(self).update(found, cell=np.array(sides, dtype=float))
         _check_distance_of_planes(self)
-        object.__setattr__(
-            self,
-            "cell",
-            (
-                np.full(points.shape[1], self.spacing)
-                if self.cell is None
-                else np.array(self.cell, dtype=float)
-            ),
-        )
-        object.__setattr__(
-            self, "ghosts", Ghosts.reflected(points, self.planes, self.horizon, self.share)
-        )
+        vars(self)["ghosts"] = Ghosts.reflected(points, self.planes, self.horizon, share)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -367,7 +327,7 @@ class Body:
         >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.26).bonds.n_directed
         48
         """
-        return Bonds.of(self)
+        return Bonds.of(self.points, self.ghosts, self.horizon, self.spacing, self.separates)
 
     @cached_property
     def extent(self) -> float:
@@ -481,128 +441,6 @@ class Body:
         )
 
 
-MOST_MISFIT = 0.1
-"""Greatest relative deviation of the side of a cell from the spacing.
-
-Any side of a box that is five spacings or longer can be divided within it. In pure shear at 20
-cells, cells whose sides differ by a fifth have the same errors as squares of the same area (-0.04
-to -0.05 % in stress).
-"""
-
-
-@dataclass(frozen=True)
-class Cells:
-    """Equal cells that fill a box.
-
-    Attributes
-    ----------
-    lower : tuple of float
-        Corner of the box where all coordinates are least.
-    counts : tuple of int
-        Cells along each axis, two numbers in the plane and three in three dimensions.
-    sides : tuple of float
-        Sides of a cell along the axes.
-    """
-
-    lower: tuple[float, ...]
-    counts: tuple[int, ...]
-    sides: tuple[float, ...]
-
-    @classmethod
-    def filling(cls, lower: Sequence[float], upper: Sequence[float], spacing: float) -> Cells:
-        """Return equal cells that fill a box; they are squares or cubes of the given spacing where
-        it divides the box (to 1e-9).
-
-        Otherwise their sides are as near to the spacing as possible. Raise ValueError if the box is
-        smaller than a cell or holds too many cells, or if the sides deviate from the spacing by
-        more than `MOST_MISFIT`.
-        """
-        if not (np.isfinite(spacing) and spacing > 0):
-            raise ValueError(f"the spacing must be positive and finite, not {spacing}")
-        number = math.prod(
-            float(high - low) / spacing for low, high in zip(lower, upper, strict=True)
-        )
-        if not number <= MOST_POINTS:
-            raise ValueError(
-                f"spacing {spacing:g} makes {number:.3g} points, more than the limit"
-                f" {MOST_POINTS:.3g}; use a larger spacing"
-            )
-        counts, sides = [], []
-        for low, high, axis in zip(
-            lower, upper, (f"x{number + 1}" for number in range(len(lower))), strict=True
-        ):
-            length = float(high - low)
-            cells = length / spacing
-            count = _count(length, spacing)
-            if abs(cells / count - 1) > MOST_MISFIT:
-                if cells < 1:
-                    raise ValueError(
-                        f"spacing {spacing:g} is larger than the body, {length:g} along {axis}"
-                    )
-                fewer, more = length / math.ceil(cells), length / math.floor(cells)
-                raise ValueError(
-                    f"spacing {spacing:g} does not divide the length {length:g} along {axis}; use"
-                    f" {fewer:.6g} or {more:.6g}"
-                )
-            counts.append(count)
-            sides.append(spacing if abs(cells - count) <= 1e-9 * count else length / count)
-        return cls(tuple(lower), tuple(counts), tuple(sides))
-
-    @classmethod
-    def near(cls, lower: Sequence[float], upper: Sequence[float], spacing: float) -> Cells:
-        """Return equal cells that fill a box, however much their sides deviate from the spacing;
-        see `filling`.
-        """
-        lengths = [float(high - low) for low, high in zip(lower, upper, strict=True)]
-        counts = [_count(length, spacing) for length in lengths]
-        return cls(
-            tuple(lower),
-            tuple(counts),
-            tuple(length / count for length, count in zip(lengths, counts, strict=True)),
-        )
-
-    @property
-    def volume(self) -> float:
-        """Volume of a cell; in the plane its area."""
-        return math.prod(self.sides)
-
-    @property
-    def spacing(self) -> float:
-        """Side of a square or cube with the cell's volume; exact to the last bit for squares and
-        cubes.
-        """
-        if min(self.sides) == max(self.sides):
-            return self.sides[0]
-        return math.sqrt(self.volume) if len(self.sides) == 2 else math.cbrt(self.volume)
-
-    def centers(self) -> np.ndarray:
-        """Return the centers of the cells, shape (n, d); x1 varies fastest, the last coordinate
-        slowest.
-        """
-        centers = np.empty((*self.counts[::-1], len(self.counts)))
-        for axis, (low, count, side) in enumerate(
-            zip(self.lower, self.counts, self.sides, strict=True)
-        ):
-            shape = np.ones(len(self.counts), dtype=int)
-            shape[-1 - axis] = count
-            centers[..., axis] = (low + (np.arange(count) + 0.5) * side).reshape(shape)
-        return centers.reshape(-1, len(self.counts))
-
-
-def _count(length: float, spacing: float) -> int:
-    """Return the number of cells nearest to a spacing that fill a length; rounding does not
-    decide between two that are equally near.
-    """
-    return max(1, round(round(length / spacing, 6)))
-
-
-def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.ndarray:
-    """Return the centers of the cells that fill a box, shape (n, d), in the order of
-    `Cells.centers`; see `Cells.filling`.
-    """
-    return Cells.filling(lower, upper, spacing).centers()
-
-
 def lengths_of(vectors: np.ndarray) -> np.ndarray:
     """Return the lengths (k,) of vectors (k, d): those of NumPy's ``norm``, bit for bit, in a
     sixth of its time or less.
@@ -637,205 +475,6 @@ def sums_at_points(
         )
     within = second < n
     return np.bincount(first, values, n) + sign * np.bincount(second[within], values[within], n)
-
-
-@dataclass(frozen=True)
-class Bonds:
-    """Bonds of a body: neighbor lists of all points (directed bonds), and a list of pairs.
-
-    A *pair* is an undirected bond. A pair of two points of the body appears in the neighbor lists
-    of both; a pair of a point and an image appears in the list of the point only.
-
-    Attributes
-    ----------
-    pointers : ndarray of uint64, shape (n + 1,)
-        Index at which the neighbors of each point begin.
-    neighbors : ndarray of uint32
-        Neighbors of all points; numbers from n on are ghosts.
-    ends : ndarray of uint32, shape (2, k)
-        Ends of the pairs, filled up with zeros to a multiple k of `PADDED`.
-    n_pairs : int
-    pair_pointers : ndarray of uint64, shape (n + 1,)
-        Index at which the pairs with each point as `first` begin.
-    incidence_pointers : ndarray of uint64, shape (n + 1,)
-        Index at which the entries of each point in `incidence` begin.
-    incidence : ndarray of uint32
-        Pairs in which each point is `second`.
-    pair_of : ndarray of uint32
-        Pair of each entry of `neighbors`.
-    cut : ndarray, shape (k, 2)
-        Ends of the pairs that cuts or holes of the undeformed body separate; these pairs are in
-        none of the lists.
-    n_directed : int
-        Number of directed bonds within the body, without ghosts.
-    first, second : ndarray of uint32, shape (n_pairs,)
-        Ends of the pairs, ordered by `first`, which is a point of the body; `second` is a later
-        point or an image.
-    """
-
-    pointers: np.ndarray
-    neighbors: np.ndarray
-    ends: np.ndarray
-    n_pairs: int
-    pair_pointers: np.ndarray
-    incidence_pointers: np.ndarray
-    incidence: np.ndarray
-    pair_of: np.ndarray
-    cut: np.ndarray
-    n_directed: int
-
-    @cached_property
-    def first(self) -> np.ndarray:
-        return self.ends[0, : self.n_pairs]
-
-    @cached_property
-    def second(self) -> np.ndarray:
-        return self.ends[1, : self.n_pairs]
-
-    def ends_in_blocks(self, block: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return `first` and `second` filled up with zeros to a multiple of `block`, which divides
-        `PADDED`.
-
-        Kernels ignore the results of the zeros.
-        """
-        first, second = self.ends[:, : -(-self.n_pairs // block) * block]
-        return first, second
-
-    def slabs(self) -> Iterator[slice]:
-        """Yield the pairs in parts, whose temporary arrays are small beside those that the pairs
-        of a large body hold.
-        """
-        for start in range(0, self.n_pairs, SLAB):
-            yield slice(start, min(start + SLAB, self.n_pairs))
-
-    @classmethod
-    def of(cls, body: Body) -> Bonds:
-        n = len(body)
-        points = body.all_points
-        reach = body.horizon / body.spacing
-        estimate = (
-            n
-            / 2
-            * min(
-                len(points), np.pi * reach**2 if body.dimension == 2 else 4 / 3 * np.pi * reach**3
-            )
-        )
-        if estimate > MOST_BONDS:
-            raise ValueError(
-                f"a horizon of {reach:.3g} spacings makes {estimate:.1g} bonds, more than"
-                f" {MOST_BONDS:.1g}; reduce it"
-            )
-        # The tolerance includes points at exactly the horizon, whose computed distance may exceed
-        # it by rounding.
-        first, second = _pairs_within(
-            points, body.horizon * WITH_ROUNDING, n, COINCIDING * body.horizon
-        )
-        first, second = _with_partners(body, first, second)
-        cut = np.empty((0, 2), dtype=np.uint32)
-        if body.separates is not None and len(first):
-            # Empty space beyond a held boundary does not separate images there: the bond to the
-            # source decides.
-            separated = body.separates(
-                points[first], np.concatenate([body.points, body.ghosts.unfolded])[second]
-            )
-            cut = np.stack([first[separated], second[separated]], axis=1)
-            first, second = first[~separated], second[~separated]
-        if len(first) == 0:
-            raise ValueError(
-                f"the horizon {body.horizon:g} is too small: it contains no neighbor at the spacing"
-                f" {body.spacing:g}"
-            )
-        numbers = np.arange(len(first), dtype=np.uint32)
-        ends = np.stack([np.pad(end, (0, -len(end) % PADDED)) for end in (first, second)])
-
-        within = np.flatnonzero(second < n).astype(np.uint32)
-        incidence = within[np.argsort(second[within], kind="stable")]
-        # The neighbors of a point are in rising order: first those of pairs in which it is second,
-        # then those in which it is first.
-        owner = np.concatenate([second[incidence], first])
-        order = np.argsort(owner, kind="stable")
-        neighbors = np.concatenate([first[incidence], second])[order]
-        pair_of = np.concatenate([incidence, numbers])[order]
-        return cls(
-            pointers_to(owner, n),
-            np.ascontiguousarray(neighbors),
-            ends,
-            len(first),
-            pointers_to(first, n),
-            pointers_to(second[within], n),
-            incidence,
-            pair_of,
-            cut,
-            2 * len(within),
-        )
-
-
-def pointers_to(numbers: np.ndarray, count: int) -> np.ndarray:
-    """Return row pointers, shape (count + 1,): where the entries of each number from 0 to count
-    - 1 begin in the sorted `numbers`.
-    """
-    return np.concatenate([[0], np.cumsum(np.bincount(numbers, minlength=count))]).astype(np.uint64)
-
-
-def _with_partners(
-    body: Body, first: np.ndarray, second: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return pairs without those across a held boundary whose ends' sources, or whose mirrored
-    pair, are farther apart than a horizon.
-
-    For a pair of i and an image of k, the mirrored pair is that of k and the same boundary's image
-    of i. Beyond planes it has the same length; beyond a round boundary it need not, and forces of
-    ghosts on their sources are reported as forces of mirrored pairs.
-    """
-    n, ghosts = len(body), body.ghosts
-    outer = np.flatnonzero(second >= n)
-    outer = outer[(ghosts.points != ghosts.unfolded).any(axis=1)[second[outer] - n]]
-    if not len(outer):
-        return first, second
-    one, ghost = first[outer].astype(np.int64), second[outer].astype(np.int64) - n
-    mirrored, source, reach = (
-        ghosts.mirrored(one, ghost),
-        ghosts.source[ghost],
-        body.horizon * WITH_ROUNDING,
-    )
-    apart = np.linalg.norm(body.points[one] - ghosts.unfolded[ghost], axis=1) > reach
-    apart |= (mirrored < 0) | (
-        np.linalg.norm(body.points[source] - ghosts.points[mirrored], axis=1) > reach
-    )
-    kept = np.delete(np.arange(len(first)), outer[apart])
-    return first[kept], second[kept]
-
-
-def _pairs_within(
-    points: np.ndarray, reach: float, count: int, least: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pairs i < j of points (n, d) within `reach` of each other, with i < `count`, as
-    sorted arrays of i and of j.
-
-    Raise ValueError if two points are nearer to each other than `least`.
-    """
-    total = len(points)
-    if total <= MOST_COMPARED:
-        squared = sum((column[:, None] - column) ** 2 for column in points.T)
-        near = np.argwhere(np.triu(squared < least**2, 1)).tolist()
-        keys = np.flatnonzero(np.triu(squared <= reach**2, 1)[:count])
-    else:
-        tree = scipy.spatial.cKDTree(points)
-        distances, numbers = tree.query(points, k=2, distance_upper_bound=least)
-        near = [
-            [one, *{*numbers[one].tolist()} - {one}]
-            for one in np.flatnonzero(np.isfinite(distances[:, 1])).tolist()
-        ]
-        # Sorting one number per pair is five times as fast as sorting two.
-        one, other = tree.query_pairs(reach, output_type="ndarray").T
-        keys = np.minimum(one, other) * total + np.maximum(one, other)
-        del one, other
-        keys = keys[keys < count * total]
-        keys.sort()
-    if len(near):
-        raise ValueError(f"points {near[0][0]} and {near[0][1]} coincide at {points[near[0][0]]}")
-    first, second = np.divmod(keys, total)
-    return first.astype(np.uint32), second.astype(np.uint32)
 
 
 def _check_distance_of_planes(body: Body) -> None:

@@ -183,12 +183,22 @@ class CellMesh:
 
     @cached_property
     def outer_sides(self) -> tuple[np.ndarray, np.ndarray]:
-        """Sides on the boundary of the mesh: nodes at their corners, as of `faces`, and their
+        """Sides on the boundary of the mesh: nodes at their corners, as of `sides`, and their
         cells.
         """
-        corners, beside = self.faces
-        outer = beside[:, 1] < 0
-        return corners[outer], beside[outer, 0]
+        return self.boundary(np.ones(len(self), dtype=bool))[:2]
+
+    def boundary(self, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the sides on the boundary of a part of the cells, flagged by `kept` (n,): nodes
+        at their corners, their cells, and the cells on their other side, -1 where there is none.
+        """
+        corners, owners = self.sides()
+        number, inside = side_numbers(corners), kept[owners]
+        times = np.bincount(number[inside], minlength=len(number))
+        beyond = np.full(len(number), -1)
+        beyond[number[~inside]] = owners[~inside]
+        sides = np.flatnonzero(inside & (times[number] == 1))
+        return corners[sides], owners[sides], beyond[number[sides]]
 
     def moved(
         self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray
@@ -299,3 +309,18 @@ def side_numbers(corners: np.ndarray) -> np.ndarray:
     order, number = np.lexsort(keys.T), np.zeros(len(keys), dtype=np.int64)
     number[order[1:]] = np.cumsum((keys[order[1:]] != keys[order[:-1]]).any(axis=1))
     return number
+
+
+def among(corners: np.ndarray, members: np.ndarray) -> np.ndarray:
+    """Return flags of the sides (s,) that occur among `members`, both given by their nodes."""
+    numbers = side_numbers(np.concatenate([corners, members]))
+    return np.isin(numbers[: len(corners)], numbers[len(corners) :])
+
+
+def outward(corners: np.ndarray) -> np.ndarray:
+    """Return the outward normals times areas, in the plane times lengths, of sides of cells or of
+    facets, shape (s, d), from positions of their corners (s, corners, d).
+    """
+    if corners.shape[2] == 2:
+        return (corners[:, 1] - corners[:, 0])[:, ::-1] * [1, -1]
+    return np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1]) / 2

@@ -26,7 +26,9 @@ could see.
 """
 
 
-def voronoi_cells(points: np.ndarray, outline: shapely.Geometry) -> CellMesh:
+def voronoi_cells(
+    outline: shapely.Geometry, points: np.ndarray, _volumes: np.ndarray | None = None
+) -> CellMesh:
     """Return the cells of points in the plane, of the places nearest to each, cut at the outline of
     the body.
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy
 
-from .cell_mesh import CellMesh
+from .cell_mesh import CellMesh, outward
 
 REACH, STEP = 1.6, 0.1
 """Greatest distance of a node from the boundary, and distance of the places that are tested on the
@@ -146,11 +146,7 @@ def _normals(nodes: np.ndarray, sides: np.ndarray) -> np.ndarray:
     """Return the mean unit normals of the sides at each node, shape (k, d); zero at nodes of no
     side.
     """
-    corners, total = nodes[sides], np.zeros_like(nodes)
-    if nodes.shape[1] == 2:
-        normals = (corners[:, 1] - corners[:, 0])[:, ::-1] * [1, -1]
-    else:
-        normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    normals, total = outward(nodes[sides]), np.zeros_like(nodes)
     for corner in sides.T:
         np.add.at(total, corner, normals)
     return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]

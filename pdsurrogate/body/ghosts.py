@@ -230,24 +230,21 @@ class Ghosts:
         dimension than the points.
         """
         n, dimension = points.shape
-        source, places, number, image, parent = (
-            np.arange(n),
-            points,
-            np.full(n, -1),
-            np.zeros(n, dtype=np.int64),
-            np.arange(n),
-        )
-        parity, reflection, lever = (
-            np.ones((n, dimension)),
-            np.ones((n, dimension)),
-            np.zeros((n, len(planes), dimension)),
-        )
-        ratio, unfolded, normal, feet = (
-            np.ones(n),
-            points,
-            np.zeros((n, dimension)),
-            np.zeros((n, len(planes), dimension)),
-        )
+        each = np.zeros((n, len(planes), dimension))
+        made = {
+            "source": np.arange(n),
+            "parent": np.arange(n),
+            "plane": np.full(n, -1),
+            "image": np.zeros(n, dtype=np.int64),
+            "points": points,
+            "unfolded": points,
+            "parity": np.ones((n, dimension)),
+            "reflection": np.ones((n, dimension)),
+            "normal": np.zeros((n, dimension)),
+            "volume_ratio": np.ones(n),
+            "lever": each,
+            "feet": each,
+        }
         # of the plane of each image; -1 for the points
         axes = np.array([*(plane.axis for plane in planes), -1])
         for added, plane in enumerate(planes):
@@ -256,6 +253,7 @@ class Ghosts:
                     f"the parity of a plane must have {dimension} components, not {plane.parity}"
                 )
             flat = isinstance(plane, ReflectionPlane)
+            places = made["points"]
             nearest, inward = plane.mirrored(places)
             if flat and inward[:n].min() < 0:
                 raise ValueError(
@@ -264,93 +262,38 @@ class Ghosts:
             # Images of images in two parallel planes are farther away than a horizon, as the body
             # is at least that long. The centroid of a cell at a reentrant corner may lie outside a
             # boundary.
-            able = axes[number] != plane.axis if flat else (number < 0) & (inward > 0)
+            beyond = made["plane"]
+            able = axes[beyond] != plane.axis if flat else (beyond < 0) & (inward > 0)
             near = np.flatnonzero((inward <= horizon * WITH_ROUNDING) & able)
             ratios = np.ones(len(near)) if flat else plane.ratios(places[near])
             near, ratios = near[ratios > 0], ratios[ratios > 0]
-            own, flip = (
-                np.asarray(plane.parity, float),
-                np.where(np.arange(dimension) == plane.axis, -1.0, 1.0),
-            )
-            feet_there = nearest[near]
-            if not flat:
+            images = {name: values[near] for name, values in made.items()}
+            own, feet = np.asarray(plane.parity, float), nearest[near]
+            images["points"] = 2 * feet - places[near]
+            if flat:
+                flip = np.where(np.arange(dimension) == plane.axis, -1.0, 1.0)
+                images["reflection"] *= flip
+                images["unfolded"] *= flip
+                images["unfolded"][:, plane.axis] += 2 * plane.position
+                images["lever"] *= own
+            else:
+                arms = places[near] - feet
+                images["normal"] = arms / np.linalg.norm(arms, axis=1, keepdims=True)
                 own = own * (1 + plane.bent(places[near]))[:, None]
                 # moves as the image does if the point rests
-                feet_there = (2 * feet_there - (1 + own) * places[near]) / (1 - own)
-            carried, passed, behind = (
-                (own if flat else own[:, None]) * lever[near],
-                feet[near],
-                unfolded[near],
-            )
-            carried[:, added] += 1 - own
-            passed[:, added] = feet_there
-            arms = np.zeros((len(near), dimension)) + normal[near]
-            if flat:
-                behind = behind * flip
-                behind[:, plane.axis] += 2 * plane.position
-            else:
-                arms = places[near] - nearest[near]
-                arms /= np.linalg.norm(arms, axis=1, keepdims=True)
-            held = (
-                source,
-                places,
-                number,
-                image,
-                parent,
-                parity,
-                reflection,
-                lever,
-                ratio,
-                unfolded,
-                normal,
-                feet,
-            )
-            joined = (
-                source[near],
-                2 * nearest[near] - places[near],
-                np.full(len(near), added),
-                image[near] + 2**added,
-                near,
-            )
-            joined += (
-                own * parity[near],
-                flip * reflection[near],
-                carried,
-                ratio[near] * ratios,
-                behind,
-                arms,
-                passed,
-            )
-            (
-                source,
-                places,
-                number,
-                image,
-                parent,
-                parity,
-                reflection,
-                lever,
-                ratio,
-                unfolded,
-                normal,
-                feet,
-            ) = map(np.concatenate, zip(held, joined, strict=True))
-        made = (
-            source.astype(np.uint32),
-            places,
-            parity,
-            reflection,
-            ratio,
-            unfolded,
-            normal,
-            number,
-            image,
-            lever,
-            feet,
-            parent,
-        )
-        found = (np.ascontiguousarray(each[n:]) for each in (*made, parity, reflection))
-        return cls(*found, planes, share).continued(None)
+                feet = (2 * feet - (1 + own) * places[near]) / (1 - own)
+                images["lever"] *= own[:, None]
+            images["parent"], images["plane"] = near, np.full(len(near), added)
+            images["image"] += 2**added
+            images["parity"] *= own
+            images["volume_ratio"] *= ratios
+            images["lever"][:, added] += 1 - own
+            images["feet"][:, added] = feet
+            made = {name: np.concatenate([made[name], values]) for name, values in images.items()}
+        found = {name: np.ascontiguousarray(values[n:]) for name, values in made.items()}
+        found["source"] = found["source"].astype(np.uint32)
+        found |= {"gradient_parity": found["parity"], "gradient_reflection": found["reflection"]}
+        return cls(**found, planes=planes, share=share).continued(None)
 
     def __len__(self) -> int:
         return len(self.source)

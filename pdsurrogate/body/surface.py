@@ -10,11 +10,13 @@ import scipy
 
 from ..kernels.polygons import distances_to_segments, encloses
 from ..ranks import Share
+from .cell_mesh import outward
 from .ghosts import HeldBoundary, Mirror
 
 IN_PLANE = 1e-6
-"""Distance from a reflection plane, as a fraction of the body's extent, up to which a node lies in
-it. Chosen above the rounding of coordinates in single precision that meshes may have.
+"""Distance from a reflection plane, as a fraction of the body's extent, up to which a node or an
+end of a precut lies in it, and from a side of the bounding box, up to which a side of a mesh's cell
+does. Chosen above the rounding of coordinates in single precision that meshes may have.
 """
 
 
@@ -180,11 +182,7 @@ class Surface:
         """Return the outward normals times areas, in the plane times lengths, in the reference
         state, shape (f, d).
         """
-        if self.nodes.shape[1] == 3:
-            first, second, third = self.nodes[self.facets].transpose(1, 0, 2)
-            return np.cross(second - first, third - first) / 2
-        first, second = self.nodes[self.facets].transpose(1, 0, 2)
-        return np.stack([second[:, 1] - first[:, 1], first[:, 0] - second[:, 0]], axis=1)
+        return outward(self.nodes[self.facets])
 
     def areas(self) -> np.ndarray:
         """Return the areas of the facets in the reference state, in the plane their lengths,

@@ -78,6 +78,7 @@ def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """
     model.unknown_ = unknowns_of(model, len(y))
     start = start_of(model, y, root)
+    ratio = ratio_of(model)
     search, x = search_from(model, start, y, root)
     model.start_: dict[str, Any] = {"taken": "default"}
     if has_weak_form(model):
@@ -101,15 +102,13 @@ def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarr
     model.n_simulations_ = search.count
     fit = search.values(x) + correction
     residuals = root * (y - fit)
-    remaining = (
-        found.remaining if ratio_of(model) == 1 else correction / (ratio_of(model) ** ORDER - 1)
-    )
+    remaining = found.remaining if ratio == 1 else correction / (ratio**ORDER - 1)
     _store(model, x, space, found, residuals, root * remaining)
-    if ratio_of(model) == 1:
+    if ratio == 1:
         correction = -remaining
-        if (ratio := float(np.sqrt(((root * remaining) ** 2).mean()))) > 1:
+        if (error := float(np.sqrt(((root * remaining) ** 2).mean()))) > 1:
             warnings.warn(
-                f"refine=1: the discretization error that is not corrected is about {ratio:.2g}"
+                f"refine=1: the discretization error that is not corrected is about {error:.2g}"
                 " standard deviations of the measurements, and the standard errors contain it to"
                 " first order only: use refine=2 or more, or a smaller spacing",
                 stacklevel=3,
@@ -123,9 +122,10 @@ def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np
     """Return the solution of a search that starts at x, and the correction of the discretization
     error, (n,), that it contains.
     """
+    ratio = ratio_of(model)
     y, correction = search.y, np.zeros(len(search.y))
-    for number in range(ROUNDS if ratio_of(model) > 1 or model.law is None else 1):
-        first = ratio_of(model) > 1 and not number
+    for number in range(ROUNDS if ratio > 1 or model.law is None else 1):
+        first = ratio > 1 and not number
         # Changes of the cost by less than these are those of parameters within a part of their
         # standard errors.
         close = 1e-3 if first else 1e-2 / len(y)
@@ -144,7 +144,7 @@ def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np
                 max_nfev=MOST_STEPS,
             )
         before, x = x, found.x
-        if ratio_of(model) == 1:
+        if ratio == 1:
             if model.law is not None:
                 found.remaining = _error_by_coarse(model, search.law_at(x), search.values(x))
             continue
@@ -156,7 +156,7 @@ def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np
             break
         correction = _fine_values(model, search.law_at(x)) - search.values(x)
         if model.law is None:
-            correction *= ratio_of(model) ** MEAN_ORDER / (ratio_of(model) ** MEAN_ORDER - 1)
+            correction *= ratio**MEAN_ORDER / (ratio**MEAN_ORDER - 1)
         search.y = y - correction
     return found, correction
 
@@ -253,24 +253,15 @@ def _store(model, x, space, found, residuals, remaining) -> None:
     jacobian = found.jac / space.sizes(x)
     model.parameter_names_, model.parameters_ = model.unknown_.unknowns(), space.parameters(x)
     model.law_ = model.unknown_.law_of(model.parameters_)
-    model.at_bound_ = [
-        name
-        for name, active in zip(model.parameter_names_, found.active_mask, strict=True)
-        if active
-    ]
+    names = np.array(model.parameter_names_)
+    model.at_bound_ = names[found.active_mask].tolist()
     free = len(residuals) - len(x)
     model.lack_of_fit_ = float((residuals**2).sum() / free) if free > 0 else np.nan
     model.p_value_ = float(chi2.sf((residuals**2).sum(), free)) if free > 0 else np.nan
     if model.law is None:
         model.covariance_, errors = found.spread, np.sqrt(np.diag(found.spread))
         model.standard_errors_, model.correlation_ = errors, found.spread / np.outer(errors, errors)
-        model.undetermined_ = [
-            name
-            for name, one in zip(
-                model.parameter_names_, errors > UNDETERMINED * model.parameters_, strict=True
-            )
-            if one
-        ]
+        model.undetermined_ = names[errors > UNDETERMINED * model.parameters_].tolist()
         return
     scales = scales_of(model)
     left, singular, right = np.linalg.svd(jacobian * scales, full_matrices=False)
@@ -286,9 +277,7 @@ def _store(model, x, space, found, residuals, remaining) -> None:
     )
     doubtful = ~known | (1 / np.where(known, singular, 1.0) > UNDETERMINED)
     named = (np.abs(right[doubtful]) > SHARE).any(axis=0)
-    model.undetermined_ = [
-        name for name, one in zip(model.parameter_names_, named, strict=True) if one
-    ]
+    model.undetermined_ = names[named].tolist()
     covariance = covariance * np.outer(scales, scales)
     errors = np.sqrt(np.diag(covariance))
     model.correlation_ = covariance / np.outer(

@@ -4,10 +4,8 @@ its law.
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..artifacts import load_surrogate
 from ..body import fields_at
@@ -25,6 +23,7 @@ from ..scenes.regions import EDGES
 from ..solvers.equilibrium import NoEquilibrium
 from ..solvers.methods import Newton
 from ..solvers.tangent import COARSE
+from .scatter import Rows, local_fit
 
 FORCE_PULLED = "force"
 """Name, among those of outputs, of the force of the region that a scene pulls farthest."""
@@ -47,48 +46,6 @@ SMOOTHED = {2: 25, 3: 40}
 displacements to a point: about four times the number of its coefficients. With 13 and 50 in the
 plane the fit of the weak form to the measurements is as good within a tenth.
 """
-
-
-FORCE_SCATTER = 0.005
-"""Standard deviation of outputs such as forces without a given one, relative to the greatest in
-the table: that of common load cells.
-"""
-
-LEAST_SCATTER = 1e-6
-"""Least standard deviation of displacements without a given one, relative to the greatest
-displacement: files have about six digits.
-"""
-
-NEIGHBORS = 13
-"""Number of places, with the place itself, to which a quadratic is fitted in order to estimate the
-scatter of displacements: about twice its six coefficients in the plane. In space 20 neighbors serve
-its ten coefficients.
-"""
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Rows of a table of measurements on one scene.
-
-    Attributes
-    ----------
-    step : ndarray of int, shape (n,)
-        Number of the output of the scene, from 1.
-    quantity : ndarray of int, shape (n,)
-        1, 2 or 3 for a component of the displacement; 0, -1 and so on for the first, the second
-        output and so on.
-    places : ndarray, shape (n, d)
-        Undeformed places of displacements; without meaning for outputs.
-    """
-
-    step: np.ndarray
-    quantity: np.ndarray
-    places: np.ndarray
-
-    @property
-    def is_field(self) -> np.ndarray:
-        """Mask, shape (n,), of the rows that are displacements."""
-        return self.quantity > 0
 
 
 def with_law(scene: Scene, law: Law, spacing: float | None = None) -> Scene:
@@ -474,56 +431,3 @@ def _simulated(scene: Scene) -> Result:
 def _named_numbers(law: Law) -> dict[str, float]:
     """Return the numbers of a law by their names as parameters of a scene."""
     return {f"material.{name}": value for name, value in numbers_of(law).items()}
-
-
-def local_fit(places: np.ndarray, targets: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of the places (n, d) nearest to targets (m, d), and their weights in a
-    quadratic fit there, each (m, count).
-    """
-    near = np.asarray(cKDTree(places).query(targets, count)[1])
-    off, d = places[near] - targets[:, None], places.shape[1]
-    off /= np.abs(off).max(axis=(1, 2), keepdims=True)
-    quadratic = [off[..., i] * off[..., j] for i in range(d) for j in range(i, d)]
-    return (
-        near,
-        np.linalg.pinv(
-            np.concatenate([np.ones((*near.shape, 1)), off, np.stack(quadratic, axis=-1)], axis=2)
-        )[:, 0],
-    )
-
-
-def estimated_deviations(rows: Rows, values: np.ndarray) -> np.ndarray:
-    """Return estimated standard deviations of measurements on one scene, shape (n,)."""
-    found = np.empty(len(values))
-    for quantity in np.unique(rows.quantity):
-        same = rows.quantity == quantity
-        size = np.abs(values[same]).max() or 1.0
-        found[same] = (
-            FORCE_SCATTER * size
-            if quantity < 1
-            else max(_scatter(rows, values, same), LEAST_SCATTER * size)
-        )
-    return found
-
-
-def _scatter(rows: Rows, values: np.ndarray, same: np.ndarray) -> float:
-    """Return the standard deviation of one component of measured displacements, from its
-    differences from local quadratic fits.
-
-    The median over all places is that of a normal distribution, and does not notice the few places
-    where the field bends sharply. With too few places in each field it is 0.
-    """
-    found = []
-    for step in np.unique(rows.step[same]):
-        here = same & (rows.step == step)
-        places, once = np.unique(rows.places[here], axis=0, return_index=True)
-        u, d = values[here][once], places.shape[1]
-        count = NEIGHBORS if d == 2 else 20
-        if len(u) < 2 * count:
-            continue
-        # Row of the hat matrix of each place in its own fit: the variance of the residual is 1 - h.
-        near, hat = local_fit(places, places, count)
-        left = 1 - hat[:, 0]
-        residual = u - (hat * u[near]).sum(axis=1)
-        found.append((residual / np.sqrt(np.maximum(left, 1e-6)))[left > 1e-6])
-    return float(np.median(np.abs(np.concatenate(found))) / 0.6745) if found else 0.0

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..arguments import check_kind, check_names, check_numbers, in_order
 from ..identification import nominal_stress
@@ -21,7 +21,8 @@ from ..materials import Law
 from ..scenes import Scene
 from .asked import fine_spacing, scenes_of, stress_derivatives
 from .fitting import fitted
-from .measured import MeasuredScene, Rows, estimated_deviations
+from .measured import MeasuredScene
+from .scatter import Rows, estimated_deviations
 
 COLUMNS = ("step", "quantity", "x1", "x2", "x3")
 """Columns of a table of measurements; the last one for solids only."""
@@ -233,16 +234,8 @@ class SceneRegressor(LawEstimator):
                 "such as ['force', 'probes.tip.displacement.0'], or None for the force",
             )
         scenes_of(self)
-        self._check_table(X, y)
-        if sample_weight is not None:
-            check_numbers(sample_weight, "sample_weight", "give a number for each row of X")
-        X, y = validate_data(
-            self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True
-        )
-        weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        X, y, weight = self._checked(X, y, sample_weight)
         used = weight > 0
-        if not used.any():
-            raise ValueError("all sample weights are zero")
         self.tests_ = self._tests_of(X[used])
         self._warn_of_copies(y[used])
         deviation = self._deviations(X, y, standard_deviation)
@@ -352,7 +345,8 @@ class SceneRegressor(LawEstimator):
         ... ).tolist()
         [0.015]
         """
-        self._check_table(X, y)
+        for values, what in ((X, "X"), (y, "y")):
+            check_numbers(values, what, "give a row for each measurement")
         check_kind(
             stated,
             dict,
@@ -394,22 +388,6 @@ class SceneRegressor(LawEstimator):
         if (wrong := found[~((found > 0) & np.isfinite(found))]).size:
             raise ValueError(f"standard_deviation: {wrong[0]:g} is no standard deviation; {wanted}")
         return found
-
-    def _check_table(self, X, y) -> None:
-        """Raise ValueError for a table of measurements, or values, that are no numbers or none
-        at all.
-        """
-        columns = self.columns
-        check_numbers(
-            X,
-            "X",
-            (
-                f"it must have the columns {', '.join(columns)}, and a row for each measurement"
-                if columns
-                else "give numbers"
-            ),
-        )
-        check_numbers(y, "y", "give a measured value for each row of X")
 
     def _tests_of(self, X: np.ndarray) -> list[tuple[MeasuredScene, np.ndarray]]:
         """Return each scene with its rows of a table, and the numbers of these rows."""

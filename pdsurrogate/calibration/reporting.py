@@ -2,7 +2,6 @@
 calibrate``.
 """
 
-import csv
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..identification import MODES
+from ..identification.data import number_in, read_table
 from ..identification.reporting import parameters_of, plain
 from ..results.figures import DIVERGING, STYLE
 from ..results.tables import column_name
@@ -65,8 +65,8 @@ def output_of(column: str) -> str | None:
 
 def read_columns(
     path: Path, columns: tuple[str, ...], others: Callable[[str], object] = lambda name: False
-) -> tuple[np.ndarray, list[int], list[str]]:
-    """Return columns of numbers from a CSV file with a line of headings, (n, columns), the line of
+) -> tuple[np.ndarray, list[str], list[str]]:
+    """Return columns of numbers from a CSV file with a line of headings, (n, columns), the place of
     each row, and the names of the columns.
 
     They are those of `columns`, and then further ones that `others` chooses by their names, where
@@ -76,18 +76,14 @@ def read_columns(
     ------
     ValueError
         If the file cannot be read, lacks a column, has it twice or has no rows, or a row has more
-        entries than there are columns, or one that is no finite number; the message names the line.
+        or fewer entries than there are columns, or one that is no finite number; the message names
+        the line.
     """
     try:
-        lines = path.read_text("utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(
-            f"cannot read {path}: {getattr(error, 'strerror', None) or 'it is not UTF-8 text'}"
-        ) from None
-    lines = ["" if line.lstrip().startswith("#") else line for line in lines]
-    before = next((number for number, line in enumerate(lines) if line.strip()), 0)
-    reader = csv.DictReader(lines[before:])
-    names = [column_name(name.strip()) for name in reader.fieldnames or ()]
+        given, rows = read_table(path, str(path))
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror}") from None
+    names = [column_name(name.strip()) for name in given]
     if missing := [name for name in columns if name not in names]:
         found = f"there is no {missing[0]} among {', '.join(names) or 'none'}"
         raise ValueError(
@@ -99,57 +95,36 @@ def read_columns(
     ]
     if twice := [name for name in chosen if names.count(name) > 1]:
         raise ValueError(f"{path}: there are two columns {twice[0]}")
-    reader.fieldnames, found, numbers = names, [], []
-    for row in reader:
-        if None in row:
-            raise ValueError(
-                f"{path}, line {before + reader.line_num}: more entries than the {len(names)}"
-                " columns; decimals have points, not commas"
-            )
-        try:
-            empty = [name not in columns and not (row[name] or "").strip() for name in chosen]
-            found.append(
-                [
-                    np.nan if none else float(row[name])
-                    for name, none in zip(chosen, empty, strict=True)
-                ]
-            )
-        except (TypeError, ValueError):
-            raise ValueError(
-                f"{path}, line {before + reader.line_num}: {', '.join(chosen)} must be numbers"
-            ) from None
-        if not (np.isfinite(found[-1]) | empty).all():
-            raise ValueError(
-                f"{path}, line {before + reader.line_num}: {', '.join(chosen)} must be finite"
-                " numbers"
-            )
-        numbers.append(before + reader.line_num)
+    keys = [given[names.index(name)] for name in chosen]
+    found = [
+        [
+            np.nan if name not in columns and not row[key].strip() else number_in(row, key, where)
+            for name, key in zip(chosen, keys, strict=True)
+        ]
+        for where, row in rows
+    ]
     if not found:
         raise ValueError(f"{path}: there are no rows")
-    return np.array(found), numbers, chosen
+    return np.array(found), [where for where, _ in rows], chosen
 
 
-def _check_rows(scene: Scene, path: Path, found: np.ndarray, lines: list[int]) -> None:
-    """Raise ValueError with the line of a step, the first column, that the scene does not have,
+def _check_rows(scene: Scene, found: np.ndarray, places: list[str]) -> None:
+    """Raise ValueError with the place of a step, the first column, that the scene does not have,
     or of a copy of an earlier row.
     """
     most = len(scene.stretches) if scene.stretched else np.inf
-    for step, line in zip(found[:, 0], lines, strict=True):
+    for step, where in zip(found[:, 0], places, strict=True):
         if step != round(step) or not 1 <= step <= most:
             known = (
                 f"1 to {most}, the stretches of scene {scene.name}"
                 if scene.stretched
                 else f"the outputs of scene {scene.name} from 1"
             )
-            raise ValueError(
-                f"{path}, line {line}: step {step:g}, but the steps are whole numbers: {known}"
-            )
+            raise ValueError(f"{where}: step {step:g}, but the steps are whole numbers: {known}")
     first = np.unique(found, axis=0, return_index=True)[1]
     if len(first) < len(found):
-        raise ValueError(
-            f"{path}, line {lines[np.delete(np.arange(len(found)), first)[0]]}: this row is a copy"
-            " of an earlier one"
-        )
+        where = places[np.delete(np.arange(len(found)), first)[0]]
+        raise ValueError(f"{where}: this row is a copy of an earlier one")
 
 
 def measurements(
@@ -166,17 +141,17 @@ def measurements(
         raise ValueError("there is nothing to fit: give --fields, --forces or both")
     if fields is not None:
         axes = range(1, d + 1)
-        found, lines, _ = read_columns(
+        found, places, _ = read_columns(
             fields, ("step", *(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes))
         )
-        _check_rows(scene, fields, found, lines)
+        _check_rows(scene, found, places)
         for axis in axes:
             tables.append(
                 np.column_stack([found[:, 0], np.full(len(found), axis), found[:, 1 : 1 + d]])
             )
             values.append(found[:, d + axis])
     if forces is not None:
-        found, lines, (_, *names) = read_columns(
+        found, places, (_, *names) = read_columns(
             forces, ("step",), lambda name: output_of(name) or name == "evaluations"
         )
         if "evaluations" in names:
@@ -189,7 +164,7 @@ def measurements(
                 f"{forces}: there is no column force, nor another one with a measurement, as"
                 " history.csv of a run has them (force_right_1, tip_displacement_2)"
             )
-        _check_rows(scene, forces, found, lines)
+        _check_rows(scene, found, places)
         outputs = {name: str(output_of(name)) for name in names}
         for number, column in enumerate(found[:, 1:].T):
             there = np.isfinite(column)

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from typer import Argument, Option
 
-from ..artifacts.store import new_artifact, next_version
+from ..artifacts.places import new_artifact, next_version
 from ..calibration import SceneRegressor, reporting
 from ..calibration.measured import DISPLACEMENTS, FORCES
 from ..identification.regressor import N_TERMS

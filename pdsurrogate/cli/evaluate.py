@@ -5,12 +5,9 @@ from typing import Annotated
 from typer import Argument, Option
 
 from .. import learning
-from ..artifacts.store import (
-    find_artifact,
-    load_card,
-    load_surrogate,
-)
+from ..artifacts.places import find_artifact
 from ..artifacts.store import law_of as stored_law
+from ..artifacts.store import load_card, load_surrogate
 from ..forces import FORCES, EnergySurrogate, ForceSurrogate
 from ..learning.sampling import checked_range
 from ..learning.target import REPORT_SEED, REPORTED_STATES

@@ -9,13 +9,8 @@ from typing import Annotated, get_type_hints
 import numpy as np
 from typer import Argument, Option
 
-from ..artifacts.store import (
-    load_card,
-    load_surrogate,
-    new_artifact,
-    next_version,
-    own_folder,
-)
+from ..artifacts.places import new_artifact, next_version, own_folder
+from ..artifacts.store import load_card, load_surrogate
 from ..identification import figure, load_test_data, reporting
 from ..identification.data import TestData
 from ..identification.regressor import N_TERMS

@@ -13,7 +13,8 @@ from typing import Annotated
 import numpy as np
 from typer import Argument, Option
 
-from ..artifacts.store import ArtifactError, called, find_artifact, list_artifacts, load_card
+from ..artifacts import ArtifactError, find_artifact, list_artifacts, load_card
+from ..artifacts.store import called
 from ..forces import FORCES
 from ..materials import LAWS
 from ..results.contents import leaves_of

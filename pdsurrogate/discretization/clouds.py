@@ -20,6 +20,7 @@ from ..body import Cells
 from ..engine.compile import cache_folder
 from ..engine.threads import Chunks, chunks_of
 from ..kernels.samples import sum_nearest
+from .cells import MOST_PLACES, lattice_of, whole_and_cut
 
 UNITS = 2**16
 """Side of a cell of the grid of samples, in the integers that all coordinates are: squared
@@ -46,9 +47,6 @@ METRIC = 2**10
 squares are rounded to integers.
 """
 
-MOST_PLACES = 1_000_000
-"""Number of samples tested together."""
-
 MOST_THREADS, CHUNKS = 8, 256
 """Greatest number of threads, each of which needs memory for sums at all points, and number of
 parts of the grid that they share.
@@ -63,8 +61,6 @@ LEAST_KEPT = 20_000
 
 def relaxed_points(
     cells: Cells,
-    whole: np.ndarray,
-    cut: np.ndarray,
     material: Callable[[np.ndarray], np.ndarray],
     spacing: float,
     seed: int,
@@ -80,10 +76,6 @@ def relaxed_points(
     ----------
     cells : Cells
         Grid of cells about as large as a point's volume that fill the box around the body.
-    whole : ndarray of bool, shape (cells,)
-        Flags of the cells that lie in material.
-    cut : ndarray of int
-        Numbers of the cells that the boundary of the body may cut.
     material : callable
         ``material(places)`` flags places, shape (k, d), in material.
     spacing : float
@@ -92,7 +84,7 @@ def relaxed_points(
     seed : int
         Number of the cloud; other seeds give other clouds.
     """
-    samples = Samples.of(cells, whole, cut, material)
+    samples = Samples.of(cells, material)
     n = max(1, round(samples.total * samples.volume / spacing ** len(cells.counts)))
     path = _path_of(samples, n, seed) if n >= LEAST_KEPT else None
     found = None if path is None else _kept(path)
@@ -106,15 +98,13 @@ def relaxed_points(
 
 def nearest_volumes(
     cells: Cells,
-    whole: np.ndarray,
-    cut: np.ndarray,
     material: Callable[[np.ndarray], np.ndarray],
     points: np.ndarray,
 ) -> np.ndarray:
     """Return the volumes of a part of the body nearest to each of its points, shape (n,); for
     the part see `relaxed_points`.
     """
-    samples = Samples.of(cells, whole, cut, material)
+    samples = Samples.of(cells, material)
     places = np.zeros((len(points), 3))
     places[:, : points.shape[1]] = np.rint(
         (points - np.array(cells.lower)) / np.array(cells.sides) * UNITS
@@ -146,19 +136,14 @@ class Samples:
     masks: np.ndarray
 
     @classmethod
-    def of(
-        cls,
-        cells: Cells,
-        whole: np.ndarray,
-        cut: np.ndarray,
-        material: Callable[[np.ndarray], np.ndarray],
-    ) -> Samples:
+    def of(cls, cells: Cells, material: Callable[[np.ndarray], np.ndarray]) -> Samples:
         """Return the samples of a body; for the arguments see `relaxed_points`."""
+        whole, cut = whole_and_cut(cells, material)
         d, sides, centers = len(cells.counts), np.array(cells.sides), cells.centers()
         width = SAMPLES[d]
         along = (2 * np.arange(width) + 1) * (UNITS // width // 2)
         raster = np.zeros((3, width**d))
-        raster[:d] = np.stack(np.meshgrid(*[along] * d, indexing="ij")[::-1]).reshape(d, -1)
+        raster[:d] = lattice_of(*[along] * d).T[::-1]
         places = (raster[:d].T / UNITS - 0.5) * sides
         masks = np.zeros((len(cut), width**d), dtype=np.uint8)
         for some in np.array_split(np.arange(len(cut)), masks.size // MOST_PLACES + 1):

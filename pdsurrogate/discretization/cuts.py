@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -15,9 +14,7 @@ from ..body import Cells, ReflectionPlane
 from ..kernels.polygons import encloses
 from ..scenes.shapes import ENDS
 from ..scenes.solids import AnyPrecut
-
-if TYPE_CHECKING:
-    import shapely
+from .cells import lattice_of
 
 BESIDE = 8.0
 """Distance, in those within which places coincide, by which points on a cut are moved to its side.
@@ -29,11 +26,6 @@ form an angle of 90 degrees, by more than 4.2.
 ALONG_ROWS = 1e-3
 """Greatest distance, in cells, of the ends of a cut from a line (plane) between cells that still
 counts as lying along it.
-"""
-
-Crosses = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Function that takes starts and ends of segments (k, d) and returns flags (k,) of those that
-cross a cut.
 """
 
 
@@ -51,6 +43,8 @@ class Cuts:
         Distance within which places coincide.
     inside : callable
         ``inside(places)`` returns whether places (k, d) lie in the body, shape (k,).
+    planes : sequence of ReflectionPlane, optional
+        Planes beyond which the body and its cuts are continued by mirror images.
 
     Attributes
     ----------
@@ -65,16 +59,21 @@ class Cuts:
         pieces: Sequence[AnyPrecut],
         rounding: float,
         inside: Callable[[np.ndarray], np.ndarray],
+        planes: Sequence[ReflectionPlane] = (),
     ) -> None:
-        self.pieces, self._rounding, self._inside = pieces, rounding, inside
+        self.pieces, self._rounding, self._inside, self._planes = pieces, rounding, inside, planes
         self.beside = 4 * BESIDE * rounding
 
+    def only(self, number: int) -> Cuts:
+        """Return the cut of one piece alone."""
+        return Cuts(self.pieces[number : number + 1], self._rounding, self._inside, self._planes)
+
     def touched(self, number: int, places: np.ndarray) -> np.ndarray:
-        """Return which places (k, d) on a piece, given by its number, another piece touches or
-        the boundary of the body.
+        """Return which places (k, d) on a piece, given by its number, another piece touches, the
+        boundary of the body or a plane of reflection.
         """
         axes = np.eye(places.shape[1])
-        touched = np.zeros(len(places), dtype=bool)
+        touched = self._depths(places) <= self._rounding
         for step in (*axes, *-axes):
             touched |= ~self._inside(places + self._rounding * step)
         for other, piece in enumerate(self.pieces):
@@ -82,12 +81,24 @@ class Cuts:
                 touched |= piece.distances(places) <= self._rounding
         return touched
 
-    def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return which segments from `starts` to `ends` (k, d) are cut.
+    def crosses(
+        self, starts: np.ndarray, ends: np.ndarray, planes: Sequence[ReflectionPlane] | None = None
+    ) -> np.ndarray:
+        """Return which segments from `starts` to `ends` (k, d) are cut; beyond the reflection
+        planes (all, or `planes`) cuts are continued by their mirror images.
 
         Points on a cut count as lying to the left of each piece on which they are, in space on the
         side of its normal.
         """
+        crossing, planes = self._cross(starts, ends), self._planes if planes is None else planes
+        for number, plane in enumerate(planes):
+            beyond = np.flatnonzero(plane.mirrored(ends)[1] < 0)
+            images = (2 * plane.mirrored(end)[0] - end for end in (starts[beyond], ends[beyond]))
+            crossing[beyond] |= self.crosses(*images, planes[number + 1 :])
+        return crossing
+
+    def _cross(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return which segments meet a cut where it lies on the body's side of all planes."""
         near, beside = np.zeros(len(starts), dtype=bool), BESIDE * self._rounding
         for piece in self.pieces:
             place, normal, _ = piece.plane()
@@ -111,35 +122,22 @@ class Cuts:
         Each is given by its two ends (2, 2). Parts outside the body, of which `boundary` are the
         two ends of each facet (f, 2, 2), are left out.
         """
-        for number, piece in enumerate(self.pieces):
-            ends = piece.edge(1.0)[0]
-            start, along = ends[0], ends[1] - ends[0]
-            length = float(np.linalg.norm(along))
-            shares = [0.0, 1.0]
-            for other in (piece for index, piece in enumerate(self.pieces) if index != number):
-                theirs = other.edge(1.0)[0]
-                met = [piece.met_by(theirs[:1], theirs[1:], self._rounding)[1], theirs]
-                places = np.concatenate(met)
-                places = places[
-                    (piece.distances(places) <= self._rounding)
-                    & (other.distances(places) <= self._rounding)
-                ]
-                shares += ((places - start) @ along / length**2).tolist()
-            starts, sides = boundary[:, 0] - start, boundary[:, 1] - boundary[:, 0]
-            across = along[0] * sides[:, 1] - along[1] * sides[:, 0]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                share = (starts[:, 0] * sides[:, 1] - starts[:, 1] * sides[:, 0]) / across
-                of_side = (starts[:, 0] * along[1] - starts[:, 1] * along[0]) / across
-            shares += share[
-                (of_side >= -ENDS) & (of_side <= 1 + ENDS) & (share > 0) & (share < 1)
-            ].tolist()
-            shares = np.unique(np.clip(shares, 0, 1))
-            for low, high in pairwise(
-                shares[np.append(True, np.diff(shares) > self._rounding / length)]
-            ):
-                part = start + np.array([[low], [high]]) * along
-                if encloses(part.mean(axis=0)[None], boundary[:, 0], boundary[:, 1])[0]:
-                    yield part
+        import shapely  # here, because few bodies need it
+
+        lines = shapely.linestrings([piece.edge(1.0)[0] for piece in self.pieces])
+        for number, line in enumerate(lines):
+            others = np.delete(lines, number)
+            met = shapely.get_parts(
+                shapely.intersection(line, [*others, shapely.multilinestrings(boundary)])
+            )
+            ends = shapely.points(shapely.get_coordinates(others))
+            ends = ends[shapely.dwithin(line, ends, self._rounding)]
+            met = np.concatenate([met[shapely.get_dimensions(met) == 0], ends])
+            along = np.unique([0, *shapely.line_locate_point(line, met), shapely.length(line)])
+            along = along[np.append(True, np.diff(along) > self._rounding)]
+            for part in pairwise(shapely.get_coordinates(line.interpolate(along))):
+                if encloses(np.mean(part, axis=0)[None], boundary[:, 0], boundary[:, 1])[0]:
+                    yield np.array(part)
 
     def flat_parts(
         self,
@@ -169,7 +167,9 @@ class Cuts:
             section = shapely.build_area(
                 shapely.multilinestrings((_sections(nodes, facets, place, normal) - place) @ axes.T)
             )
-            face = section.intersection(_hull((outlines[number] - place) @ axes.T))
+            # As a polygon, ends of an outline that differ by rounding would make it invalid.
+            outline = shapely.multipoints((outlines[number] - place) @ axes.T)
+            face = section.intersection(outline.convex_hull)
             traces = []
             for outline in outlines:
                 ring = np.arange(len(outline))
@@ -177,7 +177,6 @@ class Cuts:
                     outline, np.stack([ring, np.roll(ring, -1)], axis=1), place, normal
                 )
                 traces += [(ends.reshape(2, 3) - place) @ axes.T] if len(ends) == 2 else []
-            shapely.prepare(face)
             for part in shapely.get_parts(face):
                 low, high = np.reshape(part.bounds, (2, 2))
                 through = []
@@ -194,9 +193,7 @@ class Cuts:
                 counts = np.maximum(
                     1, np.rint(np.linalg.norm((high - low)[:, None] * axes / cell, axis=1))
                 ).astype(int)
-                grid = np.stack(
-                    np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1
-                ).reshape(-1, 2)
+                grid = lattice_of(*map(np.arange, counts))
                 size = (high - low) / counts
                 tiles = shapely.box(*(low + grid * size).T, *(low + (grid + 1) * size).T)
                 whole = shapely.contains_properly(face, tiles)
@@ -206,15 +203,18 @@ class Cuts:
                 for trace in traces:
                     tiles = _split(tiles, trace, np.linalg.norm(high - low))
                 areas = shapely.area(tiles)
-                tiles, areas = (
-                    tiles[areas > self._rounding * size.min()],
-                    areas[areas > self._rounding * size.min()],
-                )
+                large = areas > self._rounding * size.min()
+                tiles, areas = tiles[large], areas[large]
                 centers = shapely.get_coordinates(shapely.centroid(tiles))
                 for along, level in through:
                     across = np.abs(centers[:, along] - level) < size[along] / 2
                     centers[across & (counts[along] % 2 == 1), along] = level
                 yield place + centers @ axes, -side * areas[:, None] * normal
+
+    def _depths(self, places: np.ndarray) -> np.ndarray:
+        """Return the least depths of places (k, d) below the planes of reflection, shape (k,)."""
+        depths = (plane.mirrored(places)[1] for plane in self._planes)
+        return np.min([np.full(len(places), np.inf), *depths], axis=0)
 
     def _belong(self, number: int, places: np.ndarray) -> np.ndarray:
         """Return which places (k, d) on the plane of a piece belong to it: those within it, and
@@ -225,7 +225,7 @@ class Cuts:
         edge = np.flatnonzero(~found & (piece.distances(places) <= self._rounding))
         if len(edge):
             found[edge] = self.touched(number, places[edge])
-        return found
+        return found & (self._depths(places) >= -self._rounding)
 
     def _lie_on(self, number: int, places: np.ndarray) -> np.ndarray:
         place, normal, _ = self.pieces[number].plane()
@@ -345,15 +345,6 @@ def _outline(piece: AnyPrecut, cell: float) -> np.ndarray:
     places, outward, lengths = piece.edge(cell / 4)
     ways = np.cross(piece.plane()[1], outward) * lengths[:, None] / 2
     return np.stack([places - ways, places + ways], axis=1).reshape(-1, 3)
-
-
-def _hull(places: np.ndarray) -> shapely.Geometry:
-    """Return the convex hull of places (k, 2); as a polygon, ends of an outline that differ by
-    rounding would make it invalid.
-    """
-    import shapely  # here, because few bodies need it
-
-    return shapely.convex_hull(shapely.multipoints(places))
 
 
 def _sections(

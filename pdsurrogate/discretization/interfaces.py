@@ -10,19 +10,8 @@ import scipy
 from ..body import Round
 from ..body.body import lengths_of, owners_and_items
 from ..scenes import Region, Scene
+from .cells import MOST_PLACES, nearest_of
 from .chains import ROUNDING
-
-MOST_PLACES = 1_000_000
-"""Number of sampled places in cells whose sides are found together. Chosen: their coordinates
-take 16 or 24 MB.
-"""
-
-TIED = 1e-6
-"""Relative difference of distances up to which points are equally near to a part of a cell, which
-is then divided among them: on the diagonal of a circle rounding, and so the unit of length, would
-otherwise choose one of two. Chosen: far above rounding, and far below the distance of sampled
-places.
-"""
 
 
 def round_interfaces(scene: Scene) -> tuple[Round, ...]:
@@ -52,29 +41,21 @@ def sides_of(
     interface, to rounding, lies within it, as in the region that it bounds.
     """
     around = np.zeros((1, places.shape[1])) if raster is None else raster
-    numbers, limits = (
-        np.zeros((len(places), len(around)), dtype=np.int64),
-        [each.radius * (1 + ROUNDING) for each in rounds],
-    )
-    row, which = _beside(
-        places, rounds, np.array(limits) + np.linalg.norm(around, axis=1).max() * (1 + ROUNDING)
-    )
-    level = np.arange(len(row)) - np.searchsorted(row, row)
-    for number in range(level.max(initial=-1) + 1):
-        rows, of_rows = row[level == number], which[level == number]
-        centers, radii = (
-            np.array([values[k] for k in of_rows])
-            for values in ([each.center for each in rounds], limits)
-        )
-        within = (
-            np.linalg.norm(places[rows, None] + around - centers[:, None], axis=2) <= radii[:, None]
-        )
-        # The digits of the number, to a base that is greater by one than the count of shapes, are
-        # the shapes that contain the place.
-        numbers[rows] = np.where(
-            within, numbers[rows] * (len(rounds) + 1) + of_rows[:, None] + 1, numbers[rows]
-        )
+    numbers = np.zeros((len(places), len(around)), dtype=np.int64)
+    centers, radii = _arrays_of(rounds)
+    limits = radii * (1 + ROUNDING)
+    reach = np.linalg.norm(around, axis=1).max() * (1 + ROUNDING)
+    row, which = _beside(places, rounds, limits + reach)
+    away = np.linalg.norm(places[row, None] + around - centers[which, None], axis=2)
+    # Sums of random numbers of 62 bits differ where different shapes contain places.
+    keys = np.random.default_rng(0).integers(2**62, size=len(rounds))
+    np.add.at(numbers, row, (away <= limits[which, None]) * keys[which, None])
     return numbers[:, 0] if raster is None else numbers
+
+
+def _arrays_of(rounds: Sequence[Round]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the centers (r, d) and radii (r,) of round shapes."""
+    return np.array([each.center for each in rounds]), np.array([each.radius for each in rounds])
 
 
 def _beside(
@@ -115,11 +96,8 @@ def divided_volumes(
     rounds : sequence of Round
     """
     half, found = np.linalg.norm(sides) / 2, volumes.copy()
-    row, which = _beside(points, rounds, np.array([each.radius for each in rounds]) + half)
-    centers, radii = (
-        np.array([each.center for each in rounds]),
-        np.array([each.radius for each in rounds]),
-    )
+    centers, radii = _arrays_of(rounds)
+    row, which = _beside(points, rounds, radii + half)
     row = np.unique(row[lengths_of(points[row] - centers[which]) > radii[which] - half])
     whole = np.flatnonzero(np.isclose(volumes, sides.prod(), rtol=1e-9, atol=0))
     cut, own = np.intersect1d(row, whole), sides_of(points, rounds)
@@ -137,12 +115,9 @@ def divided_volumes(
                 mine, heirs = other == side, whole[own[whole] == side]
                 if not len(heirs):  # an inclusion smaller than a cell has no point
                     continue
-                tree = scipy.spatial.cKDTree(points[heirs])
-                giver, heir = owners_and_items(
-                    tree.query_ball_point(middles[mine], tree.query(middles[mine])[0] * (1 + TIED))
-                )
+                giver, heir, share = nearest_of(points[heirs], middles[mine])
                 volume = sides.prod() * part[mine].mean(axis=1)
                 found[cells[mine]] -= volume
-                np.add.at(found, heirs[heir], (volume / np.bincount(giver))[giver])
+                np.add.at(found, heirs[heir], share * volume[giver])
             numbers = np.where(part, own[cells, None], numbers)
     return found

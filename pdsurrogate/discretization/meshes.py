@@ -1,198 +1,18 @@
-"""Bodies from mesh files: the contents of a file, the points that its cells become, its boundary
-and its groups.
-"""
+"""Bodies from mesh files: their boundary and its groups."""
 
 from __future__ import annotations
 
-import io
-import math
-import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
-from ..body import CellMesh
-from ..body.cell_mesh import FACES, side_numbers
-from ..scenes import Mesh
-from .chains import ROUNDING, same_places
-
-CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
-"""Accepted types of cells by dimension, by their names in meshio; names of quadratic cells end
-with their number of nodes.
-"""
-
-EDGES = {
-    "triangle": ((0, 1), (1, 2), (2, 0)),
-    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
-    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    "hexahedron": (
-        (0, 1),
-        (1, 2),
-        (2, 3),
-        (3, 0),
-        (4, 5),
-        (5, 6),
-        (6, 7),
-        (7, 4),
-        (0, 4),
-        (1, 5),
-        (2, 6),
-        (3, 7),
-    ),
-}
-"""Edges of a cell by the numbers of their corners, in the order in which the middles of edges
-follow the corners in a quadratic cell.
-"""
-
-QUADRATIC = ("triangle6", "triangle7", "quad8", "quad9", "tetra10", "hexahedron20", "hexahedron27")
-"""Quadratic cells by their names in meshio, which become cells with the same corners and
-straight edges.
-"""
-
-CURVED = 1e-3
-"""Distance of the middle of an edge from the line between its ends, in lengths of the edge, above
-which a warning tells that the edge is curved. Chosen: a straight edge then changes the area of a
-cell by less than a thousandth.
-"""
-
-FLAT = 1e-3
-"""Greatest inclination of the cells of a flat mesh, and greatest extent across its plane divided by
-that along it. Chosen: flattening changes lengths by the square of the inclination, a millionth; the
-noise of CAD programs across a plane is far less.
-"""
-
-BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
-"""First letters of meshio's names of points, edges and faces, which a mesh may list in addition
-to its cells.
-"""
-
-BESIDE_CORNERS = {
-    4: [[1, 2, 3]],
-    8: [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]],
-}
-"""Corners to which the three edges at each corner of a solid cell lead, in right-handed order, by
-the cell's number of corners.
-
-For tetrahedra only corner 0 is listed: the edges at every corner span the same volume, whose sign
-tells whether the cell is inverted.
-"""
-
-
-@dataclass(frozen=True)
-class MeshFile:
-    """Contents of a mesh file.
-
-    Attributes
-    ----------
-    nodes : ndarray, shape (k, d)
-        Positions.
-    cells : tuple of ndarray of int, shapes (n, corners)
-        Corners of the triangles and quadrilaterals, or tetrahedra and hexahedra, block by block;
-        cells are numbered through all blocks.
-    cell_groups : mapping of str to ndarray of int
-        Numbers of the cells in each physical group of cells.
-    side_groups : mapping of str to ndarray of int, shape (l, 2) or (l, 4)
-        Nodes of the lines (in three dimensions faces) in each physical group of lines (faces); a
-        triangle repeats its last node.
-    """
-
-    nodes: np.ndarray
-    cells: tuple[np.ndarray, ...]
-    cell_groups: Mapping[str, np.ndarray]
-    side_groups: Mapping[str, np.ndarray]
-
-    def corners(self) -> list[np.ndarray]:
-        """Return the positions of the corners of the cells, an array of shape (n, corners, d)
-        for every block of `cells`.
-        """
-        return [self.nodes[block] for block in self.cells]
-
-    def centroids(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return centroids (n, d) and volumes (n,) of all cells."""
-        points, volumes = zip(*map(centroids, self.corners()), strict=True)
-        return np.concatenate(points), np.concatenate(volumes)
-
-    def sides(self) -> Sides:
-        """Return the sides of the cells: edges in two dimensions, faces in three."""
-        extent = np.ptp(self.nodes, axis=0).max()
-        # Nodes at one place are one: scenes state cracks as precuts, and bonds need no common
-        # nodes.
-        number = same_places(self.nodes, ROUNDING * extent)
-        blocks = self.cells
-        if self.nodes.shape[1] == 2:
-            clockwise = [volumes_of(places).sum(axis=1) < 0 for places in self.corners()]
-            blocks = [
-                np.where(turned[:, None], block[:, ::-1], block)
-                for turned, block in zip(clockwise, blocks, strict=True)
-            ]
-        return Sides(
-            *CellMesh(self.nodes, tuple(number[block] for block in blocks)).sides(), number
-        )
-
-    def groups_of_cells(self) -> dict[str, np.ndarray]:
-        """Return the numbers of the cells in every physical group; a group of lines or faces
-        contains the cells that have them as sides.
-        """
-        groups = dict(self.cell_groups)
-        if self.side_groups:
-            sides = self.sides()
-            for name, members in self.side_groups.items():
-                groups[name] = np.unique(sides.owners[sides.among(members)])
-        return groups
-
-
-@dataclass(frozen=True)
-class Sides:
-    """Sides (edges in the plane, faces in three dimensions) of the cells of a mesh; a side that two
-    cells share is listed twice.
-
-    Attributes
-    ----------
-    corners : ndarray of int, shape (e, 2) or (e, 4)
-        Nodes, counter-clockwise around the cell; of faces, counter-clockwise as seen from outside,
-        the last twice where it is a triangle.
-    owners : ndarray of int, shape (e,)
-        Cell to which each side belongs.
-    number : ndarray of int, shape (k,)
-        Node that `corners` has in place of each node of the file: where several nodes have the same
-        position, the first of these.
-    """
-
-    corners: np.ndarray
-    owners: np.ndarray
-    number: np.ndarray
-
-    def among(self, members: np.ndarray) -> np.ndarray:
-        """Return flags of the sides that occur in a list of sides, `members`, given by nodes of
-        the file, shape (l, 2) or (l, 4).
-        """
-        numbers = side_numbers(np.concatenate([self.corners, self.number[members]]))
-        return np.isin(numbers[: len(self.corners)], numbers[len(self.corners) :])
-
-    def boundary(self, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sides on the boundary of a part of the cells, such as those in no hole.
-
-        Parameters
-        ----------
-        kept : ndarray of bool, shape (cells,)
-            Flags of the cells of this part.
-
-        Returns
-        -------
-        sides : ndarray of int, shape (b,)
-            Numbers of the boundary sides.
-        beyond : ndarray of int, shape (b,)
-            Cell on the other side, which does not belong to the part; -1 where there is none.
-        """
-        numbers, kept = side_numbers(self.corners), kept[self.owners]
-        times, other = np.bincount(numbers[kept], minlength=len(numbers)), np.full(len(numbers), -1)
-        other[numbers[~kept]] = self.owners[~kept]
-        sides = np.flatnonzero(kept & (times[numbers] == 1))
-        return sides, other[numbers[sides]]
+from ..body.cell_mesh import among, outward
+from ..body.surface import IN_PLANE
+from ..ranks.share import connected
+from ..scenes import Mesh, Scene
+from ..scenes.model import EDGES
+from ..scenes.regions import edge_names
+from .mesh_files import MeshFile, read_mesh
 
 
 def mesh_of(mesh: Mesh) -> MeshFile:
@@ -209,351 +29,96 @@ def mesh_of(mesh: Mesh) -> MeshFile:
     if not path.is_file():
         raise ValueError(f"body.file: the file {mesh.file} does not exist")
     state = path.stat()
-    return _read(mesh.file, mesh.dimension, state.st_mtime_ns, state.st_size)
+    return read_mesh(mesh.file, mesh.dimension, state.st_mtime_ns, state.st_size)
 
 
-@lru_cache(maxsize=1)
-def _read(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
-    import meshio
+def boundary_of_mesh(
+    scene: Scene, lower: np.ndarray, upper: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Return the boundary of a mesh body in a box: sides of cells, given by nodes at their corners,
+    names of their parts, and numbers of the sides of each group, see `Surface`.
 
-    printed = io.StringIO()
-    try:
-        with redirect_stdout(printed), redirect_stderr(printed):
-            read = meshio.read(file)
-    except (
-        Exception,
-        SystemExit,
-        # meshio's readers raise errors of any type, and print and exit if none accepts the file
-    ) as error:
-        reason = printed.getvalue() if isinstance(error, SystemExit) else error
-        raise ValueError(
-            f"body.file: meshio cannot read {file}: {' '.join(str(reason).split())}"
-        ) from None
-    points = np.asarray(read.points, dtype=float)
-    if not np.isfinite(points).all():
-        raise ValueError(
-            f"body.file: node {np.argwhere(~np.isfinite(points))[0, 0]} of {file} has a position"
-            " that is not finite"
-        )
-    # Points, edges and faces are those of boundaries and may be skipped; skipping cells of other
-    # types would leave holes.
-    kinds = {_kind(block.type) for block in read.cells if len(block.data)}
-    refused = sorted(
-        kind
-        for kind in kinds - set(CELL_TYPES[dimension])
-        if not kind.startswith(BESIDE_CELLS[dimension])
-    )
-    if refused:
-        advice = (
-            "; set dimension = 3 for a solid"
-            if dimension == 2 and kinds & set(CELL_TYPES[3])
-            else ""
-        )
-        raise ValueError(
-            f"body.file: {file} has {', '.join(refused)} cells; use only"
-            f" {' and '.join(CELL_TYPES[dimension])}{advice}"
-        )
-    cells = []
-    for block in read.cells:
-        kind = _kind(block.type)
-        if kind in CELL_TYPES[dimension]:
-            count = max(map(max, EDGES[kind])) + 1
-            cells.append(block.data[:, :count])
-            if block.type != kind:
-                _warn_of_curves(
-                    file,
-                    points[cells[-1][:, np.array(EDGES[kind])]],
-                    points[block.data[:, count : count + len(EDGES[kind])]],
-                )
-    if not any(map(len, cells)):
-        words, flat = (
-            ("triangles or quadrilaterals", False)
-            if dimension == 2
-            else ("tetrahedra or hexahedra", kinds & set(CELL_TYPES[2]))
-        )
-        raise ValueError(
-            f"body.file: {file} has no {words}"
-            + ("; set dimension = 2 for a sheet" if flat else "")
-        )
-    if dimension == 3:
-        for block in cells:
-            _check_solid_cells(file, points[block])
-    elif points.shape[1] == 3:
-        points = _flattened(file, points, cells)
-    cell_groups, side_groups = _groups(file, read, dimension)
-    return MeshFile(points, *_each_once(cells, cell_groups), side_groups)
-
-
-def _kind(name: str) -> str:
-    """Return the type of linear cell that has the corners of cells of the type `name`; a type
-    that is not read remains as it is.
+    Cells whose centroids lie in holes of the scene are left out. A boundary around empty space of
+    the mesh itself is a hole too; such holes are numbered after the holes of the scene, from left
+    to right.
     """
-    return name.rstrip("0123456789") if name in QUADRATIC else name
-
-
-def _warn_of_curves(file: str, ends: np.ndarray, middles: np.ndarray) -> None:
-    """Warn of edges with `ends` (n, edges, 2, d) that are curved, by the places of their
-    `middles` (n, edges, d); see `CURVED`.
-    """
-    along, off = ends[:, :, 1] - ends[:, :, 0], middles - ends[:, :, 0]
-    squares = np.einsum("nec,nec->ne", along, along)
-    off = (
-        off
-        - (np.einsum("nec,nec->ne", off, along) / np.maximum(squares, 1e-300))[..., None] * along
-    )
-    greatest = float(
-        np.sqrt(np.einsum("nec,nec->ne", off, off) / np.maximum(squares, 1e-300)).max(initial=0.0)
-    )
-    if greatest > CURVED:
-        what = f"{file} has curved edges, by up to {100 * greatest:.2g} % of their length"
-        warnings.warn(
-            f"body.file: {what}: they become straight lines between corners; a finer mesh follows"
-            " the curve",
-            stacklevel=7,
-        )
-
-
-def _flattened(file: str, points: np.ndarray, cells: list[np.ndarray]) -> np.ndarray:
-    """Return the places (k, 2) of points (k, 3) in the coordinate plane in which flat `cells`
-    lie, the lower of its two axes first.
-    """
-    corners = [points[block] for block in cells]
-    # A triangle by two sides, a quadrilateral by its diagonals.
-    areas = np.concatenate(
-        [
-            np.cross(each[:, -2] - each[:, 0], each[:, -1] - each[:, each.shape[1] - 3])
-            for each in corners
-        ]
-    )
-    across = int(np.abs(areas).sum(axis=0).argmax())
-    extents = np.ptp(np.concatenate([block.reshape(-1, 3) for block in corners]), axis=0)
-    inclined = np.linalg.norm(np.delete(areas, across, axis=1), axis=1) > FLAT * np.abs(
-        areas[:, across]
-    )
-    if inclined.any() or extents[across] > FLAT * extents.max():
-        raise ValueError(
-            f"body.file: {file} is not flat, or not parallel to two axes: turn it into the plane of"
-            " x1 and x2"
-        )
-    return np.delete(points, across, axis=1)
-
-
-def _each_once(
-    cells: list[np.ndarray], groups: Mapping[str, np.ndarray]
-) -> tuple[tuple[np.ndarray, ...], dict[str, np.ndarray]]:
-    """Return the cells, block by block, and groups of their numbers, with cells of equal corners as
-    one.
-
-    meshio lists a cell of two physical groups of gmsh's version 2 twice.
-    """
-    first, starts = np.arange(sum(map(len, cells))), np.cumsum([0, *map(len, cells)])
-    for width in {block.shape[1] for block in cells}:
-        alike = [number for number, block in enumerate(cells) if block.shape[1] == width]
-        numbers = np.concatenate(
-            [np.arange(starts[number], starts[number + 1]) for number in alike]
-        )
-        _, chosen, which = np.unique(
-            side_numbers(np.concatenate([cells[number] for number in alike])),
-            return_index=True,
-            return_inverse=True,
-        )
-        first[numbers] = numbers[chosen[which]]
-    kept = first == np.arange(len(first))
-    number = (np.cumsum(kept) - 1)[first]
-    return CellMesh.of_mesh(np.empty(0), cells, kept).blocks, {
-        name: np.unique(number[members]) for name, members in groups.items()
+    mesh = mesh_of(scene.body)
+    middles, _ = mesh.centroids()
+    hole = np.full(len(middles), -1)
+    for number, shape in reversed(list(enumerate(scene.holes))):
+        hole[shape.contains(middles)] = number
+    sides, owners, beyond = mesh.cells.boundary(hole < 0)
+    parts = np.where(beyond < 0, "outline", np.char.add("holes.", hole[beyond].astype(str)))
+    nodes, first = mesh.cells.nodes, sides[:, 0]
+    loop = connected(len(nodes), np.repeat(first, sides.shape[1] - 1), sides[:, 1:].ravel())[1][
+        first
+    ]
+    # The volume within a closed boundary is positive around material, negative around empty space.
+    within = np.bincount(loop, (outward(nodes[sides]) * nodes[sides].mean(axis=1)).sum(axis=1))
+    inner = np.intersect1d(np.flatnonzero(within < 0), loop[beyond < 0]).tolist()
+    inner.sort(key=lambda number: tuple(nodes[first[loop == number]].min(axis=0)))
+    for number, chain in enumerate(inner, len(scene.holes)):
+        parts = np.where((loop == chain) & (beyond < 0), f"holes.{number}", parts)
+    groups = {
+        name: np.flatnonzero(np.isin(owners, cells)) for name, cells in mesh.cell_groups.items()
     }
+    groups |= {
+        name: np.flatnonzero(among(sides, members)) for name, members in mesh.side_groups.items()
+    }
+    return sides, named_edges(parts, nodes[sides], lower, upper, IN_PLANE), groups
 
 
-def _check_solid_cells(file: str, cells: np.ndarray) -> None:
-    """Raise ValueError if a cell of `cells` (n, corners, 3) is inverted or flat, or if it is a
-    hexahedron not convex at a corner.
+def named_edges(
+    parts: np.ndarray, corners: np.ndarray, lower: np.ndarray, upper: np.ndarray, rounding: float
+) -> np.ndarray:
+    """Return the names of parts of a boundary, those of the outline that lie in a side of the
+    bounding box renamed to this side.
+
+    The parts are given by positions of their corners (f, corners, d); `rounding` is the greatest
+    distance from the side in extents of the body.
     """
-    kind = CELL_TYPES[3][cells.shape[1] == 8]
-    edges = (
-        cells[:, BESIDE_CORNERS[cells.shape[1]]]
-        - cells[:, : len(BESIDE_CORNERS[cells.shape[1]]), None]
-    )
-    turns = np.linalg.det(edges)  # volume that the three edges at each corner span
-    wrong = np.flatnonzero(
-        ~(turns > 1e-12 * np.linalg.norm(edges, axis=-1).max(axis=-1) ** 3).all(axis=1)
-    )
-    if len(wrong):
-        number = wrong[0]
-        what = (
-            "inverted: its volume is negative"
-            if (turns[number] < 0).all()
-            else "flat, or folded at a corner"
-        )
-        raise ValueError(
-            f"body.file: {file} has {len(wrong)} invalid cells; {kind} {number} (counted from 0) is"
-            f" {what}"
-        )
+    for edge in edge_names(corners.shape[2]):
+        axis, side = EDGES[edge]
+        distances = np.abs(corners[..., axis] - (lower, upper)[side > 0][axis])
+        there = (distances <= rounding * (upper - lower).max()).all(axis=1)
+        parts = np.where(there & (parts == "outline"), edge, parts)
+    return parts
 
 
-def _element_sets(file: str, read) -> dict[str, list[np.ndarray]]:
-    """Return the element sets of an Abaqus or CalculiX deck as meshio stores sets, for each of its
-    blocks the numbers of the members.
-
-    meshio itself loses members of sets that several blocks of lines give, or that name other sets.
-    Raise ValueError if two elements have one number, as those of several parts may.
+def faces_of_groups(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, str]:
+    """Return a dictionary from each mesh group that covers a whole edge (or face) of the
+    bounding box to the name of this edge.
     """
-    sets: dict[str, list[int]] = {}
-    names: dict[str, str] = {}
-    labels = []
-    for keyword, options, rows in _keywords(Path(file)):
-        entries = [entry for row in rows for entry in row.replace(" ", "").split(",") if entry]
-        members = []
-        if keyword == "ELEMENT":
-            members = [
-                int(entry) for entry in entries[:: read.cells[len(labels)].data.shape[-1] + 1]
-            ]
-            labels.append(members)
-        elif keyword == "ELSET" and "GENERATE" in options:
-            for row in rows:
-                begin, end, *step = (int(entry) for entry in row.split(",") if entry.strip())
-                members += range(begin, end + 1, *step)
-        elif keyword == "ELSET":
-            members = [
-                label
-                for entry in entries
-                for label in ([int(entry)] if entry.isdigit() else sets.get(entry.upper(), ()))
-            ]
-        if name := options.get("ELSET"):
-            sets.setdefault(name.upper(), []).extend(members)
-            names.setdefault(name.upper(), name)
-    if sets and len(np.unique(np.concatenate(labels))) != sum(map(len, labels)):
-        raise ValueError(
-            f"body.file: two elements of {file} have one number, so that its sets are ambiguous;"
-            " write the deck as one part"
-        )
+    mesh = mesh_of(scene.body) if isinstance(scene.body, Mesh) and scene.prescribed else None
+    if mesh is None or not mesh.side_groups:
+        return {}
+    _, parts, groups = boundary_of_mesh(scene, lower, upper)
     return {
-        names[name]: [np.flatnonzero(np.isin(block, members)) for block in labels]
-        for name, members in sets.items()
+        name: edge
+        for edge in np.intersect1d(parts, edge_names(scene.dimension)).tolist()
+        for name in mesh.side_groups
+        if np.array_equal(groups[name], np.flatnonzero(parts == edge))
     }
 
 
-def _keywords(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
-    """Yield the keywords of a deck with their options and lines of data, those of included files
-    in their place.
+def triangles_of(nodes: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Divide faces of solid cells (f, 4) into triangles, quadrilaterals about their middle; return
+    the nodes with the middles, the triangles (t, 3), and the face of each.
+
+    Raise ValueError if triangles cover halves of quadrilaterals.
     """
-    keyword, options, rows = "", {}, []
-    for line in [*path.read_text(errors="replace").splitlines(), "*"]:
-        if line.startswith("**"):
-            continue
-        if not line.startswith("*"):
-            rows.append(line)
-            continue
-        if keyword == "INCLUDE":
-            inner = Path(options["INPUT"])
-            # as meshio looks for it
-            yield from _keywords(inner if inner.exists() else path.parent / inner)
-        elif keyword:
-            yield keyword, options, rows
-        head, *given = (part.strip() for part in line[1:].split(","))
-        pairs = (part.partition("=") for part in given)
-        keyword, options, rows = (
-            head.upper(),
-            {key.strip().upper(): value.strip() for key, _, value in pairs},
-            [],
-        )
-
-
-def _groups(file: str, read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Return the physical groups of cells and of sides from what meshio has read: `cell_groups` and
-    `side_groups` of `MeshFile`.
-
-    meshio stores groups as sets of cells, block by block; for gmsh files of version 2 it stores a
-    group number for each cell, and names of the numbers.
-    """
-    sets = _element_sets(file, read) if file.lower().endswith(".inp") else read.cell_sets
-    members: dict[str, list] = {
-        name: given for name, given in sets.items() if not name.startswith("gmsh:")
-    }
-    numbers = read.cell_data.get("gmsh:physical")
-    if numbers is not None:
-        named = {name: entry for name, entry in read.field_data.items() if np.size(entry) == 2}
-        for name, (number, of_dimension) in named.items():
-            fitting = [block.dim == of_dimension for block in read.cells]
-            members.setdefault(
-                name,
-                [
-                    np.flatnonzero(of_block == number) if fits else []
-                    for of_block, fits in zip(numbers, fitting, strict=True)
-                ],
-            )
-    cell_groups, side_groups = {}, {}
-    for name, sets in members.items():
-        cells, sides, begin = [], [], 0
-        for block, chosen in zip(read.cells, sets, strict=True):
-            chosen = np.asarray(() if chosen is None else chosen, dtype=int)
-            if _kind(block.type) in CELL_TYPES[dimension]:
-                cells.append(begin + chosen)
-                begin += len(block.data)
-            elif dimension == 2 and block.type.startswith("line"):
-                sides.append(block.data[chosen][:, :2])
-            elif dimension == 3 and block.type.startswith("triangle"):
-                sides.append(block.data[chosen][:, [0, 1, 2, 2]])
-            elif dimension == 3 and block.type.startswith("quad"):
-                sides.append(block.data[chosen][:, :4])
-        if any(map(len, cells)):
-            cell_groups[name] = np.concatenate(cells)
-        elif any(map(len, sides)):
-            side_groups[name] = np.concatenate(sides)
-    return cell_groups, side_groups
-
-
-def simplices_of(cells: np.ndarray) -> np.ndarray:
-    """Divide cells (n, corners, d) into triangles or tetrahedra; return their corners, shape (n,
-    parts, d + 1, d).
-
-    A face of a hexahedron need not be flat: it is divided into four triangles about the mean of its
-    corners, alike for both its cells.
-    """
-    if cells.shape[1] == cells.shape[2] + 1:
-        return cells[:, None]
-    if cells.shape[2] == 2:
-        return cells[:, [[0, 1, 2], [0, 2, 3]]]
-    faces = cells[:, np.array(FACES[3, 8])]
-    middles = np.broadcast_to(faces.mean(axis=2, keepdims=True), faces.shape)
-    tops = np.broadcast_to(cells.mean(axis=1)[:, None, None], faces.shape)
-    # Faces run counter-clockwise as seen from outside: with the middle of the cell first, volumes
-    # are positive.
-    return np.stack([tops, faces, np.roll(faces, -1, axis=2), middles], axis=3).reshape(
-        len(cells), -1, 4, 3
-    )
-
-
-def volumes_of(cells: np.ndarray) -> np.ndarray:
-    """Return the signed volumes (n, parts) of the simplices (`simplices_of`) of cells; in the
-    plane areas, negative where clockwise.
-    """
-    parts = simplices_of(cells)
-    return np.linalg.det(parts[:, :, 1:] - parts[:, :, :1]) / math.factorial(cells.shape[2])
-
-
-def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return centroids (n, d) and volumes (n,) of cells of one type, given by positions of their
-    corners, shape (n, corners, d).
-
-    Raise ValueError for a cell without volume, or a quadrilateral whose sides cross.
-    """
-    volumes = volumes_of(cells)
-    volume = volumes.sum(axis=1)
-    if (volume == 0).any():
-        raise ValueError("body.file: the area of a cell is zero")
-    # The sides of a quadrilateral cross if either diagonal cuts it into triangles of opposite
-    # senses.
-    if (
-        cells.shape[1:] == (4, 2)
-        and (
-            (volumes.prod(axis=1) < 0) & (volumes_of(np.roll(cells, 1, axis=1)).prod(axis=1) < 0)
-        ).any()
-    ):
+    flat = faces[:, 2] == faces[:, 3]
+    four = faces[~flat]
+    halves = four[:, [[0, 1, 2, 2], [0, 1, 3, 3], [0, 2, 3, 3], [1, 2, 3, 3]]].reshape(-1, 4)
+    if among(faces[flat], halves).any():
         raise ValueError(
-            "body.file: the sides of a quadrilateral cross each other; its corners must be in order"
-            " around it"
+            "body.file: faces of tetrahedra cover half faces of hexahedra; loads and probes need"
+            " shared whole faces"
         )
-    return (volumes[..., None] * simplices_of(cells).mean(axis=2)).sum(axis=1) / volume[
-        :, None
-    ], np.abs(volume)
+    middles = len(nodes) + np.arange(len(four))
+    around = [np.column_stack([*np.roll(four, -turn, axis=1).T[:2], middles]) for turn in range(4)]
+    return (
+        np.concatenate([nodes, nodes[four].mean(axis=1)]),
+        np.concatenate([faces[flat, :3], *around]),
+        np.concatenate([np.flatnonzero(flat), np.tile(np.flatnonzero(~flat), 4)]),
+    )

@@ -13,7 +13,8 @@ from ..scenes.loading import Prescribed
 from ..scenes.model import EDGES
 from ..scenes.regions import RegionReference, edge_names
 from ..scenes.shapes import Outline, Shape
-from .meshes import MeshFile, mesh_of
+from .mesh_files import MeshFile
+from .meshes import mesh_of
 
 LEAST_RADIUS = 2.0
 """Least radius of curvature, in spacings, of a boundary that mirrored points hold. The torque on a
@@ -34,32 +35,28 @@ def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) 
     `faces` gives the names of whole edges by the names of the mesh groups that cover them, see
     `faces_of_groups`.
     """
+    region = _member(scene, region)
     if isinstance(region, str):
-        if region in edge_names(scene.dimension):
-            return region
-        return whole_edge(scene, scene.regions[region], faces) if region in scene.regions else None
-    members = list(region.members())
-    if len(members) == 1 and region.other is None:
-        return whole_edge(scene, members[0][1], faces)
+        return region if region in edge_names(scene.dimension) else None
     return faces.get(region.group) if region.group is not None else region.edge
+
+
+def _member(scene: Scene, region: RegionReference) -> RegionReference:
+    """Return the region or name that stands for a region of one member, or given by its name."""
+    if isinstance(region, str):
+        return _member(scene, scene.regions[region]) if region in scene.regions else region
+    members = [member for _, member in region.members()]
+    return _member(scene, members[0]) if len(members) == 1 and region.other is None else region
 
 
 def whole_boundaries(scene: Scene, region: RegionReference) -> tuple[str, ...]:
     """Return the names of the outline and holes, or of the curved group of a mesh's sides, that
     a region consists of; empty for others.
     """
-    if isinstance(region, str) and region in scene.regions:
-        return whole_boundaries(scene, scene.regions[region])
-    meshed = isinstance(scene.body, Mesh)
+    region, meshed = _member(scene, region), isinstance(scene.body, Mesh)
     if not isinstance(region, str):
-        members = [member for _, member in region.members()]
-        if len(members) == 1 and region.other is None:
-            return whole_boundaries(scene, members[0])
-        return (
-            (f"group {region.group}",)
-            if meshed and _is_curved(mesh_of(scene.body), region.group)
-            else ()
-        )
+        curved = meshed and _is_curved(mesh_of(scene.body), region.group)
+        return (f"group {region.group}",) if curved else ()
     if region == "holes" and not meshed:
         return tuple(f"holes.{number}" for number in range(len(scene.holes)))
     return (region,) if region in ("outline", "holes") or region.startswith("holes.") else ()
@@ -71,7 +68,7 @@ def _is_curved(mesh: MeshFile, group: str | None) -> bool:
     """
     if group not in mesh.side_groups or not len(mesh.side_groups[group]):
         return False
-    places = mesh.nodes[np.unique(mesh.side_groups[group])]
+    places = mesh.cells.nodes[np.unique(mesh.side_groups[group])]
     extents = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
     return bool(extents[-1] > FLAT * extents[0])
 

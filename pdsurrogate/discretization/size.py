@@ -9,8 +9,9 @@ import numpy as np
 
 from ..body import MOST_POINTS
 from ..scenes import Mesh, Scene, SceneError
+from .cells import lattice_of
+from .material import material_at
 from .meshes import mesh_of
-from .points import material_at
 
 BYTES_PER_BOND = 50
 """Least memory in bytes for every directed bond of a body, with its share of points, forces and
@@ -49,15 +50,12 @@ def estimated_points(scene: Scene) -> float:
     """
     if isinstance(scene.body, Mesh):
         try:
-            return float(sum(map(len, mesh_of(scene.body).cells)))
+            return float(len(mesh_of(scene.body).cells))
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
     lower, upper = (np.array(corner, dtype=float) for corner in scene.body.bounds())
     dimension = len(lower)
-    axis = (np.arange(SAMPLED) + 0.5) / SAMPLED
-    places = np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(
-        -1, dimension
-    )
+    places = lattice_of(*[(np.arange(SAMPLED) + 0.5) / SAMPLED] * dimension)
     return float(
         np.prod((upper - lower) / scene.spacing)
         * material_at(scene, lower + places * (upper - lower)).mean()

@@ -10,7 +10,7 @@ rims; a spherical hole with its center on a flat face is cut by that face.
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise, product
+from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -21,6 +21,7 @@ from ..kernels.polygons import encloses
 from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
 from ..scenes.shapes import Outline
 from ..scenes.solids import Prism, Solid, Straight
+from .cells import lattice_of
 from .chains import ROUNDING, boundary_of, same_places
 
 AWAY = 0.6
@@ -206,55 +207,26 @@ def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.nda
 
     The triangles of the whole sphere enclose exactly its volume.
 
-    A whole sphere is a divided icosahedron, a part of one is made of divided eighths. Nodes lie
-    outside the sphere about as far as the middles of facets lie inside, so that the work of a
-    pressure in an affine motion is exact. Facets are about half a cell long: the work of a pressure
-    that widens a hole of six cells' radius is then 0.25 % too small; with facets of a whole cell it
-    is 1 %.
+    It is made of divided eighths. Nodes lie outside the sphere about as far as the middles of
+    facets lie inside, so that the work of a pressure in an affine motion is exact. Facets are about
+    half a cell long: the work of a pressure that widens a hole of six cells' radius is then 0.25 %
+    too small; with facets of a whole cell it is 1 %.
     """
-    if halved:
-        signs = np.array(
-            list(product(*((1.0,) if axis in halved else (1.0, -1.0) for axis in range(3))))
-        )
-        faces = signs[:, :, None] * np.eye(3)
-        # The sides of an eighth are divided evenly; in its middle the facets are larger by 1.4, as
-        # are those of the icosahedron by 1.3.
-        count, whole = max(3, math.ceil(2.5 * math.pi / 2 * sphere.radius / cell.min())), 8
-    else:
-        golden = (1 + math.sqrt(5)) / 2
-        corners = np.array(
-            [
-                np.roll([0.0, one, golden * other], turn)
-                for turn in range(3)
-                for one in (-1, 1)
-                for other in (-1, 1)
-            ]
-        )
-        faces = corners[
-            np.unique(np.sort(scipy.spatial.ConvexHull(corners).simplices, axis=1)[:, ::-1], axis=0)
-        ]
-        # The greatest of the projected sides is 1.3 times the even division of the arc, and the arc
-        # 1.107 radii.
-        count, whole = max(3, math.ceil(2.5 * sphere.radius / cell.min())), 20
+    signs = lattice_of(*((1.0,) if axis in halved else (1.0, -1.0) for axis in range(3)))
+    faces = signs[:, :, None] * np.eye(3)
+    # The sides of an eighth are divided evenly; in its middle the facets are larger by 1.4.
+    count = max(3, math.ceil(2.5 * math.pi / 2 * sphere.radius / cell.min()))
     inward = np.linalg.det(faces) < 0
     faces[inward] = faces[inward][:, ::-1]
-    triangles = []
-    for row in range(count):
-        for column in range(count - row):
-            corner = np.array([[row, column], [row + 1, column], [row, column + 1]])
-            triangles.append(corner)
-            if column < count - row - 1:
-                triangles.append(
-                    np.array([[row + 1, column], [row + 1, column + 1], [row, column + 1]])
-                )
-    shares = np.array(triangles) / count
+    row, column = lattice_of(*[np.arange(count)] * 2).T
+    low = np.stack([row, column], axis=-1)[:, None] + [[0, 0], [1, 0], [0, 1]]
+    high = np.stack([row, column], axis=-1)[:, None] + [[1, 0], [1, 1], [0, 1]]
+    shares = np.concatenate([low[row + column < count], high[row + column < count - 1]]) / count
     # of the corners of a face
     weights = np.concatenate([1 - shares.sum(axis=2, keepdims=True), shares], axis=2)
-    if halved:
-        weights = np.sin(np.pi / 2 * weights)
-    found = np.einsum("tnc,fcd->ftnd", weights, faces).reshape(-1, 3, 3)
+    found = np.einsum("tnc,fcd->ftnd", np.sin(np.pi / 2 * weights), faces).reshape(-1, 3, 3)
     found /= np.linalg.norm(found, axis=2, keepdims=True)
-    volume = np.linalg.det(found).sum() / 6 * whole / len(faces)
+    volume = np.linalg.det(found).sum() / 6 * 8 / len(faces)
     return np.array(sphere.center) + sphere.radius * np.cbrt(4 * np.pi / 3 / volume) * found
 
 
@@ -420,9 +392,7 @@ def _triangulated(
     )
     nodes, sides = (nodes[used] - middle) / cell, sides.reshape(-1, 2)
     low, high = np.floor((lower - middle) / cell), np.ceil((upper - middle) / cell)
-    lattice = np.stack(np.meshgrid(*map(np.arange, low, high + 1), indexing="ij"), axis=-1).reshape(
-        -1, 2
-    )
+    lattice = lattice_of(*map(np.arange, low, high + 1))
     free = np.ones(len(sides), dtype=bool)
     for axis, level in enumerate(levels):
         if level is not None:

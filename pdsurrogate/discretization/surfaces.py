@@ -8,18 +8,14 @@ import numpy as np
 import scipy
 
 from ..body import Body, Faces, Following, Surface
-from ..body.cell_mesh import side_numbers
 from ..body.local_fit import boundary_rows, empty_rows
 from ..body.surface import IN_PLANE
-from ..ranks.share import connected
 from ..scenes import Mesh, Scene
-from ..scenes.model import EDGES
-from ..scenes.regions import edge_names
 from .chains import ROUNDING, boundary_of
 from .cuts import Cuts
-from .meshes import mesh_of
-from .points import cuts_of
-from .solid_surfaces import boundary_of_solids, quarters
+from .meshes import boundary_of_mesh, mesh_of, named_edges, triangles_of
+from .separation import cuts_of
+from .solid_surfaces import boundary_of_solids
 
 EDGE = 0.8
 """Cosine of the angle between normals of facets in three dimensions above which the facets belong
@@ -62,7 +58,12 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
     extent, groups = float((upper - lower).max()), {}
     symmetric = [plane for plane in body.planes if plane.symmetric]
     if isinstance(scene.body, Mesh):
-        nodes, facets, parts, groups = _of_mesh(scene)
+        nodes = mesh_of(scene.body).cells.nodes
+        facets, parts, groups = boundary_of_mesh(scene, lower, upper)
+        if scene.dimension == 3:
+            nodes, facets, face = triangles_of(nodes, facets)
+            parts = parts[face]
+            groups = {name: np.flatnonzero(np.isin(face, own)) for name, own in groups.items()}
     elif scene.dimension == 3:
         nodes, facets, parts = boundary_of_solids(scene, body.cell, lower, upper, symmetric)
     else:
@@ -72,12 +73,7 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
         parts = np.where(chain == 0, "outline", np.char.add("holes.", (chain - 1).astype(str)))
     used, facets = np.unique(facets, return_inverse=True)
     nodes, facets = nodes[used], facets.reshape(-1, scene.dimension)
-    for edge in edge_names(scene.dimension):
-        axis, side = EDGES[edge]
-        there = (
-            np.abs(nodes[facets][..., axis] - (lower, upper)[side > 0][axis]) <= ROUNDING * extent
-        )
-        parts = np.where(there.all(axis=1) & (parts == "outline"), edge, parts)
+    parts = named_edges(parts, nodes[facets], lower, upper, ROUNDING)
     normals = _normals_at(*_continued(body, nodes, facets))[: len(nodes)]
     if not scene.precuts:
         return Surface(nodes, facets, parts, boundary_rows(body, nodes, normals), groups)
@@ -210,81 +206,19 @@ def _normals_of_sides(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
     size = np.linalg.norm(areas, axis=1)
     normals = areas / size[:, None]
     chosen = np.full((len(nodes), 3, 3), np.nan)
-    alike = np.full(len(node), -1.0)  # cosine of the angle to the nearest normal that was chosen
-    side = np.zeros(len(node), dtype=int)
+
+    def alike() -> np.ndarray:
+        """Return the cosines of angles to the normals chosen at the same node."""
+        return np.nan_to_num(np.einsum("fi,fki->fk", normals, chosen[node]), nan=-1.0)
+
     for number in range(3):
-        order = np.lexsort((-size, alike > EDGE, node))
+        left = np.flatnonzero(alike().max(axis=1) <= EDGE)
+        left = left[np.lexsort((-size[left], node[left]))]
         # the largest of the facets of another side
-        first = order[np.searchsorted(node[order], np.unique(node))]
-        first = first[alike[first] <= EDGE]
+        first = left[np.unique(node[left], return_index=True)[1]]
         chosen[node[first], number] = normals[first]
-        cosine = (normals * chosen[node, number]).sum(axis=1)
-        nearer = cosine > alike
-        side[nearer], alike[nearer] = number, cosine[nearer]
+    side = alike().argmax(axis=1)
     means = np.zeros_like(chosen)
     np.add.at(means, (node, side), areas)
     with np.errstate(invalid="ignore"):
         return means / np.linalg.norm(means, axis=2, keepdims=True)
-
-
-def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Return the boundary of a mesh body: nodes, facets, names of their parts, and facets of each
-    group, see `Surface`.
-
-    Cells whose centroids lie in holes of the scene are left out. A boundary around empty space of
-    the mesh itself is a hole too; such holes are numbered after the holes of the scene, from left
-    to right.
-    """
-    mesh = mesh_of(scene.body)
-    middles, _ = mesh.centroids()
-    hole = np.full(len(middles), -1)
-    for number, shape in reversed(list(enumerate(scene.holes))):
-        hole[shape.contains(middles)] = number
-    sides = mesh.sides()
-    outer, beyond = sides.boundary(hole < 0)
-    facets, owners = sides.corners[outer], sides.owners[outer]
-    parts = np.where(beyond < 0, "outline", np.char.add("holes.", hole[beyond].astype(str)))
-    loop = connected(
-        len(mesh.nodes), np.repeat(facets[:, 0], facets.shape[1] - 1), facets[:, 1:].ravel()
-    )[1][facets[:, 0]]
-    first = mesh.nodes[facets[:, 0]]
-    if scene.dimension == 2:
-        second = mesh.nodes[facets[:, 1]]
-        within = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-    else:
-        within = np.linalg.det(quarters(mesh.nodes[facets])).reshape(len(facets), -1).sum(axis=1)
-    within = np.bincount(loop, within)
-    inner = [
-        number for number in np.flatnonzero(within < 0) if ((loop == number) & (beyond < 0)).any()
-    ]
-    inner.sort(key=lambda number: tuple(first[loop == number].min(axis=0)))
-    for number, chain in enumerate(inner, len(scene.holes)):
-        parts = np.where((loop == chain) & (beyond < 0), f"holes.{number}", parts)
-    groups = {
-        name: np.flatnonzero(np.isin(owners, cells)) for name, cells in mesh.cell_groups.items()
-    }
-    groups |= {
-        name: np.flatnonzero(sides.among(lines)[outer]) for name, lines in mesh.side_groups.items()
-    }
-    if scene.dimension == 2:
-        return mesh.nodes, facets, parts, groups
-    triangles = facets[:, 2] == facets[:, 3]
-    three = facets[~triangles][:, [[0, 1, 2, 2], [0, 1, 3, 3], [0, 2, 3, 3], [1, 2, 3, 3]]].reshape(
-        -1, 4
-    )
-    keys = side_numbers(np.concatenate([facets[triangles], three]))
-    if np.isin(keys[: triangles.sum()], keys[triangles.sum() :]).any():
-        raise ValueError(
-            "body.file: faces of tetrahedra cover half faces of hexahedra; loads and probes need"
-            " shared whole faces"
-        )
-    middles = len(mesh.nodes) + np.arange(np.count_nonzero(~triangles))
-    nodes = np.concatenate([mesh.nodes, mesh.nodes[facets[~triangles]].mean(axis=1)])
-    around = facets[~triangles]
-    four = np.stack(
-        [around, np.roll(around, -1, axis=1), np.broadcast_to(middles[:, None], around.shape)],
-        axis=2,
-    ).reshape(-1, 3)
-    face = np.concatenate([np.flatnonzero(triangles), np.repeat(np.flatnonzero(~triangles), 4)])
-    groups = {name: np.flatnonzero(np.isin(face, members)) for name, members in groups.items()}
-    return nodes, np.concatenate([facets[triangles, :3], four]), parts[face], groups

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..artifacts.store import called, find_artifact, law_of, load_card, load_surrogate
+from ..artifacts.places import find_artifact
+from ..artifacts.store import called, law_of, load_card, load_surrogate
 from ..forces import EnergyNetwork, IsochoricNetwork
 from ..materials import InvariantLaw, Law, PrincipalStretchLaw, solid
 from ..materials.consistency import check_consistency

@@ -2,17 +2,14 @@
 statements of other languages.
 
 A function that is called with `Value` objects instead of numbers records its operations. The
-recorded values are printed as statements that keep the names of the function's variables. Laws of
+recorded values are printed as statements, those that are used more than once as variables. Laws of
 users are traced like those of the package.
 """
 
 import math
 import operator
-import re
-import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -56,13 +53,6 @@ UFUNCS = {
     np.equal: "==",
     **FUNCTIONS,
 }
-
-KEYWORDS = (
-    "auto break case char const continue default do double else enum exp extern float for goto if"
-    " inline int log long merge nan register restrict return short signed sizeof sqrt static struct"
-    " switch tanh typedef union unsigned void volatile where while"
-)
-"""Words of the languages and names of functions that local variables cannot have as names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,28 +136,6 @@ def _result(operation: str, *operands) -> Value:
     return _stored(operation, *operands)
 
 
-@contextmanager
-def _naming(names: dict[Value, str]) -> Iterator[None]:
-    """Record in `names`, during a context, the names of the values that local variables hold
-    when a function returns.
-    """
-
-    def on_event(frame, event, found):
-        # Arguments have names of their own in the calling function, which returns later.
-        if event == "return" and frame.f_code.co_filename != __file__:
-            for name in frame.f_code.co_varnames[frame.f_code.co_argcount :]:
-                value = frame.f_locals.get(name)
-                if isinstance(value, Value) and value.operation not in ("symbol", "number"):
-                    names[value] = name
-
-    before = sys.getprofile()
-    sys.setprofile(on_event)
-    try:
-        yield
-    finally:
-        sys.setprofile(before)
-
-
 @dataclass(frozen=True)
 class Language:
     """Form of numbers, statements and tables in a language.
@@ -221,17 +189,9 @@ class Language:
         after the named ones.
         """
         names = results.split()
-        array = names[0]
         if self.element:
-            names = [self.element(array, number) for number in range(len(names))]
-        taken = {
-            *KEYWORDS.split(),
-            *arguments.lower().split(),
-            *(name.lower() for name in (array, *names)),
-        }
-        local, lines = printed(
-            function, [*map(symbol, arguments.split()), *more], names, self, taken
-        )
+            names = [self.element(names[0], number) for number in range(len(names))]
+        local, lines = printed(function, [*map(symbol, arguments.split()), *more], names, self)
         if self.declaration and local:
             lines.insert(0, self.declaration.format(", ".join(local)))
         if not self.element:
@@ -240,27 +200,18 @@ class Language:
 
 
 def printed(
-    function: Callable,
-    arguments: Sequence,
-    results: Sequence[str],
-    language: Language,
-    taken: set[str],
+    function: Callable, arguments: Sequence, results: Sequence[str], language: Language
 ) -> tuple:
     """Trace a function, and return the names of its local variables and the statements that compute
-    its results.
-
-    `results` are the names to which the first results are assigned, and `taken` names that local
-    variables cannot have, apart from symbols.
+    its results; `results` are the names to which the first results are assigned.
     """
-    names: dict[Value, str] = {}
-    with _naming(names):
-        found = function(*arguments)
+    found = function(*arguments)
     found = [
         constant(value)
         for value in (found if isinstance(found, tuple | list) else [found])[: len(results)]
     ]
     order: dict[Value, None] = {}
-    uses, ends = Counter(found), set(found)
+    uses = Counter(found)
 
     def visit(value: Value) -> None:
         if value not in order and value.operation not in ("symbol", "number"):
@@ -271,17 +222,12 @@ def printed(
 
     for value in found:
         visit(value)
-    taken |= {
-        re.split(r"\W", one.operands[0])[0].lower() for one in uses if one.operation == "symbol"
-    }
     local: dict[Value, str] = {}
     lines = []
     for value in order:
         # A comparison has no name of its own, since it is no number.
-        if value.operation not in COMPARISONS and (
-            (value in names and value not in ends) or uses[value] > 1
-        ):
-            name = _free(names.get(value, "t").strip("_"), taken)
+        if value.operation not in COMPARISONS and uses[value] > 1:
+            name = f"t{len(local) + 1}"
             lines.append(language.assignment.format(name, _text(value, local, language)))
             local[value] = name
     lines += [
@@ -289,18 +235,6 @@ def printed(
         for name, value in zip(results, found, strict=True)
     ]
     return list(local.values()), lines
-
-
-def _free(name: str, taken: set[str]) -> str:
-    """Return a name with the first number behind it that makes it a new one, and add it to
-    `taken`, since Fortran ignores case.
-    """
-    number, found = 1, name
-    while found.lower() in taken:
-        number += 1
-        found = f"{name}_{number}"
-    taken.add(found.lower())
-    return found
 
 
 def _text(value: Value, local: dict[Value, str], language: Language, least: int = 0) -> str:

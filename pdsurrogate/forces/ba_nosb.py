@@ -7,7 +7,8 @@ from typing import ClassVar
 import numpy as np
 import scipy
 
-from ..body.body import lengths_of, pointers_to
+from ..body.body import lengths_of
+from ..body.bonds import pointers_to
 from ..body.ghosts import WITH_ROUNDING, symmetric
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import Chain
@@ -74,7 +75,8 @@ class BondAssociatedStress(MaterialTerm):
         if body.separates is not None:
             # The neighborhood of an image is that of its source, reflected.
             image, other = around_images.T
-            flips, source = body.ghosts.reflection[image - n], points[body.ghosts.source[image - n]]
+            flips = body.ghosts.reflection[image - n]
+            source = points[body.ghosts.source[image - n]]
             ends = source + flips * (points[other] - points[image])
             around_images = around_images[~body.separates(source, ends)]
         self._table = np.concatenate([bonds.neighbors, around_images[:, 1].astype(np.uint32)])

@@ -4,7 +4,8 @@ at the points.
 
 import numpy as np
 
-from ..body.body import lengths_of, pointers_to
+from ..body.body import lengths_of
+from ..body.bonds import pointers_to
 from ..body.ghosts import symmetric
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels.ghosts import fold_matrices, fold_vectors

@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from ..body import Body
-from ..body.body import lengths_of, pointers_to
+from ..body.body import lengths_of
+from ..body.bonds import pointers_to
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import BoundPass, Chain, Pass
 from ..engine.threads import chunks_of

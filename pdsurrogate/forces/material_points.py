@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..body.body import pointers_to
+from ..body.bonds import pointers_to
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..errors import InvalidState

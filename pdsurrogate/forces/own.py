@@ -261,7 +261,9 @@ class OwnBondForce(ForceSurrogate):
         >>> pds.forces.OwnBondForce(Mine()).tractions(rest).shape
         (3, 1)
         """
-        a, b, J = states.a, states.b, states.J
+        a = states.a
+        b = states.b
+        J = states.J
         twice = np.concatenate([[states.length, states.C33, J]] * 2, axis=1)
         normal = np.concatenate([a, lateral_stretch(a, b, J)])
         shear = np.concatenate([b, -b])

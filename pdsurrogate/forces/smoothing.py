@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 
 from ..body import Body
-from ..body.body import pointers_to
+from ..body.bonds import pointers_to
 from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
 from ..kernels import dilatation, selective_energy

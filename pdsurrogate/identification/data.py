@@ -70,15 +70,6 @@ class TestData:
         """Modes of the rows, in the order of their first rows."""
         return list(dict.fromkeys(self.mode.tolist()))
 
-    @property
-    def tests(self) -> np.ndarray:
-        """Identification number of each row's test, shape (n,): biaxial rows of equal state are
-        one test, any other row is its own.
-        """
-        states = np.round(np.sort(np.log(self.stretches), axis=1), 9)
-        _, tests = np.unique(states, axis=0, return_inverse=True)
-        return np.where(self.mode == BIAXIAL, tests.ravel(), len(self) + np.arange(len(self)))
-
     def of(self, *modes: str) -> Self:
         """Return the test data of the given modes of loading; raise ValueError for a mode
         without rows.
@@ -228,26 +219,17 @@ def load_test_data(reference: str | Path) -> TestData:
     """
     check_path(reference, "test data")
     name = str(reference)
+    included = name in test_data_names()
+    file = resources.files(__package__) / f"{name}.csv" if included else Path(reference)
     try:
-        file = (
-            resources.files(__package__) / f"{name}.csv"
-            if name in test_data_names()
-            else Path(reference)
-        )
-        text = file.read_text("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        columns, rows = read_table(file, name)
+    except OSError as error:
         raise ValueError(
-            f"cannot read test data {name}: {reason};"
+            f"cannot read test data {name}: {error.strerror};"
             f" {suggestion(name, test_data_names(), 'included are')}"
         ) from None
-    reader = csv.reader(
-        "" if line.isspace() or line.lstrip().startswith("#") else line
-        for line in text.splitlines()
-    )
-    (_, columns), *rows = [(reader.line_num, row) for row in reader if row] or [(0, [])]
-    if twice := sorted(column for column in set(columns) if columns.count(column) > 1):
-        raise ValueError(f"{name}: the file has the column {twice[0]} more than once")
+    if twice := [column for column in columns if columns.count(column) > 1]:
+        raise ValueError(f"{name}: the file has the column {min(twice)} more than once")
     kind = next((kind for kind in (CURVES, GRID) if set(columns) - {"weight"} == set(kind)), None)
     if kind is None:
         raise ValueError(
@@ -255,19 +237,52 @@ def load_test_data(reference: str | Path) -> TestData:
             f" {', '.join(sorted(columns))}"
         )
     found: list[tuple] = []
-    for place, (number, values) in enumerate(rows, start=1):
-        where = f"{name}, line {number}"
-        if len(values) != len(columns):
-            raise ValueError(
-                f"{where}: the line has {len(values)} values for {len(columns)} columns"
-            )
-        found += [
-            (*one, place) for one in _rows(dict(zip(columns, values, strict=True)), kind, where)
-        ]
+    for place, (where, cells) in enumerate(rows, start=1):
+        found += [(*one, place) for one in _rows(cells, kind, where)]
     if not found:
         raise ValueError(f"{name}: there are no rows")
     mode, *first_second, stress, weight, row = map(np.array, zip(*found, strict=True))
     return TestData(name, mode, np.stack(first_second, axis=1), stress, weight, row)
+
+
+def read_table(file, name: str) -> tuple[list[str], list[tuple[str, dict[str, str]]]]:
+    """Return the columns of a CSV file, and its rows by column with their places for messages;
+    raise ValueError for text that is not UTF-8, and for lines of another length.
+
+    Lines that begin with # are comments.
+    """
+    try:
+        text = file.read_text("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(f"cannot read {name}: it is not UTF-8 text") from None
+    reader = csv.reader(
+        "" if line.isspace() or line.lstrip().startswith("#") else line
+        for line in text.splitlines()
+    )
+    (_, columns), *rows = [(reader.line_num, row) for row in reader if row] or [(0, [])]
+    found = []
+    for number, values in rows:
+        where = f"{name}, line {number}"
+        if len(values) != len(columns):
+            raise ValueError(
+                f"{where}: the line has {len(values)} values for {len(columns)} columns; decimals"
+                " have points, not commas"
+            )
+        found.append((where, dict(zip(columns, values, strict=True))))
+    return columns, found
+
+
+def number_in(row: dict[str, str], key: str, where: str) -> float:
+    """Return the number in a column of a row; raise ValueError for text or a number that is not
+    finite.
+    """
+    try:
+        found = float(row[key])
+    except ValueError:
+        raise ValueError(f"{where}: {key} is not a number: {row[key]!r}") from None
+    if not np.isfinite(found):
+        raise ValueError(f"{where}: {key} must be finite")
+    return found
 
 
 def _rows(row, kind, where):
@@ -279,12 +294,7 @@ def _rows(row, kind, where):
     """
     numbers = {}
     for key in row.keys() - {"mode"}:
-        try:
-            numbers[key] = float(row[key])
-        except ValueError:
-            raise ValueError(f"{where}: {key} is not a number: {row[key]!r}") from None
-        if not np.isfinite(numbers[key]):
-            raise ValueError(f"{where}: {key} must be finite")
+        numbers[key] = number_in(row, key, where)
         if "stress" not in key and numbers[key] <= 0:
             hint = "; a stretch is 1 + strain" if "stretch" in key else ""
             raise ValueError(f"{where}: {key} must be positive, not {numbers[key]:g}{hint}")

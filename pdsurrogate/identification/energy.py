@@ -3,6 +3,7 @@ non-negative weights.
 """
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import ClassVar
@@ -15,7 +16,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..arguments import in_order
 from ..materials import Law
-from ..materials.dictionary import OF_TESTS, STABLE_TO, wave_margin
+from ..materials.dictionary import OF_TESTS, STABLE_TO, Term, wave_margin
 from ..materials.polyconvex import law_of, stiffness_of
 from .averaging import Average, average, columns_of, isochoric
 from .data import BIAXIAL, MODES
@@ -162,7 +163,7 @@ class EnergyRegressor(StressRegressor):
         'root of I1bar'
         """
         terms = OF_TESTS
-        X, y, root = self._checked(X, y, sample_weight)
+        X, y, root = self._used(X, y, sample_weight)
         _warn_of_few_modes(X)
         margin, volume, right, count = (
             wave_margin(terms, max(STABLE_TO, X.max(), 1 / X.min())),
@@ -202,24 +203,16 @@ class EnergyRegressor(StressRegressor):
                         len(found.weights), p=found.weights
                     )
                 ]
-            before, reached = (
-                volume,
-                states(law_of(terms, weights, self._bulk(stiffness_of(terms, weights))), X)[1],
-            )
+            before, reached = volume, states(self._law(terms, weights), X)[1]
             volume = np.where(np.isfinite(reached), reached, volume)
             if np.abs(volume - before).max() < 1e-9:
                 break
         shares = np.linalg.norm(columns, axis=0) * weights
         kept = shares > NEGLIGIBLE * shares.max()
-        self.terms_, self.weights_ = (
-            [term for term, one in zip(terms, kept, strict=True) if one],
-            weights[kept],
-        )
-        law = law_of(
-            self.terms_, self.weights_, self._bulk(stiffness_of(self.terms_, self.weights_))
-        )
+        self.terms_ = [term for term, one in zip(terms, kept, strict=True) if one]
+        self.weights_ = weights[kept]
         self._store(
-            law,
+            self._law(self.terms_, self.weights_),
             [f"weight of {term}" for term in self.terms_],
             self.weights_,
             found.covariance[np.ix_(kept, kept)],
@@ -285,11 +278,10 @@ class EnergyRegressor(StressRegressor):
                 f"values must have one weight for each of the {len(self.terms_)} terms, not the"
                 f" shape {np.shape(values)}"
             )
-        return law_of(
-            self.terms_,
-            values,
-            self._bulk(stiffness_of(self.terms_, np.asarray(values, dtype=float))),
-        )
+        return self._law(self.terms_, np.asarray(values, dtype=float))
+
+    def _law(self, terms: Sequence[Term], weights: np.ndarray) -> Law:
+        return law_of(terms, weights, self._bulk(stiffness_of(terms, weights)))
 
     def beyond(self, X) -> np.ndarray:
         """Return how far states lie outside the domain of the energy: the convex hull of the data,

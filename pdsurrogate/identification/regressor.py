@@ -184,7 +184,7 @@ class LawRegressor(StressRegressor):
         ... ).parameter_names_
         ['shear_modulus', 'chain_limit']
         """
-        X, y, root = self._checked(X, y, sample_weight)
+        X, y, root = self._used(X, y, sample_weight)
         check_fitted(self.law)
         root = root / np.sqrt((root**2 * y**2).sum() or 1.0)
         # Every so many rows, from the one with the greatest stretch on, which not every law

@@ -102,14 +102,11 @@ def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:
             np.abs(data.nominal_stress[rows]).max(), 1e-300
         )
         place = int(np.argmax(np.abs(off)))  # argmax treats NaN as the greatest
-        greatest = float(off[place]), float(data.stretches[rows][place, 0])
-        found[mode] = dict(
-            zip(
-                ("difference", "stretch"),
-                greatest if np.isfinite(off[place]) else (None, None),
-                strict=True,
-            )
-        )
+        known = np.isfinite(off[place])
+        found[mode] = {
+            "difference": float(off[place]) if known else None,
+            "stretch": float(data.stretches[rows][place, 0]) if known else None,
+        }
     return found
 
 

@@ -178,11 +178,28 @@ class LawEstimator(RegressorMixin, BaseEstimator):
                 # scikit-learn takes True for 1
                 check_kind(getattr(self, name), object, name, "a number")
 
+    def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Check the data; return the table, the measurements and their weights."""
+        columns = ", ".join(self.columns or ("of numbers",))
+        for values, what, wanted in (
+            (X, "X", f"it must have the columns {columns}, and a row for each measurement"),
+            (y, "y", "give a measured value for each row of X"),
+            (sample_weight, "sample_weight", "give a number for each row of X"),
+        ):
+            check_numbers(values, what, wanted)
+        X, y = validate_data(
+            self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True
+        )
+        weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        if not weight.any():
+            raise ValueError("all sample weights are zero")
+        return X, y, weight
+
 
 class StressRegressor(LawEstimator):
     """Base of regressors that find a law from nominal stresses.
 
-    A subclass implements ``fit``, which takes its data from `_checked` and ends with `_store`, and
+    A subclass implements ``fit``, which takes its data from `_used` and ends with `_store`, and
     ``law_of``, which returns the law with given values of the fitted parameters. It has the
     parameters `bulk_ratio` and `bulk_modulus`.
     """
@@ -237,36 +254,14 @@ class StressRegressor(LawEstimator):
             )
         return X
 
-    def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Check the data; return stretches, stresses and roots of weights for the rows of
-        positive weight.
+    def _used(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Begin a fit: check the data; return stretches, stresses and roots of weights for the
+        rows of positive weight.
         """
         self._begin_fit()
-        for values, what, wanted in (
-            (
-                X,
-                "X",
-                (
-                    f"it must have the columns {' and '.join(self.columns)} and at least one row"
-                    if self.columns
-                    else "give numbers"
-                ),
-            ),
-            (y, "y", "give a nominal stress for each row of X"),
-            (sample_weight, "sample_weight", "give a number for each row of X"),
-        ):
-            check_numbers(values, what, wanted)
-        X, y = validate_data(
-            self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True
-        )
-        root = np.sqrt(
-            _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
-        )
-        used = root > 0
-        if not used.any():
-            raise ValueError("all sample weights are zero")
-        X = self._stretches(X)
-        return X[used], y[used], root[used]
+        X, y, weight = self._checked(X, y, sample_weight)
+        used = weight > 0
+        return self._stretches(X)[used], y[used], np.sqrt(weight[used])
 
     def _bulk(self, shear_modulus: float) -> float:
         """Return the bulk modulus of a law with a shear modulus: the parameter `bulk_modulus`,

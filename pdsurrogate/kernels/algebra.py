@@ -109,8 +109,10 @@ def _components(d):
 
         `places` maps the row and column of an entry of F to its index in that variable.
         """
-        (a, b) = ((r + 1) % d, (r + 2) % d)
-        (e, f) = ((c + 1) % d, (c + 2) % d)
+        a = (r + 1) % d
+        b = (r + 2) % d
+        e = (c + 1) % d
+        f = (c + 2) % d
         if d == 2:
             return f"{'' if r == c else '-'}{name}[{places[a, e]}]"
         return (

@@ -135,7 +135,8 @@ def ba_nosb_forces(
     for tile in share_of((n + TILE - 1) // TILE, chunk):
         held = np.int64(0)  # numba would compile `_block_forces` once more for a literal 0
         at = bond_pointers[tile * TILE]
-        for i in range(tile * TILE, min(n, (tile + 1) * TILE)):
+        last = min(n, (tile + 1) * TILE)
+        for i in range(tile * TILE, last):
             if bond_pointers[i + 1] > bond_pointers[i]:
                 outer_products(
                     positions,
@@ -146,15 +147,11 @@ def ba_nosb_forces(
                     table_here,
                 )
             for b in range(bond_pointers[i], bond_pointers[i + 1]):
-                sum_listed_records(
-                    table_here,
-                    common,
-                    (common_pointers[b], common_pointers[b + np.uint64(1)]),
-                    block,
-                    held,
-                )
+                end = b + np.uint64(1)
+                common_points = common_pointers[b], common_pointers[end]
+                sum_listed_records(table_here, common, common_points, block, held)
                 held += 1
-                if held == BLOCK:
+                if held == BLOCK or end == bond_pointers[last]:
                     count += _block_forces(
                         at,
                         held,
@@ -167,21 +164,8 @@ def ba_nosb_forces(
                         rows,
                         forces,
                     )
-                    at += np.uint64(BLOCK)
+                    at = end
                     held = np.int64(0)
-        if held > 0:
-            count += _block_forces(
-                at,
-                held,
-                block,
-                inverse_shapes,
-                vectors,
-                volume_ratios,
-                response,
-                parameters,
-                rows,
-                forces,
-            )
     return count
 
 

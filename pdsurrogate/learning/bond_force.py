@@ -14,7 +14,7 @@ from ..kernels.weights import WEIGHT_FUNCTIONS
 from ..materials import Law
 from ..materials.law import check_number, checked_law
 from . import sampling
-from .export import force_of, scaled_parts, shift_and_scale, taken_over
+from .export import force_of, taken_over
 from .pipeline import bond_force_pipeline
 from .sampling import COLUMNS, OUTPUTS, checked_range
 from .target import Range, Samples, Target, relative_errors
@@ -94,28 +94,6 @@ class _BondForce(Target):
             "least_slope_exact": float(
                 stiffness_slopes(AnalyticBondForce(law).bond_force, states).min()
             ),
-        }
-
-    def more_reports(self, surrogate, law: Law, stretch_range: Range) -> dict[str, dict]:
-        wider = stretch_range[0] > WIDEST[0] and self.reached(law, *np.log(WIDEST))
-        return {"outside_box": self.report(surrogate, law, WIDEST)} if wider else {}
-
-    def scaling(self, model) -> dict:
-        scaling, _, target = scaled_parts(model)
-        if scaling is None:
-            return {
-                "folded": (
-                    "whatever scaling the model has is part of the payload, which is on plain"
-                    " features"
-                )
-            }
-        means_and_scales = [
-            array.tolist() for scaler in (scaling, target) for array in shift_and_scale(scaler)
-        ]
-        names = "feature_mean", "feature_scale", "output_mean", "output_scale"
-        return {
-            **dict(zip(names, means_and_scales, strict=True)),
-            "folded": "into the constants of the payload",
         }
 
 

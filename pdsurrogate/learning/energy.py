@@ -10,7 +10,7 @@ from ..forces.learned_energy import ENERGY_FEATURES
 from ..materials import Law, plane_stress
 from .base import checked_columns, named
 from .sampling import bond_states_reached, log_stretches, range_of_stretches
-from .target import EnergyTarget, Range, Samples, checked_derivatives
+from .target import EnergyTarget, Samples, checked_derivatives
 
 INVARIANTS, DERIVATIVES = ("tr C", "J"), ("psi", "dpsi/dtr C", "dpsi/dJ")
 
@@ -106,12 +106,6 @@ class _SheetEnergy(EnergyTarget):
             "least_curvature": curvature,
             "least_curvature_exact": exact_curvature,
         }
-
-    def more_reports(
-        self, surrogate: EnergySurrogate, law: Law, stretch_range: Range
-    ) -> dict[str, dict]:
-        # The errors over the box are mostly those at its corners, which few simulations reach.
-        return {"stretches 0.8 to 4": self.report(surrogate, law, (0.8, 4.0))}
 
     def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
         bulk = plane_stress.volume_ratio(law, *X.T) ** 2  # J3^2 = J^2 C33

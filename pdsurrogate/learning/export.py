@@ -284,41 +284,24 @@ def title_of(regressor) -> str:
     )
 
 
-def shift_and_scale(scaler: StandardScaler) -> tuple[np.ndarray, np.ndarray]:
-    """Return the shift of a fitted scaler, or zeros if it has none, and its scale, or ones if it
-    has none, both of shape (n_features,).
-    """
-    count = scaler.n_features_in_
-    return scaler.mean_ if scaler.with_mean else np.zeros(count), (
-        scaler.scale_ if scaler.with_std else np.ones(count)
-    )
-
-
-def scaled_parts(model) -> tuple[StandardScaler, Any, StandardScaler] | tuple[None, None, None]:
-    """Return the feature scaler, the regressor and the output scaler of a fitted pipeline; three
-    None for a model without these steps.
-    """
-    steps = (
-        [step for _, step in model.regressor_.steps[1:]]
-        if isinstance(model, InputAwareTargetRegressor)
-        else []
-    )
-    scaling, last = steps if len(steps) == 2 else (None, None)
-    if isinstance(scaling, StandardScaler) and isinstance(
-        getattr(last, "transformer_", None), StandardScaler
-    ):
-        return scaling, last.regressor_, last.transformer_
-    return None, None, None
-
-
 def _polynomial_of(model):
     """Return centers and half widths of the features, and coefficients, of a fitted polynomial
     with scalings folded in; else None.
     """
-    scaling, regressor, target = scaled_parts(model)
+    *scaling, last = (step for _, step in model.regressor_.steps[1:])
+    scalers = [*scaling, getattr(last, "transformer_", None)]
+    if len(scalers) != 2 or not all(isinstance(scaler, StandardScaler) for scaler in scalers):
+        return None
+    regressor: Any = last.regressor_
     if not isinstance(regressor, ChebyshevRegressor):
         return None
-    (shift, scale), (target_shift, target_scale) = shift_and_scale(scaling), shift_and_scale(target)
+    (shift, scale), (target_shift, target_scale) = (
+        (
+            scaler.mean_ if scaler.with_mean else np.zeros(scaler.n_features_in_),
+            scaler.scale_ if scaler.with_std else np.ones(scaler.n_features_in_),
+        )
+        for scaler in scalers
+    )
     coefficients = np.zeros((*(regressor.powers_.max(axis=0) + 1), target_scale.size))
     coefficients[tuple(regressor.powers_.T)] = regressor.coef_ * target_scale
     coefficients[(0,) * len(shift)] += target_shift
@@ -368,20 +351,10 @@ def _layers_of(estimator, n_features: int) -> tuple[str, Layers]:
             return _layers_of(first, n_features)
         matrix, shift = _affine(estimator[:1].transform, n_features)
         activation, ((weights, biases), *others) = _layers_of(rest, len(shift))
-        if isinstance(first, StandardScaler):  # without the rounding of a matrix
-            shift, scale = shift_and_scale(first)
-            return activation, (
-                (weights / scale[:, None], biases - (shift / scale) @ weights),
-                *others,
-            )
         return activation, ((matrix @ weights, shift @ weights + biases), *others)
     if isinstance(estimator, TransformedTargetRegressor):
         activation, (*others, (weights, biases)) = _layers_of(estimator.regressor_, n_features)
-        transformer = estimator.transformer_
-        if isinstance(transformer, StandardScaler):
-            shift, scale = shift_and_scale(transformer)
-            return activation, (*others, (weights * scale, biases * scale + shift))
-        matrix, shift = _affine(transformer.inverse_transform, biases.size)
+        matrix, shift = _affine(estimator.transformer_.inverse_transform, biases.size)
         return activation, (*others, (weights @ matrix, biases @ matrix + shift))
     if all(hasattr(estimator, key) for key in ("coefs_", "intercepts_", "activation")):
         pairs = zip(estimator.coefs_, estimator.intercepts_, strict=True)

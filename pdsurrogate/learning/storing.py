@@ -13,7 +13,8 @@ from sklearn.base import BaseEstimator
 from .. import __version__
 from ..arguments import check_kind, check_path, check_tables
 from ..artifacts.card import check_plain
-from ..artifacts.store import new_artifact, next_version, own_folder, save_artifact
+from ..artifacts.places import new_artifact, next_version, own_folder
+from ..artifacts.store import save_artifact
 from ..materials import Law
 from ..materials.law import checked_law
 from .export import best_of, regressor_of, title_of
@@ -161,8 +162,7 @@ def store(
         f"{name}@{version}",
     )
     surrogate, resampling = checked_surrogate(model, law, samples, title)
-    stretches = tuple(samples.design["stretch_range"])
-    errors = target.report(surrogate, law, stretches)
+    errors = target.report(surrogate, law, tuple(samples.design["stretch_range"]))
     check_worth_storing(errors, title, law)
     search = (
         search_table(model)
@@ -182,7 +182,7 @@ def store(
             "shape": dict(surrogate.shape_of(law)),
         },
         "domain": asdict(surrogate.domain),
-        "errors": {"box": errors, **target.more_reports(surrogate, law, stretches)},
+        "errors": {"box": errors},
         "weight_function": target.weight_function,
         "features": {
             "set": surrogate.feature_set,
@@ -191,7 +191,7 @@ def store(
             "targets": list(target.outputs),
             "units": target.units,
         },
-        "scaling": target.scaling(model),
+        "scaling": {"folded": "into the constants of the payload"},
         "training": {
             "design": samples.design,
             "regressor": title_of(regressor),

@@ -334,8 +334,6 @@ class Target:
         ``surrogate(model, law, domain, name, states=None)``: surrogate of a fitted model, and a
         report of its resampling, empty for a surrogate that equals the model; ``states`` are the
         inputs of its training.
-    scaling : callable
-        ``scaling(model)``: scalings of a fitted model for its card.
     predicted : callable
         ``predicted(model, law, X)``: outputs of a model.
     _more_errors : callable
@@ -358,7 +356,6 @@ class Target:
     errors: Callable[[np.ndarray, Samples], dict[str, float]]
     domain_of_states: Callable[[Law, np.ndarray], Domain]
     surrogate: Callable[..., tuple[LearnedBondForce | LearnedEnergy, dict]]
-    scaling: Callable[[Any], dict]
     predicted: Callable[[Any, Law, np.ndarray], np.ndarray]
     _more_errors: Callable[[Any, Law, Samples], dict]
     _reported: ClassVar[dict[str, float]] = {"near_rest": 0.0}
@@ -431,12 +428,6 @@ class Target:
         )
         least, greatest = design["stretch_range"]
         return Domain(least, greatest, *bulk, hull)
-
-    def more_reports(self, surrogate, law: Law, stretch_range: Range) -> dict[str, dict]:
-        """Return further error reports of a surrogate for its card, over other ranges of
-        stretches, by title; none by default.
-        """
-        return {}
 
 
 class EnergyTarget(Target):
@@ -562,14 +553,6 @@ class EnergyTarget(Target):
         return {
             **relative_errors(*stresses),
             "energy_rms": relative_errors(predicted[:, :1], samples.y[:, :1])["rms"],
-        }
-
-    def scaling(self, model) -> dict:
-        return {
-            "folded": (
-                "features are standardized and targets scaled within the regressor; the payload is"
-                " on plain features"
-            )
         }
 
 

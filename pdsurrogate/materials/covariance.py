@@ -83,23 +83,18 @@ class LawCovariance:
                 f" {', '.join(known)}"
             )
         if values.shape != 2 * (len(self.names),) or not np.isfinite(values).all():
-            many = (
-                f"{len(self.names)} x {len(self.names)} finite numbers, for {', '.join(self.names)}"
+            wrong = "has others"
+            if values.shape != 2 * (len(self.names),):
+                wrong = f"has the shape {values.shape}"
+            raise ValueError(
+                f"covariance: it must have {len(self.names)} x {len(self.names)} finite numbers,"
+                f" for {', '.join(self.names)}, but {wrong}"
             )
-            wrong = (
-                f"has the shape {values.shape}"
-                if values.shape != 2 * (len(self.names),)
-                else "has others"
-            )
-            raise ValueError(f"covariance: it must have {many}, but {wrong}")
         sizes = np.sqrt(np.abs(np.diag(values)))
-        if (np.diag(values) < 0).any() or (
-            np.abs(values - values.T) > 1e-9 * np.outer(sizes, sizes)
-        ).any():
+        products = np.outer(sizes, sizes)
+        if (np.diag(values) < 0).any() or (np.abs(values - values.T) > 1e-9 * products).any():
             raise ValueError("covariance: it must be symmetric, with no negative variance")
-        correlation = values / np.outer(
-            np.where(sizes > 0, sizes, 1.0), np.where(sizes > 0, sizes, 1.0)
-        )
+        correlation = values / np.where(products > 0, products, 1.0)
         if np.linalg.eigvalsh(correlation).min() < -NO_VARIANCE:
             raise ValueError(
                 "covariance: a combination of the numbers has a negative variance: correlations"

@@ -7,8 +7,6 @@ each term but the last is polyconvex:
 - powers of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3: I1bar and I2bar^1.5 are polyconvex (Hartmann,
   Neff, Int. J. Solids Struct. 40 (2003) 2767; I2bar itself is not), the differences are not
   negative, and powers of such numbers are convex and do not decrease;
-- the logarithm -log(1 - (I1bar - 3)/L), and its continuation: convex functions of I1bar that do not
-  decrease, too;
 - powers of the stretches, among deformations of constant volume: l1^a + l2^a + l3^a is a convex
   function of F for a >= 1, and of cof F, whose singular values are the inverses of the stretches,
   for a <= -1 (Ball, Arch. Rat. Mech. Anal. 63 (1977) 337);
@@ -32,13 +30,6 @@ the fourth, as in Carroll's, describe the rise of the stress at great stretches;
 act at the greatest stretches of the data alone.
 """
 
-LEAST_GAP = 0.1
-"""Value of 1 - x/L down to which a term in log(1 - x/L) is a logarithm; from there on the logarithm
-continues as its Taylor polynomial of second degree. Chosen: the stress is then ten times that of a
-Neo-Hookean term, which test data hardly exceed, and an energy from test data must not end within a
-body.
-"""
-
 STATES, DIRECTIONS, LINE_STEP = 13, 6, 1e-3
 """Number of stretches of each axis and of angles in a quarter turn of `line_curvatures`, and the
 step of its differences: the rounding is then some 1e-9, and the error of the difference a
@@ -56,7 +47,6 @@ KINDS = {
     "first": "I1bar - 3 to the power {:g}",
     "second": "I2bar^1.5 - 3 sqrt 3 to the power {:g}",
     "roots": "root of I{:g}bar",
-    "logarithms": "logarithm of I1bar - 3 with limit {:.4g}",
     "second_logarithm": "logarithm of I2bar",
 }
 """Names of the terms in reports, with a place for their number, by their kind. The kinds are also
@@ -74,8 +64,7 @@ class Term(NamedTuple):
     number : float
         Exponent a of ``stretches``, (l1^a + l2^a + l3^a - 3)/a^2; power k of ``first``, (I1bar -
         3)^k, and of ``second``, (I2bar^1.5 - 3 sqrt 3)^k; 1 or 2 of ``roots``, sqrt I1bar - sqrt 3
-        or sqrt I2bar - sqrt 3; limit L of ``logarithms``, -L/2 log(1 - (I1bar - 3)/L); 1 of
-        ``second_logarithm``, log(I2bar/3).
+        or sqrt I2bar - sqrt 3; 1 of ``second_logarithm``, log(I2bar/3).
     """
 
     kind: str
@@ -91,32 +80,28 @@ class Term(NamedTuple):
 
     @property
     def row(self) -> tuple[float, ...]:
-        """Constants (a, r, L, m, c1, ..., c4) of c1 z + ... + c4 z^4 - m/2 L log(1 - z/L), z = S^r
-        - 3^r and S = l1^a + l2^a + l3^a.
+        """Constants (a, r, c1, ..., c4) of c1 z + ... + c4 z^4, z = S^r - 3^r and S = l1^a + l2^a +
+        l3^a.
 
         With r = 0, z = log(S/3).
         """
         kind, number = self
         if kind == "stretches":
-            return (number, 1.0, 1.0, 0.0, number**-2.0, 0.0, 0.0, 0.0)
+            return (number, 1.0, number**-2.0, 0.0, 0.0, 0.0)
         if kind == "roots":
-            return (2.0 if number == 1 else -2.0, 0.5, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-        if kind == "logarithms":
-            return (2.0, 1.0, number, 1.0, 0.0, 0.0, 0.0, 0.0)
+            return (2.0 if number == 1 else -2.0, 0.5, 1.0, 0.0, 0.0, 0.0)
         if kind == "second_logarithm":
-            return (-2.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+            return (-2.0, 0.0, 1.0, 0.0, 0.0, 0.0)
         return (
             *((2.0, 1.0) if kind == "first" else (-2.0, 1.5)),
-            1.0,
-            0.0,
             *(float(number == k) for k in range(1, GREATEST_POWER + 1)),
         )
 
     @property
     def shear_modulus(self) -> float:
         """Shear modulus of the undeformed material."""
-        a, r, _, m, c1, *_ = self.row
-        return a**2 / 2 * (c1 + m / 2) * (r or 1.0) * 3 ** (r - 1)
+        a, r, c1, *_ = self.row
+        return a**2 / 2 * c1 * (r or 1.0) * 3 ** (r - 1)
 
 
 OF_INVARIANTS = (
@@ -146,31 +131,21 @@ def energy_of_row(x1, x2, x3, s1, s2, s3, coefficients):
     """Return the energy of constants, `Term.row`, and derivatives, as
     `pdsurrogate.materials.law.PrincipalStretchLaw.term` does.
     """
-    exponent, power, limit, modulus, c1, c2, c3, c4 = coefficients
+    exponent, power, c1, c2, c3, c4 = coefficients
     e1, e2, e3 = exponential(exponent * x1), exponential(exponent * x2), exponential(exponent * x3)
     S = e1 + e2 + e3
     root = np.sqrt(S)
     # z, its derivatives by S, and those of the energy by z.
     linear, rising, flat = power == 1.0, power == 1.5, power == 0.0
-    z = select(linear, S - 3, select(rising, S * root - 3 * np.sqrt(3.0), root - np.sqrt(3.0)))
+    z = select(rising, S * root - 3 * np.sqrt(3.0), root - np.sqrt(3.0))
+    z = select(linear, S - 3, select(flat, logarithm(S / 3), z))
     z1 = select(linear, 1.0, select(rising, 1.5 * root, select(flat, 1 / S, 0.5 / root)))
     z2 = select(
         linear, 0.0, select(rising, 0.75 / root, select(flat, -1 / (S * S), -0.25 / (S * root)))
     )
-    gap = 1 - z / limit
-    least = select(gap > LEAST_GAP, gap, LEAST_GAP)
-    # One logarithm serves both kinds of terms: where z is log(S/3), there is no logarithm of the
-    # gap.
-    log = logarithm(select(flat, S / 3, least))
-    z = select(flat, log, z)
-    # How far the state is beyond the end of the logarithm, from which a Taylor polynomial continues
-    # it.
-    beyond = (least - gap) / least
-    W = z * (c1 + z * (c2 + z * (c3 + z * c4))) + modulus / 2 * limit * (
-        beyond + beyond * beyond / 2 - log
-    )
-    W1 = c1 + z * (2 * c2 + z * (3 * c3 + z * 4 * c4)) + modulus / 2 * (1 + beyond) / least
-    W2 = 2 * c2 + z * (6 * c3 + z * 12 * c4) + modulus / (2 * limit * least * least)
+    W = z * (c1 + z * (c2 + z * (c3 + z * c4)))
+    W1 = c1 + z * (2 * c2 + z * (3 * c3 + z * 4 * c4))
+    W2 = 2 * c2 + z * (6 * c3 + z * 12 * c4)
     slope = exponent * W1 * z1
     along = exponent * (2 * e3 - e1 - e2) / 3
     h = exponent * slope * (e1 + e2 + 4 * e3) / 9 + (W2 * z1 * z1 + W1 * z2) * along * along

@@ -11,18 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from .law import Law
-from .states import PLANES, SHEETS, dimension_of, invariants, newton, plane_stress, stretch_squares
+from .states import PLANES, SHEETS, invariants, newton, plane_stress, stretch_squares
 
 STEP = 1e-7
 """Relative difference from which Newton's iteration computes its slope. Chosen near the square root
 of rounding: the slope has an error of some 1e-7, which costs the iteration no step and the result
 nothing.
-"""
-
-CHANGE = 1e-3
-"""Relative change of the deformation gradient over which differences of fourth order give an
-acoustic tensor. Chosen: their error is some 1e-11, and rounding, which a bulk modulus of 1000 shear
-moduli multiplies, adds as much.
 """
 
 
@@ -127,80 +121,6 @@ def pure_shear(law: Law, stretch: float) -> HomogeneousState:
     fixed width (lateral stretch 1).
     """
     return biaxial(law, stretch, 1.0)
-
-
-def wave_speeds(
-    law: Law, F: np.ndarray, normal: np.ndarray, density: float, plane: str = "stress"
-) -> np.ndarray:
-    """Return the speeds of plane waves of small amplitude in a body that is deformed homogeneously,
-    theory (88).
-
-    Parameters
-    ----------
-    law : Law
-    F : array_like, shape (d, d)
-        Deformation gradient; d is 2 in a sheet, 3 in a solid.
-    normal : array_like, shape (d,)
-        Direction in which the waves run in the undeformed body, of any length.
-    density : float
-        Mass per undeformed volume.
-    plane : str
-        Name of `PLANES`. Under plane stress the waves are long compared with the thickness of the
-        sheet.
-
-    Returns
-    -------
-    ndarray, shape (d,)
-        Speeds in the undeformed body in ascending order: the undeformed length that a front crosses
-        in unit time, in the square root of the unit of the shear modulus over that of the density.
-        Waves along a principal direction move faster in space by the stretch along it.
-
-    Raises
-    ------
-    ValueError
-        If an argument is unsuitable, if the law has no state at F, or if it is unstable there, so
-        that such waves would grow.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> rubber = pds.materials.NeoHookean(shear_modulus=1.0, bulk_modulus=1000.0)
-    >>> wave_speeds(rubber, np.diag([2.0, 2.0]), [1.0, 0.0], density=1.0).round(3).tolist()
-    [0.999, 1.022]
-    """
-    if plane not in PLANES:
-        raise ValueError(f"plane must be {' or '.join(PLANES)}, not {plane}")
-    F, normal, d = np.asarray(F, dtype=float), np.asarray(normal, dtype=float), dimension_of(plane)
-    if F.shape != (d, d) or normal.shape != (d,):
-        raise ValueError(
-            f"F must have the shape {(d, d)} and normal {(d,)} for plane = {plane}, not {F.shape}"
-            f" and {normal.shape}"
-        )
-    if not (np.isfinite(F).all() and np.linalg.det(F) > 0):
-        raise ValueError(f"F must be finite with a positive determinant, not {F.tolist()}")
-    length = np.linalg.norm(normal)
-    if not 0 < length < np.inf:
-        raise ValueError(f"normal must have a finite length other than 0, not {normal.tolist()}")
-    if not 0 < density < np.inf:
-        raise ValueError(f"density must be positive and finite, not {density}")
-    if (reason := PLANES[plane].why_no_state(law, F)) is not None:
-        raise ValueError(reason)
-    along = normal / length
-    size = CHANGE * np.linalg.norm(F, -2)
-    shears = size * np.eye(d)[:, :, None] * along
-    ahead, twice = (
-        sum(
-            side * PLANES[plane].first_piola_stress(law, F + side * by * shears) for side in (1, -1)
-        )
-        for by in (1, 2)
-    )
-    tensor = (8 * ahead - twice) @ along / (12 * size)
-    squares = np.linalg.eigvalsh((tensor + tensor.T) / 2) / density
-    if not squares[0] > 0:
-        raise ValueError(
-            f"{law.name}: unstable at F = {F.tolist()}: waves along {normal.tolist()} would grow"
-        )
-    return np.sqrt(squares)
 
 
 def sheet_states(

@@ -10,29 +10,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .dictionary import GREATEST_POWER, Term, energy_of_row
-from .stretch_laws import MOST_TERMS, Ogden
+from .stretch_laws import Ogden
 
 
 @dataclass(frozen=True)
 class Polyconvex(Ogden):
-    """Polyconvex law: a sum of powers of stretches, powers and roots of the invariants, and
-    logarithms, none with a negative coefficient.
+    """Polyconvex law: a sum of powers of stretches, powers and roots of the invariants, and the
+    logarithm of the second, none with a negative coefficient.
 
     Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + sum_k a_k x^k + sum_k b_k
-    y^k + d_1 (sqrt I1bar - sqrt 3) + d_2 (sqrt I2bar - sqrt 3) - sum_k m_k/2 L_k log(1 - x/L_k) + e
-    log(I2bar/3) + U(J3), with the isochoric principal stretches l, x = I1bar - 3 and y = I2bar^1.5
-    - 3 sqrt 3. From x = 0.9 L_k on, a logarithm of x continues as its Taylor polynomial of second
-    degree, so that the law has no limit. Each term but the last is polyconvex: powers of the
-    invariants and logarithms of x for all deformations, powers of stretches and roots if only
-    deformations of constant volume are considered. The term in log I2bar, of the law of Gent and
-    Thomas, is not: with it, waves are stable in a bounded range of states only, which depends on
-    the other terms.
+    y^k + d_1 (sqrt I1bar - sqrt 3) + d_2 (sqrt I2bar - sqrt 3) + e log(I2bar/3) + U(J3), with the
+    isochoric principal stretches l, x = I1bar - 3 and y = I2bar^1.5 - 3 sqrt 3. Each term but the
+    last is polyconvex: powers of the invariants for all deformations, powers of stretches and roots
+    if only deformations of constant volume are considered. The term in log I2bar, of the law of
+    Gent and Thomas, is not: with it, waves are stable in a bounded range of states only, which
+    depends on the other terms.
 
     Parameters
     ----------
     shear_modulus : float, optional
         Initial shear modulus mu. It follows from the terms, as sum_k mu_k alpha_k / 2 + 2 a_1 + 3
-        sqrt 3 b_1 + (d_1 + d_2) / sqrt 3 + sum_k m_k + 2 e / 3, and if given must equal this sum.
+        sqrt 3 b_1 + (d_1 + d_2) / sqrt 3 + 2 e / 3, and if given must equal this sum.
         Unit: stress.
     bulk_modulus : float, optional
         Initial bulk modulus K; 100 mu by default. Unit: stress.
@@ -46,10 +44,6 @@ class Polyconvex(Ogden):
         Constants b_1 to b_4, not negative; fewer are followed by zeros. Unit: stress.
     roots : tuple of float
         Constants d_1 and d_2, not negative; fewer are followed by zeros. Unit: stress.
-    logarithms : tuple of float
-        Moduli m_k, up to eight, not negative. Unit: stress.
-    limits : tuple of float
-        Positive constants L_k, one for each of `logarithms`. Unit: none.
     second_logarithm : tuple of float
         Constant e, not negative. Unit: stress.
 
@@ -57,8 +51,7 @@ class Polyconvex(Ogden):
     ----------
     Hartmann, Neff, Int. J. Solids Struct. 40 (2003) 2767, for the powers of the invariants; Ogden,
     Proc. R. Soc. A 326 (1972) 565; Carroll, J. Elast. 103 (2011) 173, for the root of the second
-    invariant; Gent, Rubber Chem. Technol. 69 (1996) 59, for the logarithm of x; Gent, Thomas, J.
-    Polym. Sci. 28 (1958) 625, for that of the second invariant.
+    invariant; Gent, Thomas, J. Polym. Sci. 28 (1958) 625, for its logarithm.
 
     Examples
     --------
@@ -77,8 +70,6 @@ class Polyconvex(Ogden):
         "first",
         "second",
         "roots",
-        "logarithms",
-        "limits",
         "second_logarithm",
     )
     lengths: ClassVar[dict[str, int]] = {
@@ -94,12 +85,10 @@ class Polyconvex(Ogden):
     first: tuple[float, ...] = (0.5, 0.0, 0.0, 0.0)
     second: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     roots: tuple[float, ...] = (0.0, 0.0)
-    logarithms: tuple[float, ...] = ()
-    limits: tuple[float, ...] = ()
     second_logarithm: tuple[float, ...] = (0.0,)
 
     def _check_terms(self) -> None:
-        for key, most in {**self.lengths, "logarithms": MOST_TERMS}.items():
+        for key, most in self.lengths.items():
             values = getattr(self, key)
             if len(values) > most or not (
                 np.isfinite(values).all() and min(values, default=0) >= 0
@@ -111,13 +100,6 @@ class Polyconvex(Ogden):
             object.__setattr__(
                 self, key, (*values, *[0.0] * (self.lengths.get(key, 0) - len(values)))
             )
-        if len(self.limits) != len(self.logarithms) or not all(
-            0 < limit < np.inf for limit in self.limits
-        ):
-            raise ValueError(
-                f"{self.name}: limits must be positive numbers, one for each of logarithms, not"
-                f" {list(self.limits)}"
-            )
         if self.moduli or self.exponents:
             super()._check_terms()
         if min(map(abs, self.exponents), default=1) < 1:
@@ -127,7 +109,7 @@ class Polyconvex(Ogden):
             )
         if not self._stiffness() > 0:
             raise ValueError(
-                f"{self.name}: the stiffness at rest is zero: give moduli, roots, logarithms, or a"
+                f"{self.name}: the stiffness at rest is zero: give moduli, roots, or a"
                 " first number above 0 in first or second"
             )
 
@@ -154,11 +136,6 @@ class Polyconvex(Ogden):
             for k, size in enumerate(getattr(self, kind), start=1)
             if size
         ]
-        pairs += [
-            (Term("logarithms", limit), modulus)
-            for modulus, limit in zip(self.logarithms, self.limits, strict=True)
-            if modulus
-        ]
         found: dict[Term, float] = {}
         for term, size in pairs:
             found[term] = found.get(term, 0.0) + size
@@ -169,12 +146,11 @@ class Polyconvex(Ogden):
 
     @property
     def terms(self) -> np.ndarray:
-        # Terms that are functions of the same z are one row; all with the same r and a, and a
-        # logarithm's L, are.
+        # Terms that are functions of the same z, with the same a and r, are one row.
         rows: dict[tuple, np.ndarray] = {}
         for term, size in self.combination.items():
-            rows[term.row[:3]] = rows.get(term.row[:3], 0) + size / self.shear_modulus * np.array(
-                term.row[3:]
+            rows[term.row[:2]] = rows.get(term.row[:2], 0) + size / self.shear_modulus * np.array(
+                term.row[2:]
             )
         return np.array([[*constants, *sizes] for constants, sizes in rows.items()])
 
@@ -182,31 +158,22 @@ class Polyconvex(Ogden):
     def shape(self) -> dict[str, float]:
         found = super().shape
         for key in self.lists[2:]:
-            size = 1.0 if key == "limits" else self.shear_modulus
             found |= {
-                f"{key}_{number}": value / size
+                f"{key}_{number}": value / self.shear_modulus
                 for number, value in enumerate(getattr(self, key), start=1)
             }
         return found
 
     @staticmethod
     def coefficients(parameters, k):
-        at = 2 + 8 * k
-        exponent, root, limit, modulus = (
+        at = 2 + 6 * k
+        return (
             parameters[at],
             parameters[at + 1],
             parameters[at + 2],
             parameters[at + 3],
-        )
-        return (
-            exponent,
-            root,
-            limit,
-            modulus,
             parameters[at + 4],
             parameters[at + 5],
-            parameters[at + 6],
-            parameters[at + 7],
         )
 
     term = staticmethod(energy_of_row)
@@ -253,11 +220,8 @@ def law_of(terms: Sequence[Term], coefficients: ArrayLike, bulk_modulus: float) 
         if kind in Polyconvex.lengths:
             lists[kind][int(number) - 1] += size
         else:
-            moduli, numbers = (
-                ("moduli", "exponents") if kind == "stretches" else ("logarithms", "limits")
-            )
-            lists[moduli].append(size / number if kind == "stretches" else size)
-            lists[numbers].append(float(number))
+            lists["moduli"].append(size / number)
+            lists["exponents"].append(float(number))
     if all(not any(values) for key, values in lists.items() if key not in Ogden.lists):
         return Ogden(
             bulk_modulus=bulk_modulus,

@@ -124,7 +124,7 @@ class Ogden(PrincipalStretchLaw):
         scaled = {
             key: tuple(value * factor for value in getattr(self, key))
             for key in self.lists
-            if key not in ("exponents", "limits")
+            if key != "exponents"
         }
         return replace(
             self, shear_modulus=NOT_GIVEN, bulk_modulus=self.bulk_modulus * factor, **scaled

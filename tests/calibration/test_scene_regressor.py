@@ -15,8 +15,9 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.calibration.free import EnergyUnknowns
-from pdsurrogate.calibration.measured import MeasuredScene, Rows
+from pdsurrogate.calibration.measured import MeasuredScene
 from pdsurrogate.calibration.reporting import report
+from pdsurrogate.calibration.scatter import Rows
 from pdsurrogate.cli import app
 from pdsurrogate.forces.domain import Domain
 from pdsurrogate.identification import MODES, nominal_stress
@@ -476,7 +477,7 @@ def test_probes_alone_do_not_determine_moduli():
         ("step,x1,x2,u1,u2,u2\n1,1,0,0,0,0\n", "there are two columns u2"),
         (
             "step,x1,x2,u1,u2\n1,1,5,0,0,1,0,2\n",
-            "line 2: more entries than the 5 columns; decimals have points, not commas",
+            "line 2: the line has 8 values for 5 columns; decimals have points, not commas",
         ),
         (
             "step,x1,x2,u1,u2\n1,1,0,0,1\n1,1.5,0,0,1\n1,1,0,0,1\n",

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 import pdsurrogate as pds
 from pdsurrogate.discretization import clouds, discretize
-from pdsurrogate.discretization.points import material_at
+from pdsurrogate.discretization.material import material_at
 from pdsurrogate.engine.threads import most_threads, thread_count
 from pdsurrogate.results import vtk
 from pdsurrogate.results.states import deformed_cells

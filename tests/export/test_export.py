@@ -480,8 +480,8 @@ class Exponential(InvariantLaw):
 
 def test_own_laws_are_exported():
     text = exported(source_of_law(Exponential()), "c")
-    assert "const double growth = exp(0.05 * (I1 - 3.0));" in text
-    assert "W[1] = growth / 2.0;" in text
+    assert "const double t1 = exp(0.05 * (I1 - 3.0));" in text
+    assert "W[1] = t1 / 2.0;" in text
 
 
 def with_isochoric(function):

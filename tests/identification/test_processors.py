@@ -16,7 +16,8 @@ import json, warnings
 import numpy as np
 from threadpoolctl import threadpool_info
 import pdsurrogate as pds
-from pdsurrogate.calibration.measured import MeasuredScene, Rows
+from pdsurrogate.calibration.measured import MeasuredScene
+from pdsurrogate.calibration.scatter import Rows
 from pdsurrogate.identification import MODES, nominal_stress
 
 warnings.simplefilter("ignore")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pdsurrogate.materials import LAWS, PLANES, Gent, NeoHookean, Yeoh, homogeneous, plane_stress
+from pdsurrogate.materials import LAWS, PLANES, Gent, NeoHookean, homogeneous, plane_stress
 from pdsurrogate.testing.laws import compiled_response
 
 
@@ -218,94 +218,3 @@ def test_the_thickness_at_an_edge_under_pressure_is_that_of_the_homogeneous_stat
 
 def test_no_thickness_at_an_edge_is_found_beyond_the_limit_of_a_law():
     assert np.isnan(plane_stress.thickness_at_edge(Gent(chain_limit=10.0), [50.0], 0.1)).all()
-
-
-@pytest.mark.parametrize("plane", PLANES)
-def test_shear_waves_along_a_principal_direction_have_the_speed_of_ericksens_formula(law, plane):
-    """rho c^2 = (l1 P1 - l2 P2)/(l1^2 - l2^2) for every isotropic law, since a shear of this kind
-    only turns the principal directions.
-
-    Differences of fourth order leave some 1e-9; with the greatest bulk modulus of the laws,
-    rounding as much.
-    """
-    F = np.diag([1.7, 0.8, 1.05][: 2 if plane != "space" else 3])
-    P = np.diag(PLANES[plane].first_piola_stress(law, F))
-    expected = (1.7 * P[0] - 0.8 * P[1]) / (1.7**2 - 0.8**2)
-    speeds = homogeneous.wave_speeds(law, F, [3.0, *[0.0] * (len(F) - 1)], density=2.0, plane=plane)
-    assert np.abs(2.0 * speeds**2 / expected - 1).min() < 1e-7
-
-
-def test_waves_in_neo_hookean_rubber_against_closed_solutions():
-    """Shear waves of a stretched body, rho c^2 = mu J^(-2/3) for every stretch; small strains in
-    a solid, and in a sheet that may thin.
-    """
-    law, density = NeoHookean(3.0, 40.0), 1.2
-    for plane, F in (
-        ("stress", np.diag([2.5, 1.6])),
-        ("strain", np.diag([1.6, 0.7])),
-        ("space", np.diag([1.4, 0.8, 1.1])),
-    ):
-        J3 = PLANES[plane].volume_ratio(law, *PLANES[plane].invariants(F))
-        along = homogeneous.wave_speeds(law, F, np.eye(len(F))[0], density, plane)
-        assert np.abs(along / np.sqrt(3.0 * J3 ** (-2 / 3) / density) - 1).min() < 1e-8, plane
-    young, poisson = 9 * 40.0 * 3.0 / (3 * 40.0 + 3.0), (3 * 40.0 - 2 * 3.0) / (6 * 40.0 + 2 * 3.0)
-    moduli = {
-        "stress": young / (1 - poisson**2),
-        "strain": 40.0 + 4 / 3 * 3.0,
-        "space": 40.0 + 4 / 3 * 3.0,
-    }
-    for plane, modulus in moduli.items():
-        d = 3 if plane == "space" else 2
-        speeds = homogeneous.wave_speeds(law, np.eye(d), np.ones(d), density, plane)
-        np.testing.assert_allclose(speeds**2 * density, [3.0] * (d - 1) + [modulus], rtol=1e-7)
-
-
-def test_wave_speeds_do_not_depend_on_the_position_of_the_observer(law):
-    F, normal, turn = (
-        np.array([[1.8, 0.3], [-0.1, 1.1]]),
-        np.array([0.6, 0.8]),
-        np.array([[0.8, -0.6], [0.6, 0.8]]),
-    )
-    speeds = homogeneous.wave_speeds(law, F, normal, 1.0)
-    np.testing.assert_allclose(
-        homogeneous.wave_speeds(law, turn @ F, normal, 1.0), speeds, rtol=1e-7
-    )
-    np.testing.assert_allclose(
-        homogeneous.wave_speeds(law, F @ turn.T, turn @ normal, 1.0), speeds, rtol=1e-7
-    )
-
-
-def test_waves_that_do_not_exist_are_refused():
-    """The Yeoh law with C20 close to its bound softens between stretches of 2 and 3 of pure
-    shear.
-    """
-    law, F = NeoHookean(), np.diag([2.0, 1.0])
-    with pytest.raises(
-        ValueError, match=r"yeoh: unstable at F = .*: waves along \[1.0, 0.0\] would grow"
-    ):
-        homogeneous.wave_speeds(
-            Yeoh(second=-0.17, third=0.01), np.diag([2.41, 1.0]), [1.0, 0.0], 1.0
-        )
-    with pytest.raises(ValueError, match="gent: no plane-stress state"):
-        homogeneous.wave_speeds(Gent(1.0, 200.0, 10.0), np.diag([6.0, 6.0]), [1.0, 0.0], 1.0)
-    for changes, message in (
-        ({"plane": "shell"}, "plane must be stress or strain or space, not shell"),
-        (
-            {"plane": "space"},
-            (
-                r"F must have the shape \(3, 3\) and normal \(3,\) for plane = space, not \(2, 2\)"
-                r" and \(2,\)"
-            ),
-        ),
-        ({"F": np.diag([2.0, -1.0])}, "F must be finite with a positive determinant"),
-        ({"F": np.diag([2.0, np.nan])}, "F must be finite with a positive determinant"),
-        (
-            {"normal": [0.0, 0.0]},
-            r"normal must have a finite length other than 0, not \[0.0, 0.0\]",
-        ),
-        ({"density": 0.0}, "density must be positive and finite, not 0.0"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            homogeneous.wave_speeds(
-                **({"law": law, "F": F, "normal": [1.0, 0.0], "density": 1.0} | changes)
-            )

@@ -20,7 +20,7 @@ from pdsurrogate.materials.polyconvex import law_of
 
 TERMS = [Term("stretches", exponent) for exponent in (-6.0, -1.0, 1.0, 2.0, 3.25, 12.0)]
 TERMS += [Term(kind, power) for kind in ("first", "second") for power in (1.0, 2.0, 3.0, 4.0)]
-TERMS += [Term("roots", 1.0), Term("roots", 2.0), Term("logarithms", 3.0), Term("logarithms", 40.0)]
+TERMS += [Term("roots", 1.0), Term("roots", 2.0)]
 TERMS += [Term("second_logarithm", 1.0)]
 POLYCONVEX = tuple(term for term in TERMS if term.polyconvex)
 
@@ -32,11 +32,6 @@ def energy_of(term, F):
     x, y, number = first - 3, second**1.5 - 3**1.5, term.number
     if term.kind == "stretches":
         return (np.linalg.eigvalsh(C) ** (number / 2)).sum() / number**2 - 3 / number**2
-    if term.kind == "logarithms":
-        end = 0.9 * number
-        slope, bend = 1 / (2 * 0.1), 1 / (2 * number * 0.1**2)
-        continued = -number / 2 * np.log(0.1) + slope * (x - end) + bend * (x - end) ** 2 / 2
-        return -number / 2 * np.log(1 - x / number) if x < end else continued
     if term.kind == "second_logarithm":
         return np.log(second / 3)
     return {
@@ -155,27 +150,10 @@ def test_the_law_of_a_combination_has_its_energy(random):
     assert type(law_of(TERMS[:3], [0.0, 1.0, 2.0], 100.0)) is pds.materials.Ogden
 
 
-def test_a_logarithm_is_gents_law_below_its_limit_and_ends_nowhere():
-    gent = pds.materials.Gent(1.0, 200.0, 20.0)
-    law = pds.materials.Polyconvex(first=(), logarithms=(1.0,), limits=(20.0,))
-    stretch = np.array([1.5, 2.0, 3.0, 4.0])  # I1bar - 3 = 13.5 at most
-    state = stretch**2 + 1 / stretch, stretch**0.5, np.ones(4)
-    for found, expected in zip(
-        plane_stress.response(law, *state)[:2], plane_stress.response(gent, *state)[:2], strict=True
-    ):
-        np.testing.assert_allclose(found, expected, rtol=1e-12)
-    far = np.array([6.0, 12.0])
-    assert np.isfinite(plane_stress.response(law, far**2 + 1 / far, far**0.5, np.ones(2))).all()
-
-
 def test_coefficients_that_are_no_polyconvex_energy_are_refused():
     with pytest.raises(ValueError, match=r"must not be negative, but the least is -0\.1"):
         law_of([Term("first", 1.0), Term("first", 2.0)], [1.0, -0.1], 100.0)
     with pytest.raises(ValueError, match="the stiffness at rest is zero"):
         law_of([Term("first", 2.0)], [1.0], 100.0)
-    with pytest.raises(
-        ValueError, match="limits must be positive numbers, one for each of logarithms"
-    ):
-        pds.materials.Polyconvex(logarithms=(1.0,))
     with pytest.raises(ValueError, match="roots must be at most 2 finite numbers, none negative"):
         pds.materials.Polyconvex(roots=(1.0, -1.0))
