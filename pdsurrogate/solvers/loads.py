@@ -647,6 +647,10 @@ class LoadedForce:
         self._gather(positions, found)
         return found
 
+    def touching(self) -> np.ndarray:
+        """Return whether obstacles push at places (k, obstacles) in the state last evaluated."""
+        return self.loads.pushed(self.positions[: len(self.body)], self.loads.pushes) > 0
+
     def _gather(self, positions: np.ndarray, out: np.ndarray) -> None:
         """Replace forces on points at supports and in rigid regions, in place, by those that move
         them.

@@ -18,8 +18,6 @@ import numpy as np
 from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
 from .equilibrium import (
-    PENETRATION,
-    USUAL,
     Diverging,
     Equilibrium,
     EquilibriumSolver,
@@ -148,12 +146,18 @@ class QuasiNewton(EquilibriumSolver):
 
         `forces` (n, d) are those before the step and `following` those after this fraction. The
         function returns whether to accept it, and the factor by which to shorten it otherwise. Here
-        it accepts if the norm of the forces grows at most `MOST_GROWTH` times, or not at all where
-        places would touch an obstacle and leave it in turn.
+        it accepts if the norm of the forces grows at most `MOST_GROWTH` times, or not at all if
+        other places touch an obstacle then: they would touch it and leave it in turn.
         """
-        growth = 1.0 if force.obstacles else self.MOST_GROWTH
-        most = growth**2 * self.share.dot(forces, forces)
-        return lambda following, share: (self.share.dot(following, following) <= most, 0.5)
+        square = self.share.dot(forces, forces)
+        touched = force.touching() if force.obstacles else None
+
+        def accepts(following: np.ndarray, share: float) -> tuple[bool, float]:
+            same = touched is None or np.array_equal(force.touching(), touched)
+            most = self.MOST_GROWTH if same else 1.0
+            return self.share.dot(following, following) <= most**2 * square, 0.5
+
+        return accepts
 
     def _direction(self, preconditioner, forces, history):
         """Return the next step (n, d) by the two-loop recursion of L-BFGS, with the preconditioner
@@ -459,8 +463,6 @@ class Newton(EquilibriumSolver):
 
     def __init__(self, *settings) -> None:
         super().__init__(*settings)
-        # In proportion: derivatives in contact have the relative error of its forces.
-        self._penetration = PENETRATION * min(1.0, self.tolerance / USUAL)
         self._first = Automatic(*settings)
         self._equations: TangentEquations | None = None
 
