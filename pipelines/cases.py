@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from pages import FIGURES, markdown_table, replace_block
 
@@ -24,7 +24,8 @@ Figures = Mapping[str, list]
 """Rows by the names of their cases."""
 
 
-class Study(NamedTuple):
+@dataclass(frozen=True)
+class Study:
     """Cases with figures of one kind.
 
     Attributes

@@ -11,6 +11,8 @@ the free side with the plate, and of the free side with the plane of the bonded 
 (60 on 40 elements). Neo-Hookean, mu = 1, K = 100, with the volumetric energy K/8 (J - 1/J)^2.
 """
 
+from dataclasses import replace
+
 import matplotlib
 import numpy as np
 from cases import of_rows, percent, report
@@ -171,5 +173,5 @@ if __name__ == "__main__":
             "evaluations",
         ),
         of_rows("indented", indented, cells, *radius, *errors, depth),
-        of_rows("seal", seal, [()], "scene", "points")._replace(tables={}),
+        replace(of_rows("seal", seal, [()], "scene", "points"), tables={}),
     )

@@ -10,6 +10,7 @@ The paper is Chen, Yang, Liu, Int. J. Mech. Sci. 273 (2024) 109234. Pictures go 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -252,5 +253,5 @@ if __name__ == "__main__":
         of_rows("tear", torn, TEARS, "tear", *tears),
         of_rows("voids", voids, [()], *reached, "peak nominal stress (kPa): .4g"),
         at_spacings("convergence", {scene: converging(scene) for scene in CONVERGING}),
-        of_rows("pictures", pictures, [()], "pictures")._replace(tables={}),
+        replace(of_rows("pictures", pictures, [()], "pictures"), tables={}),
     )

@@ -264,7 +264,7 @@ class BondShares:
         sum_moments[d](moments, *pairs, 1.0, found)
         sum_pair_forces[d](forces, *pairs, 1.0, on_ghosts[n:])
         add_node_forces[d](stresses, *self._of_ghosts, n, self._node_parts, on_ghosts)
-        if (changed := self._kinematics.balance) is not None:
+        for changed in self._kinematics.changed:
             pulls = self.pulls(stresses, changed.owners, changed.changes)
             np.subtract.at(on_ghosts, self._body.bonds.neighbors[changed.numbers], pulls)
         return on_ghosts[n:], found

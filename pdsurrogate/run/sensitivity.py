@@ -260,13 +260,15 @@ class Differentiated:
             if control is None:
                 solver = Newton(*settings)
                 solver.solve(system.loaded, system.positions)
-                return self._jacobian(outputs, parameters, solver)
+                return self.present_jacobian(outputs, parameters, solver)
             controlled = DisplacementControl(control_of(system, control), *settings)
             controlled.solve(system.loaded, system.positions)
             system = replace(system, loaded=controlled.controlled(system.loaded))
-            return replace(self, system=system, control=control)._jacobian(outputs, parameters)
+            return replace(self, system=system, control=control).present_jacobian(
+                outputs, parameters
+            )
 
-    def _jacobian(
+    def present_jacobian(
         self, outputs: Sequence[str], parameters: Sequence[str], solver: Newton | None = None
     ) -> Jacobian:
         """Return measurements and derivatives in the present equilibrium, which `solver` has found,

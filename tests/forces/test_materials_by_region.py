@@ -558,6 +558,34 @@ def test_a_traction_goes_through_both_materials():
         assert P[section].mean() == pytest.approx(1.2, rel=tolerance)
 
 
+@pytest.mark.parametrize("plane", ["stress", "strain", "space"])
+def test_moments_of_a_bonded_face_and_a_load_balance_beside_an_interface(plane):
+    """The interface ends on the face; bonds to images that it omits from gradients, or whose
+    weights it changes, act on the face too.
+    """
+    solid = plane == "space"
+    face, load = {"region": "left", "x1": 0.0, "x2": 0.0}, [0.1, 0.02]
+    keys = {"body": pds.shapes.Rectangle(size=(2.0, 1.0)), "spacing": 0.1, "plane": plane}
+    if solid:
+        face, load = face | {"x3": 0.0}, [0.1, 0.02, 0.03]
+        keys = {"body": pds.shapes.Box(size=(1.0, 1.0, 1.0)), "spacing": 0.25}
+    upper = ((0.0, 0.5, 0.0), (1.0, 1.0, 1.0)) if solid else ((0.0, 0.4), (2.0, 1.0))
+    stiffer = {"region": {"box": upper}, "material": NeoHookean(5.0, 500.0)}
+    scene = Scene(
+        name="bonded",
+        material=SOFT,
+        materials=[stiffer],
+        prescribed=[face],
+        loads=[{"region": "right", "traction": load}],
+        steps=[1.0],
+        precision="float64",
+        solver={"tolerance": 1e-9},
+        **keys,
+    )
+    moments = pds.simulate(scene, "bond-energy").levels[-1]["moments"]
+    np.testing.assert_allclose(moments["left"], -np.array(moments["right"]), rtol=0, atol=1e-8)
+
+
 def test_dynamics_refuse_what_outruns_the_waves_of_the_softest_material():
     moving = [*SUPPORTS, {"region": "right", "x1": 1.5}]
     steps = [{"to": 1.0, "dynamics": {"duration": 0.12, "density": 0.01}}]
