@@ -110,11 +110,9 @@ class _Points(_Parts):
         )
 
     def boundary(self, name: str) -> np.ndarray:
-        surface, reach, cells = (
-            self.regions.surface(),
-            LAYER * self.regions.body.cell.max(),
-            self.regions.body.mesh_cells,
-        )
+        surface = self.regions.surface()
+        reach = LAYER * self.regions.body.cell.max()
+        cells = self.regions.body.mesh_cells
         facets = _facets_of(surface, name)
         if cells is not None:  # those that touch it, of whatever size
             return np.where(
@@ -141,7 +139,8 @@ class _Points(_Parts):
             nearest = int(distance.argmin())
             least = min(share.everywhere(float(distance[nearest])))
             if least > NEAR * self.regions.body.cell.max():
-                place, found = text_of(np.array(region.near)), self.describe(nearest)
+                place = text_of(np.array(region.near))
+                found = self.describe(nearest)
                 raise ValueError(
                     f"no point is close enough to {place}: the nearest one is {found},"
                     f" {distance[nearest]:.3g} away"
@@ -149,7 +148,8 @@ class _Points(_Parts):
             return self.numbered(
                 np.flatnonzero(distance <= least + ALIKE * self.regions.body.cell.min())
             )
-        numbers, size = np.array(region.points, dtype=np.int64), share.size
+        numbers = np.array(region.points, dtype=np.int64)
+        size = share.size
         if numbers.max(initial=-1) >= size:
             raise ValueError(
                 f"there is no point {numbers.max()}; the points of the body have the numbers 0 to"
@@ -354,7 +354,8 @@ class BodyRegions:
             return parts.group(region.group)
         if region.points is not None or region.near is not None:
             return parts.listed(region)
-        distance, round_one = np.full(len(parts.places), np.inf), region.disc or region.ball
+        distance = np.full(len(parts.places), np.inf)
+        round_one = region.disc or region.ball
         near = slice(None)
         if round_one is not None:
             # Of thousands of inclusions each has few of the points at its own x1; the others matter
@@ -415,7 +416,8 @@ def _distance(region: Region, places: np.ndarray) -> np.ndarray:
     if region.box is not None:
         lower, upper = np.array(region.box)
         return np.linalg.norm(np.maximum(0, np.maximum(lower - places, places - upper)), axis=1)
-    round_one, side = region.disc or region.ball, region.half_plane or region.half_space
+    round_one = region.disc or region.ball
+    side = region.half_plane or region.half_space
     if round_one is not None:
         return np.maximum(0, lengths_of(places - np.array(round_one.center)) - round_one.radius)
     normal = np.array(side.normal)
