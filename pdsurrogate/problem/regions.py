@@ -4,7 +4,6 @@ its boundary, that lie in them.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy
@@ -235,14 +234,6 @@ class BodyRegions:
         """Return the greatest distance that may be due to rounding."""
         return ROUNDING * float((self.upper - self.lower).max())
 
-    @cached_property
-    def _points(self) -> _Points:
-        return _Points(self, self.body.points, self.body.groups)
-
-    @cached_property
-    def _facets(self) -> _Facets:
-        return _Facets(self, self.surface().midpoints(), self.surface().groups)
-
     def points(self, reference: str | Region, key: str | None = None) -> np.ndarray:
         """Return the indices of the points in a region, given as a `Region` or by name.
 
@@ -252,7 +243,7 @@ class BodyRegions:
             If there are none; the message gives the name of the region (for a region without a name
             `key`) and the nearest point.
         """
-        return self._found(reference, key, self._points)
+        return self._found(reference, key, _Points(self, self.body.points, self.body.groups))
 
     def facets(self, reference: str | Region, key: str | None = None) -> np.ndarray:
         """Return the numbers of the facets in a region, given as a `Region` or by name.
@@ -263,8 +254,9 @@ class BodyRegions:
             If there are none, or a node of a facet has too few points near it to determine its
             motion; the message names the region (one without a name by `key`) and the place.
         """
-        found = self._found(reference, key, self._facets)
         surface = self.surface()
+        parts = _Facets(self, surface.midpoints(), surface.groups)
+        found = self._found(reference, key, parts)
         lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
         if len(lost):
             few = (
@@ -390,7 +382,7 @@ class BodyRegions:
                 " them"
             )
         edge = self.edge(region)
-        if edge is not None and parts is not self._points:
+        if edge is not None and isinstance(parts, _Facets):
             side, there = (
                 ("straight side", "edge") if len(self.lower) == 2 else ("flat part", "face")
             )

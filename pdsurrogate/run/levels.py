@@ -1,7 +1,6 @@
 """Stages in equilibrium: outputs on the way, and increments between them."""
 
 import logging
-from contextlib import suppress
 
 import numpy as np
 
@@ -262,17 +261,16 @@ class Equilibria:
         )
         if increments.shorten():
             return
-        what = (
-            f"the last equilibrium was found at {self._path.last()}, and none beyond with"
-            f" increments down to {size:.2g}"
-        )
+        last = f"the last equilibrium was found at {self._path.last()}"
         if self.stage.control is None and at != self._last_output.parameter:
             # A state accepted at a coarse tolerance just below a limit load need not be one.
-            target = run.target
-            run.target = at
-            with suppress(*FAILURES):
+            target, run.target = run.target, at
+            try:
                 self._record(self._follow(Increments(at, at, 1.0)))
+            except FAILURES:
+                last += " (only to the tolerance of increments)"
             run.target = target
+        what = f"{last}, and none beyond with increments down to {size:.2g}"
         raise type(cause)(f"{cause}; {what} ({run.problem.reached(at)})") from cause
 
     def _solve(self, target: float, tolerance: float, guess: np.ndarray) -> Equilibrium:
