@@ -28,7 +28,8 @@ KINDS = {
 """Classes of the force models that can be stored, by the entry ``kind`` of a card."""
 
 FORMAT = "pdsurrogate artefact"  # as in all files so far
-SCHEMA_VERSION, OLDEST_SCHEMA = 3, 2
+SCHEMA_VERSION = 3
+OLDEST_SCHEMA = 2
 """Version of the format of new cards and payloads (an artifact's other files), and the oldest
 version that is read.
 
@@ -67,7 +68,8 @@ storing or running the surrogate warns. Chosen: forces in a run are off by about
 of the default sizes reach a thirtieth of it or less.
 """
 
-SURROGATE, PIPELINE = "surrogate.npz", "pipeline.joblib"
+SURROGATE = "surrogate.npz"
+PIPELINE = "pipeline.joblib"
 """Names of an artifact's files other than its card: constants of the surrogate, fitted pipeline."""
 
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -514,7 +516,8 @@ def new_card(entries: Mapping[str, Any]) -> Card:
     card = checked_card(
         {"format": FORMAT, "schema_version": SCHEMA_VERSION, **entries, "digest": "0" * 64}
     )
-    identified, right = card.training.get("identification"), card.material.trained_with
+    identified = card.training.get("identification")
+    right = card.material.trained_with
     if identified and json.dumps(identified["law"], sort_keys=True) != json.dumps(
         right, sort_keys=True
     ):

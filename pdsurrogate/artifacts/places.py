@@ -32,7 +32,8 @@ SHIPPED = (
 checkout of its repository.
 """
 
-OWN, OWN_IN_CHECKOUT = "artifacts", "own-artifacts"
+OWN = "artifacts"
+OWN_IN_CHECKOUT = "own-artifacts"
 """Names of the folder of a user's own artifacts within the working folder: usually ``artifacts``.
 
 In a checkout of this package ``artifacts`` holds the shipped artifacts, so the user's own are in
@@ -135,7 +136,8 @@ def find_artifact(reference: str | Path, models: Sequence[str] = tuple(FORCES)) 
                 f"{text}: this is not the folder of an artifact, which would contain {CARD}"
             )
         return folder
-    here, named = _in_folder(Path(text)), by_name(text)
+    here = _in_folder(Path(text))
+    named = by_name(text)
     if here and named and here.resolve() != named.resolve():
         raise ArtifactError(
             f"{text!r} is the name of the artifact in {named}, but the folder {here} contains"

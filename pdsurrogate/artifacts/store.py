@@ -154,7 +154,8 @@ def _surrogate_in(folder: Path) -> Surrogate:
     features, material or covariance contradict the card.
     """
     card = _card_of(folder)
-    name, where = called(folder, card), f"{folder / CARD}"
+    name = called(folder, card)
+    where = f"{folder / CARD}"
     if card.kind not in KINDS:
         raise ArtifactError(
             f"{where}: kind: unknown kind {card.kind!r}; {suggestion(card.kind, KINDS)}"
@@ -173,7 +174,8 @@ def _surrogate_in(folder: Path) -> Surrogate:
             f"{name}: {SURROGATE} does not contain a {card.kind}, as the card states: {error}"
         ) from None
     if card.material.law in LAWS:
-        errors, law = card.errors["box"]["on_surface"], law_of(card)
+        errors = card.errors["box"]["on_surface"]
+        law = law_of(card)
         ratio = law.bulk_modulus / law.shear_modulus
         model = replace(
             model,
@@ -360,10 +362,8 @@ def save_artifact(
         or the written files cannot be read again, as for a model that the kernels do not evaluate.
         No file is left on disk then.
     """
-    target, title = (
-        new_artifact(folder, card["name"], card["version"]),
-        f"{card['name']}@{card['version']}",
-    )
+    target = new_artifact(folder, card["name"], card["version"])
+    title = f"{card['name']}@{card['version']}"
     Path(folder).mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(
         prefix=f".{card['name']}-{card['version']}-", dir=folder, ignore_cleanup_errors=True

@@ -355,7 +355,8 @@ class Body:
         >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).names[:3].tolist()
         [0, 1, 2]
         """
-        source, image = self.ghosts.source, self.ghosts.image
+        source = self.ghosts.source
+        image = self.ghosts.image
         return np.concatenate(
             [self.share.numbers, self.share.numbers[source] + image * self.share.size]
         )
@@ -387,7 +388,8 @@ class Body:
         ... )  # a run on one rank has no halo
         0
         """
-        owners, share = self.bond_owners, self.share
+        owners = self.bond_owners
+        share = self.share
         names = (
             share.numbers[owners] * (share.size * 2 ** len(self.planes))
             + self.names[self.bonds.neighbors]
@@ -486,10 +488,8 @@ def _check_distance_of_planes(body: Body) -> None:
     ):
         wall = float((one.mirrored(body.points)[1] + two.mirrored(body.points)[1]).min())
         if wall <= body.horizon:
-            walls, size = (
-                f"{one.name} and {two.name}",
-                f"a spacing of {0.99 * wall * body.spacing / body.horizon:.3g} or less",
-            )
+            walls = f"{one.name} and {two.name}"
+            size = f"a spacing of {0.99 * wall * body.spacing / body.horizon:.3g} or less"
             raise ValueError(
                 f"the wall between {walls}, all held, is thinner than the horizon; use {size}, or"
                 " support=points, which is less accurate"

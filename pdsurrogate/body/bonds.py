@@ -131,7 +131,8 @@ class Bonds:
             # source decides.
             separated = separates(points[first], np.concatenate([points, ghosts.unfolded])[second])
             cut = np.stack([first[separated], second[separated]], axis=1)
-            first, second = first[~separated], second[~separated]
+            first = first[~separated]
+            second = second[~separated]
         if len(first) == 0:
             raise ValueError(
                 f"the horizon {horizon:g} is too small: it contains no neighbor at the spacing"
@@ -184,8 +185,10 @@ def _with_partners(
     outer = outer[(ghosts.points != ghosts.unfolded).any(axis=1)[second[outer] - n]]
     if not len(outer):
         return first, second
-    one, ghost = first[outer].astype(np.int64), second[outer].astype(np.int64) - n
-    mirrored, source = ghosts.mirrored(one, ghost), ghosts.source[ghost]
+    one = first[outer].astype(np.int64)
+    ghost = second[outer].astype(np.int64) - n
+    mirrored = ghosts.mirrored(one, ghost)
+    source = ghosts.source[ghost]
     reach = horizon * WITH_ROUNDING
     apart = np.linalg.norm(points[one] - ghosts.unfolded[ghost], axis=1) > reach
     apart |= (mirrored < 0) | (
@@ -207,7 +210,8 @@ def _pairs_within(points: np.ndarray, reach: float, count: int) -> tuple[np.ndar
     """Return the pairs i < j of points (n, d) within `reach` of each other, with i < `count`, as
     sorted arrays of i and of j.
     """
-    tree, total = scipy.spatial.cKDTree(points), len(points)
+    tree = scipy.spatial.cKDTree(points)
+    total = len(points)
     check_apart(tree, COINCIDING * reach)
     # Sorting one number per pair is five times as fast as sorting two.
     one, other = tree.query_pairs(reach, output_type="ndarray").T

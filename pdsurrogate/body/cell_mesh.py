@@ -176,7 +176,8 @@ class CellMesh:
         corners, owners = self.sides()
         number = side_numbers(corners)
         _, first = np.unique(number, return_index=True)
-        beyond, further = np.full(len(first), -1), np.ones(len(number), dtype=bool)
+        beyond = np.full(len(first), -1)
+        further = np.ones(len(number), dtype=bool)
         further[first] = False
         beyond[number[further]] = owners[further]
         return corners[first], np.stack([owners[first], beyond], axis=1)
@@ -193,7 +194,8 @@ class CellMesh:
         at their corners, their cells, and the cells on their other side, -1 where there is none.
         """
         corners, owners = self.sides()
-        number, inside = side_numbers(corners), kept[owners]
+        number = side_numbers(corners)
+        inside = kept[owners]
         times = np.bincount(number[inside], minlength=len(number))
         beyond = np.full(len(number), -1)
         beyond[number[~inside]] = owners[~inside]
@@ -212,7 +214,8 @@ class CellMesh:
         """
         counts = np.bincount(self._entries, minlength=len(self.nodes))
         total = np.zeros_like(self.nodes)
-        begin, changes = 0, gradients - np.eye(self.dimension)
+        begin = 0
+        changes = gradients - np.eye(self.dimension)
         for block in self.blocks:
             own = slice(begin, begin + len(block))
             for corner in block.T:
@@ -237,7 +240,8 @@ class CellMesh:
         """
         corners, beside = self.faces
         inner = beside[:, 1] >= 0
-        corners, (one, other) = corners[inner], beside[inner].T
+        corners = corners[inner]
+        (one, other) = beside[inner].T
         # The repeated corner of a triangle does not matter: any place on the common side will do.
         middle = self.nodes[corners].mean(axis=1)
         toward = np.einsum("nij,nj->ni", gradients[one], middle - points[one])
@@ -269,14 +273,16 @@ class CellMesh:
         order = np.argsort(keys)
         whole = ~open_ & split[corners].any(axis=1)
         face, corner = np.nonzero(split[corners[whole]])
-        common, pairs = corners[whole][face, corner], beside[whole][face]
+        common = corners[whole][face, corner]
+        pairs = beside[whole][face]
         one, other = (
             order[np.searchsorted(keys[order], cells * len(self.nodes) + common)]
             for cells in pairs.T
         )
         # corners that a polygon repeats
         again = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
-        one, other = np.append(one, order[again]), np.append(other, order[again + 1])
+        one = np.append(one, order[again])
+        other = np.append(other, order[again + 1])
         count, group = connected(len(entries), one, other)
         node_of_group = np.zeros(count, dtype=np.int64)
         node_of_group[group] = nodes
@@ -306,7 +312,8 @@ def side_numbers(corners: np.ndarray) -> np.ndarray:
     # A triangle may repeat any corner: its greatest is made the one that counts twice.
     keys[:, 1:-1] = np.where(keys[:, 1:-1] == keys[:, :-2], keys[:, -1:], keys[:, 1:-1])
     keys.sort(axis=1)
-    order, number = np.lexsort(keys.T), np.zeros(len(keys), dtype=np.int64)
+    order = np.lexsort(keys.T)
+    number = np.zeros(len(keys), dtype=np.int64)
     number[order[1:]] = np.cumsum((keys[order[1:]] != keys[order[:-1]]).any(axis=1))
     return number
 

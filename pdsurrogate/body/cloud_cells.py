@@ -37,10 +37,8 @@ def voronoi_cells(
     """
     import shapely  # here, because few bodies need it
 
-    middle, size = (
-        (points.min(axis=0) + points.max(axis=0)) / 2,
-        np.ptp(points, axis=0).max() + 1e-300,
-    )
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    size = np.ptp(points, axis=0).max() + 1e-300
     # About the middle, since Qhull has squares of coordinates.
     around = scipy.spatial.Voronoi(
         np.concatenate([points - middle, FAR * size * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])])
@@ -65,7 +63,8 @@ def voronoi_cells(
     counts = shapely.get_num_coordinates(rings) - 1
     places, ring = shapely.get_coordinates(rings, return_index=True)
     last = np.append(ring[1:] != ring[:-1], True)
-    places, ring = places[~last], ring[~last]
+    places = places[~last]
+    ring = ring[~last]
     scale = ONE_PLACE * np.sqrt(shapely.area(outline) / len(points))
     _, first, number = np.unique(
         np.rint(places / scale).astype(np.int64), axis=0, return_index=True, return_inverse=True

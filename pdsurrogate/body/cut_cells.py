@@ -9,7 +9,8 @@ import scipy
 
 from .cell_mesh import CellMesh, outward
 
-REACH, STEP = 1.6, 0.1
+REACH = 1.6
+STEP = 0.1
 """Greatest distance of a node from the boundary, and distance of the places that are tested on the
 way there, in cells along each axis. A cell with half its volume or more has its nodes within 0.71
 cells of the boundary in the plane, and 0.87 in three dimensions; one with the rest of its neighbor
@@ -30,13 +31,15 @@ the boundary. They have no symmetry: a curved boundary that touches the side doe
 at most.
 """
 
-ACROSS, LAYERS = 0.14, {2: 3, 3: 1}
+ACROSS = 0.14
+LAYERS = {2: 3, 3: 1}
 """Steps of nodes on the boundary across it for the sake of volumes, where those along it and of
 other nodes count 1; and by dimension how many layers of cells have nodes that move. Chosen: circles
 look round, and no cell at a hole of two cells' radius or more turns over.
 """
 
-MOST_ITERATIONS, MISFIT = 30, 1e-12
+MOST_ITERATIONS = 30
+MISFIT = 1e-12
 """Greatest number of Newton iterations, and the greatest error of a volume in cells at which
 they end.
 """
@@ -76,8 +79,10 @@ def cut_cells(
     near = np.isin(np.arange(len(nodes)), sides)
     for _ in range(LAYERS[len(cell)]):
         near[block[near[block].any(axis=1)]] = True
-    chosen, free = near[block].any(axis=1), near[:, None] & ~held
-    block, asked = block[chosen], volumes[chosen]
+    chosen = near[block].any(axis=1)
+    free = near[:, None] & ~held
+    block = block[chosen]
+    asked = volumes[chosen]
     columns = (block[:, :, None] * len(cell) + np.arange(len(cell))).ravel()
     rows = np.arange(0, len(columns) + 1, len(columns) // len(block))
     for _ in range(MOST_ITERATIONS):
@@ -107,18 +112,17 @@ def _on_boundary(
     """Return the nodes of a lattice with its outer ones moved to the boundary, the components
     that flat sides hold, and the moved sides.
     """
-    (corners, owners), nodes = lattice.outer_sides, lattice.nodes.copy()
+    (corners, owners) = lattice.outer_sides
+    nodes = lattice.nodes.copy()
     middles = nodes[corners].mean(axis=1)
     normals = np.rint(2 * (middles - nodes[lattice.blocks[0][owners]].mean(axis=1)) / cell)
     along = nodes[corners[:, 1:]] - nodes[corners[:, :-1]]
     places = middles + np.einsum("as,fad->sfd", ON_A_SIDE[: along.shape[1]], along[:, :2])
     just = INSIDE * cell * normals
     flat = sum(inside(place - just) & ~inside(place + just) for place in places) > 1
-    ways, inward, held = (
-        np.zeros_like(nodes),
-        np.zeros_like(nodes),
-        np.zeros(nodes.shape, dtype=bool),
-    )
+    ways = np.zeros_like(nodes)
+    inward = np.zeros_like(nodes)
+    held = np.zeros(nodes.shape, dtype=bool)
     for corner in corners.T:
         np.add.at(ways, corner[~flat], normals[~flat])
     for axis in range(len(cell)):
@@ -127,14 +131,13 @@ def _on_boundary(
             held[on_it, axis], inward[on_it, axis] = True, -side * INSIDE * cell[axis]
     ways[held] = 0
     moving = np.flatnonzero(ways.any(axis=1))
-    starts, ways = (
-        nodes[moving] + inward[moving],
-        cell * ways[moving] / np.linalg.norm(ways[moving], axis=1)[:, None],
-    )
+    starts = nodes[moving] + inward[moving]
+    ways = cell * ways[moving] / np.linalg.norm(ways[moving], axis=1)[:, None]
     shares = np.arange(-REACH, REACH, STEP) + INSIDE
     there = np.array([inside(starts + share * ways) for share in shares])
     distance = np.where(there[:-1] & ~there[1:], np.abs(shares[:-1, None] + STEP / 2), np.inf)
-    found, low = np.isfinite(distance.min(axis=0, initial=np.inf)), shares[distance.argmin(axis=0)]
+    found = np.isfinite(distance.min(axis=0, initial=np.inf))
+    low = shares[distance.argmin(axis=0)]
     for number in range(1, BISECTIONS + 1):
         further = low + STEP / 2**number
         low = np.where(inside(starts + further[:, None] * ways), further, low)
@@ -146,7 +149,8 @@ def _normals(nodes: np.ndarray, sides: np.ndarray) -> np.ndarray:
     """Return the mean unit normals of the sides at each node, shape (k, d); zero at nodes of no
     side.
     """
-    normals, total = outward(nodes[sides]), np.zeros_like(nodes)
+    normals = outward(nodes[sides])
+    total = np.zeros_like(nodes)
     for corner in sides.T:
         np.add.at(total, corner, normals)
     return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]

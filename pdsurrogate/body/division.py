@@ -49,10 +49,8 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     owners = bisected(body.points, weights, ranks.size)
     own = np.flatnonzero(owners == ranks.rank)
     reach = halo * body.horizon * WITH_ROUNDING
-    lower, upper = (
-        body.points[own].min(axis=0) - 2 * reach,
-        body.points[own].max(axis=0) + 2 * reach,
-    )
+    lower = body.points[own].min(axis=0) - 2 * reach
+    upper = body.points[own].max(axis=0) + 2 * reach
     near = np.flatnonzero(((body.points >= lower) & (body.points <= upper)).all(axis=1))
     distance, _ = scipy.spatial.cKDTree(body.points[own]).query(
         body.points[near], distance_upper_bound=2 * reach
@@ -83,11 +81,14 @@ def rows_of(body: Body, kind: str) -> Rows:
     `kind` names what a row belongs to: "points", "images" (points and images), "bonds" (directed
     bonds), or "pairs".
     """
-    share, bonds, ghosts = body.share, body.bonds, body.ghosts
+    share = body.share
+    bonds = body.bonds
+    ghosts = body.ghosts
     if kind == "points":
         return Rows(share.ranks, share.numbers, share.own, share.size)
     if kind == "images":
-        names, own = body.names[len(body) :], share.own[ghosts.source]
+        names = body.names[len(body) :]
+        own = share.own[ghosts.source]
         whole = np.sort(np.concatenate(share.everywhere(names[own])))
         numbers = np.concatenate([share.numbers, share.size + np.searchsorted(whole, names)])
         return Rows(share.ranks, numbers, np.concatenate([share.own, own]), share.size + len(whole))

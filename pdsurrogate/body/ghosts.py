@@ -266,9 +266,11 @@ class Ghosts:
             able = axes[beyond] != plane.axis if flat else (beyond < 0) & (inward > 0)
             near = np.flatnonzero((inward <= horizon * WITH_ROUNDING) & able)
             ratios = np.ones(len(near)) if flat else plane.ratios(places[near])
-            near, ratios = near[ratios > 0], ratios[ratios > 0]
+            near = near[ratios > 0]
+            ratios = ratios[ratios > 0]
             images = {name: values[near] for name, values in made.items()}
-            own, feet = np.asarray(plane.parity, float), nearest[near]
+            own = np.asarray(plane.parity, float)
+            feet = nearest[near]
             images["points"] = 2 * feet - places[near]
             if flat:
                 flip = np.where(np.arange(dimension) == plane.axis, -1.0, 1.0)
@@ -283,7 +285,8 @@ class Ghosts:
                 # moves as the image does if the point rests
                 feet = (2 * feet - (1 + own) * places[near]) / (1 - own)
                 images["lever"] *= own[:, None]
-            images["parent"], images["plane"] = near, np.full(len(near), added)
+            images["parent"] = near
+            images["plane"] = np.full(len(near), added)
             images["image"] += 2**added
             images["parity"] *= own
             images["volume_ratio"] *= ratios
@@ -319,10 +322,8 @@ class Ghosts:
         as in `held_by_clamps`.
         """
         dimension = self.points.shape[1]
-        parity, reflection = (
-            np.ones(self.parity.shape),
-            np.tile(np.eye(dimension), (len(self), 1, 1)),
-        )
+        parity = np.ones(self.parity.shape)
+        reflection = np.tile(np.eye(dimension), (len(self), 1, 1))
         for number, plane in enumerate(self.planes):
             images = (self.image >> number) & 1 == 1
             of_rows, of_columns, _, _ = self._continuation(plane, share, images)
@@ -341,10 +342,12 @@ class Ghosts:
         P (a diagonal) and w (weights of rows) have shape (d,), S and the projections T onto the
         plane (k, d, d). `share` is the argument of `continued`.
         """
-        parity, normals = np.array(plane.parity, dtype=float), self.normal[chosen]
+        parity = np.array(plane.parity, dtype=float)
+        normals = self.normal[chosen]
         if isinstance(plane, ReflectionPlane):
             normals = np.tile(np.eye(len(parity))[plane.axis], (len(normals), 1))
-        across, share = normals[:, :, None] * normals[:, None], _share_of(plane, share)
+        across = normals[:, :, None] * normals[:, None]
+        share = _share_of(plane, share)
         along = np.eye(len(parity)) - across
         if share is None or (parity > 0).any():
             return parity, along - across, 1 - parity, along
@@ -419,12 +422,16 @@ class Ghosts:
         d) include those of the ghosts. The planes are taken from the last to the first, since
         contributions of images of images are passed on to the images.
         """
-        n, dimension = len(positions) - len(self), positions.shape[1]
-        forces, moments = forces.copy(), moments.copy()
+        n = len(positions) - len(self)
+        dimension = positions.shape[1]
+        forces = forces.copy()
+        moments = moments.copy()
         levers = np.zeros((len(self.planes), dimension, dimension))
         for number in reversed(range(len(self.planes))):
-            plane, own = self.planes[number], np.flatnonzero(self.plane == number)
-            above, parity = self.parent[own], np.array(plane.parity, dtype=float)
+            plane = self.planes[number]
+            own = np.flatnonzero(self.plane == number)
+            above = self.parent[own]
+            parity = np.array(plane.parity, dtype=float)
             if isinstance(plane, HeldBoundary):
                 parity = self.parity[own]
             odd = np.where(parity < 0, parity, -1.0)  # rows without a lever count nothing
@@ -435,7 +442,8 @@ class Ghosts:
             )
             share = _share_of(plane, self.share_along)
             if share is not None and (parity < 0).all():
-                of_plane, turned = np.ones(dimension), gradients[n + own] - share * gradients[above]
+                of_plane = np.ones(dimension)
+                turned = gradients[n + own] - share * gradients[above]
             else:
                 turned = (gradients[above] + gradients[n + own]) / 2
             levers[number] += np.einsum("r,gra,gab,gcb->rc", of_plane, moments[own], along, turned)
@@ -463,7 +471,8 @@ class Ghosts:
         ghosts or some `images` into `shapes`.
         """
         self.share.fill(shapes)
-        normal, reflection = self.normal[images], self.reflection[images]
+        normal = self.normal[images]
+        reflection = self.reflection[images]
         if not len(normal):
             return
         one, other = np.triu_indices(reflection.shape[1])

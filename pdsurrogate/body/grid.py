@@ -57,7 +57,8 @@ class Cells:
                 f"spacing {spacing:g} makes {number:.3g} points, more than the limit"
                 f" {MOST_POINTS:.3g}; use a larger spacing"
             )
-        counts, sides = [], []
+        counts = []
+        sides = []
         for low, high, axis in zip(
             lower, upper, (f"x{number + 1}" for number in range(len(lower))), strict=True
         ):
@@ -69,7 +70,8 @@ class Cells:
                     raise ValueError(
                         f"spacing {spacing:g} is larger than the body, {length:g} along {axis}"
                     )
-                fewer, more = length / math.ceil(cells), length / math.floor(cells)
+                fewer = length / math.ceil(cells)
+                more = length / math.floor(cells)
                 raise ValueError(
                     f"spacing {spacing:g} does not divide the length {length:g} along {axis}; use"
                     f" {fewer:.6g} or {more:.6g}"

@@ -102,7 +102,8 @@ def fields_at(
             f" {distance[place]:.3g} away"
         )
         raise ValueError(f"{text_of(places[place])} lies outside the body; {near}")
-    own, images = None if portion_of is None else portion_of[nearest], _Images(body)
+    own = None if portion_of is None else portion_of[nearest]
+    images = _Images(body)
     rows = _Surroundings(body, images, places).of(portion_of, own).fit(2)
     rest = np.flatnonzero(empty_rows(rows))
     linear = (
@@ -158,7 +159,8 @@ class _Images:
         self.reach = max(REACH * body.horizon, LEAST_REACH * body.cell.max())
         planes = {number: plane for number, plane in enumerate(body.planes) if plane.symmetric}
         ghosts = Ghosts.reflected(body.points, tuple(planes.values()), self.reach, body.share)
-        self._count, self.points = len(body), np.concatenate([body.points, ghosts.points])
+        self._count = len(body)
+        self.points = np.concatenate([body.points, ghosts.points])
         self.source = np.concatenate([np.arange(len(body)), ghosts.source])
         self.signs = np.concatenate([np.ones(body.points.shape), ghosts.reflection])
         self._planes = [
@@ -170,7 +172,8 @@ class _Images:
         """Return which points or images, by their numbers (k,), a hole or cut separates from places
         (k, d): the straight way to an image is reflected where it leaves the body.
         """
-        ways, found = self.points[numbers] - places, np.zeros(len(numbers), dtype=bool)
+        ways = self.points[numbers] - places
+        found = np.zeros(len(numbers), dtype=bool)
         shares = np.ones((len(numbers), 2 + len(self._planes)))
         shares[:, 0] = 0.0
         for column, (_, plane, seen) in enumerate(self._planes, 2):
@@ -259,8 +262,11 @@ class _Surroundings:
         places: np.ndarray,
         normals: np.ndarray | None = None,
     ) -> None:
-        points, self.source, self.reach = images.points, images.source, images.reach
-        self.shape, self.cell = (len(places), len(points)), body.cell.max()
+        points = images.points
+        self.source = images.source
+        self.reach = images.reach
+        self.shape = (len(places), len(points))
+        self.cell = body.cell.max()
         # Points at exactly the reach count, as at 1.5 cells across an edge and 2 along it.
         near = scipy.spatial.cKDTree(places).sparse_distance_matrix(
             scipy.spatial.cKDTree(points), self.reach * WITH_ROUNDING, output_type="ndarray"
@@ -275,11 +281,14 @@ class _Surroundings:
                 (1 - (depths / self.reach) ** 2) * np.exp(-beside / (ALONG * self.cell) ** 2),
                 axis=1,
             )
-            near, weights = near[weights > LEAST_WEIGHT], weights[weights > LEAST_WEIGHT]
+            near = near[weights > LEAST_WEIGHT]
+            weights = weights[weights > LEAST_WEIGHT]
         if body.separates is not None and len(near):
             bound = ~images.separated(body, places[near["i"]], near["j"])
-            near, weights = near[bound], weights[bound]
-        self.place, self.point = near["i"], near["j"]
+            near = near[bound]
+            weights = weights[bound]
+        self.place = near["i"]
+        self.point = near["j"]
         weights = weights * body.volumes[self.source[self.point]]
         self.weights = weights / self._total(weights)[self.place]
         self.offsets = (points[self.point] - places[self.place]) / self.reach
@@ -292,12 +301,10 @@ class _Surroundings:
         """
         if portion_of is not None:
             kept = portion_of[self.source[self.point]] == own[self.place]
-            self.place, self.point, self.offsets, weights = (
-                self.place[kept],
-                self.point[kept],
-                self.offsets[kept],
-                self.weights[kept],
-            )
+            self.place = self.place[kept]
+            self.point = self.point[kept]
+            self.offsets = self.offsets[kept]
+            weights = self.weights[kept]
             self.weights = weights / self._total(weights)[self.place]
         return self
 

@@ -194,7 +194,8 @@ class Surface:
         """Return the forces on the points, shape (n, d), of a unit tension on the undeformed
         boundary, except where `planes` reflect.
         """
-        forces, normals = np.zeros(self.nodes.shape), self.normals() / self.nodes.shape[1]
+        forces = np.zeros(self.nodes.shape)
+        normals = self.normals() / self.nodes.shape[1]
         corners = self.nodes[self.facets]
         for plane in planes:
             if isinstance(plane, HeldBoundary):
@@ -240,7 +241,8 @@ class Surface:
         near = scipy.spatial.cKDTree(places).sparse_distance_matrix(
             scipy.spatial.cKDTree(middles), reach + extent, output_type="ndarray"
         )
-        place, facet = near["i"], near["j"]
+        place = near["i"]
+        facet = near["j"]
         distances = distances_to_segments if corners.shape[1] == 2 else _distances_to_triangles
         np.minimum.at(nearest, place, distances(places[place], *corners[facet].transpose(1, 0, 2)))
         return np.where(nearest <= reach, nearest, np.inf)
@@ -252,7 +254,9 @@ def _distances_to_triangles(
     """Return the distance of place i to triangle i, for every i: to its plane where the place
     projects into it, else to an edge.
     """
-    one, other, offset = second - first, third - first, places - first
+    one = second - first
+    other = third - first
+    offset = places - first
     normal = np.cross(one, other)
     square = (normal**2).sum(axis=1)
     shares = [

@@ -12,7 +12,8 @@ from ..identification import nominal_stress
 from ..materials import LAWS
 from ..scenes import Mesh, Scene, load_scene
 
-REFINED, REFINED_FREE = 3, 6
+REFINED = 3
+REFINED_FREE = 6
 """Default ratio of the spacing of a scene to that of the finer simulation, with a law and without.
 Chosen: for Carroll's law, fields with a noise of 1e-4 of the length and a sheet 20 points across,
 equibiaxial stresses of a free energy are 6 % off with 4 and 4 % with 6.
@@ -23,7 +24,8 @@ def stress_derivatives(model, X: np.ndarray) -> np.ndarray:
     """Return the derivatives of `nominal_stress` by the parameters, shape (n_samples,
     n_parameters).
     """
-    columns, steps = [], 1e-5 * scales_of(model)
+    columns = []
+    steps = 1e-5 * scales_of(model)
     for step, change in zip(steps, np.diag(steps), strict=True):
         sides = [
             nominal_stress(model.unknown_.law_of(model.parameters_ + sign * change), X)

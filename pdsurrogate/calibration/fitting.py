@@ -25,7 +25,8 @@ from .starts import better_start, has_weak_form, keep, search_from, start_of, un
 
 logger = logging.getLogger(__name__)
 
-ORDER, MEAN_ORDER = 1.5, 1.75
+ORDER = 1.5
+MEAN_ORDER = 1.75
 """Least order in the spacing with which displacements of sheets with holes converge, for standard
 errors, and the mean one, for the extrapolation to a spacing of zero (theory, section 28).
 """
@@ -64,7 +65,8 @@ MEMBERS = 8
 MOST_COMPARED = 100
 """Most states of the tests in which the stresses of a drawn law are compared with linear ones."""
 
-FAIR, STEPS = 0.02, (1, 3, 0)
+FAIR = 0.02
+STEPS = (1, 3, 0)
 """Relative decrease of the cost that ends the least-squares steps of an energy with all terms, and
 most such steps in each of the `ROUNDS`. Chosen: further steps would change the energy less than the
 choice of the terms and the next correction do. The last round has no step: it linearizes the
@@ -84,15 +86,16 @@ def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarr
     if has_weak_form(model):
         x = better_start(model, search, x)
     found, correction = _searched(model, search, x)
-    x, space = found.x, search.space
+    x = found.x
+    space = search.space
     if model.law is None:
         kept = x > FLOOR * x.max()
         keep(model, search, kept)
-        x, found.jac, space = x[kept], found.jac[:, kept], search.space
-        found.spread, found.active_mask = (
-            found.spread[np.ix_(kept, kept)],
-            np.zeros(len(x), dtype=bool),
-        )
+        x = x[kept]
+        found.jac = found.jac[:, kept]
+        space = search.space
+        found.spread = found.spread[np.ix_(kept, kept)]
+        found.active_mask = np.zeros(len(x), dtype=bool)
     else:
         found.active_mask = (found.active_mask != 0) | (
             np.minimum(x - space.low, space.high - x) < AT_BOUND * errors_of(found.jac)
@@ -123,7 +126,8 @@ def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np
     error, (n,), that it contains.
     """
     ratio = ratio_of(model)
-    y, correction = search.y, np.zeros(len(search.y))
+    y = search.y
+    correction = np.zeros(len(search.y))
     for number in range(ROUNDS if ratio > 1 or model.law is None else 1):
         first = ratio > 1 and not number
         # Changes of the cost by less than these are those of parameters within a part of their
@@ -143,7 +147,8 @@ def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np
                 gtol=1e-12,
                 max_nfev=MOST_STEPS,
             )
-        before, x = x, found.x
+        before = x
+        x = found.x
         if ratio == 1:
             if model.law is not None:
                 found.remaining = _error_by_coarse(model, search.law_at(x), search.values(x))
@@ -207,14 +212,17 @@ def _energy(model, search: Search, x: np.ndarray, number: int) -> SimpleNamespac
     if number == 0:
         return found
     residuals = search.residuals(found.x)
-    total, count = 0.0, 0
+    total = 0.0
+    count = 0
     for test, here in model.tests_:
         field = test.rows.is_field
         each = grouping(residuals[here][field], test.rows.places[field], test.rows.quantity[field])
-        total, count = total + each[0], count + each[1]
+        total = total + each[0]
+        count = count + each[1]
     correlated = max(1.0, total / count / (residuals**2).mean()) if count else 1.0
     greatest = max(STABLE_TO, *(test.greatest_stretch for test, _ in model.tests_))
-    right, terms = found.jac @ found.x - residuals, model.unknown_.terms
+    right = found.jac @ found.x - residuals
+    terms = model.unknown_.terms
     settings = (
         lambda least: correlated * max(1.0, least / len(right)),
         wave_margin(terms, greatest),
@@ -222,7 +230,9 @@ def _energy(model, search: Search, x: np.ndarray, number: int) -> SimpleNamespac
         model.random_state,
     )
     energies = average(terms, found.jac, right, *settings)
-    members, found.spread, found.x = energies.members, energies.covariance, floored(energies.mean)
+    members = energies.members
+    found.spread = energies.covariance
+    found.x = floored(energies.mean)
     if ratio_of(model) == 1 and number == ROUNDS - 1:
         found.remaining = _error_by_coarse(model, search.law_at(found.x), search.values(found.x))
         shift = search.root * found.remaining
@@ -251,7 +261,8 @@ def _store(model, x, space, found, residuals, remaining) -> None:
     solution, and the remaining error.
     """
     jacobian = found.jac / space.sizes(x)
-    model.parameter_names_, model.parameters_ = model.unknown_.unknowns(), space.parameters(x)
+    model.parameter_names_ = model.unknown_.unknowns()
+    model.parameters_ = space.parameters(x)
     model.law_ = model.unknown_.law_of(model.parameters_)
     names = np.array(model.parameter_names_)
     model.at_bound_ = names[found.active_mask].tolist()
@@ -259,8 +270,10 @@ def _store(model, x, space, found, residuals, remaining) -> None:
     model.lack_of_fit_ = float((residuals**2).sum() / free) if free > 0 else np.nan
     model.p_value_ = float(chi2.sf((residuals**2).sum(), free)) if free > 0 else np.nan
     if model.law is None:
-        model.covariance_, errors = found.spread, np.sqrt(np.diag(found.spread))
-        model.standard_errors_, model.correlation_ = errors, found.spread / np.outer(errors, errors)
+        model.covariance_ = found.spread
+        errors = np.sqrt(np.diag(found.spread))
+        model.standard_errors_ = errors
+        model.correlation_ = found.spread / np.outer(errors, errors)
         model.undetermined_ = names[errors > UNDETERMINED * model.parameters_].tolist()
         return
     scales = scales_of(model)
@@ -284,7 +297,8 @@ def _store(model, x, space, found, residuals, remaining) -> None:
         np.where(errors > 0, errors, 1.0), np.where(errors > 0, errors, 1.0)
     )
     covariance[unknown, unknown] = np.inf
-    model.covariance_, model.standard_errors_ = covariance, np.sqrt(np.diag(covariance))
+    model.covariance_ = covariance
+    model.standard_errors_ = np.sqrt(np.diag(covariance))
 
 
 def _drawn(model, x, space, jacobian, residuals, visited) -> list[Law]:
@@ -303,19 +317,13 @@ def _drawn(model, x, space, jacobian, residuals, visited) -> list[Law]:
     states = visited[:: -(-len(visited) // MOST_COMPARED), :2]
     sizes = space.sizes(x)
     variances, axes = np.linalg.eigh(model.covariance_ / np.outer(sizes, sizes))
-    deviations, random, members = (
-        np.sqrt(np.maximum(variances, 1e-14 * variances.max())),
-        np.random.default_rng(model.random_state),
-        [],
-    )
-    inverse, unbounded = (
-        (axes / deviations).T,
-        x + np.linalg.lstsq(jacobian, residuals, rcond=1e-10)[0],
-    )
-    (stress, error), slopes = (
-        model.nominal_stress(states),
-        stress_derivatives(model, states) * sizes,
-    )
+    deviations = np.sqrt(np.maximum(variances, 1e-14 * variances.max()))
+    random = np.random.default_rng(model.random_state)
+    members = []
+    inverse = (axes / deviations).T
+    unbounded = x + np.linalg.lstsq(jacobian, residuals, rcond=1e-10)[0]
+    (stress, error) = model.nominal_stress(states)
+    slopes = stress_derivatives(model, states) * sizes
     for normal in random.standard_normal((MEMBERS, len(x))):
         change = (
             lsq_linear(

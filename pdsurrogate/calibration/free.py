@@ -121,7 +121,9 @@ def minimized(search, x: np.ndarray, close: float, most: int) -> SimpleNamespace
                 break
         else:
             break
-        before, cost, x = cost, reached, new
+        before = cost
+        cost = reached
+        x = new
         if cost > (1 - close) * before:
             break
     return SimpleNamespace(x=x, jac=jacobian if most == 1 else search.jacobian(x))
@@ -142,7 +144,8 @@ def grouping(residuals: np.ndarray, places: np.ndarray, component: np.ndarray) -
     places : ndarray, shape (n, d)
     component : ndarray of int, shape (n,)
     """
-    total, count = 0.0, 0
+    total = 0.0
+    count = 0
     for axis in np.unique(component):
         here = component == axis
         where, at = np.unique(places[here], axis=0, return_inverse=True)

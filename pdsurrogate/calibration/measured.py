@@ -102,7 +102,8 @@ class MeasuredScene:
     """
 
     def __init__(self, scene: Scene, rows: Rows, outputs: Sequence[str] | None = None) -> None:
-        self.scene, self.rows = scene, rows
+        self.scene = scene
+        self.rows = rows
         named = outputs if outputs is not None else [] if rows.is_field.all() else [FORCE_PULLED]
         self.outputs = [pulled(scene) if name == FORCE_PULLED else (name, 1.0) for name in named]
         self._check()
@@ -131,10 +132,12 @@ class MeasuredScene:
             If an output is not reached with this law.
         """
         scene = with_law(self.scene, law, spacing)
-        result, found = _simulated(scene), np.empty(len(self.rows.step))
+        result = _simulated(scene)
+        found = np.empty(len(self.rows.step))
         at_places = self._interpolation(scene, result)
         for step in self._steps:
-            level, here = self._level(result, step), self.rows.step == step
+            level = self._level(result, step)
+            here = self.rows.step == step
             row = dict(leaves(level))
             fields = at_places(
                 result.displacement(level["number"]), level["stretch" if scene.stretched else "t"]
@@ -190,10 +193,8 @@ class MeasuredScene:
             If the equilibria are not found with this law.
         """
         body = self._base.changed(_named_numbers(law))
-        values, derivatives = (
-            np.empty(len(self.rows.step)),
-            np.empty((len(self.rows.step), len(names))),
-        )
+        values = np.empty(len(self.rows.step))
+        derivatives = np.empty((len(self.rows.step), len(names)))
         outputs = (
             list(dict.fromkeys(name for name, _ in self.outputs))
             if (self.rows.quantity < 1).any()
@@ -206,7 +207,8 @@ class MeasuredScene:
                 self.begin(law)  # in increments, as a run goes
                 found = body.jacobian(self._parameters[step], self._guesses[step], outputs, names)
             self._guesses[step] = found.displacements
-            here, count = self.rows.step == step, len(outputs)
+            here = self.rows.step == step
+            count = len(outputs)
             for target, source in (
                 (values, found.values[:, None]),
                 (derivatives, found.derivatives),
@@ -251,14 +253,18 @@ class MeasuredScene:
         InvalidState
             If the force is undefined at the measured displacements.
         """
-        base, change, run = self._base, start.max(), self._base.system
+        base = self._base
+        change = start.max()
+        run = self._base.system
         others = [
             base.changed(_named_numbers(law_of(start + change * unit)))
             for unit in np.eye(len(start))
         ]
-        jacobian, right = np.empty((len(y), len(start))), np.empty(len(y))
+        jacobian = np.empty((len(y), len(start)))
+        right = np.empty(len(y))
         for step in self._steps:
-            here, positions = self.rows.step == step, run.body.points + self._carried(step, y)
+            here = self.rows.step == step
+            positions = run.body.points + self._carried(step, y)
             values, forces = self._evaluated(base, step, positions)
             equations = Newton(run.loading.free, run.body.volumes, 1.0).equations(
                 run.loaded, run.positions
@@ -321,13 +327,15 @@ class MeasuredScene:
         What is smoothed, by local quadratic fits, is their difference from the simulated ones. It
         is zero where components are held.
         """
-        run, moved = self._base.system, self._guesses[step].copy()
+        run = self._base.system
+        moved = self._guesses[step].copy()
         guessed = self._base.moved_places(self._guesses[step], self._parameters[step])
         for axis in range(guessed.shape[1] if len(guessed) else 0):
             here = (self.rows.step == step) & (self.rows.quantity == axis + 1)
             if not here.any():
                 continue
-            held, at = run.loading.free[:, axis] == 0, self._at[here]
+            held = run.loading.free[:, axis] == 0
+            at = self._at[here]
             places = np.vstack([self._places[at], run.body.points[held]])
             off = np.append(y[here] - guessed[at, axis], np.zeros(held.sum()))
             near, weights = local_fit(places, run.body.points, SMOOTHED[self.scene.dimension])
@@ -336,7 +344,8 @@ class MeasuredScene:
 
     def _check(self) -> None:
         """Raise ValueError for steps or quantities that the scene does not have."""
-        rows, d = self.rows, self.scene.dimension
+        rows = self.rows
+        d = self.scene.dimension
         count = len(self.scene.stretches) if self.scene.stretched else None
         if rows.step.min() < 1 or (count is not None and rows.step.max() > count):
             most = f", the number of its stretches ({count})" if count else ""
@@ -408,7 +417,8 @@ class MeasuredScene:
         """Return the entries of the rows `here`, a mask, from those of the outputs (m, ...) and
         of the places (k, d, ...).
         """
-        quantity, field = self.rows.quantity[here], self.rows.is_field[here]
+        quantity = self.rows.quantity[here]
+        field = self.rows.is_field[here]
         found = np.empty(
             (len(quantity), *(fields.shape[2:] if field.any() else np.shape(outputs)[1:]))
         )

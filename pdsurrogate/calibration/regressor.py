@@ -353,7 +353,8 @@ class SceneRegressor(LawEstimator):
             "stated",
             "a dictionary of standard deviations by quantity, such as {1: 1e-3}",
         )
-        X, y = np.asarray(in_order(X, self.columns, "X"), dtype=float), np.asarray(y, dtype=float)
+        X = np.asarray(in_order(X, self.columns, "X"), dtype=float)
+        y = np.asarray(y, dtype=float)
         found = np.empty(len(y))
         for quantity, value in stated.items():
             check_kind(
@@ -391,7 +392,8 @@ class SceneRegressor(LawEstimator):
 
     def _tests_of(self, X: np.ndarray) -> list[tuple[MeasuredScene, np.ndarray]]:
         """Return each scene with its rows of a table, and the numbers of these rows."""
-        scenes, columns = scenes_of(self), self.columns
+        scenes = scenes_of(self)
+        columns = self.columns
         if X.ndim != 2 or X.shape[1] != len(columns):
             given = f"n_features = {X.shape[1]}" if X.ndim == 2 else f"the shape {X.shape}"
             raise ValueError(f"X must have the columns {', '.join(columns)}, but has {given}")
@@ -421,7 +423,8 @@ class SceneRegressor(LawEstimator):
         mostly copies.
         """
         for test, here in self.tests_:
-            rows, places = test.rows, np.where(test.rows.is_field[:, None], test.rows.places, 0.0)
+            rows = test.rows
+            places = np.where(test.rows.is_field[:, None], test.rows.places, 0.0)
             table = np.column_stack([rows.step, rows.quantity, places, y[here]])
             unique, counts = np.unique(table, axis=0, return_counts=True)
             for step, quantity, *_, value in unique[counts > 1][:1].tolist():

@@ -136,7 +136,10 @@ def measurements(
     The third item has, by the names of their columns, the dotted keys of the outputs, which are the
     quantities 0, -1, and so on.
     """
-    d, tables, values, outputs = scene.dimension, [], [], {}
+    d = scene.dimension
+    tables = []
+    values = []
+    outputs = {}
     if fields is None and forces is None:
         raise ValueError("there is nothing to fit: give --fields, --forces or both")
     if fields is not None:
@@ -194,10 +197,12 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
     """Return a report of a calibration as plain values; standard errors that are infinite are
     None, and outputs are named by `columns`.
     """
-    fits, quantities = {}, _quantities(X, columns)
+    fits = {}
+    quantities = _quantities(X, columns)
     for name, here in quantities.items():
         if here.any():
-            off, sd = model.residuals_[here], model.standard_deviations_[here]
+            off = model.residuals_[here]
+            sd = model.standard_deviations_[here]
             fits[name] = {
                 "rows": int(here.sum()),
                 "standard_deviation": float(np.sqrt((sd**2).mean())),
@@ -221,7 +226,8 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
         for name, here in quantities.items()
         if name != "fields"
     }
-    remarks, worst = [], _worst(model, X, columns)
+    remarks = []
+    worst = _worst(model, X, columns)
     if model.undetermined_:
         names = ", ".join(model.undetermined_)
         remarks.append(
@@ -321,7 +327,8 @@ def _residual_maps(model: SceneRegressor, X: np.ndarray) -> Figure:
     displacement, a column for each step.
     """
     field = X[:, 1] > 0
-    steps, components = np.unique(X[field, 0]), np.unique(X[field, 1]).astype(int)
+    steps = np.unique(X[field, 0])
+    components = np.unique(X[field, 1]).astype(int)
     steps = steps[np.unique(np.linspace(0, len(steps) - 1, MOST_MAPS).round().astype(int))]
     reach = np.ptp(X[field, 2:4], axis=0)
     width = 1.3

@@ -54,7 +54,8 @@ def local_fit(places: np.ndarray, targets: np.ndarray, count: int) -> tuple[np.n
     quadratic fit there, each (m, count).
     """
     near = np.asarray(cKDTree(places).query(targets, count)[1])
-    off, d = places[near] - targets[:, None], places.shape[1]
+    off = places[near] - targets[:, None]
+    d = places.shape[1]
     off /= np.abs(off).max(axis=(1, 2), keepdims=True)
     quadratic = [off[..., i] * off[..., j] for i in range(d) for j in range(i, d)]
     return (
@@ -90,7 +91,8 @@ def _scatter(rows: Rows, values: np.ndarray, same: np.ndarray) -> float:
     for step in np.unique(rows.step[same]):
         here = same & (rows.step == step)
         places, once = np.unique(rows.places[here], axis=0, return_index=True)
-        u, d = values[here][once], places.shape[1]
+        u = values[here][once]
+        d = places.shape[1]
         count = NEIGHBORS if d == 2 else 20
         if len(u) < 2 * count:
             continue

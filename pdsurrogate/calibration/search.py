@@ -51,15 +51,20 @@ class Search:
     """
 
     def __init__(self, model, space: Space, y: np.ndarray, root: np.ndarray, held: bool) -> None:
-        self.model, self.tests = model, model.tests_
-        self.space, self.y, self.root, self.held = space, y, root, held
+        self.model = model
+        self.tests = model.tests_
+        self.space = space
+        self.y = y
+        self.root = root
+        self.held = held
         self.count = 0
         self.known: dict[bytes, np.ndarray] = {}
         self.differentiated: dict[bytes, np.ndarray] = {}
 
     def forget(self) -> None:
         """Delete what is known of laws with other unknowns."""
-        self.known, self.differentiated = {}, {}
+        self.known = {}
+        self.differentiated = {}
 
     def law_at(self, x: np.ndarray) -> Law:
         return self.model.unknown_.law_of(self.space.parameters(x))
@@ -96,11 +101,9 @@ class Search:
         return self.root[:, None] * self.differentiated[key]
 
     def _differentiated(self, x: np.ndarray, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
-        law, values, derivatives = (
-            self.law_at(x),
-            np.empty(len(self.y)),
-            np.empty((len(self.y), len(names))),
-        )
+        law = self.law_at(x)
+        values = np.empty(len(self.y))
+        derivatives = np.empty((len(self.y), len(names)))
         for test, here in self.tests:
             self.count += test.count
             values[here], derivatives[here] = test.differentiate(law, names)

@@ -78,11 +78,9 @@ def search_from(
     its variables there.
     """
     if isinstance(model.unknown_, EnergyUnknowns):
-        low, high, logarithmic = (
-            np.zeros(len(start)),
-            np.full(len(start), np.inf),
-            np.zeros(len(start), dtype=bool),
-        )
+        low = np.zeros(len(start))
+        high = np.full(len(start), np.inf)
+        logarithmic = np.zeros(len(start), dtype=bool)
     else:
         low, high, logarithmic = model.unknown_.search_range(
             start, float(model.unknown_.law_of(start).shear_modulus)
@@ -92,7 +90,8 @@ def search_from(
         for each in (start, low, high)
     )
     if model.law is not None:  # central differences stay between the bounds
-        low, high = low + 2 * DIFFERENCE, high - 2 * DIFFERENCE
+        low = low + 2 * DIFFERENCE
+        high = high - 2 * DIFFERENCE
         x = np.clip(x, low, high)
     space = Space(low, high, logarithmic)
     _begin(model, model.unknown_.law_of(space.parameters(x)), y, root)
@@ -115,12 +114,14 @@ def start_of(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
         exponents = np.array(EXPONENTS[model.n_terms - 1])
         sizes = 1 / np.abs(exponents)
         if stated and isinstance(stated[0], Ogden) and len(stated[0].exponents) == model.n_terms:
-            sizes, exponents = np.abs(stated[0].moduli), np.array(stated[0].exponents)
+            sizes = np.abs(stated[0].moduli)
+            exponents = np.array(stated[0].exponents)
         start = np.concatenate([sizes, exponents])
     else:
         law = stated[0] if stated else LAWS[str(model.law)]()
         start = np.array([getattr(law, name) for name in model.unknown_.unknowns()])
-    product, square = 0.0, 0.0
+    product = 0.0
+    square = 0.0
     for test, here in model.tests_:
         forces = test.among(FORCES)
         if test.scene.loads or not forces.any():
@@ -175,7 +176,8 @@ def better_start(model, search: Search, x: np.ndarray) -> np.ndarray:
 
 def _weak_form(search: Search, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the weighted equations of the weak form, and a mask of those of forces."""
-    jacobian, right = np.empty((len(search.y), len(x))), np.empty(len(search.y))
+    jacobian = np.empty((len(search.y), len(x)))
+    right = np.empty(len(search.y))
     forces = np.zeros(len(search.y), dtype=bool)
     for test, here in search.tests:
         jacobian[here], right[here] = test.weak_form(search.law_at, x, search.y[here])
@@ -185,7 +187,8 @@ def _weak_form(search: Search, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
 
 def keep(model, search: Search, kept: np.ndarray) -> None:
     """Keep only the unknowns that a mask chooses."""
-    model.unknown_, search.space = model.unknown_.of(kept), search.space.of(kept)
+    model.unknown_ = model.unknown_.of(kept)
+    search.space = search.space.of(kept)
     search.forget()
 
 
@@ -234,14 +237,13 @@ def _check_displacements(
     """Raise ValueError for displacements that differ from simulated ones by more than laws do,
     and than the noise of the measurements.
     """
-    rows, field = test.rows, test.rows.is_field
+    rows = test.rows
+    field = test.rows.is_field
     what = f"those of scene {test.scene.name}, simulated with a law that fits the forces"
     for axis in np.unique(rows.quantity[field]):
         here = rows.quantity == axis
-        product, noise = (
-            float(simulated[here] @ measured[here]),
-            float(np.linalg.norm(simulated[here] * deviation[here])),
-        )
+        product = float(simulated[here] @ measured[here])
+        noise = float(np.linalg.norm(simulated[here] * deviation[here]))
         substantial = np.linalg.norm(simulated[here]) > SUBSTANTIAL * np.linalg.norm(
             simulated[field]
         )
@@ -255,7 +257,8 @@ def _check_displacements(
         found, right, scatter = (
             np.linalg.norm(each[here]) for each in (measured, simulated, deviation)
         )
-        off, most = float(np.linalg.norm((measured - simulated)[here])), max(found, right)
+        off = float(np.linalg.norm((measured - simulated)[here]))
+        most = max(found, right)
         if off - SIGNIFICANT * scatter > FARTHEST * most:
             worst = np.flatnonzero(here)[np.abs(measured - simulated)[here].argmax()]
             if abs(measured[worst] - simulated[worst]) > ALONE * off:

@@ -111,10 +111,8 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx):
         """Run the called command; with ``--json`` print errors in its arguments as JSON, too."""
-        settings.as_json, settings.printed = (
-            "--json" in (*getattr(ctx, "_protected_args", ()), *ctx.args),
-            False,
-        )
+        settings.as_json = "--json" in (*getattr(ctx, "_protected_args", ()), *ctx.args)
+        settings.printed = False
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:

@@ -108,7 +108,8 @@ def calibrate(
     model = SceneRegressor(
         test, law, terms or N_TERMS, outputs=[*outputs.values()] or None, refine=refine, **bulk
     )
-    noises, began = {1: field_noise}, time.perf_counter()
+    noises = {1: field_noise}
+    began = time.perf_counter()
     for number, key in enumerate(outputs.values()):
         noises[-number] = (
             force_noise

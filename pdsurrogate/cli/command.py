@@ -70,7 +70,8 @@ def command(function: Callable, text: str) -> typer.core.TyperCommand:
             shared.callback(**{option.name: given.pop(option.name) for option in shared.params})
             body(**given)
 
-    own.params, own.callback = [*own.params, *shared.params], both
+    own.params = [*own.params, *shared.params]
+    own.callback = both
     return own
 
 
@@ -106,7 +107,8 @@ def _begin(
         ),
     ] = None,
 ) -> None:
-    settings.quiet, settings.as_json = quiet, as_json
+    settings.quiet = quiet
+    settings.as_json = as_json
     heard.clear()
     out.quiet = as_json  # no tables; JSON is written to the stream directly
     logger = logging.getLogger("pdsurrogate")

@@ -64,7 +64,8 @@ def evaluate(
     against a law.
     """
     if reference in EVALUATED:
-        model, material = load_surrogate(reference), law_of(law or "neo-hookean")
+        model = load_surrogate(reference)
+        material = law_of(law or "neo-hookean")
         if isinstance(model, ForceSurrogate):
             model.law = material
     elif reference in FORCES:
@@ -73,7 +74,8 @@ def evaluate(
         )
     else:
         find_artifact(reference, EVALUATED)
-        model, material = load_surrogate(reference), stored_law(load_card(reference))
+        model = load_surrogate(reference)
+        material = stored_law(load_card(reference))
         if law not in (None, material.name):
             raise ValueError(
                 f"--law {law}: {model.name} is compared with its own law, {material.name}; leave"

@@ -37,7 +37,8 @@ def export(
             f" {', '.join(LAWS)}"
         )
     source = source_of_law(law_of(name, change)) if name in LAWS else source_of_artifact(name)
-    text, path = exported(source, to), folder / file_name(source, to)
+    text = exported(source, to)
+    path = folder / file_name(source, to)
     check_folder(folder)
     if path.exists() and not overwrite and path.read_bytes() != text.encode():
         raise ValueError(

@@ -120,15 +120,16 @@ def fit(
             "--terms needs --law ogden and --data; without data, set the parameters of the law with"
             " --set"
         )
-    law, bulk = (
-        law or "neo-hookean",
-        bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio),
-    )
+    law = law or "neo-hookean"
+    bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
         if bulk or force_fit or free or loading:
             options = "--free, --loading, --bulk-modulus, --bulk-ratio and --force-fit"
             raise ValueError(f"{options} need --data; without data, set parameters with --set")
-        tests, report, hull, material = None, None, None, law_of(law, change)
+        tests = None
+        report = None
+        hull = None
+        material = law_of(law, change)
     else:
         if change:
             raise ValueError(
@@ -139,9 +140,12 @@ def fit(
             rows = rows.loading() if loading else rows
             model = reporting.fitted(rows, None if free else law, terms or N_TERMS, bulk)
             report = reporting.examined(model, rows)
-        tests, hull, material = (rows, model), None, model.law_
+        tests = (rows, model)
+        hull = None
+        material = model.law_
         if free:
-            settings, hull = settings.within(*model.stretch_range_), model.domain_hull()
+            settings = settings.within(*model.stretch_range_)
+            hull = model.domain_hull()
         print_identified(report)
         refusals = report["refusals"]
         for text in (*report["remarks"], *(refusals if force_fit else ())):
@@ -194,7 +198,8 @@ def _simulate_tests(path: Path, data: TestData, model: StressRegressor) -> dict:
     )
     out.print(f"Greatest difference of the simulated tests from the fitted law: {off}")
     if outside:
-        domain, stretches = surrogate.domain, data.stretches
+        domain = surrogate.domain
+        stretches = data.stretches
         warn(
             f"{outside} of {len(data)} rows lie outside the artifact's domain (stretches from"
             f" {domain.least_stretch:.4g} to {domain.greatest_stretch:.4g}), where simulations use"

@@ -72,10 +72,12 @@ def identify(
     """Print a report of each law that is fitted to the tests, and write it to a folder, if
     given.
     """
-    names, rows = law or fitted_laws(), load_test_data(data)
+    names = law or fitted_laws()
+    rows = load_test_data(data)
     if terms is not None and "ogden" not in names:
         raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
-    terms, bulk = terms or N_TERMS, bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
+    terms = terms or N_TERMS
+    bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     check_folder(folder, "identify.json", overwrite)
     if loading:
         rows = rows.loading()

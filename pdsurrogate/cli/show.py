@@ -65,7 +65,8 @@ def show(
                 " overwritten; choose another name"
             )
         result = load_result(folder)
-    pictures, level = pictures or Path(), -1 if level is None else level
+    pictures = pictures or Path()
+    level = -1 if level is None else level
     check_folder(pictures if html is None else html.parent)
     print_json({"fields": result.field_names() if result.states else [], "history": result.history})
     _print_history(result)

@@ -63,7 +63,8 @@ def simulated(
             with writing(folder), Bar(described.name):
                 result = simulate(described, model, threads=threads, **options)
         except SimulationFailed as error:
-            failure, result = error, error.result
+            failure = error
+            result = error.result
         late = failure is None and heard.is_set()
         print_result(result)
         if writes is not None:
@@ -162,7 +163,8 @@ def print_result(result: Result) -> None:
 
 def print_cells(result: Result) -> None:
     """Print the size of the cells, if it differs from the spacing in the scene, and the horizon."""
-    summary, units = result.summary, result.scene.units
+    summary = result.summary
+    units = result.scene.units
     if any(side != result.scene.spacing for side in summary["cell_size"]):
         cells = units.amount(" x ".join(f"{side:.6g}" for side in summary["cell_size"]), "length")
         horizon = units.amount(summary["horizon"], "length", ".6g")
@@ -173,7 +175,8 @@ def print_levels(result: Result) -> None:
     """Print a table of stress and lateral displacement at every stretch, with the exact solution
     or the reference if there is one.
     """
-    units, levels = result.scene.units, result.levels
+    units = result.scene.units
+    levels = result.levels
     # The mean narrowing if the exact solution is homogeneous, else the greatest one.
     homogeneous = any("lateral_displacement_reference" in level for level in levels)
     lateral = "lateral" if homogeneous else "greatest lateral"
@@ -200,7 +203,8 @@ def print_levels(result: Result) -> None:
                 columns.append((heading, [shown.get(n, "") for n in range(len(levels))]))
     headings, cells = zip(*columns, strict=True)
     print_table(_title(result), headings, zip(*cells, strict=True), left=0)
-    areas, used = result.summary["grip_areas"], levels[-1]["nominal_stress_grip"]
+    areas = result.summary["grip_areas"]
+    used = levels[-1]["nominal_stress_grip"]
     if not np.allclose([*areas.values()], areas[used], rtol=1e-6, atol=0):
         area = units.amount(areas[used], "area", ".5g")
         out.print(
@@ -214,9 +218,12 @@ def _print_outputs(result: Result) -> None:
 
     Moments are printed in space, and in the plane where a region is turned.
     """
-    scene, units, levels = result.scene, result.scene.units, result.levels
+    scene = result.scene
+    units = result.scene.units
+    levels = result.levels
     out.print(_title(result), style="bold", highlight=False)
-    axes, far = ("x1", "x2", "x3")[: scene.dimension], np.abs(result.body.points).max()
+    axes = ("x1", "x2", "x3")[: scene.dimension]
+    far = np.abs(result.body.points).max()
     force, moment = (
         max((np.abs(value).max() for level in levels for value in level[key].values()), default=0.0)
         for key in ("forces", "moments")
@@ -259,11 +266,13 @@ def _print_rates(result: Result) -> None:
     """Print the energy release rates of cracks that grow from precuts, at the last output that
     has them.
     """
-    units, tips = result.scene.units, result.summary.get("crack", {}).get("tips", [])
+    units = result.scene.units
+    tips = result.summary.get("crack", {}).get("tips", [])
     unit = f" {units.stress} {units.length}" if units.stress and units.length else ""
     rows = [row["cracks"] for row in [*result.levels, *tips] if row.get("cracks")]
     for crack in rows[-1] if rows else ():
-        rate, length = crack["energy_release_rate"], units.amount(crack["length"], "length", ".4g")
+        rate = crack["energy_release_rate"]
+        length = units.amount(crack["length"], "length", ".4g")
         told = f"no G: {crack['remark']}" if rate is None else f"G = {rate:.4g}{unit}"
         if crack.get("closed") and rate is not None:
             told += "; its faces touch and pass through one another, so G has no meaning"
@@ -271,7 +280,8 @@ def _print_rates(result: Result) -> None:
 
 
 def _print_crack(result: Result) -> None:
-    summary, units = result.summary, result.scene.units
+    summary = result.summary
+    units = result.scene.units
     crack = summary["crack"]
     if crack["start"] is None:
         materials = [summary, *summary.get("materials", ()), *summary.get("interfaces", ())]

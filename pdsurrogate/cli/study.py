@@ -57,7 +57,8 @@ def study(
         with writing(folder), Bar(description.stem):
             result = studies.study(description, folder, **options)
     except studies.StudyInterrupted as error:
-        interrupted, result = error, error.result
+        interrupted = error
+        result = error.result
     if result.failures:
         first = result.failures[0]
         warn(

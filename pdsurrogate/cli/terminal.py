@@ -34,10 +34,13 @@ SECONDS_BETWEEN_LINES = 30.0
 Chosen: a minute tells something, and the log of an hour has some hundred lines.
 """
 
-ERROR, WARNING = "[red]pdsurrogate:[/]", "[yellow]pdsurrogate:[/]"
+ERROR = "[red]pdsurrogate:[/]"
+WARNING = "[yellow]pdsurrogate:[/]"
 """Beginnings of lines on standard error."""
 
-FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+FAILED = 1
+BAD_INPUT = 2
+INTERRUPTED = 130
 """Exit statuses; the last one is 128 and the number of the signal, as shells have it."""
 
 SECONDS_BEFORE_THE_OTHERS = 5.0
@@ -183,7 +186,8 @@ class Bar(Progress):
             get_time=time.monotonic,
             speed_estimate_period=math.inf,
         )
-        self._name, self._told = name, time.monotonic()
+        self._name = name
+        self._told = time.monotonic()
 
     def __enter__(self) -> Self:
         self._listening = listening(self.event)
@@ -213,7 +217,8 @@ class Bar(Progress):
         state = ", ".join([*counted, *named])
         self.update(self.task_ids[0], completed=done, state=state)
         if not err.is_terminal and time.monotonic() - self._told > SECONDS_BETWEEN_LINES:
-            self._told, left = time.monotonic(), self.tasks[0].time_remaining
+            self._told = time.monotonic()
+            left = self.tasks[0].time_remaining
             rest = "" if left is None else f", about {timedelta(seconds=int(left))} left"
             note(f"{title}: {100 * done / total:.0f} % done{rest}{state and f'; {state}'}")
 

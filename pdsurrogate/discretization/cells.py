@@ -70,7 +70,8 @@ def whole_and_cut(
 
     ``material(places)`` flags the places, shape (k, d), in material.
     """
-    centers, sides = cells.centers(), np.array(cells.sides)
+    centers = cells.centers()
+    sides = np.array(cells.sides)
     whole = material(centers)
     some = whole.copy()
     for way in lattice_of(*[[-1, 0, 1]] * len(sides)):
@@ -93,7 +94,8 @@ def material_of_cells(
     """
     raster = raster_of(len(cells.sides)) * cells.sides
     all_there, cut = whole_and_cut(cells, material)
-    points, volumes = cells.centers(), np.where(all_there, cells.volume, 0.0)
+    points = cells.centers()
+    volumes = np.where(all_there, cells.volume, 0.0)
     for some in np.array_split(cut, len(cut) * len(raster) // MOST_PLACES + 1):
         samples = points[some, None] + raster
         there = material(samples.reshape(-1, raster.shape[1])).reshape(samples.shape[:2])

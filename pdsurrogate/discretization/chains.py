@@ -65,10 +65,8 @@ def boundary_of(
     sides = np.concatenate(
         [np.stack([nodes, np.roll(nodes, -1, axis=0)], axis=1) for nodes in chains]
     )
-    sides, chain = (
-        shapely.linestrings(sides),
-        np.repeat(np.arange(len(chains)), [len(nodes) for nodes in chains]),
-    )
+    sides = shapely.linestrings(sides)
+    chain = np.repeat(np.arange(len(chains)), [len(nodes) for nodes in chains])
     facet, side = shapely.STRtree(sides).query(middles, predicate="dwithin", distance=2 * tolerance)
     facet, first = np.unique(facet, return_index=True)
     side = np.minimum.reduceat(side, first)

@@ -47,7 +47,8 @@ METRIC = 2**10
 squares are rounded to integers.
 """
 
-MOST_THREADS, CHUNKS = 8, 256
+MOST_THREADS = 8
+CHUNKS = 256
 """Greatest number of threads, each of which needs memory for sums at all points, and number of
 parts of the grid that they share.
 """
@@ -92,7 +93,8 @@ def relaxed_points(
         found = samples.relaxed(samples.start(n, seed))
         if path is not None:
             _keep(path, found)
-    points, numbers = found[:, :-1], found[:, -1]
+    points = found[:, :-1]
+    numbers = found[:, -1]
     return np.array(cells.lower) + points / UNITS * np.array(cells.sides), numbers * samples.volume
 
 
@@ -139,7 +141,9 @@ class Samples:
     def of(cls, cells: Cells, material: Callable[[np.ndarray], np.ndarray]) -> Samples:
         """Return the samples of a body; for the arguments see `relaxed_points`."""
         whole, cut = whole_and_cut(cells, material)
-        d, sides, centers = len(cells.counts), np.array(cells.sides), cells.centers()
+        d = len(cells.counts)
+        sides = np.array(cells.sides)
+        centers = cells.centers()
         width = SAMPLES[d]
         along = (2 * np.arange(width) + 1) * (UNITS // width // 2)
         raster = np.zeros((3, width**d))
@@ -175,7 +179,8 @@ class Samples:
         """Return n different samples, shape (n, 3), drawn so that blocks of equal volume have
         equal numbers, see `GROUP`.
         """
-        size, grid = GROUP ** len(self.cells.counts), (*self.cells.counts, 1)[:3]
+        size = GROUP ** len(self.cells.counts)
+        grid = (*self.cells.counts, 1)[:3]
         number = np.arange(len(self.counts))
         place = np.stack(
             [number % grid[0], number // grid[0] % grid[1], number // (grid[0] * grid[1])]
@@ -185,7 +190,8 @@ class Samples:
         point = np.arange(n, dtype=np.int64)
         # The samples of a block are dealt to its points in turn, so that no two points draw the
         # same.
-        begin, turn = point // size * size, point % size
+        begin = point // size * size
+        turn = point % size
         low = begin * self.total // n
         deals = (np.minimum(begin + size, n) * self.total // n - low) // np.minimum(size, n - begin)
         draws = np.random.PCG64(seed).random_raw(n)
@@ -195,7 +201,8 @@ class Samples:
             + turn
         )
         block = np.searchsorted(ends, chosen, side="right")
-        cell, within = by_block[block], chosen - (ends - self.counts[by_block])[block]
+        cell = by_block[block]
+        within = chosen - (ends - self.counts[by_block])[block]
         cut = np.flatnonzero(self.kinds[cell] >= 0)
         within[cut] = (self.masks[self.kinds[cell[cut]]].cumsum(axis=1) <= within[cut, None]).sum(
             axis=1
@@ -210,7 +217,8 @@ class Samples:
         for step in range(STEPS[d] + 1):
             points, sums = self.sums(points)
             used = sums[:, 0] > 0  # beside thin gaps a point may have moved out of the body
-            points, sums = points[used], sums[used]
+            points = points[used]
+            sums = sums[used]
             if step < STEPS[d]:
                 points = np.rint(sums[:, 1:] / sums[:, :1])
         return np.column_stack([points[:, :d], sums[:, 0]])
@@ -228,10 +236,8 @@ class Samples:
         order = np.argsort(cell, kind="stable")
         points = np.ascontiguousarray(points[order])
         starts = np.searchsorted(cell[order], np.arange(len(self.kinds) + 1))
-        buffers, sums = (
-            np.zeros((chunks.threads, 2, self.raster.shape[1])),
-            np.zeros((chunks.threads, len(points), 4)),
-        )
+        buffers = np.zeros((chunks.threads, 2, self.raster.shape[1]))
+        sums = np.zeros((chunks.threads, len(points), 4))
         arrays = (
             points,
             starts,

@@ -61,7 +61,10 @@ class Cuts:
         inside: Callable[[np.ndarray], np.ndarray],
         planes: Sequence[ReflectionPlane] = (),
     ) -> None:
-        self.pieces, self._rounding, self._inside, self._planes = pieces, rounding, inside, planes
+        self.pieces = pieces
+        self._rounding = rounding
+        self._inside = inside
+        self._planes = planes
         self.beside = 4 * BESIDE * rounding
 
     def only(self, number: int) -> Cuts:
@@ -90,7 +93,8 @@ class Cuts:
         Points on a cut count as lying to the left of each piece on which they are, in space on the
         side of its normal.
         """
-        crossing, planes = self._cross(starts, ends), self._planes if planes is None else planes
+        crossing = self._cross(starts, ends)
+        planes = self._planes if planes is None else planes
         for number, plane in enumerate(planes):
             beyond = np.flatnonzero(plane.mirrored(ends)[1] < 0)
             images = (2 * plane.mirrored(end)[0] - end for end in (starts[beyond], ends[beyond]))
@@ -99,13 +103,16 @@ class Cuts:
 
     def _cross(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return which segments meet a cut where it lies on the body's side of all planes."""
-        near, beside = np.zeros(len(starts), dtype=bool), BESIDE * self._rounding
+        near = np.zeros(len(starts), dtype=bool)
+        beside = BESIDE * self._rounding
         for piece in self.pieces:
             place, normal, _ = piece.plane()
             heights = (starts - place) @ normal, (ends - place) @ normal
             near |= (np.minimum(*heights) <= beside) & (np.maximum(*heights) >= -beside)
-        chosen, crossing = np.flatnonzero(near), np.zeros(len(starts), dtype=bool)
-        one, other = self._beside(starts[chosen]), self._beside(ends[chosen])
+        chosen = np.flatnonzero(near)
+        crossing = np.zeros(len(starts), dtype=bool)
+        one = self._beside(starts[chosen])
+        other = self._beside(ends[chosen])
         for number, piece in enumerate(self.pieces):
             apart, meets = piece.met_by(one, other, self._rounding)
             crossing[chosen[apart]] |= self._belong(number, meets)
@@ -204,7 +211,8 @@ class Cuts:
                     tiles = _split(tiles, trace, np.linalg.norm(high - low))
                 areas = shapely.area(tiles)
                 large = areas > self._rounding * size.min()
-                tiles, areas = tiles[large], areas[large]
+                tiles = tiles[large]
+                areas = areas[large]
                 centers = shapely.get_coordinates(shapely.centroid(tiles))
                 for along, level in through:
                     across = np.abs(centers[:, along] - level) < size[along] / 2
@@ -240,7 +248,8 @@ class Cuts:
         """
         ways = np.zeros(places.shape)
         for number in reversed(range(len(self.pieces))):
-            on, normal = self._lie_on(number, places), self.pieces[number].plane()[1]
+            on = self._lie_on(number, places)
+            normal = self.pieces[number].plane()[1]
             ways[on] += normal
             # of two pieces with opposite sides, the first one decides
             ways[on & ~ways.any(axis=1)] = normal
@@ -277,12 +286,10 @@ def between_cells(pieces: Sequence[AnyPrecut], cells: Cells, rounding: float) ->
         ends = np.concatenate([pieces[number].edge(min(cells.sides) / 4)[0] for number in members])
         maps = []
         for axis, of_axis in enumerate(zip(*(levels[number] for number in members), strict=True)):
-            known, limits = (
-                dict(level for level in of_axis if level),
-                (
-                    ends[:, axis].min(),
-                    ends[:, axis].max(),
-                ),
+            known = dict(level for level in of_axis if level)
+            limits = (
+                ends[:, axis].min(),
+                ends[:, axis].max(),
             )
             fixed = {
                 end: end
@@ -376,7 +383,8 @@ def _split(tiles: np.ndarray, trace: np.ndarray, reach: float) -> np.ndarray:
     along = (end - start) / np.linalg.norm(end - start)
     met = shapely.intersects(tiles, shapely.linestrings(trace))
     found = [tiles[~met]]
-    low, high = start - 2 * reach * along, end + 2 * reach * along
+    low = start - 2 * reach * along
+    high = end + 2 * reach * along
     for across in (np.array([-along[1], along[0]]), np.array([along[1], -along[0]])):
         half = shapely.polygons([low, high, high + 2 * reach * across, low + 2 * reach * across])
         found.append(shapely.get_parts(shapely.intersection(tiles[met], half)))

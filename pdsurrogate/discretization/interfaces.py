@@ -95,24 +95,29 @@ def divided_volumes(
         Places in a cell, relative to its middle in units of its sides, that sample its parts.
     rounds : sequence of Round
     """
-    half, found = np.linalg.norm(sides) / 2, volumes.copy()
+    half = np.linalg.norm(sides) / 2
+    found = volumes.copy()
     centers, radii = _arrays_of(rounds)
     row, which = _beside(points, rounds, radii + half)
     row = np.unique(row[lengths_of(points[row] - centers[which]) > radii[which] - half])
     whole = np.flatnonzero(np.isclose(volumes, sides.prod(), rtol=1e-9, atol=0))
-    cut, own = np.intersect1d(row, whole), sides_of(points, rounds)
+    cut = np.intersect1d(row, whole)
+    own = sides_of(points, rounds)
     for cells in np.array_split(cut, len(cut) * len(raster) // MOST_PLACES + 1):
         numbers = sides_of(points[cells], rounds, raster * sides)
         while len(cells):
             # The first part of each cell on another side goes to the nearest points there.
             elsewhere = numbers != own[cells, None]
             left = elsewhere.any(axis=1)
-            cells, numbers, elsewhere = cells[left], numbers[left], elsewhere[left]
+            cells = cells[left]
+            numbers = numbers[left]
+            elsewhere = elsewhere[left]
             other = numbers[np.arange(len(cells)), elsewhere.argmax(axis=1)]
             part = numbers == other[:, None]
             middles = points[cells] + part @ (raster * sides) / part.sum(axis=1, keepdims=True)
             for side in np.unique(other):
-                mine, heirs = other == side, whole[own[whole] == side]
+                mine = other == side
+                heirs = whole[own[whole] == side]
                 if not len(heirs):  # an inclusion smaller than a cell has no point
                     continue
                 giver, heir, share = nearest_of(points[heirs], middles[mine])

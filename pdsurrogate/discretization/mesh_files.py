@@ -218,7 +218,8 @@ def _warn_of_curves(file: str, ends: np.ndarray, middles: np.ndarray) -> None:
     """Warn of edges with `ends` (n, edges, 2, d) that are curved, by the places of their
     `middles` (n, edges, d); see `CURVED`.
     """
-    along, off = ends[:, :, 1] - ends[:, :, 0], middles - ends[:, :, 0]
+    along = ends[:, :, 1] - ends[:, :, 0]
+    off = middles - ends[:, :, 0]
     squares = np.einsum("nec,nec->ne", along, along)
     off = (
         off
@@ -354,7 +355,9 @@ def _keywords(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
     """Yield the keywords of a deck with their options and lines of data, those of included files
     in their place.
     """
-    keyword, options, rows = "", {}, []
+    keyword = ""
+    options = {}
+    rows = []
     for line in [*path.read_text(errors="replace").splitlines(), "*"]:
         if line.startswith("**"):
             continue
@@ -369,11 +372,9 @@ def _keywords(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
             yield keyword, options, rows
         head, *given = (part.strip() for part in line[1:].split(","))
         pairs = (part.partition("=") for part in given)
-        keyword, options, rows = (
-            head.upper(),
-            {key.strip().upper(): value.strip() for key, _, value in pairs},
-            [],
-        )
+        keyword = head.upper()
+        options = {key.strip().upper(): value.strip() for key, _, value in pairs}
+        rows = []
 
 
 def _groups(file: str, read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -399,9 +400,12 @@ def _groups(file: str, read, dimension: int) -> tuple[dict[str, np.ndarray], dic
                     for of_block, fits in zip(numbers, fitting, strict=True)
                 ],
             )
-    cell_groups, side_groups = {}, {}
+    cell_groups = {}
+    side_groups = {}
     for name, sets in members.items():
-        cells, sides, begin = [], [], 0
+        cells = []
+        sides = []
+        begin = 0
         for block, chosen in zip(read.cells, sets, strict=True):
             chosen = np.asarray(() if chosen is None else chosen, dtype=int)
             if _kind(block.type) in CELL_TYPES[dimension]:

@@ -49,7 +49,8 @@ def boundary_of_mesh(
         hole[shape.contains(middles)] = number
     sides, owners, beyond = mesh.cells.boundary(hole < 0)
     parts = np.where(beyond < 0, "outline", np.char.add("holes.", hole[beyond].astype(str)))
-    nodes, first = mesh.cells.nodes, sides[:, 0]
+    nodes = mesh.cells.nodes
+    first = sides[:, 0]
     loop = connected(len(nodes), np.repeat(first, sides.shape[1] - 1), sides[:, 1:].ravel())[1][
         first
     ]

@@ -53,7 +53,8 @@ def whole_boundaries(scene: Scene, region: RegionReference) -> tuple[str, ...]:
     """Return the names of the outline and holes, or of the curved group of a mesh's sides, that
     a region consists of; empty for others.
     """
-    region, meshed = _member(scene, region), isinstance(scene.body, Mesh)
+    region = _member(scene, region)
+    meshed = isinstance(scene.body, Mesh)
     if not isinstance(region, str):
         curved = meshed and _is_curved(mesh_of(scene.body), region.group)
         return (f"group {region.group}",) if curved else ()

@@ -130,13 +130,15 @@ def _of_shapes(scene: Scene) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
     """Return arguments of `Body` for the points of a lattice or cloud, and the corners of the
     bounding box.
     """
-    (lower, upper), material = scene.body.bounds(), partial(material_at, scene)
+    (lower, upper) = scene.body.bounds()
+    material = partial(material_at, scene)
     lattice = scene.body.arrangement == "lattice"
     cells = (Cells.filling if lattice else Cells.near)(lower, upper, scene.spacing)
     points_in_material(scene, cells.centers())
     if lattice:
         points, volumes = material_of_cells(cells, material)
-        spacing, sides = cells.spacing, cells.sides
+        spacing = cells.spacing
+        sides = cells.sides
         follow = {"inside": partial(inside, scene) if np.ptp(volumes) else None}
     else:
         sheet = None if scene.dimension == 3 else _sheet(scene)
@@ -169,12 +171,14 @@ def _volumes_by_side(scene: Scene, given: dict[str, Any], rounds: Sequence[Round
     In a cloud, whose total volume does not change, a place belongs to the nearest of the points on
     its own side.
     """
-    points, volumes = given["points"], given["volumes"]
+    points = given["points"]
+    volumes = given["volumes"]
     if scene.body.arrangement == "lattice":
         raster = raster_of(scene.dimension)
         return divided_volumes(points, volumes, np.array(given["cell"]), raster, rounds)
     cells = Cells.near(*scene.body.bounds(), scene.spacing)
-    own, found = sides_of(points, rounds), np.empty(len(points))
+    own = sides_of(points, rounds)
+    found = np.empty(len(points))
     for side in np.unique(own):
 
         def part(places: np.ndarray, side: int = side) -> np.ndarray:

@@ -34,13 +34,15 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
     SceneError
         If the body has no straight edge or flat face at such an end, or no material there.
     """
-    areas, faces = {}, faces_of_groups(scene, lower, upper)
+    areas = {}
+    faces = faces_of_groups(scene, lower, upper)
     if isinstance(scene.body, Mesh):
         sides, parts, _ = boundary_of_mesh(scene, lower, upper)
         sizes = np.linalg.norm(outward(mesh_of(scene.body).cells.nodes[sides]), axis=1)
     for edge in [grip.edge for grip in scene.grips] or reflected_edges(scene, faces):
         if isinstance(scene.body, Mesh):
-            areas[edge], near = float(sizes[parts == edge].sum()), 0.0
+            areas[edge] = float(sizes[parts == edge].sum())
+            near = 0.0
         else:
             axis, side = EDGES[edge]
             shifts = side * IN_PLANE * (upper - lower).max() * np.array([1, 2])
@@ -69,14 +71,17 @@ def _section_inside(
     others = [other for other in range(scene.dimension) if other != axis]
     if isinstance(scene.body, Rectangle | Box) and not scene.holes:
         return float(np.prod((upper - lower)[others]))
-    low, high = lower[others[0]], upper[others[0]]
+    low = lower[others[0]]
+    high = upper[others[0]]
     count = int(np.ceil(RASTER * (high - low) / scene.spacing))
     # A round body may end between the last place of the raster and the end of its box.
     asked = np.concatenate([[low], low + (high - low) * (np.arange(count) + 0.5) / count, [high]])
 
     def inside(along: np.ndarray, strips: np.ndarray) -> np.ndarray:
         places = np.empty((len(along), scene.dimension))
-        places[:, axis], places[:, others[0]], places[:, others[1:]] = position, along, strips
+        places[:, axis] = position
+        places[:, others[0]] = along
+        places[:, others[1:]] = strips
         return material_at(scene, places)
 
     def lengths(strips: np.ndarray) -> np.ndarray:
@@ -90,11 +95,14 @@ def _section_inside(
             len(strips), -1
         )
         line, ends = np.nonzero(there[:, 1:] != there[:, :-1])
-        starts, stops, before = asked[ends], asked[ends + 1], there[line, ends]
+        starts = asked[ends]
+        stops = asked[ends + 1]
+        before = there[line, ends]
         for _ in range(50):  # bisection, to rounding
             halves = (starts + stops) / 2
             same = inside(halves, strips[line]) == before
-            starts, stops = np.where(same, halves, starts), np.where(same, stops, halves)
+            starts = np.where(same, halves, starts)
+            stops = np.where(same, stops, halves)
         found = np.bincount(line, np.where(before, stops, -stops), len(strips))
         return found + np.where(there[:, -1], high, 0) - np.where(there[:, 0], low, 0)
 
@@ -109,25 +117,28 @@ def _integral(values: Callable[[np.ndarray], np.ndarray], low: float, high: floa
     Intervals are halved until their integrals by the four-place Lobatto rule change by at most
     `ACCURACY` of the whole.
     """
-    places, weights = np.array([-1, -(0.2**0.5), 0.2**0.5, 1]), np.array([1, 5, 5, 1]) / 6
+    places = np.array([-1, -(0.2**0.5), 0.2**0.5, 1])
+    weights = np.array([1, 5, 5, 1]) / 6
 
     def sums(starts: np.ndarray, widths: np.ndarray) -> np.ndarray:
         at = starts[:, None] + widths[:, None] * (places + 1) / 2
         return values(at.ravel()).reshape(at.shape) @ weights * widths / 2
 
     # Sixteen parts find every step that is wider than one of them; forty halvings reach rounding.
-    starts, widths = low + (high - low) / 16 * np.arange(16), np.full(16, (high - low) / 16)
-    whole, total = sums(starts, widths), 0.0
+    starts = low + (high - low) / 16 * np.arange(16)
+    widths = np.full(16, (high - low) / 16)
+    whole = sums(starts, widths)
+    total = 0.0
     least = ACCURACY * whole.sum()
     for _ in range(40):
-        starts, widths = (
-            np.stack([starts, starts + widths / 2], 1).ravel(),
-            np.repeat(widths / 2, 2),
-        )
+        starts = np.stack([starts, starts + widths / 2], 1).ravel()
+        widths = np.repeat(widths / 2, 2)
         halves = sums(starts, widths)
         left = np.repeat(np.abs(halves.reshape(-1, 2).sum(axis=1) - whole) > least, 2)
         total += halves[~left].sum()
-        starts, widths, whole = starts[left], widths[left], halves[left]
+        starts = starts[left]
+        widths = widths[left]
+        whole = halves[left]
         if not len(whole):
             break
     return float(total + whole.sum())

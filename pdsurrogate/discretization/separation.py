@@ -70,7 +70,8 @@ def cuts_of(
     Those along rows of a lattice lie where the scene has them, or if `between`, on the boundary
     between the cells of these rows.
     """
-    extent, pieces = float((upper - lower).max()), scene.precuts
+    extent = float((upper - lower).max())
+    pieces = scene.precuts
     flat = [plane for plane in planes if isinstance(plane, ReflectionPlane)]
     if between and not isinstance(scene.body, Mesh) and scene.body.arrangement == "lattice":
         cells = Cells.filling(lower, upper, scene.spacing)
@@ -163,7 +164,8 @@ def check_precuts(scene: Scene, body: Body, cuts: Cuts) -> None:
     """Raise ValueError if a precut crosses no bond, or crosses one that another precut in the
     same line or plane crosses too.
     """
-    cut, before = body.all_points[body.bonds.cut], []
+    cut = body.all_points[body.bonds.cut]
+    before = []
     for number, precut in enumerate(scene.precuts):
         crossed = cuts.only(number).crosses(cut[:, 0], cut[:, 1])
         if not body.share.any(crossed.any()):

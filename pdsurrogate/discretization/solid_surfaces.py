@@ -84,14 +84,16 @@ def boundary_of_solids(
             " along its axis, or be a sphere with its center on a flat face of a part of a sphere"
         )
     if body is None:
-        triangles, names = [_sphere(scene.body, scene.body.halved, cell)], ["outline"]
+        triangles = [_sphere(scene.body, scene.body.halved, cell)]
+        names = ["outline"]
     else:
         holes = {f"holes.{number}": _along(scene.holes[number], axis).section for number in through}
         holes |= {
             f"holes.{number}": bore for number, bore in enumerate(body.bores, len(scene.holes))
         }
         found = _prism(body, axis, cell, tolerance, tuple(holes.values()), planes)
-        triangles, names = found, ["outline", *holes]
+        triangles = found
+        names = ["outline", *holes]
     for number, of_hole in parts.items():
         triangles.append(of_hole)
         names.append(f"holes.{number}")
@@ -239,14 +241,17 @@ def _flat_face(
     `curved` are the triangles of these, shape (f, 3, 3). Two flat faces have common nodes along the
     line where they meet.
     """
-    center, across = np.array(sphere.center), [(axis + 1) % 3, (axis + 2) % 3]
+    center = np.array(sphere.center)
+    across = [(axis + 1) % 3, (axis + 2) % 3]
     nodes = curved.reshape(-1, 3)
     rim = np.abs(nodes[:, axis] - center[axis]) <= tolerance
     number = same_places(nodes, 4 * tolerance).reshape(-1, 3)
     sides = np.concatenate([number[:, [0, 1]], number[:, [1, 2]], number[:, [2, 0]]])
     sides = sides[rim[sides].all(axis=1)]
-    starts, ends = np.setdiff1d(sides[:, 0], sides[:, 1]), np.setdiff1d(sides[:, 1], sides[:, 0])
-    added, places = [], list(nodes)
+    starts = np.setdiff1d(sides[:, 0], sides[:, 1])
+    ends = np.setdiff1d(sides[:, 1], sides[:, 0])
+    added = []
+    places = list(nodes)
     for other in sphere.halved:
         if other == axis:
             continue
@@ -272,7 +277,8 @@ def _flat_face(
     flat = np.array(places)[:, across]
     _, _, _, triangles = _triangulated(flat, sides, np.zeros(len(sides), dtype=int), cell[across])
     found = np.empty((*triangles.shape[:-1], 3))
-    found[..., across], found[..., axis] = triangles, center[axis]
+    found[..., across] = triangles
+    found[..., axis] = center[axis]
     return found[:, ::-1]
 
 
@@ -300,10 +306,8 @@ def _prism(
 
     if isinstance(straight.section, Rectangle) and not holes:
         nodes = straight.section.boundary(beside)
-        sides, chain = (
-            np.stack([np.arange(len(nodes)), np.roll(np.arange(len(nodes)), -1)], axis=1),
-            np.zeros(len(nodes), dtype=int),
-        )
+        sides = np.stack([np.arange(len(nodes)), np.roll(np.arange(len(nodes)), -1)], axis=1)
+        chain = np.zeros(len(nodes), dtype=int)
         cap = _tiles(nodes)
     else:
         chains = [
@@ -316,13 +320,15 @@ def _prism(
 
     def placed(places: np.ndarray, level: np.ndarray | float) -> np.ndarray:
         found = np.empty((*places.shape[:-1], 3))
-        found[..., across], found[..., axis] = places, level
+        found[..., across] = places
+        found[..., axis] = level
         return found
 
     found = []
     for number in range(len(shapes)):
         first, second = nodes[sides[chain == number]].transpose(1, 0, 2)[:, None]
-        below, above = levels[:-1, None], levels[1:, None]
+        below = levels[:-1, None]
+        above = levels[1:, None]
         quadrilaterals = np.stack(
             [
                 placed(np.broadcast_to(end, (layers, *end.shape[1:])), level)
@@ -381,7 +387,8 @@ def _triangulated(
         Positions of the corners, counter-clockwise.
     """
     used, sides = np.unique(sides, return_inverse=True)
-    lower, upper = nodes[used].min(axis=0), nodes[used].max(axis=0)
+    lower = nodes[used].min(axis=0)
+    upper = nodes[used].max(axis=0)
     # Areas and Delaunay's criterion have products of coordinates, which far from the origin are
     # rounded.
     middle = np.array(
@@ -390,8 +397,10 @@ def _triangulated(
             for own, level in zip((lower + upper) / 2, levels, strict=True)
         ]
     )
-    nodes, sides = (nodes[used] - middle) / cell, sides.reshape(-1, 2)
-    low, high = np.floor((lower - middle) / cell), np.ceil((upper - middle) / cell)
+    nodes = (nodes[used] - middle) / cell
+    sides = sides.reshape(-1, 2)
+    low = np.floor((lower - middle) / cell)
+    high = np.ceil((upper - middle) / cell)
     lattice = lattice_of(*map(np.arange, low, high + 1))
     free = np.ones(len(sides), dtype=bool)
     for axis, level in enumerate(levels):
@@ -452,11 +461,14 @@ def _about_middles(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     starts, ends = np.concatenate(
         [triangles[several][:, pair] for pair in ((0, 1), (1, 2), (2, 0))]
     ).T
-    circle, count = np.tile(circle[several], 3), len(places)
+    circle = np.tile(circle[several], 3)
+    count = len(places)
     outer = ~np.isin(
         (circle * count + starts) * count + ends, (circle * count + ends) * count + starts
     )
-    starts, ends, circle = starts[outer], ends[outer], circle[outer]
+    starts = starts[outer]
+    ends = ends[outer]
+    circle = circle[outer]
     sums = np.stack([np.bincount(circle, column) for column in places[starts].T], axis=1)
     middles = sums[circle] / np.bincount(circle)[circle, None]
     fans = np.stack([places[starts], places[ends], middles], axis=1)
@@ -474,7 +486,8 @@ def _with_nodes(
         np.setdiff1d(one, other) for one, other in (sides[there].T, sides[there].T[::-1])
     )
     lines = zip(*(each[nodes[each, 1 - axis].argsort()] for each in (starts, ends)), strict=True)
-    parts, chains = [sides[~there]], [chain[~there]]
+    parts = [sides[~there]]
+    chains = [chain[~there]]
     for start, end in lines:
         low, high = sorted(nodes[[start, end], 1 - axis])
         own = between[(between[:, 1 - axis] > low) & (between[:, 1 - axis] < high)]

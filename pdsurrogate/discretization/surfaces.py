@@ -55,7 +55,8 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
         If holes in three dimensions meet each other or the outline in a way that
         `boundary_of_solids` does not support.
     """
-    extent, groups = float((upper - lower).max()), {}
+    extent = float((upper - lower).max())
+    groups = {}
     symmetric = [plane for plane in body.planes if plane.symmetric]
     if isinstance(scene.body, Mesh):
         nodes = mesh_of(scene.body).cells.nodes
@@ -72,7 +73,8 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
         )
         parts = np.where(chain == 0, "outline", np.char.add("holes.", (chain - 1).astype(str)))
     used, facets = np.unique(facets, return_inverse=True)
-    nodes, facets = nodes[used], facets.reshape(-1, scene.dimension)
+    nodes = nodes[used]
+    facets = facets.reshape(-1, scene.dimension)
     parts = named_edges(parts, nodes[facets], lower, upper, ROUNDING)
     normals = _normals_at(*_continued(body, nodes, facets))[: len(nodes)]
     if not scene.precuts:
@@ -89,14 +91,16 @@ def _with_mouths(
     of the parts that its facets belong to.
     """
     facet, corner = np.nonzero(cuts.on(nodes)[facets])
-    node, count = facets[facet, corner], len(nodes)
+    node = facets[facet, corner]
+    count = len(nodes)
     ways = nodes[facets[facet]].mean(axis=1) - nodes[node]
     places = nodes[node] + cuts.beside * ways / np.linalg.norm(ways, axis=1)[:, None]
     follow = boundary_rows(
         body, np.concatenate([nodes, places]), np.concatenate([normals, normals[node]])
     )
     told = ~empty_rows(follow.rows)
-    at_mouths, told = ~np.isin(np.arange(count), node) & told[:count], told[count:]
+    at_mouths = ~np.isin(np.arange(count), node) & told[:count]
+    told = told[count:]
     whole = np.flatnonzero(at_mouths)
     shares = np.concatenate(
         [np.ones(len(whole)), told / np.maximum(np.bincount(node, told, count), 1)[node]]
@@ -114,11 +118,9 @@ def _faces_of(body: Body, cuts: Cuts, nodes: np.ndarray, facets: np.ndarray) -> 
     they are the nodes of a chain on each straight part, which ends a little before the places where
     parts meet; in space the centroids of facets about as large as a cell.
     """
-    places, areas, d = (
-        [np.zeros((0, body.dimension))],
-        [np.zeros((0, body.dimension))],
-        body.dimension,
-    )
+    places = [np.zeros((0, body.dimension))]
+    areas = [np.zeros((0, body.dimension))]
+    d = body.dimension
     for side in (1, -1):
         if d == 3:
             symmetric = [plane for plane in body.planes if plane.symmetric]
@@ -143,7 +145,8 @@ def _faces_of(body: Body, cuts: Cuts, nodes: np.ndarray, facets: np.ndarray) -> 
             own = beyond <= cuts.beside
             places.append(chain[own] + side * cuts.beside * normal)
             areas.append(-side * length / count * shares[own] * normal)
-    places, areas = np.concatenate(places), np.concatenate(areas)
+    places = np.concatenate(places)
+    areas = np.concatenate(areas)
     if not len(places):
         return None
     normals = areas / np.linalg.norm(areas, axis=1, keepdims=True)
@@ -202,7 +205,8 @@ def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
 def _normals_of_sides(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
     corners = nodes[facets]
     areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    node, areas = facets.ravel(), np.repeat(areas, 3, axis=0)
+    node = facets.ravel()
+    areas = np.repeat(areas, 3, axis=0)
     size = np.linalg.norm(areas, axis=1)
     normals = areas / size[:, None]
     chosen = np.full((len(nodes), 3, 3), np.nan)

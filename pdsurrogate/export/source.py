@@ -13,7 +13,9 @@ from ..materials import InvariantLaw, Law, PrincipalStretchLaw, solid
 from ..materials.consistency import check_consistency
 from ..materials.states import cofactor, invariants
 
-N_STATES, LEAST, GREATEST = 4, 0.85, 1.2
+N_STATES = 4
+LEAST = 0.85
+GREATEST = 1.2
 """Number of states by which an exported file is checked, and the bounds of their principal
 stretches. Chosen: a wrong constant shows at 20 % of strain; a law that ends before has smaller
 strains.
@@ -66,7 +68,8 @@ class Source:
 
         The sheets of `is_sheet` have the latter shape. The package computes both in NumPy.
         """
-        law, network = self.law, self.network
+        law = self.law
+        network = self.network
         if self.is_sheet:
             energy, by_trace, by_J, *_ = network.energy_derivatives(law, *invariants(F))
             stress = 2 * by_trace[:, None, None] * F + by_J[:, None, None] * cofactor(F)
@@ -87,9 +90,11 @@ class Source:
         """Return rows of F, energy density and first Piola-Kirchhoff stress at a few random
         deformations within the limit of the law.
         """
-        d, random = 2 if self.is_sheet else 3, np.random.default_rng(0)
+        d = 2 if self.is_sheet else 3
+        random = np.random.default_rng(0)
         turns = np.linalg.qr(random.standard_normal((2, N_STATES, d, d)))[0]
-        stretches, energy = random.uniform(LEAST, GREATEST, (N_STATES, d, 1)), np.array(np.nan)
+        stretches = random.uniform(LEAST, GREATEST, (N_STATES, d, 1))
+        energy = np.array(np.nan)
         while not np.isfinite(energy).all():
             F = turns[0] @ (stretches * turns[1])
             F[np.linalg.det(F) < 0] = F[np.linalg.det(F) < 0][:, ::-1]
@@ -123,8 +128,10 @@ def source_of_artifact(reference: str) -> Source:
     it was learned. Raise ArtifactError if the artifact is unknown or damaged.
     """
     folder = find_artifact(reference, ())
-    card, model = load_card(reference), load_surrogate(reference)
-    law, title = law_of(card), called(folder, card)
+    card = load_card(reference)
+    model = load_surrogate(reference)
+    law = law_of(card)
+    title = called(folder, card)
     origin = f"Artifact {title}, digest {card.found_digest()}."
     if not isinstance(model, EnergyNetwork | IsochoricNetwork):
         exact = source_of_law(law)
@@ -133,7 +140,8 @@ def source_of_artifact(reference: str) -> Source:
             " from which it was learned."
         )
         return Source(title, law, None, (origin, learned, *exact.facts))
-    low, high = model.domain.least_stretch, model.domain.greatest_stretch
+    low = model.domain.least_stretch
+    high = model.domain.greatest_stretch
     stretches = f"principal stretches from {low:g} to {high:g}"
     error = (
         f"The stress has a relative RMS error of {card.errors['box']['on_surface']['rms']:.1e}"

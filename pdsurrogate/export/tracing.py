@@ -243,7 +243,8 @@ def _text(value: Value, local: dict[Value, str], language: Language, least: int 
     """
     if value in local:
         return local[value]
-    operation, operands = value.operation, value.operands
+    operation = value.operation
+    operands = value.operands
     if operation == "symbol":
         return operands[0]
     if operation == "number":

@@ -21,7 +21,8 @@ ALLOWED = 1e-10
 that the check of a file allows.
 """
 
-REST_STATES, REST_STRAIN = 200, 0.03
+REST_STATES = 200
+REST_STRAIN = 0.03
 """Number of states, and the size of their log-strains, at which `_near_rest` fits a polynomial.
 Chosen: at smaller strains rounding, and at larger ones the terms that are left out, would change
 its coefficients.
@@ -159,7 +160,8 @@ def exported(source: Source, target: str) -> str:
 
 def _values(source: Source, language: Language) -> dict:
     """Return what every template contains: names, sizes, moduli, and the states of the check."""
-    states, d = source.states(), 2 if source.is_sheet else 3
+    states = source.states()
+    d = 2 if source.is_sheet else 3
     moduli = ("shear_modulus", "bulk_modulus")[: len(source.moduli)]
     return {
         "name": _identifier(source),
@@ -183,7 +185,10 @@ def _parts(source: Source, language: Language, energy_alone: bool) -> tuple[set[
 
     `energy_alone` leaves out derivatives, for UFL, which differentiates.
     """
-    law, network, tags, found = source.law, source.network, {"begin", "check", "end"}, {}
+    law = source.law
+    network = source.network
+    tags = {"begin", "check", "end"}
+    found = {}
 
     def body(function, arguments: str, results: str, *more) -> str:
         return language.body(
@@ -281,7 +286,8 @@ def _near_rest(law: Law) -> dict[str, float]:
     logs -= logs.mean(axis=0)
     logs *= REST_STRAIN * random.uniform(0.2, 1, REST_STATES) / abs(logs).max(axis=0)
     squares = np.exp(2 * logs)
-    a, b = squares.sum(axis=0) - 3, (squares - 1 / squares).sum(axis=0)
+    a = squares.sum(axis=0) - 3
+    b = (squares - 1 / squares).sum(axis=0)
     terms = {
         "a": a,
         "b": b,

@@ -60,24 +60,22 @@ def balanced_changes(
     changes if the body is `Body.loaded`. None is returned for a body that does not know its
     boundary.
     """
-    kinematics, portion_of = binding.kinematics, binding.portion_of
-    body, d = kinematics.body, kinematics.body.dimension
+    kinematics = binding.kinematics
+    portion_of = binding.portion_of
+    body = kinematics.body
+    d = kinematics.body.dimension
     if body.outward is None:
         return None
-    bonds, share, ghosts, n, owners = (
-        body.bonds,
-        body.share,
-        body.ghosts,
-        len(body),
-        body.bond_owners,
-    )
+    bonds = body.bonds
+    share = body.share
+    ghosts = body.ghosts
+    n = len(body)
+    owners = body.bond_owners
     regular = body.mesh_cells is None and not body.relaxed
     at_sides = beside(body, np.abs(body.outward).max(axis=1) > 0)
-    unknown, clamped, pairs = (
-        ends_of_unknown(body),
-        sees_clamps(body),
-        _pairs_across(body, portion_of),
-    )
+    unknown = ends_of_unknown(body)
+    clamped = sees_clamps(body)
+    pairs = _pairs_across(body, portion_of)
     across = _ends_of(body, np.stack([bonds.first[pairs], bonds.second[pairs]], axis=1))
     several = body.loaded and share.any(len(pairs) > 0)
     if several:
@@ -113,13 +111,17 @@ def balanced_changes(
     numbers = np.flatnonzero(changing)
     if not share.any(len(numbers) > 0):
         return None
-    owner, ends = owners[numbers], bonds.neighbors[numbers]
+    owner = owners[numbers]
+    ends = bonds.neighbors[numbers]
     vectors = (body.all_points[ends] - body.points[owner]) / body.spacing
     near = lengths_of(vectors) <= REACH
     count = np.bincount(owner[near], minlength=n)
     share.fill(count)
     near |= (count < FEW * d)[owner]
-    numbers, owner, ends, vectors = numbers[near], owner[near], ends[near], vectors[near]
+    numbers = numbers[near]
+    owner = owner[near]
+    ends = ends[near]
+    vectors = vectors[near]
     if several:
         beyond = np.where(
             portion_of[ends] != portion_of[owner], kinematics.interfaces.depths[ends], 0.0
@@ -160,11 +162,9 @@ def beside(body: Body, flags: np.ndarray) -> np.ndarray:
     """Return flags of the points (n,) that are flagged, or have a bond to a flagged point or to
     an image of one.
     """
-    found, bonds, sources = (
-        flags.copy(),
-        body.bonds,
-        np.concatenate([np.arange(len(body)), body.ghosts.source]),
-    )
+    found = flags.copy()
+    bonds = body.bonds
+    sources = np.concatenate([np.arange(len(body)), body.ghosts.source])
     body.share.fill(found)
     every = found[sources]
     found[bonds.first[every[bonds.second]]] = True
@@ -177,7 +177,8 @@ def _sees(body: Body, planes: list[bool]) -> np.ndarray:
     """Return flags of the points (n,) that have images beyond chosen planes, or other
     boundaries, as neighbors.
     """
-    images, found = np.array([*planes, False])[body.ghosts.plane], np.zeros(len(body), dtype=bool)
+    images = np.array([*planes, False])[body.ghosts.plane]
+    found = np.zeros(len(body), dtype=bool)
     found[body.bond_owners[np.concatenate([found, images])[body.bonds.neighbors]]] = True
     return found
 
@@ -223,28 +224,27 @@ def _factors_and_loads(
     With numbers of the pairs `across` interfaces, they are those of energies that depend on the
     jumps there.
     """
-    kinematics, body, bonds = (
-        binding.kinematics,
-        binding.kinematics.body,
-        binding.kinematics.body.bonds,
-    )
-    sources, around, owners, (n, d) = (
-        kinematics.sources,
-        beside(body, reached),
-        body.bond_owners,
-        body.points.shape,
-    )
-    signs, deformable = np.vstack([np.ones((n, d)), body.ghosts.reflection]), None
+    kinematics = binding.kinematics
+    body = binding.kinematics.body
+    bonds = binding.kinematics.body.bonds
+    sources = kinematics.sources
+    around = beside(body, reached)
+    owners = body.bond_owners
+    (n, d) = body.points.shape
+    signs = np.vstack([np.ones((n, d)), body.ghosts.reflection])
+    deformable = None
     if across is not None:
         deformable = binding.portion_of[owners] < len(binding.portions)
     pairs = np.flatnonzero(around[bonds.first] | around[sources[bonds.second]])
-    first, second = bonds.first[pairs], bonds.second[pairs]
+    first = bonds.first[pairs]
+    second = bonds.second[pairs]
     volumes = shares.weights_of(pairs, deformable)
     along = body.all_points[second] - body.all_points[first]
     length = lengths_of(along)
     along /= length[:, None]
     pull = (volumes / length)[:, None] * along
-    factors, loads = np.zeros((n, d, d)), body.outward.copy()
+    factors = np.zeros((n, d, d))
+    loads = body.outward.copy()
     for ends in (first, second):
         for a, b in np.ndindex(d, d):
             transverse = (0.5 * volumes) * (float(a == b) - along[:, a] * along[:, b])
@@ -255,7 +255,8 @@ def _factors_and_loads(
     if across is not None:
         loads += _through_jumps(binding, shares, across, factors)
     numbers = np.flatnonzero(around[owners])
-    owner, ends = owners[numbers], bonds.neighbors[numbers]
+    owner = owners[numbers]
+    ends = bonds.neighbors[numbers]
     inverse = symmetric(kinematics.inverse_shape)[owner]
     weights = np.einsum(
         "bij,bjk,bk->bi", factors[owner], inverse, kinematics.weighted_bonds[numbers]
@@ -277,12 +278,19 @@ def _through_jumps(
     """Return the forces (n, d) that a unit tension exerts through the jumps at interfaces,
     crossed by `pairs`; add to the `factors` B.
     """
-    kinematics, portion_of = binding.kinematics, binding.portion_of
-    body, (n, d), total = kinematics.body, kinematics.body.points.shape, len(kinematics.positions)
-    forces, moments, pulls = np.zeros((total, d)), np.zeros((total, d * d)), np.zeros((total, d))
-    on_points, own_moments = np.zeros((n, d)), aligned_rows((n, d * d))
+    kinematics = binding.kinematics
+    portion_of = binding.portion_of
+    body = kinematics.body
+    (n, d) = kinematics.body.points.shape
+    total = len(kinematics.positions)
+    forces = np.zeros((total, d))
+    moments = np.zeros((total, d * d))
+    pulls = np.zeros((total, d))
+    on_points = np.zeros((n, d))
+    own_moments = aligned_rows((n, d * d))
     own_moments[:] = factors.reshape(n, d * d)  # they are symmetric
-    both, owners = (body.bonds.first[pairs], body.bonds.second[pairs]), portion_of[body.bond_owners]
+    both = (body.bonds.first[pairs], body.bonds.second[pairs])
+    owners = portion_of[body.bond_owners]
     along = body.all_points[both[1]] - body.all_points[both[0]]
     length = lengths_of(along)[:, None]
     along /= length
@@ -318,13 +326,17 @@ def _least_changes(
     `stiff`: each component of B c then has equations of its own, and their matrices differ in the
     signs of images alone. `at_ends` flags the points where interfaces may end.
     """
-    (owners, ends, signs, vectors), (n, d) = bonds, loads.shape
-    count, changes, functions = len(owners), np.zeros((len(owners), d)), range(vectors.shape[1])
+    (owners, ends, signs, vectors) = bonds
+    (n, d) = loads.shape
+    count = len(owners)
+    changes = np.zeros((len(owners), d))
+    functions = range(vectors.shape[1])
     moments, thin = moments_of(owners, vectors, d, n)
     means = np.einsum("nii->n", factors) / d
     weights = np.where(thin, 0.0, means / means[~thin].mean()) / stiff
     roots = np.linalg.cholesky(np.linalg.inv(moments))
-    of_owner, places = weights[owners], np.arange(count)
+    of_owner = weights[owners]
+    places = np.arange(count)
     # Changes do not see kinks along straight interfaces, which end at the boundary; around a piece
     # inside there is none.
     within = ~vectors[:, d:].any(axis=1)

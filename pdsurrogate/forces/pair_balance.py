@@ -38,12 +38,14 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
     corners of clamps and free sides, no equation. Between two planes they leave the mean stress as
     it is.
     """
-    bonds, share, n, d = body.bonds, body.share, len(body), body.dimension
-    within, sources = (
-        bonds.second < n,
-        np.concatenate([np.arange(n), body.ghosts.source.astype(np.int64)]),
-    )
-    left, size = -body.outward, np.linalg.norm(vectors, axis=1)
+    bonds = body.bonds
+    share = body.share
+    n = len(body)
+    d = body.dimension
+    within = bonds.second < n
+    sources = np.concatenate([np.arange(n), body.ghosts.source.astype(np.int64)])
+    left = -body.outward
+    size = np.linalg.norm(vectors, axis=1)
     for c in range(d):
         left[:, c] -= np.bincount(bonds.first, vectors[:, c], n) - np.bincount(
             bonds.second[within], vectors[within, c], n
@@ -70,7 +72,8 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
     pairs = np.flatnonzero(
         uneven[bonds.first] & uneven[sources[bonds.second]] & (size > 0) & ~curved
     )
-    first, second = bonds.first[pairs].astype(np.int64), bonds.second[pairs]
+    first = bonds.first[pairs].astype(np.int64)
+    second = bonds.second[pairs]
     signs = np.vstack([np.ones((n, d)), body.ghosts.reflection])[second]
     vectors = body.all_points[bonds.second[pairs]] - body.all_points[first]
     mirrored = (
@@ -78,7 +81,8 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
         > SAME_PLACE * body.spacing
     )
     rows = rows_of(body, "pairs")
-    numbers, own = rows.numbers[pairs], rows.own[pairs]
+    numbers = rows.numbers[pairs]
+    own = rows.own[pairs]
     of_all = np.sort(np.concatenate(share.everywhere(numbers[own])))
     rows = Rows(share.ranks, np.searchsorted(of_all, numbers), own, len(of_all))
     ends = share.numbers[first], share.numbers[sources[second]]
@@ -86,7 +90,8 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
         rows.gather(values)
         for values in (*ends, second >= n, signs, size[pairs], vectors, mirrored)
     ]
-    loads, free = share.gather(left), share.gather(free)
+    loads = share.gather(left)
+    free = share.gather(free)
     changes = np.empty((0, d))
     if share.leads:
         *ends, imaged, signs, weights, vectors, mirrored = whole
@@ -114,16 +119,19 @@ def _least_changes(first, second, imaged, signs, weights, loads, free, along) ->
     potential of an image is that of its point times the sign in `signs`, and of points that are not
     free zero. `along` (k, m) are the components of the pairs along the axes of extensions.
     """
-    n, inner = len(loads), ~imaged
+    n = len(loads)
+    inner = ~imaged
     diagonal = np.bincount(first, weights, n) + np.bincount(second[inner], weights[inner], n)
-    rows, columns = np.concatenate([first, second[inner]]), np.concatenate([second, first[inner]])
+    rows = np.concatenate([first, second[inner]])
+    columns = np.concatenate([second, first[inner]])
     entries = np.concatenate([weights * signs, weights[inner]])
     places = np.flatnonzero(free & (diagonal > 0))
     matrix = (
         scipy.sparse.diags_array(diagonal)
         - scipy.sparse.csr_array((entries, (rows, columns)), shape=(n, n))
     ).tocsr()
-    matrix, diagonal = matrix[places][:, places], diagonal[places]
+    matrix = matrix[places][:, places]
+    diagonal = diagonal[places]
 
     def solution(pulls: np.ndarray) -> np.ndarray:
         potential = np.zeros(n)

@@ -13,13 +13,15 @@ from ..materials.dictionary import Term, derivatives
 from .data import MODES
 from .stress_regressor import free_sides
 
-MOST_OF_STRETCHES, MOST_OF_INVERSES = 4, 1
+MOST_OF_STRETCHES = 4
+MOST_OF_INVERSES = 1
 """Most terms in an energy that are functions of the stretches, as those of I1bar, and of their
 inverses, as those of I2bar. Chosen: measurements hardly distinguish five of the former from each
 other, nor two of the latter.
 """
 
-PER_TERM, PER_RATIO = 1.0, 4.0
+PER_TERM = 1.0
+PER_RATIO = 4.0
 """Decreases of the logarithm of the prior weight of an energy: for each term, and for a ratio of
 the stress in equibiaxial tension to that in uniaxial tension, at `PRIOR_STRETCH`, that is greater
 by 1. Chosen by simulated tests of 35 laws (theory, section 28): they decide where the measurements
@@ -95,10 +97,8 @@ def average(
     """
     size = np.linalg.norm(jacobian, axis=0)
     size[size == 0] = 1.0  # data of the undeformed state have no stress
-    square, sets = (
-        np.asarray(np.linalg.qr(np.column_stack([jacobian / size, right]), mode="r")),
-        list(sets_of(terms)),
-    )
+    square = np.asarray(np.linalg.qr(np.column_stack([jacobian / size, right]), mode="r"))
+    sets = list(sets_of(terms))
     x = np.zeros((len(sets), len(terms)))
     for row, chosen in zip(x, sets, strict=True):
         row[chosen] = nnls(square[:, chosen], square[:, -1])[0]
@@ -124,7 +124,8 @@ def average(
         )
     weights /= weights.sum()
     mean = weights @ x
-    covariance, factors = (x - mean).T @ (weights[:, None] * (x - mean)), {}
+    covariance = (x - mean).T @ (weights[:, None] * (x - mean))
+    factors = {}
     for number in np.flatnonzero(weights > np.finfo(float).eps):
         kept = np.flatnonzero(x[number])
         factors[number] = (
@@ -134,10 +135,12 @@ def average(
         covariance[np.ix_(kept, kept)] += (
             weights[number] * factors[number][1] @ factors[number][1].T
         )
-    random, members = np.random.default_rng(random_state), []
+    random = np.random.default_rng(random_state)
+    members = []
     drawn = [number for number in factors if stiff[number]]
     for number in random.choice(drawn, size=count, p=weights[drawn] / weights[drawn].sum()):
-        member, (kept, factor) = x[number].copy(), factors[number]
+        member = x[number].copy()
+        (kept, factor) = factors[number]
         member[kept] += factor @ random.standard_normal(factor.shape[1])
         # A coefficient is not negative, and the energy of the set itself takes the place of an
         # unstable one.
@@ -178,7 +181,8 @@ def isochoric(X: np.ndarray, volume: np.ndarray) -> np.ndarray:
     """
     first, second = X.T
     lateral = np.where(free_sides(first, second), np.sqrt(volume / first), second)
-    l1, l2 = first * volume ** (-1 / 3), lateral * volume ** (-1 / 3)
+    l1 = first * volume ** (-1 / 3)
+    l2 = lateral * volume ** (-1 / 3)
     return np.stack([l1, l2, 1 / (l1 * l2)], axis=1)
 
 

@@ -103,7 +103,8 @@ class TestData:
 
         Rows of biaxial tests are none, as their order says nothing.
         """
-        found, strain = np.zeros(len(self), dtype=bool), np.abs(np.log(self.stretches[:, 0]))
+        found = np.zeros(len(self), dtype=bool)
+        strain = np.abs(np.log(self.stretches[:, 0]))
         for mode in set(self.modes) - {BIAXIAL}:
             rows = np.flatnonzero(self.mode == mode)
             greatest = np.maximum.accumulate(strain[rows])
@@ -298,11 +299,9 @@ def _rows(row, kind, where):
         if "stress" not in key and numbers[key] <= 0:
             hint = "; a stretch is 1 + strain" if "stretch" in key else ""
             raise ValueError(f"{where}: {key} must be positive, not {numbers[key]:g}{hint}")
-    first, stress, weight = (
-        numbers["stretch"],
-        numbers["nominal_stress"],
-        numbers.get("weight", 1.0),
-    )
+    first = numbers["stretch"]
+    stress = numbers["nominal_stress"]
+    weight = numbers.get("weight", 1.0)
     if kind is GRID:
         second = numbers["lateral_stretch"]
         return [

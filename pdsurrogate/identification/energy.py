@@ -165,12 +165,10 @@ class EnergyRegressor(StressRegressor):
         terms = OF_TESTS
         X, y, root = self._used(X, y, sample_weight)
         _warn_of_few_modes(X)
-        margin, volume, right, count = (
-            wave_margin(terms, max(STABLE_TO, X.max(), 1 / X.min())),
-            np.ones_like(y),
-            root * y,
-            independent(X),
-        )
+        margin = wave_margin(terms, max(STABLE_TO, X.max(), 1 / X.min()))
+        volume = np.ones_like(y)
+        right = root * y
+        count = independent(X)
         for _ in range(ROUNDS):
             columns = root[:, None] * columns_of(isochoric(X, volume), X[:, 0], terms)
             try:
@@ -203,7 +201,8 @@ class EnergyRegressor(StressRegressor):
                         len(found.weights), p=found.weights
                     )
                 ]
-            before, reached = volume, states(self._law(terms, weights), X)[1]
+            before = volume
+            reached = states(self._law(terms, weights), X)[1]
             volume = np.where(np.isfinite(reached), reached, volume)
             if np.abs(volume - before).max() < 1e-9:
                 break
@@ -404,8 +403,10 @@ def independent(X: np.ndarray) -> int:
     """Return the number of independent measurements in states X: all states of a mode of loading
     are one, each biaxial state is one.
     """
-    logs, modes = ordered_logs(X), mode_of(X)
-    strained, biaxial = np.abs(logs).max(axis=1) > SAME_MODE, modes == BIAXIAL
+    logs = ordered_logs(X)
+    modes = mode_of(X)
+    strained = np.abs(logs).max(axis=1) > SAME_MODE
+    biaxial = modes == BIAXIAL
     return max(
         1,
         len(np.unique(modes[strained & ~biaxial]))

@@ -16,7 +16,8 @@ from .stress_regressor import StressRegressor
 NOISE = 0.01
 """Relative scatter of measured stresses that data of any laboratory may have."""
 
-FLOOR, RANGE = 0.02, 0.5
+FLOOR = 0.02
+RANGE = 0.5
 """Fractions of the greatest stress of a mode of loading that are added to the stress by which a
 residual is divided.
 
@@ -168,7 +169,8 @@ def examine(model: StressRegressor, data: TestData) -> Examination:
     test data.
     """
     scores = data.r_squared(model.predict(data.stretches))
-    refusals, remarks = [*wrong_signs(data), *changes_of_volume(data)], suspicions(data)
+    refusals = [*wrong_signs(data), *changes_of_volume(data)]
+    remarks = suspicions(data)
     poorly = []
     for mode, value in scores.items():
         if value < 0:
@@ -209,7 +211,8 @@ def changes_of_volume(data: TestData) -> list[str]:
     """
     order = np.argsort(data.row, kind="stable")
     pairs = order[:-1][np.diff(data.row[order]) == 0], order[1:][np.diff(data.row[order]) == 0]
-    free, size = data.mode == "uniaxial", np.abs(data.nominal_stress)
+    free = data.mode == "uniaxial"
+    size = np.abs(data.nominal_stress)
     for along, across in (pairs, pairs[::-1]):
         free[along] |= (data.mode[along] == BIAXIAL) & (size[across] <= NEAR_REST * size[along])
     volume = data.stretches[:, 0] * data.stretches[:, 1] ** 2
@@ -246,7 +249,8 @@ def suspicions(data: TestData) -> list[str]:
     residuals by the factor `MENDED`, and rows that stand out after the best change. Changes are
     tried only where the residuals exceed `NOISE`.
     """
-    best, predicted = data, _robust(data)
+    best = data
+    predicted = _robust(data)
     before = _size(data, predicted)
     changes = _changes(data) if before > NOISE or data.stretches.max() > MOST_STRETCH else []
     # The changes after which residuals are small enough, and at most twice those after the best
@@ -257,7 +261,8 @@ def suspicions(data: TestData) -> list[str]:
         if one.size <= min(before / (one.enough or MENDED), 2 * changes[0].size)
     ]
     if explained:
-        best, predicted = explained[0].data, explained[0].predicted
+        best = explained[0].data
+        predicted = explained[0].predicted
     mended = {one.mode: one.words for one in reversed(explained)}  # the best change of each mode
     remarks = [f"{mode}: {words}" for mode, words in mended.items()]
     known = np.isin(best.mode, list(mended)) | ("all modes" in mended)
@@ -332,7 +337,9 @@ def _changes(data: TestData) -> list[_Change]:
     """Return possible corrections of faulty data, the best first: of stress measure or unit, of
     strains, and of unloading.
     """
-    stress, first, found = data.nominal_stress, data.stretches[:, 0], []
+    stress = data.nominal_stress
+    first = data.stretches[:, 0]
+    found = []
 
     def add(mode: str, words: str, mended: TestData, enough: float | None = None) -> None:
         predicted = _robust(mended)
@@ -343,10 +350,8 @@ def _changes(data: TestData) -> list[_Change]:
         if rows.all():
             break
         add(mode, CAUCHY, replace(data, nominal_stress=np.where(rows, stress / first, stress)))
-        columns, others = (
-            _columns(data),
-            1 / (np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300) * ~rows,
-        )
+        columns = _columns(data)
+        others = 1 / (np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300) * ~rows
         predicted = columns @ nonnegative(columns, stress, others)
         some = rows & (np.abs(predicted) > 0)
         factor = float(np.median(stress[some] / predicted[some])) if some.any() else 1.0
@@ -396,8 +401,10 @@ def _robust(data: TestData) -> np.ndarray:
     """Return the stresses of the energy terms `TERMS` fitted to measured ones, with little
     weight on outliers.
     """
-    columns, stress = _columns(data), data.nominal_stress
-    size, weight = np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300, np.ones(len(data))
+    columns = _columns(data)
+    stress = data.nominal_stress
+    size = np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300
+    weight = np.ones(len(data))
     for _ in range(REWEIGHTINGS):
         predicted = columns @ nonnegative(columns, stress, np.sqrt(weight) / size)
         residuals = _relative(data, predicted, FLOOR)

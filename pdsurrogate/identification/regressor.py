@@ -210,7 +210,8 @@ class LawRegressor(StressRegressor):
         at_bound = [name for name, active in zip(names, found.active_mask, strict=True) if active]
         size = np.linalg.norm(jacobian, axis=0)
         size[size == 0] = 1.0
-        information, free = (jacobian / size).T @ (jacobian / size), len(y) - len(values)
+        information = (jacobian / size).T @ (jacobian / size)
+        free = len(y) - len(values)
         covariance = np.full(information.shape, np.inf)
         if free > 0 and np.linalg.cond(information) < WELL_POSED:
             covariance = 2 * found.cost / free * np.linalg.inv(information) / np.outer(size, size)
@@ -303,11 +304,9 @@ class LawRegressor(StressRegressor):
         if self.law != Ogden.name:
             low, high = np.array([(1e-6 * scale, 1e6 * scale), *LAWS[self.law].bounds.values()]).T
             return low, high, low > 0
-        n, most, positive = (
-            self.n_terms,
-            self.greatest_exponent,
-            np.asarray(start)[self.n_terms :] > 0,
-        )
+        n = self.n_terms
+        most = self.greatest_exponent
+        positive = np.asarray(start)[self.n_terms :] > 0
         low = np.concatenate([np.full(n, 1e-9 * scale), np.where(positive, 0.1, -most)])
         high = np.concatenate([np.full(n, 1e6 * scale), np.where(positive, most, -0.1)])
         return low, high, np.repeat([True, False], n)
@@ -344,9 +343,11 @@ class LawRegressor(StressRegressor):
                 residuals(searched)
             if searched.tobytes() not in volumes:  # parameters that are not those of a law
                 return np.zeros((len(y), len(searched)))
-            volume, columns = volumes[searched.tobytes()], []
+            volume = volumes[searched.tobytes()]
+            columns = []
             at = homogeneous.sheet_response(self.law_of(value(searched)), *sheet)
-            (stress, free), (swollen, pulled) = at(volume), at((1 + DIFFERENCE) * volume)
+            (stress, free) = at(volume)
+            (swollen, pulled) = at((1 + DIFFERENCE) * volume)
             softening = (
                 0.0 if states_of is _incompressible else (swollen - stress) / (pulled - free)
             )
@@ -392,8 +393,10 @@ class LawRegressor(StressRegressor):
         """
         low, high, _ = self.search_range(np.empty(0), max(np.abs(y).max(), 1e-300))
         axes = _axes(low[1:], high[1:])
-        shapes, shape = list(product(*axes)), [len(axis) for axis in axes]
-        moduli, errors = np.zeros(len(shapes)), np.full(len(shapes), np.inf)
+        shapes = list(product(*axes))
+        shape = [len(axis) for axis in axes]
+        moduli = np.zeros(len(shapes))
+        errors = np.full(len(shapes), np.inf)
         for number, values in enumerate(shapes):
             try:
                 unit = incompressible_stress(self.law_of(np.array([1.0, *values])), X)
@@ -417,7 +420,8 @@ class LawRegressor(StressRegressor):
         the best moduli.
         """
         grid = [value for value in EXPONENTS if abs(value) <= self.greatest_exponent]
-        thickness, least = 1 / X.prod(axis=1), 1e-7 * max(np.abs(y).max(), 1e-300)
+        thickness = 1 / X.prod(axis=1)
+        least = 1e-7 * max(np.abs(y).max(), 1e-300)
         # Stress of a term of unit stiffness, which is modulus times exponent.
         columns = {a: root * (X[:, 0] ** a - thickness**a) / X[:, 0] / a for a in grid}
         for exponents in combinations(grid, self.n_terms):

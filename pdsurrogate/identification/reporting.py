@@ -127,13 +127,15 @@ def figure(
             if mode == BIAXIAL:
                 axis.set(title=mode, xlabel="measured stress", ylabel="stress of the law")
                 places = along = rows.nominal_stress
-                stretches, style = rows.stretches, {"ls": "", "marker": ".", "ms": 3}
+                stretches = rows.stretches
+                style = {"ls": "", "marker": ".", "ms": 3}
                 axis.plot(places, places, "-", color="0.6", lw=0.8)
             else:
                 axis.set(title=mode, xlabel="stretch")
                 places = rows.stretches[:, 0]
                 along = np.linspace(min(1.0, places.min()), places.max(), 200)
-                stretches, style = np.stack([along, MODES[mode](along)], axis=1), {"lw": 1}
+                stretches = np.stack([along, MODES[mode](along)], axis=1)
+                style = {"lw": 1}
                 axis.plot(places, rows.nominal_stress, "ko", ms=3.5, mfc="none", label="test")
             for model in models:
                 axis.plot(along, nominal_stress(model.law_, stretches), label=model.law, **style)
@@ -174,7 +176,8 @@ def held_out_modes(
     rows = []
     for model in models:
         for train in splits:
-            known, unseen = data.of(*train), data.of(*(mode for mode in modes if mode not in train))
+            known = data.of(*train)
+            unseen = data.of(*(mode for mode in modes if mode not in train))
             if not len(known) or not len(unseen):
                 raise ValueError(
                     f"{data.name}: no mode can be held out: there are {', '.join(modes)}, to fit"
@@ -234,7 +237,8 @@ def identify(
     held_out : list of dict
         See `held_out_modes`.
     """
-    models, held_out = [], []
+    models = []
+    held_out = []
     for number, law in enumerate(laws):
         event("fitting", number, len(laws), law=law)
         models.append(fitted(data, law, n_terms, bulk))
@@ -248,7 +252,9 @@ def examined(model: StressRegressor, data: TestData) -> dict:
     """Return the `report` of a fitted regressor, with the ``refusals`` and ``remarks`` of the
     examination of fit and data (`examine`).
     """
-    found, form, examination = report(model, data), model.law, examine(model, data)
+    found = report(model, data)
+    form = model.law
+    examination = examine(model, data)
     if isinstance(model, EnergyRegressor):
         form = "energy without a law"
         found |= {"form": form, "unmeasured": unmeasured(model, data)}
@@ -275,7 +281,8 @@ def unmeasured(model: EnergyRegressor, data: TestData) -> list[dict]:
     at stretches `UNMEASURED`.
     """
     greatest = data.stretches.max()
-    stretches, found = np.array([one for one in UNMEASURED if one <= greatest] or [greatest]), []
+    stretches = np.array([one for one in UNMEASURED if one <= greatest] or [greatest])
+    found = []
     measured = {*mode_of(data.stretches).tolist()}
     for mode in (mode for mode in MODES if mode not in measured):
         states = np.stack([stretches, MODES[mode](stretches)], axis=1)

@@ -278,10 +278,9 @@ class StressRegressor(LawEstimator):
         at_bound: Sequence[str] = (),
     ) -> None:
         """Set the results of a fit: the law, its parameters, and their covariance."""
-        self.law_, self.parameter_names_, self.parameters_, self.at_bound_ = (
-            law,
-            list(names),
-            values,
-            list(at_bound),
-        )
-        self.covariance_, self.standard_errors_ = covariance, np.sqrt(np.diag(covariance))
+        self.law_ = law
+        self.parameter_names_ = list(names)
+        self.parameters_ = values
+        self.at_bound_ = list(at_bound)
+        self.covariance_ = covariance
+        self.standard_errors_ = np.sqrt(np.diag(covariance))

@@ -143,7 +143,8 @@ class NamedFunction:
         targets: tuple[str, ...] | None = None,
     ) -> None:
         update_wrapper(self, function)
-        self.columns, self.targets = columns, targets
+        self.columns = columns
+        self.targets = targets
 
     def __call__(self, *args, **kwargs):
         return self.__wrapped__(*args, **kwargs)

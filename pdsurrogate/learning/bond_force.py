@@ -24,14 +24,19 @@ SLOPE_STEP = 1e-4
 their error is 1e-8 of the slope.
 """
 
-LENGTHS, ORIENTATIONS = 2, 5
+LENGTHS = 2
+ORIENTATIONS = 5
 """Bond lengths for each deformation gradient of Algorithm 1, and orientations for each length:
 enough for both to be spread, and few enough for a thousand gradients among 10,000 samples.
 """
 
 
 class _BondForce(Target):
-    name, columns, outputs, stretch_range, n_samples = "bond-force", COLUMNS, OUTPUTS, WIDEST, 8_000
+    name = "bond-force"
+    columns = COLUMNS
+    outputs = OUTPUTS
+    stretch_range = WIDEST
+    n_samples = 8_000
     units = "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa"
     weight_function = (
         "any: the force learned is dimensionless, t kappa / (w l mu); known are "
@@ -69,7 +74,8 @@ class _BondForce(Target):
         )
         # Components of the stretch tensor U, which stretch and rotation of a bond and the area
         # ratio define.
-        U_nn, U_nm = stretch * np.cos(rotation), stretch * np.sin(rotation)
+        U_nn = stretch * np.cos(rotation)
+        U_nm = stretch * np.sin(rotation)
         low, high = sampling.range_of_stretches(
             U_nn**2 + 2 * U_nm**2 + ((J + U_nm**2) / U_nn) ** 2, J
         )
@@ -77,7 +83,8 @@ class _BondForce(Target):
         return Domain(low, high, float(bulk.min()), float(bulk.max()))
 
     def _more_errors(self, model, law: Law, samples: Samples) -> dict[str, object]:
-        force, design = force_of(model), samples.design
+        force = force_of(model)
+        design = samples.design
         off = self.draw(
             law,
             len(samples),

@@ -86,7 +86,8 @@ class ChebyshevRegressor(BaseRegressor):
         [0, 1, 2, 3]
         """
         X, Y = self._checked(X, y)
-        low, high = X.min(axis=0), X.max(axis=0)
+        low = X.min(axis=0)
+        high = X.max(axis=0)
         self.center_ = (low + high) / 2
         self.half_width_ = np.where(high > low, (high - low) / 2, 1.0)
         self.powers_ = self._checked_powers(X.shape[1])

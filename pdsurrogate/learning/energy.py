@@ -12,7 +12,8 @@ from .base import checked_columns, named
 from .sampling import bond_states_reached, log_stretches, range_of_stretches
 from .target import EnergyTarget, Samples, checked_derivatives
 
-INVARIANTS, DERIVATIVES = ("tr C", "J"), ("psi", "dpsi/dtr C", "dpsi/dJ")
+INVARIANTS = ("tr C", "J")
+DERIVATIVES = ("psi", "dpsi/dtr C", "dpsi/dJ")
 
 
 @named()
@@ -61,14 +62,13 @@ def _names(transformer, input_features):
 
 
 class _SheetEnergy(EnergyTarget):
-    name, columns, outputs, stretch_range, n_samples = (
-        "sheet-energy",
-        INVARIANTS,
-        DERIVATIVES,
-        (0.5, 5.0),
-        2_000,
-    )
-    _surrogate_type, _n_units = EnergyNetwork, 12
+    name = "sheet-energy"
+    columns = INVARIANTS
+    outputs = DERIVATIVES
+    stretch_range = (0.5, 5.0)
+    n_samples = 2_000
+    _surrogate_type = EnergyNetwork
+    _n_units = 12
     _flat = (0,)
     _functions = (
         log_invariants,
@@ -81,7 +81,8 @@ class _SheetEnergy(EnergyTarget):
     _draw_logs = staticmethod(log_stretches)
 
     def _states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
+        trace = (stretches**2).sum(axis=1)
+        J = stretches.prod(axis=1)
         J3 = plane_stress.volume_ratio(law, trace, J)
         p, q, _, _, energy = plane_stress.response(law, trace, J, J3)
         return np.stack([trace, J], axis=1), np.stack([energy, p / 2, q / J], axis=1)
@@ -135,7 +136,9 @@ def _stability(energy, samples) -> tuple[float, float]:
     )
     acoustic = 2 * energy.by_trace + 4 * energy.by_trace_trace * along**2
     acoustic += 4 * energy.by_trace_area * along * cofactor + energy.by_area_area * cofactor**2
-    a, b, J = 2 * first**2, 2 * second**2, first * second
+    a = 2 * first**2
+    b = 2 * second**2
+    J = first * second
 
     def second_derivative(s, t):
         return (

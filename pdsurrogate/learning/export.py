@@ -75,7 +75,8 @@ def taken_over(
     fitted pipeline keeps its own. Without them the errors are those on bonds drawn from the domain.
     """
     model = best_of(model)
-    force, is_pipeline = force_of(model), isinstance(model, InputAwareTargetRegressor)
+    force = force_of(model)
+    is_pipeline = isinstance(model, InputAwareTargetRegressor)
     if is_pipeline:
         states = (
             None
@@ -87,34 +88,32 @@ def taken_over(
             law, STATES, (domain.least_stretch, domain.greatest_stretch), 0.25, 2 / 3, 0
         )[0]
     states = states[np.linspace(0, len(states) - 1, min(STATES, len(states))).astype(int)]
-    described, feature_set, offsets, anchored = (
-        (domain, law.name, law.shape),
-        "isochoric",
-        np.zeros(2),
-        [1],
-    )
+    described = (domain, law.name, law.shape)
+    feature_set = "isochoric"
+    offsets = np.zeros(2)
+    anchored = [1]
     function = isochoric_outputs_of(force)
     if is_pipeline:
-        own, rest = feature_set_of(model), model.regressor_[1:]
-        common, count = (
-            (name, own, model.offsets_.astype(float), *described),
-            len(FEATURE_SETS[own].names),
-        )
+        own = feature_set_of(model)
+        rest = model.regressor_[1:]
+        common = (name, own, model.offsets_.astype(float), *described)
+        count = len(FEATURE_SETS[own].names)
         if count == 2 and (polynomial := _polynomial_of(model)) is not None:
             return PolynomialForce(*common, *polynomial), {}
         network = network_of(rest, feature_values(states, own))
         if network is not None:
             return NetworkForce(*common, *network), {}
         if count in FEATURES:
-            feature_set, offsets, anchored = own, common[2], list(model.anchored_outputs)
+            feature_set = own
+            offsets = common[2]
+            anchored = list(model.anchored_outputs)
             function = partial(_quietly, rest.predict)
-    at_rest, right = (
-        feature_values(np.array([AT_REST]), feature_set),
-        np.asarray(force(*states.T), dtype=float),
-    )
+    at_rest = feature_values(np.array([AT_REST]), feature_set)
+    right = np.asarray(force(*states.T), dtype=float)
 
     def made_of(spline: Spline) -> SplineForce:
-        found, zero = SplineForce(name, feature_set, offsets, *described, *spline), offsets.copy()
+        found = SplineForce(name, feature_set, offsets, *described, *spline)
+        zero = offsets.copy()
         zero[anchored] = found.outputs(at_rest)[0, anchored]
         return replace(found, at_rest=zero)
 
@@ -184,10 +183,8 @@ def force_of(model) -> Callable:
                 f"a {type(model).__name__} has no method predict: give a regressor of bond forces"
             )
         check_is_fitted(model)
-        count, names = (
-            getattr(model, "n_features_in_", len(COLUMNS)),
-            list(getattr(model, "feature_names_in_", COLUMNS)),
-        )
+        count = getattr(model, "n_features_in_", len(COLUMNS))
+        names = list(getattr(model, "feature_names_in_", COLUMNS))
         if count != len(COLUMNS) or sorted(names) != sorted(COLUMNS):
             found = (
                 f"{count} features" if count != len(COLUMNS) else f"the columns {', '.join(names)}"
@@ -247,15 +244,20 @@ def feature_box(
     """
     logs = np.linspace(np.log(domain.least_stretch), np.log(domain.greatest_stretch), 25)
     bulk = np.exp(np.linspace(np.log(domain.least_bulk), np.log(domain.greatest_bulk), 3))
-    angles, lengths = np.linspace(0.01, np.pi / 2 - 0.01, 13), (0.05, 1.0)
+    angles = np.linspace(0.01, np.pi / 2 - 0.01, 13)
+    lengths = (0.05, 1.0)
     first, second, J3, angle, length = (
         grid.ravel() for grid in np.meshgrid(np.exp(logs), np.exp(logs), bulk, angles, lengths)
     )
-    cos, sin, J = np.cos(angle), np.sin(angle), first * second
-    a, b = first * cos**2 + second * sin**2, (second - first) * sin * cos
+    cos = np.cos(angle)
+    sin = np.sin(angle)
+    J = first * second
+    a = first * cos**2 + second * sin**2
+    b = (second - first) * sin * cos
     corners = np.stack([np.hypot(a, b), np.arctan2(b, a), length, J3 / J**2, J], axis=1)
     features = feature_values(np.concatenate([corners, states]), feature_set)
-    low, high = features.min(axis=0), features.max(axis=0)
+    low = features.min(axis=0)
+    high = features.max(axis=0)
     beyond = MARGIN * (high - low)
     return low - beyond, high + beyond
 
@@ -346,7 +348,8 @@ def _layers_of(estimator, n_features: int) -> tuple[str, Layers]:
     raise `NoNetwork` without layers.
     """
     if isinstance(estimator, Pipeline):
-        first, rest = estimator.steps[0][1], estimator[1:]
+        first = estimator.steps[0][1]
+        rest = estimator[1:]
         if not len(rest):
             return _layers_of(first, n_features)
         matrix, shift = _affine(estimator[:1].transform, n_features)

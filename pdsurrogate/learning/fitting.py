@@ -366,7 +366,8 @@ def checked_surrogate(
 
     Raise ValueError if the model is a pipeline for another target than that of `samples`.
     """
-    model, target = best_of(model), samples.target
+    model = best_of(model)
+    target = samples.target
     found = target_of(model)
     if found is not None and found is not target:
         raise ValueError(

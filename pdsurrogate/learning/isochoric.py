@@ -14,9 +14,12 @@ from ..materials import Law, solid
 from .base import checked_columns, named
 from .target import EnergyTarget, Samples, checked_derivatives
 
-INVARIANTS, DERIVATIVES = ("I1bar", "I2bar"), ("W", "dW/dI1bar", "dW/dI2bar")
+INVARIANTS = ("I1bar", "I2bar")
+DERIVATIVES = ("W", "dW/dI1bar", "dW/dI2bar")
 
-STATES_OF_STABILITY, DIRECTIONS, STEP = 1000, 24, 1e-4
+STATES_OF_STABILITY = 1000
+DIRECTIONS = 24
+STEP = 1e-4
 """Numbers of states and of pairs of directions at which the stiffness against shear waves is
 evaluated, and the shear of its central differences, whose error is 1e-8 of the stiffness in double
 precision. Chosen: 24,000 samples of a smooth function of few variables; with fewer the least value
@@ -69,14 +72,13 @@ def isochoric_feature_names(transformer, input_features):
 
 
 class _IsochoricEnergy(EnergyTarget):
-    name, columns, outputs, stretch_range, n_samples = (
-        "isochoric-energy",
-        INVARIANTS,
-        DERIVATIVES,
-        (0.25, 4.0),
-        1_000,
-    )
-    _surrogate_type, _n_units = IsochoricNetwork, 8
+    name = "isochoric-energy"
+    columns = INVARIANTS
+    outputs = DERIVATIVES
+    stretch_range = (0.25, 4.0)
+    n_samples = 1_000
+    _surrogate_type = IsochoricNetwork
+    _n_units = 8
     _flat = ()
     _functions = (
         log_isochoric_invariants,
@@ -103,14 +105,16 @@ class _IsochoricEnergy(EnergyTarget):
 
     def _states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         squares = stretches**2
-        I1, I2 = squares.sum(axis=1), (1 / squares).sum(axis=1)
+        I1 = squares.sum(axis=1)
+        I2 = (1 / squares).sum(axis=1)
         W = solid.isochoric_response(law, I1, I2, np.ones_like(I1))[3]
         return np.stack([I1, I2], axis=1), np.stack([W, *isochoric_slopes(law, I1, I2)], axis=1)
 
     def _draw_logs(
         self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float
     ) -> np.ndarray:
-        low, high = np.log(low), np.log(high)
+        low = np.log(low)
+        high = np.log(high)
         found = np.empty((0, 3))
         while len(found) < n_samples:
             logs = random.uniform(low, high, (4 * n_samples, 2))
@@ -118,7 +122,8 @@ class _IsochoricEnergy(EnergyTarget):
             found = np.concatenate(
                 [found, np.hstack([logs, third])[((third >= low) & (third <= high))[:, 0]]]
             )
-        logs, n_near = found[:n_samples], int(near_rest * n_samples)
+        logs = found[:n_samples]
+        n_near = int(near_rest * n_samples)
         direction = random.standard_normal((n_near, 3))
         direction -= direction.mean(axis=1, keepdims=True)
         # Strains from 0.1 % to 30 %, uniform in their logarithm, and within the bounds.
@@ -168,10 +173,13 @@ def _least_acoustic(derivatives, squares) -> float:
     `squares`, shape (3, n), are the squares of the principal stretches of the states F. The minimum
     is over all states and over `DIRECTIONS` random pairs a, n.
     """
-    random, least = np.random.default_rng(0), np.inf
+    random = np.random.default_rng(0)
+    least = np.inf
     for _ in range(DIRECTIONS):
         a, n, _ = np.linalg.qr(random.standard_normal((3, 3)))[0]
-        a2, n2, an = a * a, n * n, a * n
+        a2 = a * a
+        n2 = n * n
+        an = a * n
         moved = a2 @ squares
 
         def slope(t, an=an, n2=n2, moved=moved):

@@ -50,7 +50,9 @@ def accepted_steps(
     falls, and lowered after the step. The training ends early where no damping makes a step an
     improvement: the loss is then at its least to rounding.
     """
-    loss, damping, most = loss_of(weights), regressor.initial_damping, regressor.max_iter
+    loss = loss_of(weights)
+    damping = regressor.initial_damping
+    most = regressor.max_iter
     for iteration in range(number * most + 1, (number + 1) * most + 1):
         normal, gradient = normal_equations(weights)
         diagonal = np.diag(normal) + 1e-12 * max(np.trace(normal), 1e-300)
@@ -66,7 +68,9 @@ def accepted_steps(
             damping *= 4
         else:
             return
-        weights, loss, damping = trial, trial_loss, max(damping / 5, 1e-14)
+        weights = trial
+        loss = trial_loss
+        damping = max(damping / 5, 1e-14)
         event("training", iteration, regressor.n_init * most, loss=loss, iterations=iteration)
         yield weights, loss
 
@@ -233,13 +237,18 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         `fitted` and `watched` are the training and validation samples (`_Part`); `number` counts
         the trainings of a fit, from 0.
         """
-        best, kept, improved, iteration = np.inf, first, 0, 0
+        best = np.inf
+        kept = first
+        improved = 0
+        iteration = 0
         for iteration, (weights, loss) in enumerate(
             accepted_steps(self, number, first, fitted.loss, fitted.normal_equations), 1
         ):
             current = watched.loss(weights) if len(watched.X) else loss
             if current < best * (1 - self.tol):
-                best, kept, improved = current, weights, iteration
+                best = current
+                kept = weights
+                improved = iteration
             if iteration - improved == self.n_iter_no_change:
                 return best, kept, iteration
         # the step that could not be made counts
@@ -256,7 +265,9 @@ class _Part:
     """
 
     def __init__(self, sizes, activation, X, Y):
-        self.activation, self.X, self.Y = activation, X, Y
+        self.activation = activation
+        self.X = X
+        self.Y = Y
         self.shapes = list(pairwise([X.shape[1], *sizes, Y.shape[1]]))
         self.starts = np.cumsum([0, *(n_in * n_out + n_out for n_in, n_out in self.shapes)])
 
@@ -296,7 +307,9 @@ class _Part:
         derivatives J by the network's weights.
         """
         coefs, intercepts = self.layers(weights)
-        inputs, slopes, values = [], [], self.X
+        inputs = []
+        slopes = []
+        values = self.X
         for W, b in zip(coefs[:-1], intercepts[:-1], strict=True):
             inputs.append(values)
             values, slope = self.activation(values @ W + b)
@@ -308,11 +321,10 @@ class _Part:
         # output weight, and their products are formed once.
         hidden = self.starts[-2]
         n_last, n_outputs = self.shapes[-1]
-        normal, gradient = np.zeros((self.starts[-1], self.starts[-1])), np.zeros(self.starts[-1])
-        jacobian, factor = (
-            np.empty((len(values), hidden + n_last + 1)),
-            np.ones(hidden + n_last + 1),
-        )
+        normal = np.zeros((self.starts[-1], self.starts[-1]))
+        gradient = np.zeros(self.starts[-1])
+        jacobian = np.empty((len(values), hidden + n_last + 1))
+        factor = np.ones(hidden + n_last + 1)
         jacobian[:, hidden:-1] = values
         jacobian[:, -1] = 1.0
         one_layer = len(slopes) == 1
@@ -345,7 +357,8 @@ class _Part:
         that a factor of `delta`, such as the root of a sample's weight, is a factor of the result.
         """
         for layer in range(len(slopes) - 1, -1, -1):
-            start, (n_in, n_out) = self.starts[layer], self.shapes[layer]
+            start = self.starts[layer]
+            (n_in, n_out) = self.shapes[layer]
             block = jacobian[:, start : start + n_in * n_out].reshape(len(jacobian), n_in, n_out)
             np.multiply(inputs[layer][:, :, None], delta[:, None, :], out=block)
             jacobian[:, start + n_in * n_out : start + n_in * n_out + n_out] = delta

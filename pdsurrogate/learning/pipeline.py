@@ -116,7 +116,8 @@ def feature_set_of(model) -> str:
         and isinstance(pipeline, Pipeline)
         and len(pipeline.steps) > 1
     ):
-        features, outputs = pipeline.steps[0][1], model.func
+        features = pipeline.steps[0][1]
+        outputs = model.func
         right = (
             getattr(features, "func", None) is feature_values
             and getattr(outputs, "func", None) is outputs_of_force
@@ -209,7 +210,8 @@ def _bond_state(X):
     stretch tensor gives a bond: a right angle or more.
     """
     stretch, rotation, length, C33, J = checked_columns(X, COLUMNS, ("stretch", "C33", "J"))
-    a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+    a = stretch * np.cos(rotation)
+    b = stretch * np.sin(rotation)
     if not (a > 0).all():
         raise ValueError(
             "rotation: a bond is turned by a right angle or more relative to its horizon, which no"

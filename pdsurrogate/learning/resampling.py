@@ -52,7 +52,8 @@ values, that counts as a jump: a continuous function would need a slope of a tho
 per box.
 """
 
-PAIRS, HALVINGS = 32, 20
+PAIRS = 32
+HALVINGS = 20
 """Number of pairs of neighboring samples with the greatest changes that are searched for jumps, and
 of halvings of the interval between: 2^-20 is the interval of 1e-6 of `JUMP`. Chosen: a function
 with jumps, such as that of trees, has them between most of these pairs.
@@ -107,7 +108,8 @@ def fitted_spline(
             f" {', '.join(f'{value:.4g}' for value in where)}"
         )
     values = values.reshape(*[len(places)] * n, 2)
-    coefficients, knots = np.moveaxis(values, -1, 0), np.arange(1.0 - SUPPORT, cells + SUPPORT)
+    coefficients = np.moveaxis(values, -1, 0)
+    knots = np.arange(1.0 - SUPPORT, cells + SUPPORT)
     for axis in range(1, n + 1):
         coefficients = np.moveaxis(
             make_lsq_spline(places, coefficients, knots, axis=axis).c, 0, axis
@@ -133,9 +135,11 @@ def greatest_jump(
     piecewise constant function. `values` are the sampled function values that `fitted_spline`
     returns.
     """
-    n, count = len(low), values.shape[0]
+    n = len(low)
+    count = values.shape[0]
     features = _grid(low, high, count).reshape(*[count] * n, n)
-    begins, ends = [], []
+    begins = []
+    ends = []
     for axis in range(n):
         change = np.linalg.norm(np.diff(values, axis=axis), axis=-1)
         greatest = np.unravel_index(np.argsort(change, axis=None)[-PAIRS:], change.shape)
@@ -143,8 +147,10 @@ def greatest_jump(
         ends.append(
             features[tuple(index + (axis == other) for other, index in enumerate(greatest))]
         )
-    begin, end = np.concatenate(begins), np.concatenate(ends)
-    at_begin, at_end = function(begin), function(end)
+    begin = np.concatenate(begins)
+    end = np.concatenate(ends)
+    at_begin = function(begin)
+    at_end = function(end)
     for _ in range(HALVINGS):
         middle = (begin + end) / 2
         at_middle = function(middle)
@@ -152,8 +158,10 @@ def greatest_jump(
             np.linalg.norm(at_middle - at_begin, axis=1)
             >= np.linalg.norm(at_end - at_middle, axis=1)
         )[:, None]
-        begin, end = np.where(first, begin, middle), np.where(first, middle, end)
-        at_begin, at_end = np.where(first, at_begin, at_middle), np.where(first, at_middle, at_end)
+        begin = np.where(first, begin, middle)
+        end = np.where(first, middle, end)
+        at_begin = np.where(first, at_begin, at_middle)
+        at_end = np.where(first, at_middle, at_end)
     return float(
         np.linalg.norm(at_end - at_begin, axis=1).max() / np.sqrt((values**2).sum(axis=-1).mean())
     )
@@ -168,7 +176,9 @@ def resampled(
     `low` and `high` are the ends of the box of features. ``error(spline)`` returns the error of the
     spline; more cells are tried only while they reduce the error enough (`WORTHWHILE`).
     """
-    n, best, least = len(low), None, np.inf
+    n = len(low)
+    best = None
+    least = np.inf
     for cells in CELLS[n]:
         spline, values = fitted_spline(function, low, high, cells)
         reached = error(spline)
@@ -194,10 +204,8 @@ def isochoric_outputs_of(force: Callable) -> Callable:
     isochoric = FEATURE_SETS["isochoric"]
 
     def function(features: np.ndarray) -> np.ndarray:
-        found, low = (
-            outputs(np.maximum(features, [-np.inf, LEAST_DISTORTION])),
-            features[:, 1] < LEAST_DISTORTION,
-        )
+        found = outputs(np.maximum(features, [-np.inf, LEAST_DISTORTION]))
+        low = features[:, 1] < LEAST_DISTORTION
         if low.any():
             beyond = outputs(
                 np.stack([features[low, 0], np.full(low.sum(), 2 * LEAST_DISTORTION)], axis=1)
@@ -206,18 +214,14 @@ def isochoric_outputs_of(force: Callable) -> Callable:
         return found
 
     def outputs(features: np.ndarray) -> np.ndarray:
-        ratio, cos, sin = (
-            np.arccosh(1 + features[:, 1]),
-            np.cos(ANGLES)[:, None],
-            np.sin(ANGLES)[:, None],
-        )
+        ratio = np.arccosh(1 + features[:, 1])
+        cos = np.cos(ANGLES)[:, None]
+        sin = np.sin(ANGLES)[:, None]
         J = np.exp(features[:, 0])
         first, second = (np.sqrt(J) * np.exp(sign * ratio / 2) for sign in (1, -1))
-        a, b, c = (
-            first * cos**2 + second * sin**2,
-            (second - first) * sin * cos,
-            first * sin**2 + second * cos**2,
-        )
+        a = first * cos**2 + second * sin**2
+        b = (second - first) * sin * cos
+        c = first * sin**2 + second * cos**2
         a, b, c, J, C33 = (np.ravel(values) for values in np.broadcast_arrays(a, b, c, J, J**-2))
         stretch = np.hypot(a, b)
         t = np.asarray(force(stretch, np.arctan2(b, a), np.full(len(J), 0.5), C33, J), dtype=float)
@@ -231,11 +235,10 @@ def isochoric_outputs_of(force: Callable) -> Callable:
             ],
             axis=2,
         )
-        by_output, T = by_output.reshape(len(ANGLES), -1, 2, 2), T.reshape(len(ANGLES), -1, 2)
-        normal, right = (
-            np.einsum("akij,akil->kjl", by_output, by_output),
-            np.einsum("akij,aki->kj", by_output, T),
-        )
+        by_output = by_output.reshape(len(ANGLES), -1, 2, 2)
+        T = T.reshape(len(ANGLES), -1, 2)
+        normal = np.einsum("akij,akil->kjl", by_output, by_output)
+        right = np.einsum("akij,aki->kj", by_output, T)
         return np.linalg.solve(normal, right[..., None])[..., 0]
 
     return function

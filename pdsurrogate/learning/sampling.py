@@ -130,7 +130,8 @@ def bond_states_reached(law: Law, low: float, high: float) -> bool:
     """
     # The perturbation stretches one direction at constant area; its rotation adds a little, for
     # which the factors 1.3 and 1.1 allow.
-    stretch, thickness = 1.3 * PERTURBATION["log_stretch"], 1.1 * PERTURBATION["log_C33"]
+    stretch = 1.3 * PERTURBATION["log_stretch"]
+    thickness = 1.1 * PERTURBATION["log_C33"]
     states = product((low, high), (low, high), (-stretch, 0, stretch), (-thickness, 0, thickness))
     first, second, J3 = np.exp(
         [(first + move, second - move, bulk / 2) for first, second, move, bulk in states]
@@ -144,7 +145,8 @@ def range_of_stretches(trace, J) -> tuple[float, float]:
     """Return the least and the greatest principal stretch that occur among states of a sheet,
     from tr C and J of each state.
     """
-    total, difference = np.sqrt(trace + 2 * J), np.sqrt(np.maximum(trace - 2 * J, 0))
+    total = np.sqrt(trace + 2 * J)
+    difference = np.sqrt(np.maximum(trace - 2 * J, 0))
     return float((total - difference).min() / 2), float((total + difference).max() / 2)
 
 
@@ -191,7 +193,8 @@ def on_surface(law, stretch_1, stretch_2, angle):
     The axis n is along a bond and m across; `angle` is that between the bond and the axis of
     `stretch_1`.
     """
-    cos, sin = np.cos(angle), np.sin(angle)
+    cos = np.cos(angle)
+    sin = np.sin(angle)
     J = stretch_1 * stretch_2
     C33 = plane_stress.thickness_stretch_squared(law, stretch_1**2 + stretch_2**2, J)
     return stretch_1 * cos**2 + stretch_2 * sin**2, (stretch_2 - stretch_1) * sin * cos, J, C33

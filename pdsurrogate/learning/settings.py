@@ -197,10 +197,8 @@ class FitSettings(StrictModel):
             return self._polynomial()
         if self.degree is not None:
             raise ValueError("degree sets a polynomial and units a network: choose one")
-        hidden, activation = (
-            _numbers("8" if self.units is None else self.units, "units"),
-            self.activation or "algebraic",
-        )
+        hidden = _numbers("8" if self.units is None else self.units, "units")
+        activation = self.activation or "algebraic"
         if self.energy:
             if len(hidden) != 1:
                 raise ValueError(
@@ -240,10 +238,8 @@ class FitSettings(StrictModel):
         """Return the pipeline of a polynomial for a bond force, and its description."""
         if self.activation is not None or self.iterations is not None:
             raise ValueError("activation and iterations apply to networks only: set units, too")
-        degrees, features = (
-            (DEGREES if self.degree is None else _numbers(self.degree, "degree")),
-            self.features or "isochoric",
-        )
+        degrees = DEGREES if self.degree is None else _numbers(self.degree, "degree")
+        features = self.features or "isochoric"
         pipeline = surrogate_pipeline(
             ChebyshevRegressor(degrees if len(degrees) > 1 else degrees[0]), features=features
         )
@@ -283,7 +279,8 @@ class FitSettings(StrictModel):
         identification : dict, optional
             Report of the identification of the law, for the card.
         """
-        samples, (pipeline, what) = self.design(law), self.pipeline()
+        samples = self.design(law)
+        (pipeline, what) = self.pipeline()
         if hull is not None:
             samples = replace(samples, design={**samples.design, "hull": hull})
         with part("fitting", 0, 1):

@@ -154,7 +154,8 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         if flat and anchor is None:
             raise ValueError("flat needs an anchor: it names derivatives that vanish there")
 
-        mean, spread = X.mean(axis=0), X.std(axis=0)
+        mean = X.mean(axis=0)
+        spread = X.std(axis=0)
         spread[spread == 0] = 1.0
         if anchor is not None:
             mean = anchor  # the origin of the scaled features
@@ -185,7 +186,8 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         self.hidden_weights_ = W / spread[:, None]
         self.hidden_biases_ = b - mean @ self.hidden_weights_
         self.output_weights_ = v * unit
-        self.intercept_, self.slopes_ = 0.0, np.zeros(d)
+        self.intercept_ = 0.0
+        self.slopes_ = np.zeros(d)
         self.anchor_ = mean if anchor is not None else np.zeros(d)
         if anchor is None:
             self.intercept_ = constant * unit
@@ -240,7 +242,8 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         `function` is the network with its loss (`_Function`); `number` counts the trainings of a
         fit, from 0.
         """
-        steps, waiting = [(first, function.loss(first))], self.n_iter_no_change
+        steps = [(first, function.loss(first))]
+        waiting = self.n_iter_no_change
         for step in accepted_steps(self, number, first, function.loss, function.normal_equations):
             steps.append(step)
             if len(steps) > waiting + 1 and step[1] > (1 - self.tol) * steps[-1 - waiting][1]:
@@ -270,12 +273,14 @@ class _Function:
     """
 
     def __init__(self, regressor, X, Y, weights):
-        self.X, self.Y, self.weights, self.d, self.columns = X, Y, weights, X.shape[1], Y.shape[1]
-        self.units, self.activation, self.flat = (
-            regressor.n_units,
-            regressor.activation,
-            regressor.flat,
-        )
+        self.X = X
+        self.Y = Y
+        self.weights = weights
+        self.d = X.shape[1]
+        self.columns = Y.shape[1]
+        self.units = regressor.n_units
+        self.activation = regressor.activation
+        self.flat = regressor.flat
         self.anchored = regressor.anchor is not None
         self.penalty = np.zeros(self.units * (self.d + 2) + (not self.anchored))
         # of the output weights
@@ -293,10 +298,8 @@ class _Function:
         return np.concatenate(parts if self.anchored else [*parts, [0.0]])
 
     def parts(self, theta):
-        W, rest = (
-            theta[: self.d * self.units].reshape(self.d, self.units),
-            theta[self.d * self.units :],
-        )
+        W = theta[: self.d * self.units].reshape(self.d, self.units)
+        rest = theta[self.d * self.units :]
         return (
             W,
             rest[: self.units],
@@ -344,7 +347,8 @@ class _Function:
         """
         W, b, v, _ = self.parts(theta)
         value, slope, curvature = ACTIVATIONS[self.activation](X @ W + b)
-        slope_v, curvature_v = slope * v, curvature * v
+        slope_v = slope * v
+        curvature_v = curvature * v
         by_b = np.stack([slope_v, *(curvature_v * row for row in W)][:columns], axis=1)
         by_v = np.stack([value, *(slope * row for row in W)][:columns], axis=1)
         by_W = X[:, None, :, None] * by_b[:, :, None]

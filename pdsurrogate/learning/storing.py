@@ -156,11 +156,9 @@ def store(
     check_path(folder, "folder")
     version = next_version(folder, name) if version is None else version
     new_artifact(folder, name, version)
-    text, target, title = (
-        text if isinstance(text, CardText) else CardText(text),
-        samples.target,
-        f"{name}@{version}",
-    )
+    text = text if isinstance(text, CardText) else CardText(text)
+    target = samples.target
+    title = f"{name}@{version}"
     surrogate, resampling = checked_surrogate(model, law, samples, title)
     errors = target.report(surrogate, law, tuple(samples.design["stretch_range"]))
     check_worth_storing(errors, title, law)
@@ -244,7 +242,8 @@ def _plain(parameters: dict) -> dict:
         if isinstance(value, np.integer):
             return value.item()
         try:  # a pipeline for bond forces by its features and its regressor
-            features, last = feature_set_of(value), value.regressor.steps[-1][1]
+            features = feature_set_of(value)
+            last = value.regressor.steps[-1][1]
             words = f"{features} features, {getattr(last, 'regressor', last)!r}"
         except ValueError:
             words = repr(value)

@@ -28,7 +28,8 @@ from .sobolev import SobolevRegressor
 Range = tuple[float, float]
 """Least and greatest principal stretch."""
 
-REPORTED_STATES, REPORT_SEED = 20_000, 1_000_003
+REPORTED_STATES = 20_000
+REPORT_SEED = 1_000_003
 """Number of states in each set of a report of errors, and their seed, which no training samples
 use. Chosen: each bin of strain has a tenth as many states, and 2,000 give the RMS of a bin to two
 percent.
@@ -165,7 +166,8 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
             if undetermined.all():
                 raise ValueError(f"{which}, so that no samples are left for training")
             warnings.warn(f"{which}, {X[first]}: they are left out", stacklevel=2)
-            X, z = X[~undetermined], z[~undetermined]
+            X = X[~undetermined]
+            z = z[~undetermined]
         try:
             regressor.fit(X, z)
         except RuntimeError as error:
@@ -183,11 +185,9 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
             )
             chosen = list(self.anchored_outputs)
             offsets[chosen] = at_anchor[chosen]
-        self.regressor_, self.offsets_, self.training_inputs_ = (
-            regressor,
-            offsets,
-            np.array(X, dtype=float),
-        )
+        self.regressor_ = regressor
+        self.offsets_ = offsets
+        self.training_inputs_ = np.array(X, dtype=float)
         return self
 
     def __sklearn_is_fitted__(self) -> bool:
@@ -391,11 +391,9 @@ class Target:
             random_state=random_state + 1,
             **{**self._reported, "near_rest": 0.5},
         )
-        outputs, strain, bins = (
-            self.predicted(model, law, spread.X),
-            np.abs(spread.stretches - 1).max(axis=1),
-            [],
-        )
+        outputs = self.predicted(model, law, spread.X)
+        strain = np.abs(spread.stretches - 1).max(axis=1)
+        bins = []
         for low, high in strain_bins(*stretch_range):
             if len(rows := np.flatnonzero((low <= strain) & (strain <= high))):
                 bins.append(
@@ -414,7 +412,8 @@ class Target:
         """Return the domain in which a surrogate fitted to the samples holds, from the states
         and the design of the samples.
         """
-        found, design = self.domain_of_states(law, samples.X), samples.design
+        found = self.domain_of_states(law, samples.X)
+        design = samples.design
         bulk = found.least_bulk, found.greatest_bulk
         if design.get("off_surface"):
             # The bounds of the perturbation, which the samples nearly reach.

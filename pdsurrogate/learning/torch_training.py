@@ -43,11 +43,13 @@ def train(regressor, X, Y):
     ]
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        split, callbacks = None, []
+        split = None
+        callbacks = []
         if regressor.validation_fraction:
             split = ValidSplit(regressor.validation_fraction, random_state=seed)
             callbacks.append(("stop", EarlyStopping(patience=regressor.patience, load_best=True)))
-        rate, most = regressor.learning_rate, regressor.max_epochs
+        rate = regressor.learning_rate
+        most = regressor.max_epochs
         callbacks.append(
             (
                 "rate",

@@ -71,7 +71,8 @@ def check_consistency(law: Law) -> None:
 def _check_volumetric(law, parameters) -> None:
     bulk = parameters[0]
     derivatives = [("U'", 1, [1, 0, 0], [1]), ("U''", 2, [0, 1, 0], [1])]
-    values, states = partial(law.volumetric, parameters=parameters), {"J3": VOLUME_RATIOS}
+    values = partial(law.volumetric, parameters=parameters)
+    states = {"J3": VOLUME_RATIOS}
     _, slope, curvature = compare_derivatives(
         law.name, "volumetric", values, states, derivatives, bulk
     )
@@ -156,10 +157,8 @@ def compare_derivatives(
     found = np.stack(
         [np.broadcast_to(np.asarray(value, dtype=float), at[0].shape) for value in values(*at)]
     )
-    given, ends = (
-        found[:, : states.shape[1]],
-        found[:, states.shape[1] :].reshape(len(found), len(derivatives), 2, *sizes[0].shape),
-    )
+    given = found[:, : states.shape[1]]
+    ends = found[:, states.shape[1] :].reshape(len(found), len(derivatives), 2, *sizes[0].shape)
     for number, ((name, row, of, _), size) in enumerate(zip(derivatives, sizes, strict=True)):
         ahead, behind = np.tensordot(of, ends[:, number], 1)
         slopes = (ahead - behind) / (2 * size)

@@ -211,7 +211,8 @@ def derivatives_of_numbers(
     `law_of` gives the law for values of the parameters. The derivatives are central differences
     over `steps`.
     """
-    names, columns = list(numbers_of(law_of(parameters))), []
+    names = list(numbers_of(law_of(parameters)))
+    columns = []
     for step, change in zip(steps, np.diag(steps), strict=True):
         ahead, behind = (numbers_of(law_of(parameters + sign * change)) for sign in (1, -1))
         columns.append([(ahead[name] - behind[name]) / (2 * step) for name in names])
@@ -243,7 +244,8 @@ def covariance_of_numbers(
         for name, variance in zip(names, np.diag(covariance), strict=True)
         if not np.isfinite(variance)
     ]
-    law, steps = law_of(parameters), 1e-6 * np.where(parameters, np.abs(parameters), 1.0)
+    law = law_of(parameters)
+    steps = 1e-6 * np.where(parameters, np.abs(parameters), 1.0)
     if not unknown:
         sides = [
             [law_of(parameters + sign * change).shear_modulus for sign in (1, -1)]

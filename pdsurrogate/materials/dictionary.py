@@ -30,7 +30,9 @@ the fourth, as in Carroll's, describe the rise of the stress at great stretches;
 act at the greatest stretches of the data alone.
 """
 
-STATES, DIRECTIONS, LINE_STEP = 13, 6, 1e-3
+STATES = 13
+DIRECTIONS = 6
+LINE_STEP = 1e-3
 """Number of stretches of each axis and of angles in a quarter turn of `line_curvatures`, and the
 step of its differences: the rounding is then some 1e-9, and the error of the difference a
 millionth.
@@ -132,11 +134,15 @@ def energy_of_row(x1, x2, x3, s1, s2, s3, coefficients):
     `pdsurrogate.materials.law.PrincipalStretchLaw.term` does.
     """
     exponent, power, c1, c2, c3, c4 = coefficients
-    e1, e2, e3 = exponential(exponent * x1), exponential(exponent * x2), exponential(exponent * x3)
+    e1 = exponential(exponent * x1)
+    e2 = exponential(exponent * x2)
+    e3 = exponential(exponent * x3)
     S = e1 + e2 + e3
     root = np.sqrt(S)
     # z, its derivatives by S, and those of the energy by z.
-    linear, rising, flat = power == 1.0, power == 1.5, power == 0.0
+    linear = power == 1.0
+    rising = power == 1.5
+    flat = power == 0.0
     z = select(rising, S * root - 3 * np.sqrt(3.0), root - np.sqrt(3.0))
     z = select(linear, S - 3, select(flat, logarithm(S / 3), z))
     z1 = select(linear, 1.0, select(rising, 1.5 * root, select(flat, 1 / S, 0.5 / root)))
@@ -177,7 +183,8 @@ def derivatives(terms: Sequence[Term], logs: np.ndarray) -> tuple[np.ndarray, np
     ([[2.25]], [[[8.0, 2.0, 0.5]]])
     """
     x = np.asarray(logs, dtype=float).T[:, :, None]
-    (x1, x2, x3), (s1, s2, s3) = x, np.exp(2 * x)
+    (x1, x2, x3) = x
+    (s1, s2, s3) = np.exp(2 * x)
     energy, *slopes, _ = energy_of_row(
         x1, x2, x3, s1, s2, s3, np.array([term.row for term in terms]).T
     )
@@ -221,7 +228,8 @@ def line_curvatures(terms: Sequence[Term], greatest: float = 3.0) -> np.ndarray:
     across = np.cross(normal, np.roll(normal, 1, axis=2) * [1.0, -1.0, 1.0])
     across /= np.linalg.norm(across, axis=2, keepdims=True)
     a = np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * np.cross(normal, across)
-    F, energies = stretches[:, None, :, None] * np.eye(3), []
+    F = stretches[:, None, :, None] * np.eye(3)
+    energies = []
     for step in (-LINE_STEP, 0.0, LINE_STEP):
         moved = (F + step * a[..., :, None] * n[:, None, :]).reshape(-1, 3, 3)
         energies.append(
@@ -255,8 +263,10 @@ def wave_margin(
 
     def margin(coefficients: np.ndarray) -> np.ndarray:
         found = np.asarray(coefficients).reshape(-1, len(terms))
-        margins, doubtful = np.ones(len(found)), (found[:, ~by_form] != 0).any(axis=1)
-        sums, sizes = found[doubtful] @ curvatures.T, np.abs(found[doubtful]) @ np.abs(curvatures.T)
+        margins = np.ones(len(found))
+        doubtful = (found[:, ~by_form] != 0).any(axis=1)
+        sums = found[doubtful] @ curvatures.T
+        sizes = np.abs(found[doubtful]) @ np.abs(curvatures.T)
         margins[doubtful] = (sums / np.maximum(sizes, 1e-300)).min(axis=1, initial=1.0)
         return margins.reshape(np.shape(coefficients)[:-1])
 

@@ -141,7 +141,8 @@ class Yeoh(InvariantLaw):
 
     @staticmethod
     def isochoric(I1, I2, parameters):
-        a, b = parameters[1], parameters[2]
+        a = parameters[1]
+        b = parameters[2]
         x = I1 - 3
         zero = 0 * I1
         return (
@@ -285,7 +286,9 @@ class ArrudaBoyce(InvariantLaw):
 
     @staticmethod
     def isochoric(I1, I2, parameters):
-        N, density, at_rest = parameters[1], parameters[2], parameters[3]
+        N = parameters[1]
+        density = parameters[2]
+        at_rest = parameters[3]
         y = np.sqrt(I1 / (3 * N))
         beta, stiffness = inverse_langevin(y)
         zero = 0 * I1

@@ -67,7 +67,8 @@ class Response:
         """Return the dimensionless response of a law, a tuple of `rows` values, in states given
         as NumPy arrays or numbers.
         """
-        state, parameters = tuple(np.asarray(value, dtype=float) for value in state), law.parameters
+        state = tuple(np.asarray(value, dtype=float) for value in state)
+        parameters = law.parameters
         volumetric = self._volumetric(law)(state[self.volume], parameters)
         if isinstance(law, InvariantLaw):
             return self.of_invariants(

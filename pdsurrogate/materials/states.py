@@ -15,7 +15,9 @@ from . import expressions
 from .consistency import check_consistency
 from .law import Law
 
-EDGE_ITERATIONS, DIFFERENCE, EDGE_SOLVED = 50, 1e-6, 1e-12
+EDGE_ITERATIONS = 50
+DIFFERENCE = 1e-6
+EDGE_SOLVED = 1e-12
 """Settings of Newton's method for the thickness at an edge: the greatest number of iterations, the
 interval of the differences of logarithms that give slopes, and the last step. Chosen: the error of
 the slopes leaves 1e-6 of the error in each iteration, so that five are usual.
@@ -92,7 +94,8 @@ class Solid:
     evaluate these expressions in NumPy.
     """
 
-    response, isochoric_response = expressions.SOLID, expressions.ISOCHORIC_SOLID
+    response = expressions.SOLID
+    isochoric_response = expressions.ISOCHORIC_SOLID
     invariants = staticmethod(invariants)
 
     def isochoric_state(self, F) -> tuple:
@@ -197,7 +200,8 @@ class PlaneStrain(Solid):
         """
         F = np.asarray(F, dtype=float)
         # Component by component, in an eighth of the time of products with `cofactor`.
-        found, of_cofactor = np.empty((*np.shape(p), 2, 2)), q / determinant(F)
+        found = np.empty((*np.shape(p), 2, 2))
+        of_cofactor = q / determinant(F)
         for i, j in np.ndindex(2, 2):
             found[..., i, j] = (
                 p * F[..., i, j] + (of_cofactor if i == j else -of_cofactor) * F[..., 1 - i, 1 - j]
@@ -324,19 +328,15 @@ class PlaneStress(PlaneStrain):
         plane-stress state.
         """
         trace, J = (np.asarray(value, dtype=float) for value in (trace, area_ratio))
-        steps, weights = (
-            2e-3 * np.arange(5)[:, None],
-            np.array([-25, 48, -36, 16, -3]) / (12 * 2e-3),
-        )
+        steps = 2e-3 * np.arange(5)[:, None]
+        weights = np.array([-25, 48, -36, 16, -3]) / (12 * 2e-3)
 
         def energy_and_slopes(trace, J):
             p, q, _, _, energy = self.response(law, trace, J, self.volume_ratio(law, trace, J))
             return energy, p / 2, q / J
 
-        (energy, by_trace, by_J), (_, *along_trace) = (
-            energy_and_slopes(trace, J),
-            energy_and_slopes((1 + steps) * trace, J),
-        )
+        (energy, by_trace, by_J) = energy_and_slopes(trace, J)
+        (_, *along_trace) = energy_and_slopes((1 + steps) * trace, J)
         *_, along_J = energy_and_slopes(trace, (1 - steps) * J)
         return (
             energy,
@@ -397,7 +397,9 @@ def newton(
     return found
 
 
-plane_stress, plane_strain, solid = PlaneStress(), PlaneStrain(), Solid()
+plane_stress = PlaneStress()
+plane_strain = PlaneStrain()
+solid = Solid()
 
 PLANES = {"stress": plane_stress, "strain": plane_strain, "space": solid}
 """States of a body (`PlaneStress`, `PlaneStrain` or `Solid`) by the names that scenes and

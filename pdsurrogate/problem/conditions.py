@@ -78,7 +78,9 @@ def conditions_of(
     body = regions.body
     names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
     edges = [edge_of(plane) for plane in body.planes]
-    planes, held, along_planes = [], [], []
+    planes = []
+    held = []
+    along_planes = []
     # images at which bonds end
     reached = np.unique(body.bonds.second[body.bonds.second >= len(body)]) - len(body)
     for number, (edge, plane) in enumerate(zip(edges, body.planes, strict=True)):
@@ -91,10 +93,8 @@ def conditions_of(
                 else "no material is there; check the holes"
             )
             raise ValueError(f"{holding[0].key}: no bond crosses the {words} of the body: {why}")
-        points, sources = (
-            regions.points(edge),
-            np.unique(body.ghosts.source[body.ghosts.plane == number]),
-        )
+        points = regions.points(edge)
+        sources = np.unique(body.ghosts.source[body.ghosts.plane == number])
         feet, _ = plane.mirrored(body.points[sources])
         # a plane's images hold no region that nothing deforms
         rigid_points = np.intersect1d(points, rigid)
@@ -202,7 +202,8 @@ def _points_of(
     place equally near to several points is held at the mean of these points. In a program with
     dynamics (`moving`) this raises ValueError.
     """
-    body, share = regions.body, regions.body.share
+    body = regions.body
+    share = regions.body.share
     points = regions.points(
         one.region, f"{one.key}.region" if one.key.startswith("prescribed") else one.key
     )
@@ -243,12 +244,11 @@ def _check_motions(loading: Loading, held: list[Held], ends: list[float]) -> Non
     samples = np.unique(
         np.concatenate([ends[:1], *(np.linspace(a, b, SAMPLES) for a, b in pairwise(ends))])
     ).tolist()
-    every, error = Loading(body, "t", 0.0, (), [], held, Loads(body, [])), 1e-9 * body.spacing
+    every = Loading(body, "t", 0.0, (), [], held, Loads(body, []))
+    error = 1e-9 * body.spacing
     try:
-        moves, at_rest = (
-            np.array([every.moves(sample) for sample in samples]),
-            np.abs(every.moves(ends[0])) > error,
-        )
+        moves = np.array([every.moves(sample) for sample in samples])
+        at_rest = np.abs(every.moves(ends[0])) > error
     except InvalidState as invalid:
         raise ValueError(str(invalid)) from None
     if at_rest.any():
@@ -259,7 +259,8 @@ def _check_motions(loading: Loading, held: list[Held], ends: list[float]) -> Non
         )
     # Conditions on one component of a point stand next to each other, in the order of `held`.
     order = np.lexsort((every.point, every.component))
-    one, other = order[:-1], order[1:]
+    one = order[:-1]
+    other = order[1:]
     apart = (every.point[one] == every.point[other]) & (
         every.component[one] == every.component[other]
     )
@@ -269,10 +270,8 @@ def _check_motions(loading: Loading, held: list[Held], ends: list[float]) -> Non
             zip(one[apart], other[apart], strict=True),
             key=lambda pair: (every.component[pair[1]], pair[1]),
         )
-        names, point = (
-            f"{held[every.part[one]].name} and {held[every.part[other]].name}",
-            every.point[other],
-        )
+        names = f"{held[every.part[one]].name} and {held[every.part[other]].name}"
+        point = every.point[other]
         where = (
             f"point {point} at {text_of(body.points[point])} differently along"
             f" x{every.component[other] + 1}"
@@ -299,7 +298,8 @@ def _check_held(loading: Loading, key: str, advice: str, only: str | None = None
     If `only` is given, one of the descriptions that `_free_motions` returns, no other rigid motion
     is checked. `key` and `advice` appear in the message.
     """
-    body, share = loading.body, loading.body.share
+    body = loading.body
+    share = loading.body.share
     count, piece = loading.pieces()
     extent = body.extent
     middle = np.array([share.sum(column) for column in body.points.T]) / share.size
@@ -375,7 +375,8 @@ def check_dynamics(
     for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
         if stage.inertia is None:
             continue
-        motion, wave = stage.motion(begin), math.sqrt(modulus / stage.inertia.density)
+        motion = stage.motion(begin)
+        wave = math.sqrt(modulus / stage.inertia.density)
         speed = _greatest_speed(loading, motion)
         if speed > wave:
             if stage.inertia.pace == "stretch_rate":
@@ -391,7 +392,8 @@ def check_dynamics(
             )
             raise ValueError(f"{stage.key}.{stage.inertia.pace}: {apart}; {slowest}")
         # time of a shear wave through a horizon
-        crossing, damped = loading.body.horizon / wave, 2 * (stage.inertia.viscosity or 0.0)
+        crossing = loading.body.horizon / wave
+        damped = 2 * (stage.inertia.viscosity or 0.0)
         step = stage.inertia.safety * min(crossing, crossing * crossing / (damped or crossing))
         if motion.duration > MOST_STEPS * step:
             raise ValueError(
@@ -406,7 +408,9 @@ def _greatest_speed(loading: Loading, motion: Motion) -> float:
     """Return the greatest difference of velocity between two held points, in any component,
     during a stage in dynamics.
     """
-    share, places, fastest = loading.body.share, loading.body.points[loading.point], 0.0
+    share = loading.body.share
+    places = loading.body.points[loading.point]
+    fastest = 0.0
     for begin, end in pairwise(np.linspace(0, motion.duration, 17)):
         changes = loading.moves(motion.at(end), places) - loading.moves(motion.at(begin), places)
         for component in range(loading.body.dimension):

@@ -16,7 +16,8 @@ from ..scenes.loading_checks import gives_fracture_energy, names_of_materials
 from ..scenes.model import Criterion, Fracture
 from ..scenes.tip_diameter import TIP_DIAMETER, TipDiameters, tip_diameters_in
 
-LEAST_LAYERS, ONE_LAYER = 4, 2.0
+LEAST_LAYERS = 4
+ONE_LAYER = 2.0
 """Fewest points across a wall of a solid with a fracture energy, if bonds reach one layer of the
 lattice, at horizons below two spacings.
 
@@ -24,7 +25,8 @@ In three layers, a pair of points of the middle one can leave both flanks of a c
 strips tore at up to 1.7 times the energy of strips of four and five layers, which had no such pair.
 """
 
-MOST_IN_WALLS, INSIDE = 0.1, 0.75
+MOST_IN_WALLS = 0.1
+INSIDE = 0.75
 """Part of a solid that may lie in walls of too few points, since every rounded body has thin edges;
 and distance in spacings from the nearest point within which a point of a grid counts as inside a
 body: in clouds most are within it.
@@ -153,8 +155,10 @@ class CriticalStretches:
     def __init__(
         self, scene: Scene, rest: Fracture, body: Body, family: str, of_points: np.ndarray
     ) -> None:
-        self._body, self._of_points = body, of_points
-        self._scene, self._remarks = scene, list[str]()
+        self._body = body
+        self._of_points = of_points
+        self._scene = scene
+        self._remarks = list[str]()
         tip = tip_diameters_in(scene, family) if gives_fracture_energy(scene) else None
         laws = [scene.law(), *(part.material.build() for part in scene.materials)]
         own = [
@@ -168,11 +172,9 @@ class CriticalStretches:
             self._critical(given or rest, (law, law), tip, f"{key if given else ''}fracture")
             for (given, key), law in zip(own, laws, strict=True)
         ]
-        names, ends, self.of_interfaces = (
-            names_of_materials(scene),
-            np.sort(self._ends()) if rest.interfaces else np.zeros((0, 2)),
-            {},
-        )
+        names = names_of_materials(scene)
+        ends = np.sort(self._ends()) if rest.interfaces else np.zeros((0, 2))
+        self.of_interfaces = {}
         for number, entry in enumerate(rest.interfaces):
             one, other = sorted(names.index(name) for name in entry.between)
             key = f"fracture.interfaces.{number}"
@@ -392,7 +394,8 @@ def _stretch_at(law: Law, quantity: Callable[[float], float], wanted: float, wha
     checked_law(law)
     upper = 1.1
     while quantity(upper) < wanted:
-        lower, upper = upper, 1.1 * upper
+        lower = upper
+        upper = 1.1 * upper
         try:
             quantity(upper)
         except ValueError:

@@ -17,7 +17,8 @@ from ..ranks.share import connected
 from ..scenes import Scene
 from ..scenes.solids import AnyPrecut
 
-MOST_REACH, LEAST_REACH = 3.0, 2.0
+MOST_REACH = 3.0
+LEAST_REACH = 2.0
 """Greatest and least radius of the domain around a front, in horizons. In between the energy
 release rate of a notched strip agrees within 1 % with differences of the energy, see theory (75).
 """
@@ -158,7 +159,8 @@ class Fronts:
         """Return the fronts after tips were found in turn at the given places; each tip moves
         the nearest front ahead of which it lies.
         """
-        fronts, base = list(self.first), 2 * self.body.horizon
+        fronts = list(self.first)
+        base = 2 * self.body.horizon
         for tips in growth:
             still = set(range(len(fronts)))
             for tip in np.array(tips, dtype=float):
@@ -245,7 +247,8 @@ class Fronts:
         """Return the fronts of a precut: the connected parts of its edge that lie in the body
         and that nothing else touches.
         """
-        body, precut = self.body, self.scene.precuts[number]
+        body = self.body
+        precut = self.scene.precuts[number]
         edge = precut.edge(PITCH * body.spacing)
         # an end at the boundary is no front
         within = self._inside(edge[0] + body.spacing / 4 * edge[1])

@@ -37,10 +37,8 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[Law]
         )
         key = f"loads.{number}.region"
         if load.kind == "pressure":
-            deformed, facets = (
-                scene.plane == "stress" and load.thickness != "undeformed",
-                _facets_of(key, load, body, regions),
-            )
+            deformed = scene.plane == "stress" and load.thickness != "undeformed"
+            facets = _facets_of(key, load, body, regions)
             at_edge = _thickness_at_edge(scene, number, facets, regions, laws) if deformed else None
             found.append(
                 Pressure(*named, regions.surface(), facets, load.pressure, deformed, at_edge)
@@ -77,7 +75,8 @@ def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.nda
     """Return the facets that a traction or pressure acts on; raise ValueError, naming the `key`,
     if one lies in a reflection plane.
     """
-    facets, surface = regions.facets(load.region, key), regions.surface()
+    facets = regions.facets(load.region, key)
+    surface = regions.surface()
     for plane in body.planes:
         if (surface.parts[facets] == edge_of(plane)).any():
             edge = words_for(edge_of(plane), body)

@@ -299,9 +299,11 @@ def portions_of(
             and scene.materials[other - 1].fracture == part.fracture
             for other in before
         ]
-        error, twice = None, (before > 0) & ~np.array(same, dtype=bool)
+        error = None
+        twice = (before > 0) & ~np.array(same, dtype=bool)
         if twice.any():
-            first, where = before[twice.argmax()] - 1, text_of(body.points[points[twice.argmax()]])
+            first = before[twice.argmax()] - 1
+            where = text_of(body.points[points[twice.argmax()]])
             taken = (
                 f"materials.{first} and {key} both contain {int(twice.sum())} points, the first at"
                 f" {where}"

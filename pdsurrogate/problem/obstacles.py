@@ -66,11 +66,14 @@ def obstacles_of(
     """
     if not scene.obstacles:
         return []
-    nodes, found = _nodes_of(body, regions), []
+    nodes = _nodes_of(body, regions)
+    found = []
     stiffness = THIN * max((_modulus(law, scene.plane) for law in laws), default=1.0) / body.spacing
     for number, entry in enumerate(scene.obstacles):
-        key, shape = f"obstacles.{number}", getattr(entry, entry.shape)
-        radius, direction = getattr(shape, "radius", None), None
+        key = f"obstacles.{number}"
+        shape = getattr(entry, entry.shape)
+        radius = getattr(shape, "radius", None)
+        direction = None
         center = np.array(shape.point if radius is None else shape.center)
         if radius is None or entry.shape == "cylinder":
             direction = -np.array(shape.normal) if radius is None else np.array(shape.axis)
@@ -97,7 +100,8 @@ def obstacles_of(
         )
         places = np.vstack([nodes.nodes, body.points])
         gaps, _ = one.gaps(places, one.amplitude(0.0))
-        deepest, error = int(gaps.argmin()), None
+        deepest = int(gaps.argmin())
+        error = None
         if gaps[deepest] < -OVERLAP * body.spacing:
             overlap = (
                 f"at t = 0 the obstacle overlaps the body, by {-gaps[deepest]:.3g} at"
@@ -130,15 +134,11 @@ def bar_rigid_regions(
         If an obstacle reaches the undeformed place of a region that may move freely; the message
         names the key.
     """
-    body, times = (
-        loading.body,
-        np.unique([np.linspace(*ends, REACHES) for ends in pairwise([0.0, *ends])]),
-    )
+    body = loading.body
+    times = np.unique([np.linspace(*ends, REACHES) for ends in pairwise([0.0, *ends])])
     for number, one in enumerate(loading.loads.obstacles if rigid else ()):
-        of_points, nodes = (
-            scipy.spatial.cKDTree(body.points).query(one.surface.nodes)[1],
-            one.surface.nodes,
-        )
+        of_points = scipy.spatial.cKDTree(body.points).query(one.surface.nodes)[1]
+        nodes = one.surface.nodes
         one.barred = {
             name: np.flatnonzero(np.isin(of_points, points)) for name, points in rigid.items()
         }
@@ -171,12 +171,12 @@ def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
     side folds over such a plane, the linear fit of the nodes beside the corner does not follow, and
     the outermost points there stop at an obstacle themselves.
     """
-    surface, share, d = regions.surface(), body.share, body.dimension
-    kept, bonded, corner = (
-        regions.facets("body", "obstacles"),
-        np.zeros(len(surface.nodes), dtype=bool),
-        np.zeros(len(body), dtype=bool),
-    )
+    surface = regions.surface()
+    share = body.share
+    d = body.dimension
+    kept = regions.facets("body", "obstacles")
+    bonded = np.zeros(len(surface.nodes), dtype=bool)
+    corner = np.zeros(len(body), dtype=bool)
     for plane in body.planes:
         if plane.axis is None:
             on_plane = np.isin(
@@ -189,7 +189,9 @@ def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
             bonded |= on_plane
             corner |= plane.mirrored(body.points)[1] < body.horizon
     used, facets = np.unique(surface.facets[kept], return_inverse=True)
-    facets, bonded, of_facets = facets.reshape(-1, d), bonded[used], surface.areas()[kept]
+    facets = facets.reshape(-1, d)
+    bonded = bonded[used]
+    of_facets = surface.areas()[kept]
     mean = np.zeros((len(used), d))
     np.add.at(mean, facets, (surface.normals()[kept] / of_facets[:, None])[:, None])
     sharp = np.linalg.norm(mean, axis=1) < SHARP * np.bincount(facets.ravel(), minlength=len(used))
@@ -216,7 +218,8 @@ def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
         (np.ones(len(beside)), (rows, beside)), shape=(len(numbers), len(body))
     )
     nodes = surface.nodes[used]
-    own, nothing = surface.interpolation.rows, themselves * 0.0
+    own = surface.interpolation.rows
+    nothing = themselves * 0.0
     follow = surface.interpolation.changed(
         lambda rows: scipy.sparse.vstack(
             [rows[used], gauss @ rows[used], themselves if rows is own else nothing], format="csr"
@@ -239,5 +242,6 @@ def _modulus(law: Law, plane: str) -> float:
     """Return the modulus of a law against small strain along one axis, with none across it in
     the plane or in space.
     """
-    mu, K = law.shear_modulus, law.bulk_modulus
+    mu = law.shear_modulus
+    K = law.bulk_modulus
     return 4 * mu * (3 * K + mu) / (3 * K + 4 * mu) if plane == "stress" else K + 4 * mu / 3

@@ -212,7 +212,8 @@ class Problem:
         """Return the entry of a run's summary about an entry of `materials`: region, material,
         force model and critical stretch.
         """
-        part, stretches = self.scene.materials[number], self.critical_stretches
+        part = self.scene.materials[number]
+        stretches = self.critical_stretches
         region = part.model_dump(mode="json", include={"region"}, exclude_none=True, by_alias=True)
         if part.material.rigid:
             return {**region, "material": {"law": RIGID}}
@@ -233,11 +234,9 @@ class Problem:
 
         A region that is neither held nor bonded to a deformable material could be anywhere.
         """
-        first, second, every = (
-            self.body.bonds.first,
-            self.body.bonds.second,
-            np.arange(len(self.body.all_points)),
-        )
+        first = self.body.bonds.first
+        second = self.body.bonds.second
+        every = np.arange(len(self.body.all_points))
         rigid = np.isin(every, _together(self.rigid))
         for name, numbers in self.rigid.items():
             own = np.isin(every, numbers)
@@ -370,7 +369,8 @@ def _on_body(
     """Return the problem of a scene on its discretized body: this rank's part with its regions,
     and the whole body.
     """
-    body, stages = regions.body, stages_of(scene)
+    body = regions.body
+    stages = stages_of(scene)
     with scene_errors(scene):
         portions, rigid, of_points = (
             portions_of(scene, body, models, regions)

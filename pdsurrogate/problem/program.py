@@ -55,7 +55,8 @@ class Stage:
         """Return the loading parameter as a function of time in dynamics, from the value `begin`
         to the end of the stage.
         """
-        pace, change = getattr(self.inertia, self.inertia.pace), self.to - begin
+        pace = getattr(self.inertia, self.inertia.pace)
+        change = self.to - begin
         rate, duration = (
             (change / pace, pace) if self.inertia.pace == "duration" else (pace, change / pace)
         )
@@ -217,7 +218,8 @@ class Prescription:
         """Return the motion [Q - I, c] at a value of the loading parameter, shape (d, d + 1): a
         place X moves by (Q - I) X + c.
         """
-        factor, dimension = self.factor(parameter), len(self.displacement)
+        factor = self.factor(parameter)
+        dimension = len(self.displacement)
         found = np.zeros((dimension, dimension + 1))
         found[:, -1] = self.displacement * factor
         if self.rotation is not None:
@@ -290,11 +292,9 @@ def prescriptions_of(
         If two entries on different regions share a name.
     """
     length = float((regions.upper - regions.lower)[scene.loaded_axis]) if scene.stretched else 1.0
-    entries, labels, ends = (
-        prescribed_in(scene, length),
-        names_of_forces(scene),
-        [0.0, *(end - rest for end in known_ends(stages))],
-    )
+    entries = prescribed_in(scene, length)
+    labels = names_of_forces(scene)
+    ends = [0.0, *(end - rest for end in known_ends(stages))]
     found = []
     for key, entry in entries.items():
         values = np.array([value or 0.0 for value in entry.displacement[: scene.dimension]])
@@ -357,7 +357,8 @@ def names_of_forces(scene: Scene) -> dict[str, str]:
         for kind in ("loads", "obstacles")
         for number, entry in enumerate(getattr(scene, kind))
     }
-    names, owners = {}, {}
+    names = {}
+    owners = {}
     for key, entry in entries.items():
         own = key if key.startswith("obstacles") else entry.region
         names[key] = entry.name or (key if own == key else label_of_region(own, key))

@@ -4,7 +4,6 @@ its boundary, that lie in them.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy
@@ -110,11 +109,9 @@ class _Points(_Parts):
         )
 
     def boundary(self, name: str) -> np.ndarray:
-        surface, reach, cells = (
-            self.regions.surface(),
-            LAYER * self.regions.body.cell.max(),
-            self.regions.body.mesh_cells,
-        )
+        surface = self.regions.surface()
+        reach = LAYER * self.regions.body.cell.max()
+        cells = self.regions.body.mesh_cells
         facets = _facets_of(surface, name)
         if cells is not None:  # those that touch it, of whatever size
             return np.where(
@@ -141,7 +138,8 @@ class _Points(_Parts):
             nearest = int(distance.argmin())
             least = min(share.everywhere(float(distance[nearest])))
             if least > NEAR * self.regions.body.cell.max():
-                place, found = text_of(np.array(region.near)), self.describe(nearest)
+                place = text_of(np.array(region.near))
+                found = self.describe(nearest)
                 raise ValueError(
                     f"no point is close enough to {place}: the nearest one is {found},"
                     f" {distance[nearest]:.3g} away"
@@ -149,7 +147,8 @@ class _Points(_Parts):
             return self.numbered(
                 np.flatnonzero(distance <= least + ALIKE * self.regions.body.cell.min())
             )
-        numbers, size = np.array(region.points, dtype=np.int64), share.size
+        numbers = np.array(region.points, dtype=np.int64)
+        size = share.size
         if numbers.max(initial=-1) >= size:
             raise ValueError(
                 f"there is no point {numbers.max()}; the points of the body have the numbers 0 to"
@@ -235,14 +234,6 @@ class BodyRegions:
         """Return the greatest distance that may be due to rounding."""
         return ROUNDING * float((self.upper - self.lower).max())
 
-    @cached_property
-    def _points(self) -> _Points:
-        return _Points(self, self.body.points, self.body.groups)
-
-    @cached_property
-    def _facets(self) -> _Facets:
-        return _Facets(self, self.surface().midpoints(), self.surface().groups)
-
     def points(self, reference: str | Region, key: str | None = None) -> np.ndarray:
         """Return the indices of the points in a region, given as a `Region` or by name.
 
@@ -252,7 +243,7 @@ class BodyRegions:
             If there are none; the message gives the name of the region (for a region without a name
             `key`) and the nearest point.
         """
-        return self._found(reference, key, self._points)
+        return self._found(reference, key, _Points(self, self.body.points, self.body.groups))
 
     def facets(self, reference: str | Region, key: str | None = None) -> np.ndarray:
         """Return the numbers of the facets in a region, given as a `Region` or by name.
@@ -263,8 +254,9 @@ class BodyRegions:
             If there are none, or a node of a facet has too few points near it to determine its
             motion; the message names the region (one without a name by `key`) and the place.
         """
-        found = self._found(reference, key, self._facets)
         surface = self.surface()
+        parts = _Facets(self, surface.midpoints(), surface.groups)
+        found = self._found(reference, key, parts)
         lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
         if len(lost):
             few = (
@@ -354,7 +346,8 @@ class BodyRegions:
             return parts.group(region.group)
         if region.points is not None or region.near is not None:
             return parts.listed(region)
-        distance, round_one = np.full(len(parts.places), np.inf), region.disc or region.ball
+        distance = np.full(len(parts.places), np.inf)
+        round_one = region.disc or region.ball
         near = slice(None)
         if round_one is not None:
             # Of thousands of inclusions each has few of the points at its own x1; the others matter
@@ -389,7 +382,7 @@ class BodyRegions:
                 " them"
             )
         edge = self.edge(region)
-        if edge is not None and parts is not self._points:
+        if edge is not None and isinstance(parts, _Facets):
             side, there = (
                 ("straight side", "edge") if len(self.lower) == 2 else ("flat part", "face")
             )
@@ -415,7 +408,8 @@ def _distance(region: Region, places: np.ndarray) -> np.ndarray:
     if region.box is not None:
         lower, upper = np.array(region.box)
         return np.linalg.norm(np.maximum(0, np.maximum(lower - places, places - upper)), axis=1)
-    round_one, side = region.disc or region.ball, region.half_plane or region.half_space
+    round_one = region.disc or region.ball
+    side = region.half_plane or region.half_space
     if round_one is not None:
         return np.maximum(0, lengths_of(places - np.array(round_one.center)) - round_one.radius)
     normal = np.array(side.normal)

@@ -15,7 +15,8 @@ LAUNCHED = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "PMIX_SIZE")
 """Environment variables in which launchers of MPI state how many processes they have started."""
 
 
-_PAUSE, _PART = 0.01, 0.1
+_PAUSE = 0.01
+_PART = 0.1
 """Greatest number of seconds between two checks of a rank that waits asleep, and the same divided
 by the time it has waited so far. Chosen: too short to be noticed, and long enough that a waiting
 rank takes no processor time from the others.
@@ -43,7 +44,8 @@ class Communicator:
     """
 
     def __init__(self, mpi=None) -> None:
-        self._mpi, self._world = mpi, mpi and mpi.COMM_WORLD
+        self._mpi = mpi
+        self._world = mpi and mpi.COMM_WORLD
         self.rank, self.size = (self._world.rank, self._world.size) if mpi else (0, 1)
         # A rank may leave while others wait in a message to it: the end of a run is agreed upon
         # apart.

@@ -31,7 +31,8 @@ class Halo:
     """
 
     def __init__(self, ranks: Communicator, names: np.ndarray, owners: np.ndarray) -> None:
-        self.ranks, self.rows = ranks, np.flatnonzero(owners != ranks.rank)
+        self.ranks = ranks
+        self.rows = np.flatnonzero(owners != ranks.rank)
         self._receive = {
             rank: np.flatnonzero(owners == rank) for rank in np.unique(owners[self.rows]).tolist()
         }
@@ -59,7 +60,8 @@ class Halo:
         """
         if self.ranks.size == 1:
             return rows
-        ranks, none = range(self.ranks.size), self.rows[:0]
+        ranks = range(self.ranks.size)
+        none = self.rows[:0]
         received = self.ranks.to_each([rows[self._send.get(rank, none)] for rank in ranks])
         own = np.setdiff1d(np.arange(rows.shape[0]), self.rows)
         order = np.concatenate([own, *(self._receive.get(rank, none) for rank in ranks)])
@@ -124,10 +126,8 @@ class Rows:
         """
         if self.ranks.size == 1:
             return values
-        numbers, rows = (
-            self.ranks.gather(self.numbers[self.own]),
-            self.ranks.gather(values[self.own]),
-        )
+        numbers = self.ranks.gather(self.numbers[self.own])
+        rows = self.ranks.gather(values[self.own])
         if rows is None:
             return None
         whole = np.empty((self.size, *values.shape[1:]), dtype=values.dtype)
@@ -189,13 +189,13 @@ class Share(Halo, Rows):
     ) -> None:
         Rows.__init__(self, ranks, numbers, owners == ranks.rank, size)
         Halo.__init__(self, ranks, numbers, owners)
-        self.owners, self.divided, self.leads = owners, ranks.size > 1, ranks.rank == 0
-        self.agree, self.everywhere, self.total, self.greatest = (
-            ranks.agree,
-            ranks.everywhere,
-            ranks.total,
-            ranks.greatest,
-        )
+        self.owners = owners
+        self.divided = ranks.size > 1
+        self.leads = ranks.rank == 0
+        self.agree = ranks.agree
+        self.everywhere = ranks.everywhere
+        self.total = ranks.total
+        self.greatest = ranks.greatest
         self._own = np.flatnonzero(self.own) if self.divided else slice(None)
         self._weights = self.own.astype(float) if self.divided else None
 
@@ -300,7 +300,8 @@ class Share(Halo, Rows):
         )
         places = np.full(self.size, -1)
         places[self.numbers] = np.arange(len(self.numbers))
-        row, column = places[row], places[column]
+        row = places[row]
+        column = places[column]
         here = (row >= 0) & (column >= 0)
         return scipy.sparse.csr_array((value[here], (row[here], column[here])), shape=rows.shape)
 
@@ -335,11 +336,15 @@ def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.nd
     """
     root = np.arange(n, dtype=np.uint32)
     while True:
-        one, other = root[first], root[second]
+        one = root[first]
+        other = root[second]
         apart = one != other
         if not apart.any():
             break
-        first, second, one, other = first[apart], second[apart], one[apart], other[apart]
+        first = first[apart]
+        second = second[apart]
+        one = one[apart]
+        other = other[apart]
         # Every root becomes a child of the least root that its bonds reach; then all points become
         # children of roots again.
         np.minimum.at(root, np.maximum(one, other), np.minimum(one, other))

@@ -17,7 +17,8 @@ from ..scenes.reading import leaves
 MESH = "mesh"
 """Key of the digest of the scene's mesh file among the digests of the force models."""
 
-MOST_TOLD, MOST_CHARACTERS = 3, 60
+MOST_TOLD = 3
+MOST_CHARACTERS = 60
 """Greatest number of differences between the inputs of two runs that a message lists, and of
 characters that it shows of a value.
 """

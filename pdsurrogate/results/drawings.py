@@ -78,7 +78,8 @@ def whole_figure(result) -> Figure:
     """Return the figure of `Result.figure`, of the deformed body at every level or at a few
     chosen outputs.
     """
-    scene, chosen = result.scene, chosen_states(result)
+    scene = result.scene
+    chosen = chosen_states(result)
     if scene.fracture is not None and result.states.moments[-1].time:
         field = "damage"
     elif scene.stretched:
@@ -96,7 +97,8 @@ def chosen_states(result) -> list[int]:
     broken = np.array([entry["broken_bonds"] for entry in tips])
     if broken.any():
         # The growth of a crack is a small part of the time.
-        begin, shares = len(result.states) - len(broken), np.linspace(0.1, 1.0, MOST_PANELS)
+        begin = len(result.states) - len(broken)
+        shares = np.linspace(0.1, 1.0, MOST_PANELS)
         return sorted({*(begin + np.searchsorted(broken, shares * broken[-1])).tolist()})
     return _spread(len(result.states), MOST_PANELS)
 
@@ -137,11 +139,13 @@ def _figure_of(
 
     Columns of less than `SHOWN_SHARE` of the greatest are left out.
     """
-    scene, history = result.scene, result.history
+    scene = result.scene
+    history = result.history
     key = "stretch" if scene.stretched else "t"
     timed = [row for row in history if "time" in row]
     if timed and not scene.stretched:
-        key, history = "time", timed
+        key = "time"
+        history = timed
     greatest = {
         column: max(abs(row.get(column, 0.0)) for row in history)
         for column in columns_of(history)
@@ -168,7 +172,8 @@ def save_drawings(result, folder: Path) -> None:
     """Draw the loading curve and the deformed body of a result, as far as they apply, and write
     them to a folder.
     """
-    scene, name = result.scene, result.scene.name
+    scene = result.scene
+    name = result.scene.name
     if not scene.stretched or scene.dynamics is not None:
         figures.save(loading_figure(result), folder / f"{name}-loading.png")
     if not result.states.in_pieces:

@@ -28,7 +28,8 @@ Limits = tuple[float, float]
 PLACES = ("x₁", "x₂", "x₃")
 """Labels of the axes of places."""
 
-SEQUENTIAL, DIVERGING = "viridis", "RdBu_r"
+SEQUENTIAL = "viridis"
+DIVERGING = "RdBu_r"
 """Color maps of Matplotlib: a perceptually uniform one, and one for signed values, which is
 white at zero.
 """
@@ -68,13 +69,15 @@ other.
 """
 
 
-ELEVATION, AZIMUTH = 22.0, -58.0
+ELEVATION = 22.0
+AZIMUTH = -58.0
 """Direction of view in degrees: from the front right, a little above; x3 points up."""
 
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as a PNG file, whole or not at all."""
-    box, layout = "tight", figure.get_layout_engine()
+    box = "tight"
+    layout = figure.get_layout_engine()
     if layout is not None:
         # Once the layout is final, the box to keep is known without drawing; `savefig` would draw
         # twice to find it.
@@ -104,7 +107,8 @@ def limits_of(values: np.ndarray, greatest: float = 0.0) -> Limits:
     components of the field: a field that varies only by a solver's residuals thus has a uniform
     color.
     """
-    low, high = float(values.min()), float(values.max())
+    low = float(values.min())
+    high = float(values.max())
     size = max(-low, high)
     least = ONE_COLOR * max(size, -high, low, greatest, 1e-300)
     if min(-low, high) > SIGNED * size and size > least:
@@ -134,7 +138,8 @@ def draw_cells(axis, cells: CellMesh, displacement: np.ndarray, values: np.ndarr
     axis.add_collection(
         LineCollection((cells.nodes + displacement)[cells.outer_sides[0]], **OUTLINE)
     )
-    low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
+    low = polygons.min(axis=(0, 1))
+    high = polygons.max(axis=(0, 1))
     axis.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     return drawn
 
@@ -207,7 +212,8 @@ def contour_figure(
     places : sequence of str
         Labels of the axes.
     """
-    rest, count = moved[0][0], len(moved)
+    rest = moved[0][0]
+    count = len(moved)
     nodes = np.concatenate([rest.nodes, *(cells.nodes + way for cells, way in moved)])
     box = np.array([nodes.min(axis=0), nodes.max(axis=0)])
     flat = rest.dimension == 2
@@ -219,7 +225,8 @@ def contour_figure(
         for n in range(1, count + 1)
         if count % n == 0
     )
-    rows, panel = count // columns, scale * size
+    rows = count // columns
+    panel = scale * size
     with matplotlib.rc_context(STYLE):
         figure = Figure(
             figsize=(columns * panel[0] + 1.5, rows * (panel[1] + 0.4) + 0.8), layout="constrained"

@@ -21,9 +21,14 @@ from .checkpoint import identity_in
 from .contents import contents_in, differences_between
 from .files import made, remove_leftovers
 
-SUMMARY, HISTORY, CONVERGENCE = "summary.json", "history.csv", "convergence.csv"
+SUMMARY = "summary.json"
+HISTORY = "history.csv"
+CONVERGENCE = "convergence.csv"
 
-RUNNING, INTERRUPTED, FAILED, DONE = "running", "interrupted", "failed", "done"
+RUNNING = "running"
+INTERRUPTED = "interrupted"
+FAILED = "failed"
+DONE = "done"
 """Values of ``status`` in a summary; the summary of a killed run still has ``running``."""
 
 
@@ -91,7 +96,8 @@ def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
         If the folder holds results of another run, a checkpoint of an equal run that was
         interrupted, or, without a run, a file named like a result.
     """
-    summary, name = read_summary(folder), contents["scene_as_run"]["name"]
+    summary = read_summary(folder)
+    name = contents["scene_as_run"]["name"]
     described = summary or identity_in(folder)
     if not described:
         for path in _files_of(folder, name):

@@ -53,7 +53,8 @@ def edge_displacements(
         Coordinate of each line along the other axis, and the displacement of its lower and upper
         end.
     """
-    x, u = body.points[:, axis], displacements[:, axis]
+    x = body.points[:, axis]
+    u = displacements[:, axis]
     if body.tessellate is not None:
         low, high = box[:, 1 - axis]
         count = round((high - low) / body.spacing)
@@ -66,7 +67,8 @@ def edge_displacements(
     first, second, before, last = np.array(
         [points[[0, 1, -2, -1]] for points in lines if len(points) > 1]
     ).T
-    low, high = x.min() - body.cell[axis] / 2, x.max() + body.cell[axis] / 2
+    low = x.min() - body.cell[axis] / 2
+    high = x.max() + body.cell[axis] / 2
 
     def continued(outer: np.ndarray, inner: np.ndarray, place: float) -> np.ndarray:
         return u[outer] + (u[outer] - u[inner]) * (place - x[outer]) / (x[outer] - x[inner])
@@ -100,7 +102,8 @@ def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
         )
     else:
         order, line = _lines_along(body, axis)
-        u, x = displacements[order, 1 - axis], body.points[order, axis]
+        u = displacements[order, 1 - axis]
+        x = body.points[order, axis]
         neighbors = (line[2:] == line[:-2]) & (
             np.abs(x[2:] - x[:-2] - 2 * body.cell[axis]) < 0.1 * body.cell[axis]
         )
@@ -165,14 +168,14 @@ class PointState:
         self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None
     ) -> None:
         force.place(positions)
-        self.laws, self.plane, self.displacement, self.damage = (
-            force.laws,
-            force.plane,
-            positions - force.body.points,
-            damage,
-        )
-        self.position, self.volumes = force.body.points, force.body.volumes
-        self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
+        self.laws = force.laws
+        self.plane = force.plane
+        self.displacement = positions - force.body.points
+        self.damage = damage
+        self.position = force.body.points
+        self.volumes = force.body.volumes
+        self.volume_ratio = force.volume_ratios()
+        self.F = force.deformation_gradients()
         self.stress, self.energy_density = force.stress_and_energy()
         self.deviation = force.learned.domain_deviation()
         self.kept = {
@@ -394,11 +397,9 @@ class Probes:
         portion_of: np.ndarray | None = None,
         share: Share | None = None,
     ) -> None:
-        self._names, self._rows, self._share = (
-            [probe.name for probe in probes],
-            [],
-            share or body.share,
-        )
+        self._names = [probe.name for probe in probes]
+        self._rows = []
+        self._share = share or body.share
         for number, probe in enumerate(probes):
             try:
                 rows = fields_at(body, np.array([probe.at]), portion_of)

@@ -71,7 +71,8 @@ class States:
         """Return the moment and the fields on the points of a state, by its number; raise
         RuntimeError on a rank that has no fields.
         """
-        moment, kept = self.moments[number], self._kept[number]
+        moment = self.moments[number]
+        kept = self._kept[number]
         fields = vtk.read_state(kept)[2] if isinstance(kept, Path) else kept
         if fields.get(vtk.DISPLACEMENT) is None:
             raise RuntimeError(
@@ -111,7 +112,9 @@ class StatesInFiles(States):
         self, folder: Path, name: str, body: Body | None = None, moments: list[Moment] | None = None
     ) -> None:
         super().__init__(moments)
-        self.folder, self.name, self.body = folder, name, body
+        self.folder = folder
+        self.name = name
+        self.body = body
         self._kept = [self._path(number) for number in range(len(self.moments))]
         if moments is not None and body.share.leads:
             self._write_index()
@@ -150,7 +153,8 @@ class StatesInFiles(States):
         """Write the file of a state, and the index that lists it; an error on one rank is raised
         on all ranks.
         """
-        share, path = self.body.share, self._path(len(self.moments))
+        share = self.body.share
+        path = self._path(len(self.moments))
         values = {name: value for name, value in asdict(moment).items() if value is not None}
         cells, nodes = deformed_cells(self.body, fields)
         if self.in_pieces:  # the halo was needed for the nodes between pieces
@@ -214,7 +218,8 @@ def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
     fields : dict of ndarray
         Fields of the state by name, among them displacement and deformation gradient.
     """
-    d, cells = body.dimension, body.cells
+    d = body.dimension
+    cells = body.cells
     F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :d, :d]
     state = body.points, fields["displacement"][:, :d], F
     damaged = fields.get("damage", np.zeros(len(body))) > 0

@@ -80,7 +80,8 @@ def as_csv(rows: list[dict], title: Callable[[str], str] = str) -> str:
     """Return rows, which are dictionaries by column, as CSV with the headers that `title`
     returns; missing values are empty.
     """
-    text, columns = io.StringIO(), columns_of(rows)
+    text = io.StringIO()
+    columns = columns_of(rows)
     if rows:
         writer = csv.DictWriter(text, columns, lineterminator="\n")
         writer.writerow({column: title(column) for column in columns})

@@ -167,10 +167,8 @@ def read_state(path: Path) -> tuple[CellMesh, np.ndarray, dict[str, np.ndarray]]
     }
     if NUMBER in fields:  # of pieces, whose cells are those of a lattice, in one block
         order = np.argsort(fields.pop(NUMBER))
-        blocks, fields = (
-            [blocks[0][order]],
-            {name: values[order] for name, values in fields.items()},
-        )
+        blocks = [blocks[0][order]]
+        fields = {name: values[order] for name, values in fields.items()}
     nodes, moved = (
         np.concatenate(parts)[:, :d]
         for parts in zip(*((p.points, p.point_data[DISPLACEMENT]) for p in pieces), strict=True)

@@ -48,7 +48,8 @@ approximation would exceed this part until the next row. Chosen: less than half 
 a run warns; with a part half as large, a tear in plane strain took 3 % more evaluations.
 """
 
-GAP_WARNED, GAP_FAILED = 0.005, 0.05
+GAP_WARNED = 0.005
+GAP_FAILED = 0.05
 """Gaps of the energy account relative to the supplied energy: beyond the first the run warns,
 beyond the second it fails. Chosen: accounts of torn strips close within 0.1 % with the default
 viscosity (`CRACK_VISCOSITY`), and are off by half without it.
@@ -203,7 +204,9 @@ class Bookkeeping:
         """Return whether a reflection plane moves in the last step or the next; otherwise its
         reaction does no work in them.
         """
-        motion, time, step = self.motion, self.account.time, self.integrator.last_step
+        motion = self.motion
+        time = self.account.time
+        step = self.integrator.last_step
         now, *others = (
             self.run.loading.plane_motions(motion.at(time + ahead)) for ahead in (0.0, -step, step)
         )
@@ -213,7 +216,9 @@ class Bookkeeping:
         """Return whether supports change velocity within the retardation time by more than
         `LEAST_UNEVENNESS`, relatively.
         """
-        viscosity, motion, now = self.viscosity, self.motion, self.run.state.parameter
+        viscosity = self.viscosity
+        motion = self.motion
+        now = self.run.state.parameter
         last = motion.at(self.account.time - self.integrator.last_step)
         return (
             viscosity > 0
@@ -225,7 +230,9 @@ class Bookkeeping:
         """Return the power of all supports (holders) at given reactions, with their velocities
         in the last step, the next, and the mean.
         """
-        course, time, step = self.run.loading.course, self.account.time, self.integrator.last_step
+        course = self.run.loading.course
+        time = self.account.time
+        step = self.integrator.last_step
         before = course.power(reactions, self.motion, time, step)
         after = course.power(reactions, self.motion, time + step, step)
         return Power(before, 0.5 * (before + after), after)
@@ -234,7 +241,8 @@ class Bookkeeping:
         """Return the velocities of planes of symmetry across themselves (planes,) in the last
         step, their mean, and those in the next step.
         """
-        time, step = self.account.time, self.integrator.last_step
+        time = self.account.time
+        step = self.integrator.last_step
         before, now, next_one = (
             self.run.loading.planes_at(self.motion.at(time + ahead)) for ahead in (-step, 0.0, step)
         )
@@ -260,11 +268,15 @@ class Bookkeeping:
         present positions, otherwise `ExplicitDynamics.elastic` approximates them. Without
         `of_planes` the planes do not move, and their reactions, which do no work, are omitted.
         """
-        run, account, integrator = self.run, self.account, self.integrator
-        elapsed, held = account.time - account.rate_time, self._power_of_holders(reactions)
+        run = self.run
+        account = self.account
+        integrator = self.integrator
+        elapsed = account.time - account.rate_time
+        held = self._power_of_holders(reactions)
         power = held
         if run.loads:
-            thickness, around = run.loaded.thickness(), integrator.velocities_around()
+            thickness = run.loaded.thickness()
+            around = integrator.velocities_around()
             loads = (
                 run.body.share.total(run.loads.power(run.positions, *velocities, thickness))
                 for velocities in zip(around, self._velocities_of_planes(), strict=True)
@@ -274,7 +286,8 @@ class Bookkeeping:
         account.work += self._work_over(elapsed, Power(*account.power), power)
         if evaluate and self.viscosity > 0:
             self._judge(integrator.find_elastic())
-        damped, last = integrator.damped_power(), Power(*account.damped_power)
+        damped = integrator.damped_power()
+        last = Power(*account.damped_power)
         if self.viscosity > 0:
             # Viscosity dissipates a part of the work of the holders as well.
             elastic = self._power_of_holders(
@@ -288,7 +301,9 @@ class Bookkeeping:
             account.damped_energy += quiet * last.now
             elapsed -= quiet
         account.damped_energy += self._work_over(elapsed, last, damped)
-        account.power, account.damped_power, account.rate_time = power, damped, account.time
+        account.power = power
+        account.damped_power = damped
+        account.rate_time = account.time
 
     def _judge(self, power: float) -> None:
         """Find from the power of an error of the approximated elastic forces whether to evaluate
@@ -297,8 +312,10 @@ class Bookkeeping:
         The error decays by a factor in every step, and a like one is added: in a long series of
         steps it is the sum of a geometric series.
         """
-        account, integrator = self.account, self.integrator
-        steps, account.last_found = integrator.steps - account.last_found, integrator.steps
+        account = self.account
+        integrator = self.integrator
+        steps = integrator.steps - account.last_found
+        account.last_found = integrator.steps
         if (
             self.run.damage is None or not steps or account.last_break == integrator.steps
         ):  # the error contains forces of broken bonds
@@ -317,11 +334,9 @@ class Bookkeeping:
         They are exact if the elastic forces were just `evaluated`, else approximated from `held`,
         the reactions to all forces, viscous ones included.
         """
-        account, loading, on_points = (
-            self.account,
-            self.run.loading,
-            self.integrator.elastic_with_loads(),
-        )
+        account = self.account
+        loading = self.run.loading
+        on_points = self.integrator.elastic_with_loads()
         if evaluated:
             found = loading.reactions(self.run.loaded, on_points, of_planes)
         else:
@@ -381,7 +396,8 @@ class Bookkeeping:
         `remark`: a warning if the gap exceeds `GAP_WARNED`, a note if the force has no energy, so
         that no gap can be computed, else None.
         """
-        account, put_in = self.account, {"energy_put_in": float(self.account.most_put_in)}
+        account = self.account
+        put_in = {"energy_put_in": float(self.account.most_put_in)}
         if not self.closes:
             remark = (
                 f"{self.run.model.name} defines no energy, so energy conservation cannot be"
@@ -405,7 +421,8 @@ class Bookkeeping:
     def _words_for_gap(self, gap: float) -> str:
         put_in = max(self.account.most_put_in, self._rounding)
         amount = self.run.problem.scene.units.amount(put_in, "energy", ".3g")
-        share, what = 100 * abs(gap) / put_in, "created" if gap > 0 else "lost"
+        share = 100 * abs(gap) / put_in
+        what = "created" if gap > 0 else "lost"
         return (
             f"the energy balance has an error of {share:.2g} %: {amount} were put in, and"
             f" {abs(gap):.3g} were {what} numerically"

@@ -50,12 +50,11 @@ class Checkpoints:
 
     def __init__(self, run: Run) -> None:
         # With a circle of references the body would stay in memory until a collection of garbage.
-        self.run, self._share, self._rows = (
-            weakref.proxy(run),
-            run.body.share,
-            cache(partial(rows_of, run.body)),
-        )
-        self.resumable, self._due = False, time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
+        self.run = weakref.proxy(run)
+        self._share = run.body.share
+        self._rows = cache(partial(rows_of, run.body))
+        self.resumable = False
+        self._due = time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
 
     @property
     def late(self) -> bool:
@@ -67,7 +66,8 @@ class Checkpoints:
         """Return the entries by which a checkpoint is recognized as one of this run: scene,
         force and sizes of the body.
         """
-        run, share = self.run, self._share
+        run = self.run
+        share = self._share
         pairs = share.total(int(share.own[run.body.bonds.first].sum()))
         return {**run.contents, "n_points": share.size, "n_pairs": pairs}
 
@@ -95,16 +95,16 @@ class Checkpoints:
         if run.ranks.rank == 0:
             Checkpoint({**common, **progress}, whole).write(run.folder, identity)
         ended = time.monotonic()
-        self.resumable, self._due = (
-            True,
-            ended + max(SECONDS_BETWEEN_CHECKPOINTS, PAUSE_SHARE * (ended - began)),
-        )
+        self.resumable = True
+        self._due = ended + max(SECONDS_BETWEEN_CHECKPOINTS, PAUSE_SHARE * (ended - began))
 
     def restore(self) -> Checkpoint:
         """Restore the run from its checkpoint, except for the present stage, and return the
         checkpoint with this rank's rows of arrays.
         """
-        run, held, identity = self.run, self._held(), self.identity
+        run = self.run
+        held = self._held()
+        identity = self.identity
         shapes = {
             key: ((self._rows_of(key).size, *array.shape[1:]), array.dtype)
             for key, array in held.items()
@@ -170,12 +170,10 @@ class Record:
 
     def __init__(self, run: Run, summary: dict) -> None:
         # With a circle of references the body would stay in memory until a collection of garbage.
-        self._run, self._summary, self._began, self._earliest = (
-            weakref.proxy(run),
-            summary,
-            time.monotonic(),
-            0.0,
-        )
+        self._run = weakref.proxy(run)
+        self._summary = summary
+        self._began = time.monotonic()
+        self._earliest = 0.0
 
     def keep_if_due(self, rest: float = SECONDS_BETWEEN_TABLES) -> None:
         """Write the tables if they are due.
@@ -183,7 +181,9 @@ class Record:
         They are due after a pause of `PAUSE_SHARE` times the time that their last writing took, and
         `rest` seconds more.
         """
-        run, state, began = self._run, self._run.state, time.monotonic()
+        run = self._run
+        state = self._run.state
+        began = time.monotonic()
         if began < self._earliest + rest:
             return
         reached = {

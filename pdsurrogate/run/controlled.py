@@ -32,7 +32,8 @@ class DisplacementPath:
     """
 
     def __init__(self, run: Run, stage: Stage) -> None:
-        spec, self._control = run.problem.scene.solver, control_of(run, stage.control)
+        spec = run.problem.scene.solver
+        self._control = control_of(run, stage.control)
         self.solver = DisplacementControl(
             self._control, run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations
         )
@@ -57,7 +58,8 @@ class DisplacementPath:
         )
 
     def guesses(self, target: float) -> list[np.ndarray]:
-        run, value = self._run, self._value(self._run.positions)
+        run = self._run
+        value = self._value(self._run.positions)
         along = self._along()
         guesses = [run.positions + (target - value) * along]
         if run.earlier is not None and (before := self._value(run.earlier[1])) != value:

@@ -34,17 +34,13 @@ class Cracks:
     """
 
     def __init__(self, run: Run, integrator: ExplicitDynamics, account: Account) -> None:
-        self._run, self._integrator, self._account, self._damage = (
-            run,
-            integrator,
-            account,
-            run.damage,
-        )
+        self._run = run
+        self._integrator = integrator
+        self._account = account
+        self._damage = run.damage
         # Flags of points and ghosts that have lost bonds, and the numbers of such points.
-        self._lost, self._torn = (
-            np.zeros(len(run.body.all_points), dtype=bool),
-            np.empty(0, dtype=np.int64),
-        )
+        self._lost = np.zeros(len(run.body.all_points), dtype=bool)
+        self._torn = np.empty(0, dtype=np.int64)
         self._count_lost(np.flatnonzero(run.damage.broken))
         # Of the present step: stored energy and forces before bonds broke, None while none has, and
         # the energy released since.
@@ -63,8 +59,11 @@ class Cracks:
         """Break overstretched bonds and the bonds of failed points, and evaluate the forces,
         until no more bonds break.
         """
-        run, integrator, share = self._run, self._integrator, self._run.body.share
-        self._before, self._released = None, 0.0
+        run = self._run
+        integrator = self._integrator
+        share = self._run.body.share
+        self._before = None
+        self._released = 0.0
         run.force.place(run.positions)
         pairs = self._damage.overstretched(run.force.positions)
         if share.any(len(pairs) > 0):
@@ -96,14 +95,18 @@ class Cracks:
         bonds det F <= 0 is an error.
         """
         run = self._run
-        bonds, n, share = run.body.bonds, len(run.body), run.body.share
+        bonds = run.body.bonds
+        n = len(run.body)
+        share = run.body.share
         if not run.state.crack["broken_bonds"]:
             return np.empty(0, dtype=np.int64)
         ratios = determinant(run.force.deformation_gradients()[self._torn])
-        collapsed, crushed = self._torn[~(ratios > LEAST_RATIO)], run.force.collapsed_pairs()
+        collapsed = self._torn[~(ratios > LEAST_RATIO)]
+        crushed = run.force.collapsed_pairs()
         if not share.any(len(collapsed) or len(crushed)):
             return collapsed
-        lost, failed = self._lost.copy(), np.zeros_like(self._lost)
+        lost = self._lost.copy()
+        failed = np.zeros_like(self._lost)
         failed[collapsed] = True
         run.body.ghosts.fill(failed)
         failing = failed[bonds.first] | failed[bonds.second]
@@ -132,7 +135,9 @@ class Cracks:
         The force must be placed at the present positions. `_count_release` counts what the body
         loses.
         """
-        run, crack, share = self._run, self._run.state.crack, self._run.body.share
+        run = self._run
+        crack = self._run.state.crack
+        share = self._run.body.share
         crack["broken_bonds"] += share.total(
             int(np.count_nonzero(share.own[run.body.bonds.first[pairs]]))
         )
@@ -166,14 +171,14 @@ class Cracks:
         An event may leave a state without energy, of points that fail next. The sum over all events
         of a step then has one nevertheless.
         """
-        (energy, forces), (left, leaving), share = (
-            self._before,
-            self._stored(),
-            self._run.body.share,
-        )
-        released, lost = energy - left, forces - leaving
+        (energy, forces) = self._before
+        (left, leaving) = self._stored()
+        share = self._run.body.share
+        released = energy - left
+        lost = forces - leaving
         if share.any(not (np.isfinite(released) and np.isfinite(lost).all())):
-            released, lost = 0.0, np.zeros_like(lost)
+            released = 0.0
+            lost = np.zeros_like(lost)
         total = share.total(released)
         self._account.released_energy += total - self._released
         self._released = total
@@ -211,7 +216,8 @@ class Cracks:
         """Record the places of the crack tips at an output; return whether the body has
         separated between its supports.
         """
-        run, crack = self._run, self._run.state.crack
+        run = self._run
+        crack = self._run.state.crack
         crack["through"] = self.separated()
         entry = {**self._now(), "broken_bonds": crack["broken_bonds"]}
         places, events = self._damage.take_recent()

@@ -40,10 +40,8 @@ class Damage:
             )
         self.body = body
         bonds = body.bonds
-        self.broken, self.recent = (
-            np.zeros(len(bonds.first), dtype=bool),
-            np.zeros(len(bonds.first), dtype=np.int32),
-        )
+        self.broken = np.zeros(len(bonds.first), dtype=bool)
+        self.recent = np.zeros(len(bonds.first), dtype=np.int32)
         self._events = 0
         first, second = bonds.ends_in_blocks(BLOCK)
         length = _lengths(body, bonds.first, bonds.second)
@@ -81,7 +79,8 @@ class Damage:
         self._find.give("positions", positions)
         if not any(self._search()):
             return self._found[:0]
-        chunks, blocks = len(self._counts), len(self._limits) // BLOCK
+        chunks = len(self._counts)
+        blocks = len(self._limits) // BLOCK
         starts = [chunk * blocks // chunks * BLOCK for chunk in range(chunks)]
         return np.concatenate(
             [
@@ -125,10 +124,12 @@ class Damage:
         `pairs` are numbers of pairs of this rank that are in `recent`. Within an event the order is
         that of the pairs in the whole body, the same on any number of ranks.
         """
-        body, share = self.body, self.body.share
+        body = self.body
+        share = self.body.share
         pairs = pairs[self._rows.own[pairs]]
         numbers = self._rows.numbers[pairs]
-        points, events = body.all_points, self.recent[pairs]
+        points = body.all_points
+        events = self.recent[pairs]
         places = (points[body.bonds.first[pairs]] + points[body.bonds.second[pairs]]) / 2
         places, events, numbers = (
             np.concatenate(share.everywhere(rows)) for rows in (places, events, numbers)
@@ -166,7 +167,9 @@ def _by_points(
 
     The bonds are given by their ends `first` and `second` and their weights, shape (k,) each.
     """
-    n, volumes, within = len(body), body.all_volumes, second < len(body)
+    n = len(body)
+    volumes = body.all_volumes
+    within = second < len(body)
     return np.bincount(first, weights * volumes[second], n) + np.bincount(
         second[within], (weights * volumes[first])[within], n
     )

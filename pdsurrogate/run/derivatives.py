@@ -44,7 +44,8 @@ def differentiate(
     number = number_of_output(scene, models, result, level, "sensitivity", "derivatives")
     control = [stage.control for stage in stages_of(scene) for _ in range(stage.outputs)][number]
     _check(scene, models, result, parameters, loading, control, number)
-    body, at = differentiated(scene, models), result.levels[number][loading]
+    body = differentiated(scene, models)
+    at = result.levels[number][loading]
     check_intact(body.system.problem, result, number, "derivatives")
     try:
         found = body.jacobian(at, result.displacement(number), outputs, parameters, control)
@@ -115,7 +116,8 @@ def _check(
         )
     if not scene.stretched and loading in parameters:
         _check_smooth(scene, result.levels[number][loading])
-    known, ours = numbers_in(scene, models), loading if control is None else control
+    known = numbers_in(scene, models)
+    ours = loading if control is None else control
     if control is not None:  # what else moves with t is refused by the scene
         known = {name: value for name, value in known.items() if not name.startswith("prescribed")}
     if not parameters:
@@ -144,7 +146,8 @@ def _check_smooth(scene: Scene, t: float) -> None:
             behind, here, ahead = (
                 amplitude_of(entry.amplitude)(time) for time in (t - step, t, t + step)
             )
-            before, after = (here - behind) / step, (ahead - here) / step
+            before = (here - behind) / step
+            after = (ahead - here) / step
             if abs(after - before) > 1e-3 * max(abs(before), abs(after), 1e-3):
                 raise ValueError(
                     f"parameters: {kind}.{number}.amplitude has a kink at t = {t:g}, with the"
@@ -156,7 +159,8 @@ def _check_smooth(scene: Scene, t: float) -> None:
 def _check_of_laws(scene: Scene, models: Sequence[ForceModel], name: str) -> None:
     """Raise ValueError if a name is that of a number of a law, which is no parameter."""
     for key, law in laws_of(scene).items():
-        model, number = by_key(models, "material")[key], name.removeprefix(f"{key}.")
+        model = by_key(models, "material")[key]
+        number = name.removeprefix(f"{key}.")
         if name == f"{key}.{number}" and number in numbers_of(law):
             learned = (
                 f"{model.name} describes one value of {number} alone: for derivatives by {name} run"

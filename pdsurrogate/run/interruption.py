@@ -39,8 +39,11 @@ class Interruption:
     """
 
     def __init__(self, until: float = math.inf, insists: bool = True) -> None:
-        self.told, self._until, self._insists = False, until, insists
-        self._before, self._timer = None, None
+        self.told = False
+        self._until = until
+        self._insists = insists
+        self._before = None
+        self._timer = None
 
     @property
     def out_of_time(self) -> bool:

@@ -1,7 +1,6 @@
 """Stages in equilibrium: outputs on the way, and increments between them."""
 
 import logging
-from contextlib import suppress
 
 import numpy as np
 
@@ -39,7 +38,8 @@ need thousands to fail by itself; equilibria beyond this distance are found with
 too.
 """
 
-FINE, COARSE = 1e-3, 1e-2
+FINE = 1e-3
+COARSE = 1e-2
 """Tolerances of the solver in intermediate states, from which only the next increments start.
 Chosen: the error of the start is then small compared with that of the extrapolation. The second
 tolerance is for nearly incompressible bodies, whose preconditioner corrects the remaining error (a
@@ -114,7 +114,10 @@ class Equilibria:
     def __init__(
         self, run: Run, stage: Stage, solver: EquilibriumSolver, checkpoints: Checkpoints
     ) -> None:
-        self.run, self.stage, self.solver, self._checkpoints = run, stage, solver, checkpoints
+        self.run = run
+        self.stage = stage
+        self.solver = solver
+        self._checkpoints = checkpoints
         self._path = (
             ParameterPath(run, stage, solver)
             if stage.control is None
@@ -131,7 +134,8 @@ class Equilibria:
         If a bond would break, the stage ends early and the body returns to the last output, since
         cracks grow out of equilibrium.
         """
-        run, state = self.run, self.run.state
+        run = self.run
+        state = self.run.state
         while state.outputs < self.stage.outputs:
             goal = self._outputs[state.outputs + 1]
             run.target = self._path.parameter_at(goal)
@@ -160,9 +164,12 @@ class Equilibria:
         """Return the equilibrium at the next output, reached in increments; None if a bond would
         break on the way.
         """
-        run, state, told = self.run, self.run.state, None
+        run = self.run
+        state = self.run.state
+        told = None
         while not increments.finished:
-            accepted, began = _Accepted(run, self.solver), run.force.evaluations
+            accepted = _Accepted(run, self.solver)
+            began = run.force.evaluations
             try:
                 equilibrium = self._follow(increments)
             except TooSmall:
@@ -195,7 +202,9 @@ class Equilibria:
         Raise an error if the equilibrium is unstable or does not continue the last one
         (`check_branch`), or if, at an output, its strains are too small for the precision.
         """
-        run, state, target = self.run, self.run.state, increments.target
+        run = self.run
+        state = self.run.state
+        target = increments.target
         before = run.positions.copy()
         guess = self._best(self._path.guesses(target), target)
         tolerance = run.problem.scene.solver.tolerance
@@ -243,23 +252,25 @@ class Equilibria:
             If the increment is not shortened. The error has the type of `cause`; its message says
             which loading was reached.
         """
-        run, at, size = self.run, self.run.state.parameter, increments.size
+        run = self.run
+        at = self.run.state.parameter
+        size = increments.size
         run.note(increments.target, failure=str(error))
         logger.info(
             "increment to %s failed and is shortened: %s", self._path.at(increments.target), error
         )
         if increments.shorten():
             return
-        what = (
-            f"the last equilibrium was found at {self._path.last()}, and none beyond with"
-            f" increments down to {size:.2g}"
-        )
+        last = f"the last equilibrium was found at {self._path.last()}"
         if self.stage.control is None and at != self._last_output.parameter:
             # A state accepted at a coarse tolerance just below a limit load need not be one.
             target, run.target = run.target, at
-            with suppress(*FAILURES):
+            try:
                 self._record(self._follow(Increments(at, at, 1.0)))
+            except FAILURES:
+                last += " (only to the tolerance of increments)"
             run.target = target
+        what = f"{last}, and none beyond with increments down to {size:.2g}"
         raise type(cause)(f"{cause}; {what} ({run.problem.reached(at)})") from cause
 
     def _solve(self, target: float, tolerance: float, guess: np.ndarray) -> Equilibrium:
@@ -269,8 +280,10 @@ class Equilibria:
         Raise RanAway if loads carry a point farther than `FARTHEST` allows. On the way stop on
         request.
         """
-        run, began = self.run, self.run.force.evaluations
-        outputs, greatest = run.state.outputs, tolerance
+        run = self.run
+        began = self.run.force.evaluations
+        outputs = run.state.outputs
+        greatest = tolerance
 
         def report(evaluations: int, residual: float) -> None:
             nonlocal greatest
@@ -320,7 +333,8 @@ class Equilibria:
         """Record an output in equilibrium; raise Unbalanced if loads and reactions are not in
         balance.
         """
-        run, state = self.run, self.run.state
+        run = self.run
+        state = self.run.state
         drive = (
             equilibrium.drive if _is_driven(run, state.parameter) else state.greatest_drive or None
         )
@@ -357,20 +371,16 @@ class _Accepted:
     """
 
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
-        self.parameter, self.earlier, self.gave_up = (
-            run.state.parameter,
-            run.earlier,
-            solver.gave_up,
-        )
+        self.parameter = run.state.parameter
+        self.earlier = run.earlier
+        self.gave_up = solver.gave_up
         self.arrays = {key: array.copy() for key, array in run.arrays().items()}
 
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:
         """Bring a run and its solver back to this equilibrium."""
-        run.state.parameter, run.earlier, solver.gave_up = (
-            self.parameter,
-            self.earlier,
-            self.gave_up,
-        )
+        run.state.parameter = self.parameter
+        run.earlier = self.earlier
+        solver.gave_up = self.gave_up
         for key, array in run.arrays().items():
             array[:] = self.arrays[key]
         run.loading.apply(self.parameter, run.loaded, run.positions)

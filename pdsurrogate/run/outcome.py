@@ -36,12 +36,15 @@ def result_of(
     `began` is the start of the run by `time.perf_counter`, `failure` the message of the error that
     ended the run, or None.
     """
-    force, state = run.force, run.state
+    force = run.force
+    state = run.state
     residuals = [level["residual"] for level in state.levels if "residual" in level]
     if failure is not None and run.residual is not None and np.isfinite(run.residual):
         residuals.append(run.residual)
     outside = force.fraction_outside
-    share, bonds, stress = run.body.share, run.body.bonds, run.problem.measures.nominal_stress
+    share = run.body.share
+    bonds = run.body.bonds
+    stress = run.problem.measures.nominal_stress
     # without bonds to images; an undirected bond counts at each end
     within = bonds.second < len(run.body)
     ends = np.concatenate([bonds.first[within], bonds.second[within]])
@@ -97,7 +100,8 @@ def result_of(
             "path": crack_path(state.crack["tips"]),
             "peak": None if stress is None else _peak(state.history),
         }
-    scene, body = run.problem.scene, run.body if run.whole is None else run.whole
+    scene = run.problem.scene
+    body = run.body if run.whole is None else run.whole
     return Result(
         scene,
         body,

@@ -46,7 +46,9 @@ def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
     coefficients of terms that the law does not have. A learned model holds for one `Law.shape`:
     with it, the moduli alone are parameters.
     """
-    laws, by_law, found = laws_of(scene), by_key(models, "material"), {}
+    laws = laws_of(scene)
+    by_law = by_key(models, "material")
+    found = {}
     for key, value in leaves(scene.model_dump(mode="json")):
         if (
             key.split(".")[0] in PLACES
@@ -114,11 +116,9 @@ def with_numbers(
     """Return a scene and its force models with other values of the numbers that `numbers_in`
     names.
     """
-    data, changed, learned = (
-        scene.model_dump(mode="json"),
-        by_key(models, "force"),
-        _learned(models),
-    )
+    data = scene.model_dump(mode="json")
+    changed = by_key(models, "force")
+    learned = _learned(models)
     others = dict(values)
     for key, law in laws_of(scene).items():
         own = {

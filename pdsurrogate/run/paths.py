@@ -38,7 +38,8 @@ class ParameterPath:
 
     def increments_to(self, goal: float) -> Increments:
         """Return the increments from the present equilibrium to the next output."""
-        run, begin = self.run, self.run.state.parameter
+        run = self.run
+        begin = self.run.state.parameter
         return Increments(
             begin,
             goal,

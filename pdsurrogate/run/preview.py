@@ -121,7 +121,8 @@ def _marks(problem: Problem) -> list[_Mark]:
     """Return the labeled parts of the body in the order of drawing: materials, regions,
     prescribed motions and loads.
     """
-    scene, regions = problem.scene, problem.regions
+    scene = problem.scene
+    regions = problem.regions
     found: list[tuple[str, np.ndarray, np.ndarray | None]] = []
     for number, part in enumerate(scene.materials):
         key = f"materials.{number}"
@@ -161,7 +162,9 @@ def _marks(problem: Problem) -> list[_Mark]:
                 value if value.ndim else None,
             )
         )
-    palette, middle, marks = matplotlib.colormaps["tab10"], (regions.lower + regions.upper) / 2, []
+    palette = matplotlib.colormaps["tab10"]
+    middle = (regions.lower + regions.upper) / 2
+    marks = []
     for number, (text, points, vector) in enumerate(found):
         place = problem.body.points[points].mean(axis=0) if len(points) else middle
         arrow = vector / np.linalg.norm(vector) if vector is not None and vector.any() else None
@@ -173,8 +176,11 @@ def _in_the_plane(axes, problem: Problem, marks: list[_Mark], colors: np.ndarray
     """Draw a sheet: its cells in given colors, with arrows of the labeled parts, cuts and
     probes.
     """
-    scene, body, nodes = problem.scene, problem.body, problem.body.cells.nodes
-    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    scene = problem.scene
+    body = problem.body
+    nodes = problem.body.cells.nodes
+    low = nodes.min(axis=0)
+    high = nodes.max(axis=0)
     extent = (high - low).max()
     polygons = figures.polygons_of(body.cells, np.zeros_like(nodes))
     # The stub of PolyCollection leaves out that it takes one array of polygons.
@@ -214,8 +220,11 @@ def _in_space(axes, problem: Problem, marks: list[_Mark], colors: np.ndarray) ->
     """Draw a solid from outside: its cells in given colors, with arrows of the labeled parts, cuts
     and probes.
     """
-    scene, body, nodes = problem.scene, problem.body, problem.body.cells.nodes
-    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    scene = problem.scene
+    body = problem.body
+    nodes = problem.body.cells.nodes
+    low = nodes.min(axis=0)
+    high = nodes.max(axis=0)
     places = [scene.units.label(place, "length") for place in figures.PLACES]
     figures.draw_outside(axes, body.cells, nodes, colors, np.array([low, high]), places)
     for mark in marks:

@@ -159,7 +159,8 @@ def output_row(
         Whether to take the measurements that need stresses, or sums over all bonds of the body: the
         work-conjugate stress, moments, stability, lateral contraction, cracks and probes.
     """
-    reactions, declared = run.loading.reactions(run.loaded), run.problem.measures
+    reactions = run.loading.reactions(run.loaded)
+    declared = run.problem.measures
     row: dict = {run.loading.parameter: run.state.parameter}
     if declared.nominal_stress is None:
         row["step"] = run.state.stage
@@ -201,10 +202,8 @@ def output_row(
         if run.loading.course.pushes(run.loaded, least):
             row["stability"] = "checked" if run.loaded.has_energy else "not checked"
         if declared.lateral is not None:
-            displacements, box = (
-                run.body.share.gather(run.positions - run.body.points),
-                np.array(run.problem.scene.body.bounds()),
-            )
+            displacements = run.body.share.gather(run.positions - run.body.points)
+            box = np.array(run.problem.scene.body.bounds())
             row |= run.ranks.to_all(
                 None
                 if displacements is None
@@ -229,17 +228,19 @@ def crack_rows(run: Run) -> list[dict]:
     A rate is None if there is no room for its domain, or the body has several materials; `remark`
     then says why. ``closed`` tells whether the faces of the precut overlap.
     """
-    body, force, found = run.body, run.force, run.problem.fronts
+    body = run.body
+    force = run.force
+    found = run.problem.fronts
     fronts = found.after(
         [output["tips"] for output in run.state.crack["tips"]] if run.state.crack else []
     )
-    rows, loads, F = (
-        [],
-        run.loaded.applied() * body.share.own[:, None],
-        force.deformation_gradients().copy(),
-    )
+    rows = []
+    loads = run.loaded.applied() * body.share.own[:, None]
+    F = force.deformation_gradients().copy()
     for front in fronts:
-        reach, rate, remark = None, None, "the body has several materials"
+        reach = None
+        rate = None
+        remark = "the body has several materials"
         if force.portion_of is None:
             reach, remark = found.reach(front, fronts, _nearest(run, front, loads))
         if reach is not None:
@@ -264,7 +265,8 @@ def _nearest(run: Run, front: Front, loads: np.ndarray) -> dict[str, float]:
     The motion (75) must not move them: a body force moves with its material, a support or a load on
     a region does not.
     """
-    body, share = run.body, run.body.share
+    body = run.body
+    share = run.body.share
     distances = np.where(
         share.own, scipy.spatial.cKDTree(front.places).query(body.points)[0], np.inf
     )
@@ -293,11 +295,14 @@ def _closed(run: Run, front: Front, F: np.ndarray) -> bool:
     A bond opens by what its deformed vector has, along the deformed normal of the cut, beyond that
     of the material around its ends.
     """
-    body, force = run.body, run.force
+    body = run.body
+    force = run.force
     one, other = body.bonds.cut[(body.bonds.cut < len(body)).all(axis=1)].T
     chosen = body.share.own[one] & front.cut.crosses(body.points[one], body.points[other])
-    one, other = one[chosen], other[chosen]
-    bonds, around = body.points[other] - body.points[one], (F[one] + F[other]) / 2
+    one = one[chosen]
+    other = other[chosen]
+    bonds = body.points[other] - body.points[one]
+    around = (F[one] + F[other]) / 2
     gaps = force.positions[other] - force.positions[one] - np.einsum("bij,bj->bi", around, bonds)
     opened = np.sign(bonds @ front.normal) * np.einsum(
         "bi,bji,j->b", gaps, np.linalg.pinv(around), front.normal

@@ -96,8 +96,11 @@ class Run(System):
         )
         numba.set_num_threads(self.threads)
         super().__init__(**vars(bound(problem)))
-        self.model, self.folder, self.interruption = models[0], folder, Interruption()
-        self.contents, self.stages = contents_of(scene, models), problem.stages
+        self.model = models[0]
+        self.folder = folder
+        self.interruption = Interruption()
+        self.contents = contents_of(scene, models)
+        self.stages = problem.stages
         self.whole = None if ranks.rank else problem.whole
         self.target = self.loading.rest
         self.velocities: np.ndarray | None = None
@@ -113,7 +116,8 @@ class Run(System):
         evaluations.
         """
         self.force(self.positions, np.empty_like(self.positions))
-        self.force.seconds, self.force.timed = 0.0, 0
+        self.force.seconds = 0.0
+        self.force.timed = 0
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return, by name, the arrays that together define an equilibrium: the positions, the
@@ -142,12 +146,11 @@ class Run(System):
         for key, array in self.force.state_arrays.items():
             array[:] = old.state_arrays[key]
         self.break_again()
-        self.force.evaluations, self.force.pairs_outside, self.force.most_outside = (
-            old.evaluations,
-            old.pairs_outside,
-            old.most_outside,
-        )
-        self.force.seconds, self.force.timed = old.seconds, old.timed
+        self.force.evaluations = old.evaluations
+        self.force.pairs_outside = old.pairs_outside
+        self.force.most_outside = old.most_outside
+        self.force.seconds = old.seconds
+        self.force.timed = old.timed
 
     def break_again(self) -> None:
         """Remove all broken bonds of the run from its force again, after the force was bound to
@@ -208,10 +211,8 @@ class Run(System):
         fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
         if not self._in_pieces:
             fields = {name: self.body.share.gather(values) for name, values in fields.items()}
-        equilibria, since = (
-            sum("time" not in level for level in self.state.levels),
-            self.state.elapsed + time,
-        )
+        equilibria = sum("time" not in level for level in self.state.levels)
+        since = self.state.elapsed + time
         moment = Moment(
             **{
                 "run_time": equilibria + since,

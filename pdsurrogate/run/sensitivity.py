@@ -27,7 +27,8 @@ from .parameters import array_of, laws_of, names_below, numbers_in, with_numbers
 from .rows import output_row
 from .system import System, bound
 
-STEP, STEP_OF_LAWS = 1e-6, 1e-4
+STEP = 1e-6
+STEP_OF_LAWS = 1e-4
 """Changes of parameters in central differences, relative to the value or to the greatest number of
 a list or an array; the second one of numbers of laws. Chosen: where a support moves by the first
 part of its displacement, while the points beside it stay, and where a number of a network far below
@@ -64,12 +65,14 @@ ROUGH = 1e-4
 displacements found give the residual anew; its solution is the next correction.
 """
 
-EXACT, LEAST_EXACT = 3e-7, 1e-6
+EXACT = 3e-7
+LEAST_EXACT = 1e-6
 """Estimated error of derivatives, divided by the greatest derivative by the same parameter, at
 which corrections end, and greatest such error without a warning.
 """
 
-MOST_ROUNDS, IDLE = 8, 0.5
+MOST_ROUNDS = 8
+IDLE = 0.5
 """Greatest number of corrections, of which two are usual, and four where K = 10,000 mu; and ratio
 of the estimated errors after and before a correction above which the correction counts as idle:
 rounding limits the derivatives.
@@ -208,7 +211,8 @@ class Differentiated:
 
     def changed(self, values: Mapping[str, float]) -> "Differentiated":
         """Return the scene with other values of parameters, by name, on the same body."""
-        problem, at = self.system.problem, self.system.state.parameter
+        problem = self.system.problem
+        at = self.system.state.parameter
         system = self.system.beside(*with_numbers(problem.scene, problem.models, values), at)
         return replace(self, system=system, numbers=self.numbers | values)
 
@@ -278,15 +282,20 @@ class Differentiated:
         no direction of its equations changes the controlled displacement: they are the bordered
         system of theory (73c), regular at a limit load.
         """
-        system, loaded, positions = self.system, self.system.loaded, self.system.positions
-        measured, gradients, along = self.evaluated(positions)[0], None, None
+        system = self.system
+        loaded = self.system.loaded
+        positions = self.system.positions
+        measured = self.evaluated(positions)[0]
+        gradients = None
+        along = None
         names = [
             *names_below(outputs, measured),
             *(name for name in measured if name.startswith("places.")),
         ]
         if solver is None:
             self.numbers[self.control] = measured[self.control]
-            equations, along = loaded.equations(positions), loaded.along()
+            equations = loaded.equations(positions)
+            along = loaded.along()
         else:
             few = 0 < len(names) < len(parameters) and self.contrast <= MOST_CONTRAST
             if few and not system.loads.obstacles:  # whose pushes follow forward solutions
@@ -317,13 +326,11 @@ class Differentiated:
         are left. The next correction, under these forces, would change the measurements by about
         the last change times the ratio of the roots of the work of both corrections.
         """
-        moved, left, measured, size, idle = (
-            change.moved.copy(),
-            change.forces,
-            np.zeros(len(names)),
-            np.inf,
-            0,
-        )
+        moved = change.moved.copy()
+        left = change.forces
+        measured = np.zeros(len(names))
+        size = np.inf
+        idle = 0
         pushes = np.zeros_like(change.pushes)
         least = 1e-300
         if (
@@ -343,7 +350,8 @@ class Differentiated:
                 pushes = along.pushes
             (wrong, size), before = equations.estimate(left), size
             share = float(np.abs(wrong).max()) / max(float(np.abs(moved).max()), least)
-            last, measured = measured, along.measured
+            last = measured
+            measured = along.measured
             if number == 0:  # there are no earlier derivatives to compare with
                 continue
             ratio = size / before if before else 0.0
@@ -387,7 +395,9 @@ class Differentiated:
                 changes[number] = self._change(change.name, names, moved)
         sizes = np.array([equations.estimate(change.forces)[1] for change in changes])
         found, errors = np.empty((2, len(names), len(changes)))
-        left, work, rows = list(gradients), np.full(len(names), np.inf), np.arange(len(names))
+        left = list(gradients)
+        work = np.full(len(names), np.inf)
+        rows = np.arange(len(names))
         for number in range(MOST_ROUNDS):
             before = work.copy()
             for row in rows:
@@ -449,7 +459,8 @@ class Differentiated:
         """Return the measurements where the force was last evaluated, see `evaluated`; `costly`
         as for `output_row`.
         """
-        system, displacements = self.system, self.system.positions - self.system.body.points
+        system = self.system
+        displacements = self.system.positions - self.system.body.points
         probes = system.probes.displacements(displacements, system.loads.planes_moved)
         row = {"probes": probes} | output_row(system, costly=costly)
         found = {key: value for key, value in leaves(row) if isinstance(value, float)}
@@ -473,7 +484,8 @@ class Differentiated:
         Free components move at the rates `moved` (n, d); with None they rest. The pushes of
         obstacles change at the rates `pushes` (places, obstacles).
         """
-        system, fine = self.system, self.fine or name.endswith("bulk_modulus")
+        system = self.system
+        fine = self.fine or name.endswith("bulk_modulus")
         value, step = self._step(name, fine, moved is not None)
         if moved is not None:
             step = min(
@@ -499,14 +511,13 @@ class Differentiated:
 
         rates = central_difference(state, step, fine)
         system.place(system.positions)  # planes of reflection have moved
-        size, shape = system.positions.size, system.loads.pushes.shape
+        size = system.positions.size
+        shape = system.loads.pushes.shape
         motion, forces, found, measured = np.split(
             rates, np.cumsum([size, size, system.loads.pushes.size])
         )
-        motion, forces = (
-            motion.reshape(system.positions.shape),
-            forces.reshape(system.positions.shape),
-        )
+        motion = motion.reshape(system.positions.shape)
+        forces = forces.reshape(system.positions.shape)
         return _Change(
             name, motion, forces, found.reshape(shape), measured, ROUNDED * max(sizes) / step
         )
@@ -529,7 +540,8 @@ class Differentiated:
         beside it by a tenth of the change: energies are linear in all numbers with such a range,
         and the thickness of a sheet nearly so.
         """
-        system, array = self.system, array_of(name, self.system.problem.models)
+        system = self.system
+        array = array_of(name, self.system.problem.models)
         value = system.state.parameter if name == system.loading.parameter else self.numbers[name]
         owner, _, last = name.rpartition(".")
         scale = abs(value) if array is None else float(np.abs(array).max())
@@ -559,7 +571,8 @@ class Differentiated:
                     else system.body.spacing
                 )
             )
-        law, step = laws_of(system.problem.scene)[owner], change * (scale or 1.0)
+        law = laws_of(system.problem.scene)[owner]
+        step = change * (scale or 1.0)
         for middle, width in (
             (value, step),
             (value + step / 10, step / 10),
@@ -579,8 +592,11 @@ class Differentiated:
         """Provide the scene with another value of one parameter, or of the loading parameter,
         with the force of this one in the block.
         """
-        system, problem, at = self.system, self.system.problem, self.system.state.parameter
-        scene, models = problem.scene, problem.models
+        system = self.system
+        problem = self.system.problem
+        at = self.system.state.parameter
+        scene = problem.scene
+        models = problem.models
         if name == system.loading.parameter:
             at = value
         elif name != self.control:  # the controlled displacement changes with the positions
@@ -597,7 +613,8 @@ class Differentiated:
         stress and energy; None if another one is asked for, or if the tangent is not symmetric, as
         that of bond forces.
         """
-        system, found = self.system, []
+        system = self.system
+        found = []
         if not system.loaded.has_energy or system.loading.supports or system.loaded.rigid:
             return None
         for name in names:
@@ -631,12 +648,14 @@ class Differentiated:
         As K is symmetric, it is minus the derivative of the forces by a displacement of the
         support.
         """
-        system, loading = self.system, self.system.loading
+        system = self.system
+        loading = self.system.loading
         holders, points, axes = loading.counted
         chosen = (holders == holder) & (axes == axis)
 
         def forces_at(change: float) -> np.ndarray:
-            moved, forces = system.positions.copy(), np.empty_like(system.positions)
+            moved = system.positions.copy()
+            forces = np.empty_like(system.positions)
             loading.hold(system.state.parameter, system.loaded, moved)
             moved[points[chosen], axes[chosen]] += change
             for part in loading.held:

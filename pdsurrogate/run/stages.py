@@ -51,14 +51,18 @@ def go(run: Run, resume: bool) -> None:
             if not run.takes_double():
                 raise
             _take_double(run, error)
-            current, solver = None, solver_of(run)
+            current = None
+            solver = solver_of(run)
             continue
         if isinstance(current, Transient):
-            run.velocities, run.earlier = current.integrator.velocities, None
+            run.velocities = current.integrator.velocities
+            run.earlier = None
             state.elapsed += current.account.time
         else:
             run.velocities = None
-        state.stage, state.outputs, current = follows, 0, None
+        state.stage = follows
+        state.outputs = 0
+        current = None
         state.begin = _begin(run)
 
 

@@ -46,7 +46,8 @@ def standard_errors(
     exact = {model.exact: FORCES[model.exact]() for model in models if isinstance(model, Learned)}
     models = [exact[model.exact] if isinstance(model, Learned) else model for model in models]
     rates = differentiate(scene, models, result, outputs, parameters, level)
-    variance, at = np.zeros(len(rates.outputs)), 0
+    variance = np.zeros(len(rates.outputs))
+    at = 0
     for one, keys, values in groups:
         # Regions of one law change together.
         own = (

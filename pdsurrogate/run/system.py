@@ -94,7 +94,8 @@ class System:
     def _of(
         self, problem: Problem, force: InternalForce, loaded: LoadedForce, parameter: float
     ) -> "System":
-        positions, state = self.positions.copy(), State(parameter, parameter)
+        positions = self.positions.copy()
+        state = State(parameter, parameter)
         problem.loading.loads.pushes[:] = self.loads.pushes
         return System(problem, force, loaded, self.probes, positions, state)
 
@@ -108,7 +109,8 @@ class System:
         It binds a force of its own if the points of the materials differ, as where a change makes
         two like materials different.
         """
-        problem, numbers = self.problem.changed(scene, models), np.arange(len(self.body))
+        problem = self.problem.changed(scene, models)
+        numbers = np.arange(len(self.body))
         theirs, ours = (
             [numbers[portion.points] for portion in portions]
             for portions in (problem.portions, self.force.portions)
@@ -127,7 +129,8 @@ class System:
 def bound(problem: Problem, precision: str | None = None) -> System:
     """Return a problem with its force, at rest; `precision` is one in place of the scene's."""
     force, loaded = problem.bind(precision)
-    portion_of, share = force.portion_of, problem.body.share
+    portion_of = force.portion_of
+    share = problem.body.share
     if portion_of is not None:  # of the whole body
         portion_of = share.ranks.to_all(share.gather(portion_of[: len(problem.body)]))
     with scene_errors(problem.scene):

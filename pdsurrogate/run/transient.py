@@ -57,14 +57,13 @@ class Transient:
     """
 
     def __init__(self, run: Run, stage: Stage, checkpoints: Checkpoints) -> None:
-        self.run, self.stage, self.most_outputs, self._checkpoints, spec = (
-            run,
-            stage,
-            stage.outputs,
-            checkpoints,
-            stage.inertia,
-        )
-        self.motion, self.viscosity = stage.motion(run.state.begin), spec.viscosity
+        self.run = run
+        self.stage = stage
+        self.most_outputs = stage.outputs
+        self._checkpoints = checkpoints
+        spec = stage.inertia
+        self.motion = stage.motion(run.state.begin)
+        self.viscosity = spec.viscosity
         if self.viscosity is None:
             softest = min(law.shear_modulus for law, _ in run.force.laws)
             of_cracks = CRACK_VISCOSITY * run.body.spacing * math.sqrt(spec.density / softest)
@@ -106,7 +105,9 @@ class Transient:
         quasi-statically, so that no shock is sent; after dynamics they are the last velocities, and
         held points and planes that change their velocity do send a shock.
         """
-        run, integrator, motion = self.run, self.integrator, self.motion
+        run = self.run
+        integrator = self.integrator
+        motion = self.motion
         velocities = (
             run.loading.course.velocities(run.positions, motion)
             if run.velocities is None
@@ -122,7 +123,9 @@ class Transient:
 
     def resume(self, checkpoint: Checkpoint) -> None:
         """Restore the integrator, energy account and held parts of the stage from a checkpoint."""
-        run, integrator, kept = self.run, self.integrator, checkpoint.progress["transient"]
+        run = self.run
+        integrator = self.integrator
+        kept = checkpoint.progress["transient"]
         vars(self.account).update(kept["account"])
         for key in INTEGRATOR:
             setattr(integrator, key, kept[key])
@@ -139,7 +142,10 @@ class Transient:
         Return True, as `Equilibria.go` does at the end of its stage: no other stage has to replace
         this one.
         """
-        run, account, integrator, through = self.run, self.account, self.integrator, False
+        run = self.run
+        account = self.account
+        integrator = self.integrator
+        through = False
         while account.outputs < self.most_outputs and not through:
             try:
                 self.step()
@@ -203,7 +209,8 @@ class Transient:
         Return whether the recorded state ends the run: the body has separated, and its energy
         account closes. What its parts do then is no result of the tear.
         """
-        run, integrator = self.run, self.integrator
+        run = self.run
+        integrator = self.integrator
         run.force.elapse(0.0)
         run.positions -= integrator.last_step * integrator.velocities
         self.account.time -= integrator.last_step
@@ -223,7 +230,9 @@ class Transient:
         """Advance the body by one time step: move points and held parts, evaluate the forces,
         and break overstretched bonds.
         """
-        run, account, integrator = self.run, self.account, self.integrator
+        run = self.run
+        account = self.account
+        integrator = self.integrator
         left = self._time_due(account.outputs) - account.time
         integrator.move()
         account.time = (
@@ -272,14 +281,15 @@ class Transient:
         """Add a row for the present time to the history, after adding work and damped energy
         until then to the energy account.
         """
-        run, books, stress = self.run, self._books, self.run.problem.measures.nominal_stress
-        reactions, kinetic = (
-            run.loading.reactions(run.loaded, self.integrator.forces),
-            books.kinetic_energy(),
-        )
+        run = self.run
+        books = self._books
+        stress = self.run.problem.measures.nominal_stress
+        reactions = run.loading.reactions(run.loaded, self.integrator.forces)
+        kinetic = books.kinetic_energy()
         forces = forces_by_name(run, reactions)
         books.advance(reactions, evaluate=True)
-        strain, row = run.strain_energy(), place_columns(run, run.state.elapsed + self.account.time)
+        strain = run.strain_energy()
+        row = place_columns(run, run.state.elapsed + self.account.time)
         if stress is not None:
             row["nominal_stress"] = stress.of(reactions.forces)
         else:
@@ -319,7 +329,8 @@ class Transient:
         Except for bodies between grips, whose nominal stress is in the history, the output also
         becomes a row of ``summary["levels"]``.
         """
-        run, account = self.run, self.account
+        run = self.run
+        account = self.account
         self._last_row()
         through = self._cracks is not None and self._cracks.output()
         self._apply()

@@ -66,7 +66,8 @@ def _dimension(scene: SceneData) -> None:
     """Raise ValueError if a part of a scene belongs to the plane and the body is a solid, or the
     other way round.
     """
-    dimension, body = scene.dimension, scene.body.shape
+    dimension = scene.dimension
+    body = scene.body.shape
     here, there = ("3D", "2D") if dimension == 3 else ("2D", "3D")
     if (scene.plane == "space") != (dimension == 3):
         taken = "space, which is also the default" if dimension == 3 else "stress or strain"

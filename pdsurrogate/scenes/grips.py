@@ -15,7 +15,8 @@ def prescribed_in(scene: Scene, length: float = 1.0) -> dict[str, Prescribed]:
     stretch - 1; `length` is that of the body along the loaded axis, by which their `travel` is
     multiplied.
     """
-    found, names = {}, ("x1", "x2", "x3")[: scene.dimension]
+    found = {}
+    names = ("x1", "x2", "x3")[: scene.dimension]
     for number, hold in enumerate(scene.holds):
         travel = hold.travel or (0.0,) * scene.dimension
         moved = {

@@ -106,10 +106,12 @@ def _grips(scene: SceneData) -> None:
 
 
 def _program(scene: SceneData) -> None:
-    begin, before = 0.0, None
+    begin = 0.0
+    before = None
     for key, step in entries_of(scene, "steps"):
         if step.control != before:
-            begin, before = 0.0, step.control
+            begin = 0.0
+            before = step.control
         if (
             step.largest_increment is not None
             and abs(step.to - begin) > MOST_INCREMENTS * step.largest_increment
@@ -164,9 +166,11 @@ def _fracture(scene: SceneData) -> None:
     if scene.dynamics is None and not any(step.dynamics for step in scene.steps):
         where = "a step with dynamics" if scene.steps else "dynamics"
         raise ValueError(f"fracture: needs {where}, since a running crack is not in equilibrium")
-    names, given = names_of_materials(scene), set()
+    names = names_of_materials(scene)
+    given = set()
     for number, interface in enumerate(scene.fracture.interfaces):
-        key, between = f"fracture.interfaces.{number}.between", frozenset(interface.between)
+        key = f"fracture.interfaces.{number}.between"
+        between = frozenset(interface.between)
         for name in interface.between:
             if names.count(name) != 1:
                 known = "two materials have this name" if name in names else suggestion(name, names)

@@ -48,12 +48,14 @@ RIGID = "rigid"
 body.
 """
 
-LEAST_MODULUS, MOST_MODULUS = 1e-30, 1e30
+LEAST_MODULUS = 1e-30
+MOST_MODULUS = 1e30
 """Limits of the shear and the bulk modulus: between them forces and their squares, which norms
 need, neither overflow nor vanish in double precision at any spacing that is allowed.
 """
 
-LEAST_SPACING, MOST_SPACING = 1e-12, 1e12
+LEAST_SPACING = 1e-12
+MOST_SPACING = 1e12
 """Limits of the spacing: volumes of cells, 1e-36 to 1e36, are normal numbers in single
 precision.
 """

@@ -58,12 +58,10 @@ def _lines(problem: Any, problems: list, part: type[BaseModel]) -> list[tuple[st
 
     The list is empty if another of the problems explains the trouble better.
     """
-    loc, kind, given, context = (
-        problem["loc"],
-        problem["type"],
-        problem.get("input"),
-        problem.get("ctx", {}),
-    )
+    loc = problem["loc"]
+    kind = problem["type"]
+    given = problem.get("input")
+    context = problem.get("ctx", {})
     fields = {field.alias or name: field for name, field in part.model_fields.items()}
     # Pydantic adds the tag of the variant that it tried, such as a shape; the author's file has no
     # such key.
@@ -84,9 +82,11 @@ def _lines(problem: Any, problems: list, part: type[BaseModel]) -> list[tuple[st
     if kind == "missing" and isinstance(loc[-1], int):
         message = f"this entry is missing, of {len(given)} given"
     elif kind == "extra_forbidden":
-        message, given = f"unknown key; {suggestion(str(loc[-1]), fields)}", None
+        message = f"unknown key; {suggestion(str(loc[-1]), fields)}"
+        given = None
     elif kind in ("too_short", "too_long"):
-        least, most = context.get("min_length"), context.get("max_length")
+        least = context.get("min_length")
+        most = context.get("max_length")
         bound = f"at least {least}" if kind == "too_short" else f"at most {most}"
         message = f"needs {bound} entries, not {context['actual_length']}"
     elif kind == "union_tag_invalid":

@@ -136,7 +136,8 @@ def parse_change(change: str) -> tuple[str, Any]:
     possible, else as text, with commas as a list.
     """
     key, separator, value = change.partition("=")
-    key, value = key.strip(), value.strip()
+    key = key.strip()
+    value = value.strip()
     if not separator or not key or not value:
         raise SceneError(f"a change must have the form key=value, not {change!r}")
     for candidate in (value, f"[{value}]" if "," in value else value):
@@ -178,7 +179,8 @@ def apply_change(data: dict, key: str, value: Any) -> None:
     *path, last = key.split(".")
     place: Any = data
     for depth, step in enumerate(path, 1):
-        name, following = ".".join(path[:depth]), (*path, last)[depth]
+        name = ".".join(path[:depth])
+        following = (*path, last)[depth]
         number = _entry(place, step, key, path[: depth - 1])
         inner = place.get(number) if isinstance(place, dict) else place[number]
         if isinstance(inner, str) and step == "material":

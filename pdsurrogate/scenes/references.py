@@ -68,7 +68,8 @@ def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:
         if this problem was not solved at that stretch. Stresses are scaled to the scene's shear
         modulus; displacements depend on the law by its ratio K/mu of bulk and shear modulus alone.
     """
-    law, keys = scene.law(), {"body", "holes", "precuts", "grips", "materials"}
+    law = scene.law()
+    keys = {"body", "holes", "precuts", "grips", "materials"}
     points = {"arrangement", "seed"}
     body_alone = {"body": points, "holes": {"__all__": points}}
     problem = scene.model_dump(

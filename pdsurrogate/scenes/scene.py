@@ -162,7 +162,8 @@ class Scene(SceneData):
 
     def __repr__(self) -> str:
         program, kind = (self.stretches, "stretch") if self.stretched else (self.steps, "step")
-        count, law = len(program), "no material" if self.material is None else self.material.law
+        count = len(program)
+        law = "no material" if self.material is None else self.material.law
         told = (
             f"{count} {kind}{'' if count == 1 else 'es' if kind == 'stretch' else 's'}"
             if count

@@ -234,19 +234,23 @@ class Ellipse(Outline):
         return (((points - np.array(self.center)) / np.array(self.semi_axes)) ** 2).sum(axis=1) < 1
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        center, reach = np.array(self.center), np.array(self.semi_axes)
+        center = np.array(self.center)
+        reach = np.array(self.semi_axes)
         return center - reach, center + reach
 
     def boundary(self, cell: np.ndarray) -> np.ndarray:
         return _around(np.array(self.center), np.array(self.semi_axes), cell)
 
     def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        center, semi_axes = np.array(self.center), np.array(self.semi_axes)
+        center = np.array(self.center)
+        semi_axes = np.array(self.semi_axes)
         # Within a quadrant, the center of curvature of the last foot leads to the next one.
-        offsets, along = np.abs(places - center), np.full(places.shape, math.sqrt(0.5))
+        offsets = np.abs(places - center)
+        along = np.full(places.shape, math.sqrt(0.5))
         for _ in range(FOOT_STEPS):
             evolute = (semi_axes**2 - semi_axes[::-1] ** 2) * along**3 / semi_axes
-            arms, ways = semi_axes * along - evolute, offsets - evolute
+            arms = semi_axes * along - evolute
+            ways = offsets - evolute
             ways *= (
                 np.linalg.norm(arms, axis=1) / np.maximum(np.linalg.norm(ways, axis=1), 1e-300)
             )[:, None]
@@ -333,7 +337,8 @@ class Polygon(Sided):
         extent = np.ptp(self._corners, axis=0).max()
         # Parts around which the outline runs backward, twice or more make the area of its corners
         # another one than that of the parts around which it runs once, or an odd number of times.
-        around, once = outline.area, shapely.make_valid(outline).area
+        around = outline.area
+        once = shapely.make_valid(outline).area
         if abs(around - once) > 1e-9 * extent**2:
             raise ValueError(
                 "the outline crosses itself, or runs around itself more than once; give the corners"
@@ -621,7 +626,8 @@ class Cut(StrictModel):
         heights = [(points - place) @ normal for points in (starts, ends)]
         sides = [height >= -rounding for height in heights]
         apart = np.flatnonzero(sides[0] != sides[1])
-        first, second = heights[0][apart], heights[1][apart]
+        first = heights[0][apart]
+        second = heights[1][apart]
         return apart, starts[apart] + (first / (first - second))[:, None] * (
             ends[apart] - starts[apart]
         )
@@ -654,7 +660,8 @@ class Precut(Cut):
             raise ValueError("a precut needs two different ends")
 
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
-        start, along = np.array(self.start), np.subtract(self.end, self.start)
+        start = np.array(self.start)
+        along = np.subtract(self.end, self.start)
         length = float(np.linalg.norm(along))
         return start, np.array([-along[1], along[0]]) / length, length
 
@@ -663,7 +670,8 @@ class Precut(Cut):
         return self.model_copy(update={"start": tuple(start), "end": tuple(end)})
 
     def covers(self, places: np.ndarray) -> np.ndarray:
-        start, along = np.array(self.start), np.subtract(self.end, self.start)
+        start = np.array(self.start)
+        along = np.subtract(self.end, self.start)
         share = (places - start) @ along / (along @ along)
         return (share > ENDS) & (share < 1 - ENDS)
 

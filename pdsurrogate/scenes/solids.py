@@ -88,7 +88,8 @@ class Prism(Solid):
         return inside
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        straight, corners = self.straight, np.empty((2, 3))
+        straight = self.straight
+        corners = np.empty((2, 3))
         corners[:, straight.across], corners[:, straight.along] = (
             straight.section.bounds(),
             straight.span,
@@ -436,7 +437,8 @@ class ParallelogramCut(Cut):
         return ((shares > ENDS) & (shares < 1 - ENDS)).all(axis=1)
 
     def distances(self, places: np.ndarray) -> np.ndarray:
-        corner, (one, other) = np.array(self.corner), np.array(self.sides)
+        corner = np.array(self.corner)
+        (one, other) = np.array(self.sides)
         corners = [corner, corner + one, corner + one + other, corner + other]
         beside = np.min(
             [
@@ -448,7 +450,9 @@ class ParallelogramCut(Cut):
         return np.where(self.covers(places), np.abs((places - corner) @ self.plane()[1]), beside)
 
     def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        found, corner, normal = [], np.array(self.corner), self.plane()[1]
+        found = []
+        corner = np.array(self.corner)
+        normal = self.plane()[1]
         one, other = np.array(self.sides)
         for start, side in (
             (corner, one),

@@ -116,15 +116,14 @@ class Loading:
         held: list[Held],
         loads: Loads,
     ) -> None:
-        self.body, self.parameter, self.rest, self.names, self.loads, self._share = (
-            body,
-            parameter,
-            rest,
-            names,
-            loads,
-            body.share,
-        )
-        self.planes, self.held = planes, held
+        self.body = body
+        self.parameter = parameter
+        self.rest = rest
+        self.names = names
+        self.loads = loads
+        self._share = body.share
+        self.planes = planes
+        self.held = held
         self.supports = [Support(body, part) for part in held if part.others is not None]
         self._of_points = [part for part in held if part.plane is None]
         self._of_planes = [part for part in held if part.plane is not None]
@@ -165,7 +164,8 @@ class Loading:
         intact : ndarray of bool, shape (bonds,), optional
             True for the bonds that connect points; all by default.
         """
-        bonds, n = self.body.bonds, len(self.body)
+        bonds = self.body.bonds
+        n = len(self.body)
         within = bonds.second < n if intact is None else (bonds.second < n) & intact
         return self._share.pieces(bonds.first[within], bonds.second[within])
 
@@ -223,12 +223,10 @@ class Loading:
         It tells rigid motions from strains so small that they are lost in the rounding of the
         `positions` (n, d).
         """
-        share, at_rest, moves, (count, piece) = (
-            self._share,
-            self.body.points,
-            self.moves(parameter),
-            self.pieces(),
-        )
+        share = self._share
+        at_rest = self.body.points
+        moves = self.moves(parameter)
+        (count, piece) = self.pieces()
         table = [
             share.joined(rows, self.point)
             for rows in (piece[self.point], self.component, self.place, moves)
@@ -242,7 +240,8 @@ class Loading:
             )
             turn = nearest_turn(share.total((positions[own] - after).T @ (at_rest[own] - before)))
             component, places, moved = (rows[table[0] == number] for rows in table[1:])
-            arms, held = places - before, (np.arange(len(places)), component)
+            arms = places - before
+            held = (np.arange(len(places)), component)
             if (
                 rigid_placement(
                     arms, held, arms[held] + moved, after - before, turn, self.body.extent
@@ -286,7 +285,8 @@ class Loading:
         before, present, after = (
             np.append(self.moves_of_points(t), self.plane_motions(t)) for t in (last, now, ahead)
         )
-        way, evenly = after - present, (present - before) * ((ahead - now) / (now - last))
+        way = after - present
+        evenly = (present - before) * ((ahead - now) / (now - last))
         off, *ways = (
             self._share.greatest(np.abs(change)) for change in (way - evenly, way, evenly)
         )
@@ -308,7 +308,8 @@ class Loading:
             If the plane is held along itself too, so that a free side can bulge over it.
         """
         for obstacle in self.loads.obstacles:
-            depths, error = -obstacle.gaps(positions)[0] - PASSED * self.body.spacing, None
+            depths = -obstacle.gaps(positions)[0] - PASSED * self.body.spacing
+            error = None
             if (deepest := int(depths.argmax())) >= 0 and depths[deepest] > 0:
                 what = (
                     f"it lies in the obstacle {obstacle.name}, which has passed the boundary of the"
@@ -317,11 +318,9 @@ class Loading:
                 error = Obstructed(at_point(self.body, deepest, what))
             self.body.share.agree(error)
             obstacle.check_barred(positions)
-        supported, motions, ghosts = (
-            force.supported,
-            self.plane_motions(parameter),
-            self.body.ghosts,
-        )
+        supported = force.supported
+        motions = self.plane_motions(parameter)
+        ghosts = self.body.ghosts
         for number, (name, plane, motion) in enumerate(
             zip(self.planes, self.body.planes, motions, strict=True)
         ):
@@ -338,7 +337,8 @@ class Loading:
             ):  # it pushes back a point that has entered it as far as it has crossed the plane
                 beyond[beyond <= ON_A_PLANE * self.body.spacing - obstacle.gaps(positions)[0]] = 0.0
             self._check_held(name, plane, motion)
-            worst, error = int(beyond.argmax()), None
+            worst = int(beyond.argmax())
+            error = None
             if beyond[worst] > ON_A_PLANE * self.body.spacing:
                 what = (
                     f"it lies {beyond[worst]:.3g} beyond the {name}, on the side of its own image"
@@ -386,15 +386,14 @@ class Loading:
         of_planes : bool
             Whether the reactions of planes are computed; otherwise they are 0.
         """
-        on_planes, levers = np.zeros(self.plane_components.shape), None
+        on_planes = np.zeros(self.plane_components.shape)
+        levers = None
         if of_planes:
             bonds, planes, shares = self.crossing
             crossing = force.pair_forces(bonds)
             np.add.at(on_planes, planes, crossing * shares)
-            on_planes, levers = (
-                self._share.total(on_planes) - self._loads_on_planes(force)[:, :, 0],
-                (self._levers_on_planes(force, crossing) if self.turning else None),
-            )
+            on_planes = self._share.total(on_planes) - self._loads_on_planes(force)[:, :, 0]
+            levers = self._levers_on_planes(force, crossing) if self.turning else None
             levers = None if levers is None else self._share.total(levers)
         if on_points is None and self._of_points:
             on_points = self._on_points(force)
@@ -406,7 +405,8 @@ class Loading:
         """Return the reactions from the forces and levers of planes (see `Reactions`), and
         internal force plus loads on points (n, d).
         """
-        forces, at_points = np.zeros((len(self.names), self.body.dimension)), None
+        forces = np.zeros((len(self.names), self.body.dimension))
+        at_points = None
         if self._of_points:
             at_points = -on_points * (1 - self.free)
             for support in self.supports:
@@ -463,10 +463,8 @@ class Loading:
         if levers is not None:
             return levers
         bonds, planes, shares = self.crossing
-        pulls, ends = (
-            (force.pair_forces(bonds) if crossing is None else crossing) * shares,
-            self.body.bonds,
-        )
+        pulls = (force.pair_forces(bonds) if crossing is None else crossing) * shares
+        ends = self.body.bonds
         middles = (force.positions[ends.first[bonds]] + force.positions[ends.second[bonds]]) / 2
         levers = np.zeros((len(self.planes), self.body.dimension, self.body.dimension))
         np.add.at(levers, planes, pulls[:, :, None] * middles[:, None])
@@ -520,7 +518,8 @@ class Loading:
         The arrays are the number of the bond, the number of the plane, and half the displacement of
         the image per displacement of the plane, component by component.
         """
-        n, ghosts = len(self.body), self.body.ghosts
+        n = len(self.body)
+        ghosts = self.body.ghosts
         outer = np.flatnonzero(self.body.bonds.second >= n)
         outer = outer[self._share.own[self.body.bonds.first[outer]]]
         levers = ghosts.lever[self.body.bonds.second[outer] - n]
@@ -562,7 +561,8 @@ class Loading:
         sums = self._share.total(sums)
         found, places = np.split(sums[:, :-1] / np.maximum(sums[:, -1:], 1), 2, axis=1)
         for part in self._of_planes:
-            plane, middle = self.body.planes[part.plane], places[part.holder].copy()
+            plane = self.body.planes[part.plane]
+            middle = places[part.holder].copy()
             if plane.axis is not None:
                 middle[plane.axis] = plane.position
             found[part.holder, part.components] = displaced(part.motion(parameter), middle)[

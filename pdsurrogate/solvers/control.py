@@ -14,7 +14,8 @@ from .loads import LoadedForce
 from .nearest_bonds import Preconditioner
 from .tangent import TangentEquations
 
-BALANCED, MOST_SECANTS = 1e-13, 20
+BALANCED = 1e-13
+MOST_SECANTS = 20
 """Sum of weighted forces that is left, relative to that of the internal forces, where the factor of
 the loads is found; and greatest number of secants. Chosen: a hundred roundings; dead loads need one
 secant, pressures on the deformed thickness some five.
@@ -53,18 +54,15 @@ class ControlledForce(LoadedForce):
         weights: np.ndarray | None = None,
     ) -> None:
         super().__init__(loaded.internal, loaded.loads, loaded.supports, loaded.rigid)
-        self.has_energy, self.no_energy_because = (
-            False,
-            "the loads depend on the displacements in displacement control",
-        )
-        self._free, self._control, self._inner, self._dot = (
-            free,
-            control * free,
-            inner,
-            loaded.body.share.dot,
-        )
+        self.has_energy = False
+        self.no_energy_because = "the loads depend on the displacements in displacement control"
+        self._free = free
+        self._control = control * free
+        self._inner = inner
+        self._dot = loaded.body.share.dot
         self._weights = weights
-        self._unit, self.factor = np.zeros_like(control), 0.0
+        self._unit = np.zeros_like(control)
+        self.factor = 0.0
 
     def beside(self, loaded: LoadedForce) -> ControlledForce:
         """Return another loaded force of the same body with the factor of its loads as an
@@ -97,7 +95,8 @@ class ControlledForce(LoadedForce):
             slope = (here[1] - last[1]) / (here[0] - last[0])
             if not (np.isfinite(slope) and slope):
                 raise InvalidState("the loads do not change the controlled displacement")
-            last, self.factor = here, here[0] - here[1] / slope
+            last = here
+            self.factor = here[0] - here[1] / slope
             applied = self._loads_at(self.factor)
         else:
             raise InvalidState("no factor of the loads balances the controlled displacement")
@@ -125,7 +124,8 @@ class ControlledForce(LoadedForce):
         """Return the displacements (n, d) under forces (n, d) and a change of t that leaves the
         controlled displacement as it is.
         """
-        moved, along = self._inner.solve(forces) * self._free, self.along()
+        moved = self._inner.solve(forces) * self._free
+        along = self.along()
         return moved - self._dot(self._control, moved) * along
 
     def equations(self, positions: np.ndarray) -> TangentEquations:
@@ -178,11 +178,14 @@ class DisplacementControl(EquilibriumSolver):
 
     # Least fraction of a step that is tried, and greatest number of iterations: usual are the whole
     # step, and three to six.
-    LEAST_STEP, MOST, IDLE = 1 / 16, 30, 5
+    LEAST_STEP = 1 / 16
+    MOST = 30
+    IDLE = 5
 
     def __init__(self, control: np.ndarray, *settings) -> None:
         super().__init__(*settings)
-        self._control, self.factor = control, np.nan
+        self._control = control
+        self.factor = np.nan
 
     def controlled(self, force: LoadedForce) -> ControlledForce:
         """Return a loaded force with the factor of its loads as an unknown."""
@@ -191,12 +194,11 @@ class DisplacementControl(EquilibriumSolver):
     def solve(
         self, force, positions, tolerance=None, report=no_report, least_drive=0.0
     ) -> Equilibrium:
-        tolerance, began, controlled = (
-            tolerance or self.tolerance,
-            force.evaluations,
-            self.controlled(force),
-        )
-        forces, trial = np.empty_like(positions), np.empty_like(positions)
+        tolerance = tolerance or self.tolerance
+        began = force.evaluations
+        controlled = self.controlled(force)
+        forces = np.empty_like(positions)
+        trial = np.empty_like(positions)
         self.begin(force, least_drive)
         self.evaluate(controlled, positions, forces)
         residual, settled = self.judge(controlled, forces, tolerance)
@@ -205,11 +207,9 @@ class DisplacementControl(EquilibriumSolver):
                 self.factor = controlled.factor
                 return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
             equations = controlled.equations(positions)
-            step, size, share = (
-                equations.displacements(forces, self.SHARE_LEFT),
-                float(np.linalg.norm(forces)),
-                1.0,
-            )
+            step = equations.displacements(forces, self.SHARE_LEFT)
+            size = float(np.linalg.norm(forces))
+            share = 1.0
             self._bound(force, step)
             while True:
                 np.multiply(step, share, out=trial)

@@ -93,12 +93,11 @@ class Paths:
             loading.body.share,
         )
         # A slightly larger bound accepts increments of exactly that strain.
-        self._springs, self._shear_modulus, self._largest_strain = (
-            springs,
-            shear_modulus,
-            largest_strain * (1 + 1e-6),
-        )
-        self._pull, self.between_grips = pull, pull is not None
+        self._springs = springs
+        self._shear_modulus = shear_modulus
+        self._largest_strain = largest_strain * (1 + 1e-6)
+        self._pull = pull
+        self.between_grips = pull is not None
 
     def largest_increment(
         self, positions: np.ndarray, start: float, end: float, asked: float | None
@@ -194,9 +193,11 @@ class Paths:
             if time >= step
             else (motion.at(time), motion.at(time + step))
         )
-        old, new = self._loading.plane_motions(before), self._loading.plane_motions(after)
+        old = self._loading.plane_motions(before)
+        new = self._loading.plane_motions(after)
         changes = new - old
-        shifts, power = changes[:, :, -1], 0.0
+        shifts = changes[:, :, -1]
+        power = 0.0
         if reactions.levers is not None:
             # The place X of a plane is at y = X + u(X): the change of u is a linear function of y.
             by_place = np.linalg.solve(
@@ -206,7 +207,8 @@ class Paths:
             power = float((reactions.levers * by_place).sum()) / step
         power += float((reactions.on_planes * shifts).sum()) / step
         if reactions.at_points is not None:
-            moved, loading = np.zeros_like(reactions.at_points), self._loading
+            moved = np.zeros_like(reactions.at_points)
+            loading = self._loading
             moved[loading.there] = loading.moves_of_points(after) - loading.moves_of_points(before)
             power += self._share.sum(reactions.at_points * moved) / step
         return power
@@ -220,20 +222,20 @@ class Paths:
         """
         if self._pull is not None:
             return self._pull(self._loading.reactions(force).forces) < -least
-        (n, d), first, second, positions = (
-            self.body.points.shape,
-            self.body.bonds.first,
-            self.body.bonds.second,
-            force.positions,
-        )
-        arms, pulls = positions[second] - positions[first], force.pair_forces()
+        (n, d) = self.body.points.shape
+        first = self.body.bonds.first
+        second = self.body.bonds.second
+        positions = force.positions
+        arms = positions[second] - positions[first]
+        pulls = force.pair_forces()
         products = (pulls[:, :, None] * arms[:, None] + arms[:, :, None] * pulls[:, None]) / 4
         sums = (
             sums_at_points(n, first, second, products.reshape(-1, d * d), 1)
             / self.body.volumes[:, None]
         )
         least, *_, greatest = np.linalg.eigvalsh(sums[self._share.own].reshape(-1, d, d)).T
-        least, greatest = -self._share.greatest(-least), self._share.greatest(greatest)
+        least = -self._share.greatest(-least)
+        greatest = self._share.greatest(greatest)
         return bool(
             least < -max(COMPRESSED * greatest, NO_STRESS[force.precision] * self._shear_modulus)
         )
@@ -281,7 +283,8 @@ class Paths:
             for part in self._loading.held
             if part.angle is not None
         )
-        portions, guess = max(1, math.ceil(max(turns, default=0.0) / LARGEST_TURN)), positions
+        portions = max(1, math.ceil(max(turns, default=0.0) / LARGEST_TURN))
+        guess = positions
         for start, end in pairwise(np.linspace(before, after, portions + 1)):
             guess = self._extended(guess, self._loading.plane_motions(start), end)
         guess = self._outside(guess, after)
@@ -296,7 +299,8 @@ class Paths:
         rotations of the whole body. The remaining held displacements are then interpolated as by a
         network of springs.
         """
-        loading, goal_planes = self._loading, self._loading.plane_motions(t)
+        loading = self._loading
+        goal_planes = self._loading.plane_motions(t)
         self._share.fill(start)
         places, goals = self._samples(start, planes, goal_planes, t)
         rows = np.arange(len(goals)), loading.component
@@ -317,7 +321,8 @@ class Paths:
         guess = start @ gradient.T + shift
         left = goals - (places @ gradient.T + shift)[rows]
         if self._share.greatest(np.abs(left)) > 1e-6 * min(farthest, self.body.spacing):
-            moved, of_planes = np.zeros_like(start), np.zeros(goal_planes.shape[:2])
+            moved = np.zeros_like(start)
+            of_planes = np.zeros(goal_planes.shape[:2])
             moved[loading.there] = left[loading.at_points]
             for number, component in zip(*np.nonzero(loading.plane_components), strict=True):
                 # Along its plane the affine map need not follow every place alike.
@@ -353,9 +358,11 @@ class Paths:
         which the plane is free. `planes` and `goal_planes` are the motions of the planes at the
         positions `start` and at `t` (see `Loading.plane_motions`).
         """
-        loading, displacements = self._loading, start - self.body.points
+        loading = self._loading
+        displacements = start - self.body.points
         there = loading.point, loading.component
-        places, goals = start[loading.point], self.body.points[there] + loading.moves(t)
+        places = start[loading.point]
+        goals = self.body.points[there] + loading.moves(t)
         for number, part in enumerate(loading.held):
             if (
                 part.others is not None
@@ -367,15 +374,14 @@ class Paths:
                     - mean[loading.component[own]]
                 )
         beside = ~loading.at_points
-        number, component, at_rest = (
-            loading.plane[beside],
-            loading.component[beside],
-            loading.place[beside],
-        )
+        number = loading.plane[beside]
+        component = loading.component[beside]
+        at_rest = loading.place[beside]
         now, then = (displaced(motions[number], at_rest) for motions in (planes, goal_planes))
         there = np.where(loading.plane_components[number], at_rest + now, places[beside])
         rows = np.arange(len(number)), component
-        places[beside], goals[beside] = there, there[rows] + (then - now)[rows]
+        places[beside] = there
+        goals[beside] = there[rows] + (then - now)[rows]
         return places, goals
 
 
@@ -410,8 +416,10 @@ def affine_extension(
     shift : ndarray, shape (d,)
     """
     dimension = places.shape[1]
-    gradient, told = np.eye(dimension), [[] for _ in range(dimension)]
-    shift, middles = np.zeros(dimension), np.zeros((dimension, dimension))
+    gradient = np.eye(dimension)
+    told = [[] for _ in range(dimension)]
+    shift = np.zeros(dimension)
+    middles = np.zeros((dimension, dimension))
     for component in range(dimension):
         own = components == component
         if not own.any():

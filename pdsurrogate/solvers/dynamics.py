@@ -123,19 +123,22 @@ class ExplicitDynamics:
         safety: float,
         loads: Loads | None = None,
     ) -> None:
-        self.force, self._hold, self.positions, self.velocities = force, hold, positions, velocities
-        self._free, self._mass, self._damping, self._viscosity, self._safety = (
-            free,
-            mass,
-            damping,
-            viscosity,
-            safety,
-        )
+        self.force = force
+        self._hold = hold
+        self.positions = positions
+        self.velocities = velocities
+        self._free = free
+        self._mass = mass
+        self._damping = damping
+        self._viscosity = viscosity
+        self._safety = safety
         self._loaded = LoadedForce(force, loads) if loads else force
-        self._loads, self._applied = loads, np.empty_like(positions) if loads else None
+        self._loads = loads
+        self._applied = np.empty_like(positions) if loads else None
         self._contact = loads.greatest_frequency(mass) if loads else 0.0
         self._share = force.body.share
-        self._ahead, self.elastic = np.empty_like(positions), np.zeros_like(positions)
+        self._ahead = np.empty_like(positions)
+        self.elastic = np.zeros_like(positions)
         self.frequency = FrequencyEstimate(mass, free, self._share)
         self.forces = np.empty_like(positions)
         self._kicks = None

@@ -72,7 +72,8 @@ beyond which the search diverges: residuals of an unstable iteration grow withou
 of a stable one exceed the first value by less.
 """
 
-PERIODS, LEAST_WINDOW = 4, 200
+PERIODS = 4
+LEAST_WINDOW = 200
 """Force evaluations per spacing in the body's extent, and the least number, in which the residual
 of a converging search halves. Chosen: some two periods of the slowest mode in relaxation, which
 takes tens of evaluations per spacing in all.
@@ -236,14 +237,18 @@ class EquilibriumSolver(ABC):
         most_evaluations: int = 50_000,
         share: Share | None = None,
     ) -> None:
-        self.free, self.volumes, self.share = free, volumes, share or Share.whole(len(free))
-        self.tolerance, self.most_evaluations = tolerance, most_evaluations
+        self.free = free
+        self.volumes = volumes
+        self.share = share or Share.whole(len(free))
+        self.tolerance = tolerance
+        self.most_evaluations = most_evaluations
         # Permitted sum of the forces on free points, relative to the driving forces.
         self._share_left = UNBALANCED * min(1.0, tolerance / USUAL)
         # Places that move alike share their forces only after many steps: not in proportion.
         # With the root derivatives in contact would be off by 1.1e-6.
         self._penetration = PENETRATION * min(1.0, tolerance / USUAL) ** (2 / 3)
-        self._held, self._drive = np.nonzero(free == 0), 0.0
+        self._held = np.nonzero(free == 0)
+        self._drive = 0.0
         self._preconditioner: Preconditioner | None = None
         self._bending: Preconditioner | None = None
 
@@ -334,7 +339,9 @@ class EquilibriumSolver(ABC):
         stiffness = (
             force.law.bulk_modulus / force.law.shear_modulus if force.nearly_incompressible else 1.0
         )
-        self._least_drive, self.least_left, self._idle = least_drive, np.inf, 0
+        self._least_drive = least_drive
+        self.least_left = np.inf
+        self._idle = 0
         self._slender = is_slender(force.body)
         self._rounding = ROUNDED * stiffness * strain_rounding(force.body, force.positions)
 
@@ -377,7 +384,8 @@ class EquilibriumSolver(ABC):
         """Return whether contact has penetration that counts, beside which the residual is small;
         its forces then become the pushes of the obstacles, and `forces` change in place.
         """
-        positions, loads = force.positions[: len(force.body)], force.loads
+        positions = force.positions[: len(force.body)]
+        loads = force.loads
         found = loads.pushed(positions, loads.pushes)
         change = force.of_contact(loads.pushed(positions, found) - found) * self.free
         missing = self.residual(force, change)

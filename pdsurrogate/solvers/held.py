@@ -88,12 +88,11 @@ class Support:
     response: Callable[[np.ndarray], np.ndarray]
 
     def __init__(self, body: Body, part: Held) -> None:
-        self._body, self._part = body, part
+        self._body = body
+        self._part = part
         # with the components they index arrays (n, d)
-        self._point, self._others = (
-            part.points[:, None],
-            part.others[:, None],
-        )
+        self._point = part.points[:, None]
+        self._others = part.others[:, None]
         self.set(0.0)
 
     def set(self, parameter: float) -> None:
@@ -105,7 +104,8 @@ class Support:
         others is the prescribed one.
         """
         self._body.share.fill(positions)
-        part, at_rest = self._part, self._body.points
+        part = self._part
+        at_rest = self._body.points
         if (
             len(part.others) == part.count - 1
         ):  # on another rank there may be fewer, and a copy of the held point

@@ -38,7 +38,8 @@ class Increments:
         self._count = max(1, int(np.ceil(abs(end - start) / largest - 1e-9)))
         self._planned = np.linspace(start, end, self._count + 1)
         # The unit is the planned increment; sums of powers of one half are exact.
-        self._done, self.share = 0.0, 1.0
+        self._done = 0.0
+        self.share = 1.0
 
     @property
     def finished(self) -> bool:

@@ -52,13 +52,11 @@ class DeadLoad:
     def __init__(
         self, name: str, amplitude: Amplitude, share: Share, points: np.ndarray, forces: np.ndarray
     ) -> None:
-        self.name, self.amplitude, self.points, self.forces, self.factor = (
-            name,
-            amplitude,
-            points,
-            forces,
-            0.0,
-        )
+        self.name = name
+        self.amplitude = amplitude
+        self.points = points
+        self.forces = forces
+        self.factor = 0.0
         self.weights = _along_total(forces, share.total(forces.sum(axis=0)))
 
     def at_sites(self, vectors: np.ndarray, planes: np.ndarray | None) -> np.ndarray:
@@ -102,8 +100,10 @@ class _OnFacets:
     planes: np.ndarray
 
     def __init__(self, share: Share, surface: Surface, facets: np.ndarray) -> None:
-        self._share, self._areas = share, surface.areas()[facets]
-        corners, (f, d) = surface.facets[facets], (len(facets), surface.facets.shape[1])
+        self._share = share
+        self._areas = surface.areas()[facets]
+        corners = surface.facets[facets]
+        (f, d) = (len(facets), surface.facets.shape[1])
 
         def combined(weights: np.ndarray) -> Following:
             """Return the map to combinations of the corners of each facet."""
@@ -111,7 +111,8 @@ class _OnFacets:
             matrix = scipy.sparse.csr_array(entries, shape=(f, len(surface.nodes)))
             return surface.interpolation.changed(lambda rows: (matrix @ rows).tocsr())
 
-        middle, sides = combined(np.full(d, 1 / d)), np.eye(d)[1:] - np.eye(d)[0]
+        middle = combined(np.full(d, 1 / d))
+        sides = np.eye(d)[1:] - np.eye(d)[0]
         self.points = np.unique(middle.rows.indices)
         self._middle, *self._sides = (
             each.changed(lambda rows: rows[:, self.points].tocsr())
@@ -162,7 +163,9 @@ class Traction(_OnFacets):
         value: Sequence[float],
     ) -> None:
         super().__init__(share, surface, facets)
-        self.name, self.amplitude, self.factor = name, amplitude, 0.0
+        self.name = name
+        self.amplitude = amplitude
+        self.factor = 0.0
         self._forces = self._areas[:, None] * np.array(value)
         self.forces = self._middle.spread(self._forces)
         self.weights = _along_total(self._forces, self._forces.sum(axis=0)) * share.leads
@@ -214,16 +217,15 @@ class Pressure(_OnFacets):
         thickness_at_edge: Callable[[np.ndarray, float], np.ndarray] | None = None,
     ) -> None:
         super().__init__(share, surface, facets)
-        self.name, self.amplitude, self._value, self.deformed, self.factor = (
-            name,
-            amplitude,
-            value,
-            deformed,
-            0.0,
-        )
+        self.name = name
+        self.amplitude = amplitude
+        self._value = value
+        self.deformed = deformed
+        self.factor = 0.0
         self._at_edge = thickness_at_edge
         self.needs_thickness = deformed and thickness_at_edge is None
-        self.weights, why = np.full(len(facets), float(share.leads)), None
+        self.weights = np.full(len(facets), float(share.leads))
+        why = None
         if deformed:
             why = (
                 "acts on the deformed thickness; on the undeformed one (thickness=undeformed) a"
@@ -250,7 +252,8 @@ class Pressure(_OnFacets):
         InvalidState
             Where a force is not finite, or the thickness not positive.
         """
-        pressure, sides = self._value * self.factor, self._sides_at(positions)
+        pressure = self._value * self.factor
+        sides = self._sides_at(positions)
         forces = -pressure * _normals(sides)
         if self.deformed and pressure:
             if self._at_edge is None:
@@ -360,7 +363,8 @@ class Loads:
     """
 
     def __init__(self, body: Body, loads: Sequence[AnyLoad]) -> None:
-        self.body, self._loads = body, loads
+        self.body = body
+        self._loads = loads
         planes = [
             (plane.axis, plane.position) if plane.symmetric else (-1, 0.0) for plane in body.planes
         ]
@@ -522,7 +526,8 @@ class Loads:
         displacement. For a pressure the mean is over the middles of its facets. For an obstacle it
         is the displacement of the obstacle.
         """
-        displacement, planes = positions - self.body.points, self.planes_moved
+        displacement = positions - self.body.points
+        planes = self.planes_moved
         loads = [load for load in self._loads if load not in self.obstacles]
         totals = self._summed(
             lambda load: load.weights[:, None] * load.at_sites(displacement, planes), loads
@@ -600,13 +605,11 @@ class LoadedForce:
         supports: Sequence[Support] = (),
         rigid: Sequence[RigidRegion] = (),
     ) -> None:
-        self.internal, self.loads, self.obstacles, self.supports, self.rigid = (
-            internal,
-            loads,
-            loads.obstacles,
-            supports,
-            rigid,
-        )
+        self.internal = internal
+        self.loads = loads
+        self.obstacles = loads.obstacles
+        self.supports = supports
+        self.rigid = rigid
         self.no_energy_because = loads.no_potential_because
         self.has_energy = internal.has_energy and self.no_energy_because is None
 
@@ -641,7 +644,8 @@ class LoadedForce:
         """Return the forces on the points (n, d) under forces of the obstacles at places
         (k, obstacles) in the state last evaluated.
         """
-        positions, found = self.positions[: len(self.body)], np.zeros_like(self.body.points)
+        positions = self.positions[: len(self.body)]
+        found = np.zeros_like(self.body.points)
         for obstacle, column in zip(self.obstacles, forces.T, strict=True):
             obstacle.surface.add(column[:, None] * obstacle.pushed(positions)[1], found)
         self._gather(positions, found)

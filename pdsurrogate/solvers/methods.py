@@ -68,15 +68,18 @@ class QuasiNewton(EquilibriumSolver):
     # Evaluations after which a suitable method has converged, as it does in 20 to 60, or still
     # gains, as on slender bodies that bend: the least residual of the last `WINDOW` steps is then
     # below a tenth of that of the `WINDOW` steps before.
-    PATIENCE, WINDOW = 250, 100
+    PATIENCE = 250
+    WINDOW = 100
     IDLE = WINDOW
 
     def solve(
         self, force, positions, tolerance=None, report=no_report, least_drive=0.0
     ) -> Equilibrium:
-        tolerance, began = tolerance or self.tolerance, force.evaluations
+        tolerance = tolerance or self.tolerance
+        began = force.evaluations
         preconditioner = self.preconditioner(force)
-        forces, trial = np.empty_like(positions), np.empty_like(positions)
+        forces = np.empty_like(positions)
+        trial = np.empty_like(positions)
         self.begin(force, least_drive)
         self.evaluate(force, positions, forces)
         residual, settled = self.judge(force, forces, tolerance)
@@ -111,7 +114,8 @@ class QuasiNewton(EquilibriumSolver):
             report(evaluations, residual)
             residuals.append(residual)
             check_growth(residuals[0], residual)
-            before, now = residuals[-2 * self.WINDOW : -self.WINDOW], residuals[-self.WINDOW :]
+            before = residuals[-2 * self.WINDOW : -self.WINDOW]
+            now = residuals[-self.WINDOW :]
             lost = evaluations >= self.PATIENCE and not min(now) < 0.1 * min(before, default=0.0)
             if not settled and (lost or evaluations >= self.most_evaluations):
                 raise self.not_converged(force, residual, evaluations, tolerance)
@@ -123,7 +127,9 @@ class QuasiNewton(EquilibriumSolver):
 
         `forces` (n, d) are those before the step, and `trial` (n, d) is overwritten.
         """
-        accepts, following, share = self._criterion(force, step, forces), np.empty_like(forces), 1.0
+        accepts = self._criterion(force, step, forces)
+        following = np.empty_like(forces)
+        share = 1.0
         while share >= self.LEAST_STEP:
             np.multiply(step, share, out=trial)
             trial += positions
@@ -196,7 +202,8 @@ class EnergyMinimizer(QuasiNewton):
 
     # Each step lowers the energy, so the method need not give up before a run gives up an
     # increment.
-    PATIENCE, IDLE = 2_000, EquilibriumSolver.IDLE
+    PATIENCE = 2_000
+    IDLE = EquilibriumSolver.IDLE
     # Fraction of the decrease of the energy by the slope that a step must reach (Armijo): the usual
     # value, which refuses few steps.
     SUFFICIENT = 1e-4
@@ -205,7 +212,8 @@ class EnergyMinimizer(QuasiNewton):
     ROUNDING: ClassVar = {"float32": 1e-5, "float64": 1e-14}
 
     def _criterion(self, force, step, forces):
-        slope, before = -self.share.dot(forces, step), self._energy(force)
+        slope = -self.share.dot(forces, step)
+        before = self._energy(force)
         if slope >= 0:
             # Rounding has spoiled the curvature that was gathered: the preconditioned force itself
             # is downhill.
@@ -217,7 +225,8 @@ class EnergyMinimizer(QuasiNewton):
         )
 
         def accepts(following: np.ndarray, share: float) -> tuple[bool, float]:
-            change, slope_there = self._energy(force) - before, -self.share.dot(following, step)
+            change = self._energy(force) - before
+            slope_there = -self.share.dot(following, step)
             falls = change <= self.SUFFICIENT * share * slope and -share * slope > noise
             accepted = falls or (
                 change <= noise and slope_there <= (2 * self.SUFFICIENT - 1) * slope
@@ -253,7 +262,8 @@ class SteppingSolver(EquilibriumSolver):
     def solve(
         self, force, positions, tolerance=None, report=no_report, least_drive=0.0
     ) -> Equilibrium:
-        start, began = positions.copy(), force.evaluations
+        start = positions.copy()
+        began = force.evaluations
         # The state is new in every call, so that a resumed run repeats an uninterrupted one.
         self.frequency = FrequencyEstimate(self.volumes, self.free, self.share)
         search = force, positions, tolerance or self.tolerance, began, report, least_drive
@@ -279,16 +289,22 @@ class SteppingSolver(EquilibriumSolver):
     def _iterate(
         self, force, positions, tolerance, began, report, least_drive, caution
     ) -> Equilibrium:
-        step, forces = self.prepare(force, positions, caution), np.empty_like(positions)
-        first, least, found, course = None, np.inf, 0, []
+        step = self.prepare(force, positions, caution)
+        forces = np.empty_like(positions)
+        first = None
+        least = np.inf
+        found = 0
+        course = []
         self.begin(force, least_drive)
         while True:
             self.evaluate(force, positions, forces)
             residual, settled = self.judge(force, forces, tolerance)
-            evaluations, first = force.evaluations - began, first or residual
+            evaluations = force.evaluations - began
+            first = first or residual
             check_growth(first, residual)
             if residual < 0.9 * least:
-                least, found = residual, evaluations
+                least = residual
+                found = evaluations
             if settled or evaluations % 10 == 0:
                 report(evaluations, residual)
             if settled:
@@ -327,9 +343,11 @@ class DynamicRelaxation(SteppingSolver):
 
     def prepare(self, force, positions, caution):
         mass = caution * self.MARGIN / 4 * self.frequency(force, positions) * self.volumes
-        velocities, last_forces = np.zeros_like(positions), np.zeros_like(positions)
+        velocities = np.zeros_like(positions)
+        last_forces = np.zeros_like(positions)
 
-        quotient, take = rayleigh_parts, relaxation_step
+        quotient = rayleigh_parts
+        take = relaxation_step
 
         def step(forces):
             stiffness, inertia = self.share.total(quotient(velocities, forces, last_forces, mass))
@@ -363,7 +381,8 @@ class DampedExplicit(SteppingSolver):
         # ends, with E = 3 mu.
         extent = force.body.extent
         damping = 2 * np.pi / extent * np.sqrt(3 * force.law.shear_modulus)
-        velocities, take = np.zeros_like(positions), central_difference_step
+        velocities = np.zeros_like(positions)
+        take = central_difference_step
         constants = self.free, self.volumes, damping, step_length, step_length
         return lambda forces: take(positions, velocities, forces, *constants)
 
@@ -388,13 +407,15 @@ class Automatic(EquilibriumSolver):
     # Bound of the evaluations of relaxation: a number for each spacing in the body's extent, and
     # the least bound.  Relaxation takes some tens for each spacing where the body is as thick as it
     # is long, more where it is slender.
-    RELAXED, LEAST_RELAXED = 100, 2_000
+    RELAXED = 100
+    LEAST_RELAXED = 2_000
 
     _quick: EquilibriumSolver | None = None
 
     def __init__(self, *settings) -> None:
         super().__init__(*settings)
-        self._settings, self._sure = settings, DynamicRelaxation(*settings)
+        self._settings = settings
+        self._sure = DynamicRelaxation(*settings)
 
     def preconditioner(self, force):
         return self._method(force).preconditioner(force)
@@ -417,7 +438,8 @@ class Automatic(EquilibriumSolver):
         self, force, positions, tolerance=None, report=no_report, least_drive=0.0
     ) -> Equilibrium:
         quick = self._method(force)
-        start, began = positions.copy(), force.evaluations
+        start = positions.copy()
+        began = force.evaluations
         if not self.gave_up:
             try:
                 return quick.solve(force, positions, tolerance, report, least_drive)
@@ -455,11 +477,13 @@ class Newton(EquilibriumSolver):
     # permitted residual of the linear equations of an iteration, divided by the forces on free
     # points. Chosen: an iteration then gains what the curvature of the forces permits, with some 15
     # products of the tangent.
-    START, SHARE_LEFT = 1e-3, 1e-4
+    START = 1e-3
+    SHARE_LEFT = 1e-4
 
     # Greatest number of iterations, each of which gains far more than a third: a search that needs
     # more than the usual two to five fails.
-    MOST, IDLE = 20, 5
+    MOST = 20
+    IDLE = 5
 
     def __init__(self, *settings) -> None:
         super().__init__(*settings)
@@ -490,7 +514,8 @@ class Newton(EquilibriumSolver):
         self, force, positions, tolerance=None, report=no_report, least_drive=0.0
     ) -> Equilibrium:
         self._equations = None
-        tolerance, began = tolerance or self.tolerance, force.evaluations
+        tolerance = tolerance or self.tolerance
+        began = force.evaluations
         found = self._first.solve(force, positions, max(tolerance, self.START), report, least_drive)
         if tolerance >= self.START:
             return found

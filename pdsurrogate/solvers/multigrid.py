@@ -97,13 +97,14 @@ class Multigrid:
         diagonal = matrix.diagonal()
         # Powers of two scale the values into the range of single precision, in any units, without
         # rounding.
-        self._width, self._unit = width, power_of_two(share.sum(diagonal) / share.size)
-        matrix, diagonal = matrix / self._unit, diagonal / self._unit
-        rows, self._factor = np.flatnonzero(free), None
-        lower, upper = (
-            points[rows].min(axis=0, initial=np.inf),
-            points[rows].max(axis=0, initial=-np.inf),
-        )
+        self._width = width
+        self._unit = power_of_two(share.sum(diagonal) / share.size)
+        matrix = matrix / self._unit
+        diagonal = diagonal / self._unit
+        rows = np.flatnonzero(free)
+        self._factor = None
+        lower = points[rows].min(axis=0, initial=np.inf)
+        upper = points[rows].max(axis=0, initial=-np.inf)
         box = boxes_of(
             points[rows],
             spacing,
@@ -148,12 +149,17 @@ class Multigrid:
         level, and two after it. The matrix `prolongation` maps a solution of the coarser level to
         this one.
         """
-        (count, few), held = prolongation.shape, {3: 4}.get(self._width, self._width)
+        (count, few) = prolongation.shape
+        held = {3: 4}.get(self._width, self._width)
         self._right, self._found, self._rest = np.zeros((3, count, held), dtype=np.float32)
         self._coarse_right, self._coarse_found, working = np.zeros((3, few, held), dtype=np.float32)
-        rows, passes, chunks = rows_of_matrix(matrix), passes_of(held), chunks_of(matrix.nnz)
+        rows = rows_of_matrix(matrix)
+        passes = passes_of(held)
+        chunks = chunks_of(matrix.nnz)
         factors = relaxation.astype(np.float32)
-        right, found, rest = self._right, self._found, self._rest
+        right = self._right
+        found = self._found
+        rest = self._rest
         self._scale = Chain(passes.scale.bind(factors, right, rest, chunks=chunks))
         self._relax = Chain(passes.relax.bind(*rows, factors, right, rest, found, chunks=chunks))
         self._restrict = Chain(
@@ -180,7 +186,8 @@ class Multigrid:
         """
         if self._factor is not None:
             return self._factor.solve(right) / self._unit
-        share, width = self._share, self._width
+        share = self._share
+        width = self._width
         unit = power_of_two(share.greatest(np.abs(right[share.own] if share.divided else right)))
         self._right[:, :width] = right.reshape(-1, width) / unit
         share.clear(self._right)

@@ -29,7 +29,8 @@ of cells that are longer than wide. With the diagonal bonds too, a factorization
 entries and costs four times as much, for a tenth fewer steps.
 """
 
-WIDE_REACH, MOST_WIDE = 1.8, 200_000
+WIDE_REACH = 1.8
+MOST_WIDE = 200_000
 """Greatest length, in spacings, of the bonds in the stiffness matrix of a relaxed sheet, and the
 greatest number of points of such a sheet.
 
@@ -131,7 +132,8 @@ class Preconditioner:
     """
 
     def __init__(self, solve: Operator, update: Callable[[], bool] = lambda: False) -> None:
-        self.solve, self.update = solve, update
+        self.solve = solve
+        self.update = update
 
 
 class NearestBonds:
@@ -171,7 +173,9 @@ class NearestBonds:
         across: float,
         diagonal: bool = False,
     ) -> None:
-        bonds, points, share = body.bonds, body.all_points, body.share
+        bonds = body.bonds
+        points = body.all_points
+        share = body.share
         vector = points[bonds.second] - points[bonds.first]
         length = lengths_of(vector)
         volumes = body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
@@ -200,17 +204,14 @@ class NearestBonds:
         moment = stiffness * length**2
         of_all = moment * share.own[bonds.first]
         stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
-        self._across, self._excess, self._along = (
-            across * stiffness,
-            (along - across) * stiffness,
-            vector[near] / length[near, None],
-        )
+        self._across = across * stiffness
+        self._excess = (along - across) * stiffness
+        self._along = vector[near] / length[near, None]
         self.coupled = along != across
-        self.first, self.second = (
-            bonds.first[near].astype(np.int64),
-            bonds.second[near].astype(np.int64),
-        )
-        self.body, self._sources = body, sources[near]
+        self.first = bonds.first[near].astype(np.int64)
+        self.second = bonds.second[near].astype(np.int64)
+        self.body = body
+        self._sources = sources[near]
 
     def forces(self, moved: np.ndarray, of_images: np.ndarray | float = 0.0) -> np.ndarray:
         """Return the restoring forces (n, d) of the springs on the points, minus stiffness times
@@ -244,10 +245,8 @@ class NearestBonds:
         if rigid is not None:
             blocks *= ~(rigid[self.first] & rigid[self._sources])[:, None, None]
         rows, columns, values = self._entries(blocks, self._parity()[:, None])
-        rows, columns = (
-            d * rows[:, None, None] + np.arange(d)[:, None],
-            d * columns[:, None, None] + np.arange(d),
-        )
+        rows = d * rows[:, None, None] + np.arange(d)[:, None]
+        columns = d * columns[:, None, None] + np.arange(d)
         places = [np.broadcast_to(numbers, values.shape).ravel() for numbers in (rows, columns)]
         return _symmetric(d * len(self.body), *places, values.ravel())
 
@@ -274,7 +273,8 @@ class NearestBonds:
         """Return the components in groups that images repeat and boundaries hold alike on all
         ranks, where `free` (n, d) is 0.
         """
-        columns, share = np.vstack([self.body.ghosts.parity, free]).T, self.body.share
+        columns = np.vstack([self.body.ghosts.parity, free]).T
+        share = self.body.share
         unlike = share.any((columns[:, None] != columns[None]).any(axis=2))
         return [
             np.flatnonzero(~row).tolist()
@@ -299,11 +299,11 @@ class NearestBonds:
         `parity` (k, ...) are the signs from `_parity`.
         """
         within = self.second < len(self.body)
-        first, second, ends = self.first, self.second[within], self.first[within]
-        rows, columns = (
-            np.concatenate([first, first, second, second]),
-            np.concatenate([first, self._sources, second, ends]),
-        )
+        first = self.first
+        second = self.second[within]
+        ends = self.first[within]
+        rows = np.concatenate([first, first, second, second])
+        columns = np.concatenate([first, self._sources, second, ends])
         return (
             rows,
             columns,
@@ -411,7 +411,8 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
     tangent does not grow with the number of points. The factorization takes seconds for 10^5
     points.
     """
-    body, inverses = network.body, []
+    body = network.body
+    inverses = []
     balanced = drift_remover(body, free)
     for components, matrix in network.systems(free):
         count = matrix.shape[0]
@@ -438,14 +439,17 @@ def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
     ----------
     Toselli and Widlund, Domain Decomposition Methods (2005), ch. 3.
     """
-    body, share, around = network.body, network.body.share, free.copy()
+    body = network.body
+    share = network.body.share
+    around = free.copy()
     degrees = sums_at_points(
         len(body), network.first, network.second, np.ones(len(network.first)), 1
     )
     of_owners = degrees.copy()
     share.fill(around, of_owners)
     invert = _inverse_here(network, around * (degrees == of_owners)[:, None])
-    balanced, (modes, coarse) = drift_remover(body, around), _affine_motions(network, around)
+    balanced = drift_remover(body, around)
+    (modes, coarse) = _affine_motions(network, around)
     k = modes.shape[1]
     own = slice(k * share.ranks.rank, k * (share.ranks.rank + 1))
 
@@ -465,7 +469,10 @@ def _inverse_by_multigrid(network: NearestBonds, free: np.ndarray) -> Operator:
     """Return the approximate inverse of the stiffness of a Laplacian by a multigrid cycle, the
     same on any number of ranks.
     """
-    body, share, around, inverses = network.body, network.body.share, free.copy(), []
+    body = network.body
+    share = network.body.share
+    around = free.copy()
+    inverses = []
     share.fill(around)
     balanced = drift_remover(body, around)
     for components, matrix in network.systems(around):
@@ -488,7 +495,9 @@ def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarr
     of every rank, k times the number of ranks in all. Only free components move, where `around` (n,
     d), which includes the halo, is 1.
     """
-    body, share, (n, d) = network.body, network.body.share, around.shape
+    body = network.body
+    share = network.body.share
+    (n, d) = around.shape
     middle = np.stack(share.everywhere(body.points[share.own].mean(axis=0)))[share.owners]
     # All ranks use the same unit, since each forms the motions of its neighbors as well.
     functions = np.column_stack([np.ones(n), (body.points - middle) / body.extent])
@@ -496,12 +505,13 @@ def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarr
     for axis in range(d):
         motions[axis, :, :, axis] = functions.T * around[:, axis]
     motions = motions.reshape(-1, n, d)
-    k, count = len(motions), share.ranks.size
+    k = len(motions)
+    count = share.ranks.size
     own = (motions * share.own[:, None]).reshape(k, -1).T.copy()
-    products, rows = (
-        [(part, matrix.shape[0], matrix.__matmul__) for part, matrix in network.systems(around)],
-        np.zeros((k, k * count)),
-    )
+    products = [
+        (part, matrix.shape[0], matrix.__matmul__) for part, matrix in network.systems(around)
+    ]
+    rows = np.zeros((k, k * count))
     for rank in np.unique(share.owners):
         theirs = (share.owners == rank)[:, None]
         for number, motion in enumerate(motions):
@@ -534,7 +544,8 @@ def spring_solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Op
     Where `inverse_of` is approximate, conjugate gradients correct it until the norm of the
     residual, in the energy norm, is at most `left` times that of the forces.
     """
-    inverse, share = inverse_of(network, free), network.body.share
+    inverse = inverse_of(network, free)
+    share = network.body.share
     if network.coupled and not share.divided:
         return inverse
 
@@ -573,9 +584,11 @@ def _bond_lengths(body: Body, pairs: slice, *places: np.ndarray) -> list[np.ndar
     """Return the lengths of those of some `pairs` without a ghost, where the points are at each
     of `places` (n, d).
     """
-    first, second = body.bonds.first[pairs], body.bonds.second[pairs]
+    first = body.bonds.first[pairs]
+    second = body.bonds.second[pairs]
     within = second < len(body)
-    first, second = first[within], second[within]
+    first = first[within]
+    second = second[within]
     return [lengths_of(there[second] - there[first]) for there in places]
 
 

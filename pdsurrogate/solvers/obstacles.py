@@ -85,14 +85,12 @@ class ContactNodes:
         stops: np.ndarray,
         spacing: float,
     ) -> None:
-        self.share, self.nodes, self.areas, self.facets, self.bonded, self.spacing = (
-            share,
-            nodes,
-            areas,
-            facets,
-            bonded,
-            spacing,
-        )
+        self.share = share
+        self.nodes = nodes
+        self.areas = areas
+        self.facets = facets
+        self.bonded = bonded
+        self.spacing = spacing
         self.stops = stops
         self._points = np.unique(interpolation.rows.indices)
         numbers = share.everywhere(share.numbers[self._points])
@@ -185,7 +183,8 @@ class Obstacle:
     """
 
     planes: np.ndarray
-    needs_thickness, no_potential_because = False, None
+    needs_thickness = False
+    no_potential_because = None
 
     def __init__(
         self,
@@ -198,21 +197,17 @@ class Obstacle:
         travel: np.ndarray,
         stiffness: float,
     ) -> None:
-        self.name, self.amplitude, self.surface, self.travel, self.factor = (
-            name,
-            amplitude,
-            surface,
-            travel,
-            0.0,
-        )
+        self.name = name
+        self.amplitude = amplitude
+        self.surface = surface
+        self.travel = travel
+        self.factor = 0.0
         self.barred: Mapping[str, np.ndarray] = {}
         self.pushes = np.zeros(len(surface.nodes))
-        self._center, self._radius, self._direction, self.stiffness = (
-            center,
-            radius,
-            direction,
-            stiffness * surface.areas,
-        )
+        self._center = center
+        self._radius = radius
+        self._direction = direction
+        self.stiffness = stiffness * surface.areas
 
     def gaps(
         self, places: np.ndarray, factor: float | None = None
@@ -258,10 +253,8 @@ class Obstacle:
         The obstacle follows its amplitude from the parameter `before` to `after`, and points move
         in straight lines meanwhile.
         """
-        surface, factors = (
-            self.surface,
-            [self.amplitude(t) for t in np.linspace(before, after, SAMPLES + 1)],
-        )
+        surface = self.surface
+        factors = [self.amplitude(t) for t in np.linspace(before, after, SAMPLES + 1)]
         way = np.linalg.norm(self.travel) * np.abs(np.diff(factors)).sum() + surface.share.greatest(
             np.abs(end - start)
         )
@@ -306,7 +299,8 @@ class Obstacle:
         """Return the energy of the contact, 0 without gaps and penetration; 0 on ranks other than
         the first.
         """
-        pushing, forces = self.stiffness > 0, self.pushed(positions)[0]
+        pushing = self.stiffness > 0
+        forces = self.pushed(positions)[0]
         squares = forces[pushing] ** 2 - self.pushes[pushing] ** 2
         return float((squares / self.stiffness[pushing]).sum()) / 2 * self.surface.share.leads
 
@@ -317,17 +311,13 @@ class Obstacle:
         The gap is linear in a facet, so that an edge of the contact may lie within it. A facet
         beside a bonded corner also touches, as a whole, if the point at it does.
         """
-        facets, places, touching = (
-            self.surface.facets,
-            self.surface.places(positions, self.planes),
-            TOUCHING * self.surface.spacing,
-        )
+        facets = self.surface.facets
+        places = self.surface.places(positions, self.planes)
+        touching = TOUCHING * self.surface.spacing
         gaps, _ = self.gaps(places)
         whole = (self.surface.stops >= 0) & (gaps[self.surface.stops] < touching)
-        bonded, deepest = (
-            self.surface.bonded[facets],
-            float(gaps[self.stiffness > 0].min(initial=0.0)),
-        )
+        bonded = self.surface.bonded[facets]
+        deepest = float(gaps[self.stiffness > 0].min(initial=0.0))
         at_corners = np.where(bonded, np.inf, gaps[facets])
         # A bonded corner touches if the nodes beside it do.
         at_corners = np.where(bonded, at_corners.min(axis=1, keepdims=True), at_corners)
@@ -357,7 +347,8 @@ def _share_below(values: np.ndarray) -> np.ndarray:
     its values at the corners (f, d).
     """
     below = values < 0
-    count, corners = below.sum(axis=1), values.shape[1]
+    count = below.sum(axis=1)
+    corners = values.shape[1]
     # the corner with a sign of its own
     alone = np.where(count == 1, below.argmax(axis=1), below.argmin(axis=1))
     own = np.abs(np.take_along_axis(values, alone[:, None], axis=1))
@@ -384,12 +375,16 @@ class ContactStiffness:
     """
 
     def __init__(self, inverse: Operator, obstacles: Sequence[Obstacle]) -> None:
-        self._inverse, self._obstacles, self._surface = inverse, obstacles, obstacles[0].surface
+        self._inverse = inverse
+        self._obstacles = obstacles
+        self._surface = obstacles[0].surface
         self._stiffness = np.concatenate([obstacle.stiffness for obstacle in obstacles])
         self._places = np.tile(np.arange(len(self._surface.nodes)), len(obstacles))
         # Displacements of all places under a unit push on a place along an axis.
         self._known: dict[tuple[int, int], np.ndarray] = {}
-        self._active, self._normals, self._factor = np.zeros(0, dtype=int), np.zeros((0, 0)), None
+        self._active = np.zeros(0, dtype=int)
+        self._normals = np.zeros((0, 0))
+        self._factor = None
 
     def _gaps(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the gaps of all pairs, infinite where obstacles do not push, the gaps below which
@@ -429,7 +424,8 @@ class ContactStiffness:
         """Return the displacements of the pairs `rows` along their normals under unit pushes on
         `pairs`, shape (rows, pairs); `normals` are those of all pairs.
         """
-        places, along = self._places[rows], normals[rows]
+        places = self._places[rows]
+        along = normals[rows]
         found = np.zeros((len(rows), len(pairs)))
         for column, pair in enumerate(pairs.tolist()):
             for axis in np.flatnonzero(normals[pair]).tolist():
@@ -455,7 +451,8 @@ class ContactStiffness:
         pairs = np.flatnonzero(gaps - reach < CLOSE * self._surface.spacing)
         changed = not np.array_equal(pairs, self._active)
         if changed or not np.array_equal(normals[pairs], self._normals):
-            self._active, self._normals = pairs, normals[pairs]
+            self._active = pairs
+            self._normals = normals[pairs]
             own = self._responses(pairs, pairs, normals, positions.shape)
             self._factor = (
                 scipy.linalg.lu_factor(self._compliance(pairs, own)) if len(pairs) else None
@@ -467,7 +464,8 @@ class ContactStiffness:
         moved = self._inverse(forces)
         if self._factor is None:
             return moved
-        pairs, normals = self._active, self._normals
+        pairs = self._active
+        normals = self._normals
         along = (self._surface.places(moved)[self._places[pairs]] * normals).sum(axis=1)
         pushes = scipy.linalg.lu_solve(self._factor, along)
         return moved - self._pushed_by(pairs, normals, pushes, forces.shape)
@@ -480,14 +478,16 @@ class ContactStiffness:
         are pulled.
         """
         gaps, reach, normals = self._gaps(positions)
-        pairs, pushes = np.flatnonzero(gaps < reach), np.zeros(0)
+        pairs = np.flatnonzero(gaps < reach)
+        pushes = np.zeros(0)
         every = np.arange(len(gaps))
         for _ in range(MOST_ROUNDS if len(pairs) else 0):
             responses = self._responses(every, pairs, normals, positions.shape)
             pushes = np.linalg.solve(self._compliance(pairs, responses[pairs]), -gaps[pairs])
             active = gaps + responses @ pushes < reach
             active[pairs] = pushes > -self._stiffness[pairs] * reach[pairs]
-            before, pairs = pairs, np.flatnonzero(active)
+            before = pairs
+            pairs = np.flatnonzero(active)
             if np.array_equal(before, pairs):
                 break
         else:

@@ -32,7 +32,8 @@ with 0, 1, 2 and 4, ten derivatives in a sheet with a hole need 290, 227, 222 an
 Quasi-Newton methods adapt to the tangent themselves and do without it.
 """
 
-EXTENDED, SOLVED = 3e-4, 0.05
+EXTENDED = 3e-4
+SOLVED = 0.05
 """Permitted residuals, divided by the given forces in the energy norm, of conjugate gradients for
 the displacements of springs: in first guesses (`EXTENDED`) and in preconditioners (`SOLVED`).
 
@@ -64,7 +65,8 @@ SLENDER = 4.0
 slender.
 """
 
-MOST_STRUTS, WIDEST_CHECKED = {2: 1e7, 3: 1e6}, {2: 160, 3: 40}
+MOST_STRUTS = {2: 1e7, 3: 1e6}
+WIDEST_CHECKED = {2: 160, 3: 40}
 """By dimension, greatest number of points times the mean number of points in a section across the
 extent, at which the springs of `struts_of` a slender body are factorized, and the greatest such
 mean at which this is done for the checks of stability in a run.
@@ -108,14 +110,17 @@ def preconditioner_of(
     stiffness to that of the tangent does not grow with their slenderness, but a solution takes
     longer.
     """
-    body, moduli = force.body, force.stiffness_moduli
+    body = force.body
+    moduli = force.stiffness_moduli
     if bending and has_struts(body):
         network = struts_of(body, moduli)
     else:
         network = (
             laplacian_of(body, moduli) if force.nearly_incompressible else springs_of(body, moduli)
         )
-    regions, supports, obstacles = force.rigid, force.supports, force.obstacles
+    regions = force.rigid
+    supports = force.supports
+    obstacles = force.obstacles
     if regions or obstacles or force.nearly_incompressible:
         inner = (
             inverse_with_regions(network, free, regions)
@@ -203,11 +208,9 @@ def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> P
         Exact or approximate inverse of A, symmetric and positive definite; A includes the stiffness
         of obstacles in contact.
     """
-    share, dilatation, unit = (
-        force.body.share,
-        force.linearized_dilatation(),
-        force.law.shear_modulus * force.body.volumes,
-    )
+    share = force.body.share
+    dilatation = force.linearized_dilatation()
+    unit = force.law.shear_modulus * force.body.volumes
     for law, points in force.laws:
         unit[points] = law.shear_modulus * force.body.volumes[points]
     compliance = min(law.shear_modulus / law.bulk_modulus for law, _ in force.laws)
@@ -291,7 +294,8 @@ def supported(inner: Preconditioner, supports: Sequence[Support], share: Share) 
 
     The projection R removes from displacements the mean motion of these places.
     """
-    fields, dot = [field for support in supports for field in support.fields()], share.dot
+    fields = [field for support in supports for field in support.fields()]
+    dot = share.dot
 
     def solve(forces: np.ndarray) -> np.ndarray:
         balanced = forces.copy()

@@ -77,7 +77,8 @@ def turn_by(vector: np.ndarray) -> np.ndarray:
     """
     if len(vector) == 3:
         return scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
-    cosine, sine = np.cos(vector[0]), np.sin(vector[0])
+    cosine = np.cos(vector[0])
+    sine = np.sin(vector[0])
     return np.array([[cosine, -sine], [sine, cosine]])
 
 
@@ -118,7 +119,8 @@ def rigid_placement(
             break
         step = np.linalg.lstsq(rigid_motions(turned / size)[held], left, rcond=INDEPENDENT)[0]
         d = len(middle)
-        middle, turn = middle + step[:d], turn_by(step[d:] / size) @ turn
+        middle = middle + step[:d]
+        turn = turn_by(step[d:] / size) @ turn
     return middle + turned, float(np.abs(left).max(initial=0.0))
 
 
@@ -142,7 +144,8 @@ class RigidRegion:
     """
 
     def __init__(self, name: str, body: Body, points: np.ndarray, free: np.ndarray) -> None:
-        self.name, self.points = name, points
+        self.name = name
+        self.points = points
         self._volumes = body.volumes[points]
         self._middle = self._volumes @ body.points[points] / self._volumes.sum()
         self._arms = body.points[points] - self._middle
@@ -207,7 +210,8 @@ class RigidRegion:
         The displacement is that of the center of volume; the rotation is in degrees, in three
         dimensions a rotation vector.
         """
-        placed, forces = positions[self.points], forces[self.points]
+        placed = positions[self.points]
+        forces = forces[self.points]
         middle, turn = self._placement(placed)
         return {
             "force": forces.sum(axis=0).tolist(),
@@ -265,10 +269,13 @@ def inverse_with_regions(
     regions : sequence of RigidRegion
     """
     n, d = free.shape
-    inside, kept = np.zeros(n, dtype=bool), free.copy()
-    columns, motions_free = [], []
+    inside = np.zeros(n, dtype=bool)
+    kept = free.copy()
+    columns = []
+    motions_free = []
     for region in regions:
-        inside[region.points], kept[region.points] = True, 0
+        inside[region.points] = True
+        kept[region.points] = 0
         own = region.motions(network.body.points[region.points])
         motions = np.zeros((n, *own.shape[1:]))
         motions[region.points] = own

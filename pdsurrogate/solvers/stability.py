@@ -44,7 +44,8 @@ class FrequencyEstimate:
 
     def __init__(self, mass: np.ndarray, free: np.ndarray, share: Share | None = None) -> None:
         self._mass = mass[:, None]
-        self._free, self._share = free, share or Share.whole(len(free))
+        self._free = free
+        self._share = share or Share.whole(len(free))
         self.vector = random_vector(self._share, free)
         self.fresh = True
 
@@ -54,7 +55,8 @@ class FrequencyEstimate:
         """
         if not self._share.any(self.vector.any()):
             return 0.0
-        at_rest, value = np.empty_like(positions), 0.0
+        at_rest = np.empty_like(positions)
+        value = 0.0
         force(positions, at_rest)
         # From a random vector; later from that of the last estimate, which has changed little.
         for _ in range(25 if self.fresh else 6):
@@ -171,8 +173,10 @@ def least_curvature(
     stiffness : Preconditioner
         Approximation P of the tangent.
     """
-    share, precision = force.body.share, force.precision
-    here, there = np.empty_like(positions), np.empty_like(positions)
+    share = force.body.share
+    precision = force.precision
+    here = np.empty_like(positions)
+    there = np.empty_like(positions)
     if precision == "float64":
         force(positions, here)
 
@@ -185,11 +189,15 @@ def least_curvature(
 
     # K-conjugate bases: displacements q and the forces p = P q, with q_i . p_j = 1 if i = j, else
     # 0.
-    displacements, duals, diagonal, off_diagonal = [], [], [], []
+    displacements = []
+    duals = []
+    diagonal = []
+    off_diagonal = []
     p = random_vector(share, free)
     # The least Ritz value, and the last component of its vector: with the next off-diagonal entry
     # that bounds the value's error.
-    least, last = np.inf, 1.0
+    least = np.inf
+    last = 1.0
     for _ in range(MOST_PRODUCTS):
         q = stiffness.solve(p) * free
         # Where P^-1 is an iteration, q contains earlier ones: the values below would not be those
@@ -204,7 +212,8 @@ def least_curvature(
             off_diagonal.append(norm)
         elif norm == 0:
             break
-        p, q = p / norm, q / norm
+        p = p / norm
+        q = q / norm
         displacements.append(q)
         duals.append(p)
         p = product(q, precision == "float64")
@@ -212,7 +221,8 @@ def least_curvature(
         values, vectors = scipy.linalg.eigh_tridiagonal(
             diagonal, off_diagonal, select="i", select_range=(0, 0)
         )
-        least, last = float(values[0]), float(vectors[-1, 0])
+        least = float(values[0])
+        last = float(vectors[-1, 0])
         if least < NEGATIVE[precision]:
             lowest = np.tensordot(vectors[:, 0], displacements, 1)
             least = share.dot(lowest, product(lowest, False))
@@ -304,16 +314,15 @@ def lowest_mode(
         preconditioned, np.random.default_rng(0).standard_normal((len(root), min(BLOCK, len(root))))
     )
     vectors, _ = np.linalg.qr(vectors)
-    images, before, images_before, error, found = (
-        _each(product, vectors),
-        vectors[:, :0],
-        vectors[:, :0],
-        np.inf,
-        False,
-    )
+    images = _each(product, vectors)
+    before = vectors[:, :0]
+    images_before = vectors[:, :0]
+    error = np.inf
+    found = False
     for _ in range(MOST_STEPS):
         values, turned = np.linalg.eigh(vectors.T @ images)
-        vectors, images = vectors @ turned, images @ turned
+        vectors = vectors @ turned
+        images = images @ turned
         # the error is that of the step before, of which an estimate that is a little too small
         # remains a bound
         if found:
@@ -323,12 +332,11 @@ def lowest_mode(
             return float(values[0]), error, mode / np.linalg.norm(mode, axis=1).max()
         residuals = images - values * vectors
         towards = _each(preconditioned, residuals)
-        left, apart = (
-            float(np.linalg.norm(residuals[:, 0])),
-            (float(values[1] - values[0]) if len(values) > 1 else 0.0),
-        )
+        left = float(np.linalg.norm(residuals[:, 0]))
+        apart = float(values[1] - values[0]) if len(values) > 1 else 0.0
         # Of the two bounds (Parlett 1980), the second holds for a mode apart from the others.
-        error, last = min(left, left**2 / apart) if apart > 0 else left, float(values[-1])
+        error = min(left, left**2 / apart) if apart > 0 else left
+        last = float(values[-1])
         if last > max(values[0], 0.0):
             # The tangent is at least so many times the approximation in modes that the block does
             # not contain.
@@ -342,21 +350,18 @@ def lowest_mode(
         )
         known = np.hstack([vectors, before])
         towards = _beside(towards, known)
-        known, of_known = (
-            np.hstack([known, towards]),
-            np.hstack([images, images_before, _each(product, towards)]),
-        )
+        known = np.hstack([known, towards])
+        of_known = np.hstack([images, images_before, _each(product, towards)])
         _, combined = np.linalg.eigh(known.T @ of_known)
         count = len(values)
-        chosen, changed = combined[:, :count], combined[:, :count].copy()
+        chosen = combined[:, :count]
+        changed = combined[:, :count].copy()
         changed[:count] = 0.0
         changed = _beside(changed, chosen)
-        vectors, images, before, images_before = (
-            known @ chosen,
-            of_known @ chosen,
-            known @ changed,
-            of_known @ changed,
-        )
+        vectors = known @ chosen
+        images = of_known @ chosen
+        before = known @ changed
+        images_before = of_known @ changed
     raise NotConverged(
         f"the lowest mode is not found after {MOST_STEPS} steps: the body may be too slender, or"
         " its modes too close"
@@ -420,7 +425,8 @@ def check_branch(
         stretch as loading parameter), or if its energy is not a local minimum.
     """
     loading.check_inside(after, force, positions)
-    growth, jumped = abs(after - before) * loading.body.extent, False
+    growth = abs(after - before) * loading.body.extent
+    jumped = False
     if loading.course.between_grips:
         moved = np.sqrt(
             solver.share.sum(np.square(positions - guess)) / solver.share.total(positions.size)

@@ -20,7 +20,8 @@ approximate products of the tangent. Chosen: their relative errors, by rounding 
 together, are then some 1e-7 in sheets and 3e-6 in solids at K = 1000 mu.
 """
 
-COARSE, FINE = 1e-5, 1e-3
+COARSE = 1e-5
+FINE = 1e-3
 """Greatest displacements of a point, in spacings, in central differences of forces of second order,
 and in those of fourth order, which also take half of it. Chosen: at K = 100 mu the former have
 relative errors of 1e-8, by curvature and rounding alike; both grow with K. The errors of the latter
@@ -37,7 +38,9 @@ LOST = 0.1
 rounding requires to do so again.
 """
 
-MEMORY, LEAST_KEPT, MOST_KEPT = 4e7, 100, 200
+MEMORY = 4e7
+LEAST_KEPT = 100
+MOST_KEPT = 200
 """Bytes of the directions kept from one solution for the next, and least and greatest number of
 these directions. Chosen: they then add a quarter or less to the memory of a simulation, 22 kB for a
 point; with 100 and 130 instead of 200, eight derivatives in a block need 314 and 285 instead of 228
@@ -114,22 +117,18 @@ class TangentEquations:
         free: np.ndarray,
         preconditioner: Preconditioner,
     ) -> None:
-        self._force, self._free, self._preconditioner, self.products = (
-            force,
-            free,
-            preconditioner,
-            0,
-        )
+        self._force = force
+        self._free = free
+        self._preconditioner = preconditioner
+        self.products = 0
         self._here = np.empty_like(positions)
         self.move(positions)
         preconditioner.update()
         size = int(np.clip(MEMORY / (16 * positions.size), LEAST_KEPT, MOST_KEPT))
         # Rows are touched, and take memory, when they are first written.
-        self._moved, self._pulled, self._kept = (
-            np.empty((size, positions.size)),
-            np.empty((size, positions.size)),
-            0,
-        )
+        self._moved = np.empty((size, positions.size))
+        self._pulled = np.empty((size, positions.size))
+        self._kept = 0
 
     def move(self, positions: np.ndarray) -> None:
         """Take another state near the present one: positions (n, d).
@@ -241,16 +240,15 @@ class TangentEquations:
         """Keep displacements and the forces that cause them, made orthonormal to those before,
         and return their place.
         """
-        kept, before, size = (
-            min(self._kept, len(self._moved)),
-            np.inf,
-            float(np.linalg.norm(pulled)),
-        )
+        kept = min(self._kept, len(self._moved))
+        before = np.inf
+        size = float(np.linalg.norm(pulled))
         while before == np.inf or size < LOST * before:
             shares = self._pulled[:kept] @ pulled
             pulled -= shares @ self._pulled[:kept]
             moved -= shares @ self._moved[:kept]
-            before, size = size, float(np.linalg.norm(pulled))
+            before = size
+            size = float(np.linalg.norm(pulled))
         place = self._kept % len(self._moved)
         self._moved[place], self._pulled[place], self._kept = (
             moved / size,
@@ -264,9 +262,7 @@ class TangentEquations:
         difference.
         """
         self.products += 1
-        step, forces = (
-            STEP * self._force.body.spacing / max(np.abs(moved).max(), 1e-300),
-            np.empty_like(self._here),
-        )
+        step = STEP * self._force.body.spacing / max(np.abs(moved).max(), 1e-300)
+        forces = np.empty_like(self._here)
         self._force(self._positions + step * moved.reshape(self._free.shape), forces)
         return (self._free * (self._here - forces) / step).ravel()

@@ -105,7 +105,8 @@ class Distribution(StrictModel):
                 f"unknown distribution {self.distribution!r};"
                 f" {suggestion(self.distribution, USUAL, 'scipy.stats has', known)}"
             )
-        kind, given = getattr(stats, self.distribution), self.model_extra or {}
+        kind = getattr(stats, self.distribution)
+        given = self.model_extra or {}
         needed = kind.shapes.split(", ") if kind.shapes else []
         takes = [*needed, "loc", *([] if self.discrete else ["scale"])]
         if not set(needed) <= set(given) <= set(takes):
@@ -319,14 +320,16 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
 
     Raise SceneError if the study cannot be read or is invalid; the message names the wrong key.
     """
-    source, folder = "study", Path()
+    source = "study"
+    folder = Path()
     if isinstance(given, Study):
         return given, source, folder
     if isinstance(given, Mapping):
         data = dict(given)
     else:
         check_path(given, "a study")
-        source, folder = str(given), Path(given).parent
+        source = str(given)
+        folder = Path(given).parent
         data = read_description(Path(given), "study")
     try:
         return Study(**data), source, folder
@@ -351,7 +354,8 @@ def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
     Raise SceneError if the lists of the design "zip" differ in length, or if a grid has more than
     `MOST_RUNS` runs.
     """
-    keys, values = list(study.parameters), list[Any](study.parameters.values())
+    keys = list(study.parameters)
+    values = list[Any](study.parameters.values())
     rows: Iterable[tuple]
     if study.design == "grid":
         number = math.prod(map(len, values))
@@ -380,7 +384,8 @@ def _shares(study: Study, dimension: int) -> np.ndarray:
     """Return the drawn probability (0 to 1) of the quantile that each run takes of each
     parameter, shape (samples, dimension).
     """
-    random, samples = np.random.default_rng(study.seed), study.samples or 0
+    random = np.random.default_rng(study.seed)
+    samples = study.samples or 0
     if study.design == "random":
         return random.random((samples, dimension))
     from scipy.stats.qmc import LatinHypercube

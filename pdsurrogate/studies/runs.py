@@ -96,7 +96,8 @@ class SceneTask:
             except SimulationInterrupted:
                 raise
             except SimulationFailed as error:
-                failure, result = str(error), error.result
+                failure = str(error)
+                result = error.result
             except SceneError as error:
                 return str(error)
             result.save(folder)
@@ -121,7 +122,8 @@ class SceneTask:
         """Write the derivatives at the last output of the result, by the names of their columns,
         or why there are none.
         """
-        values, failure = {}, None
+        values = {}
+        failure = None
         try:
             found = differentiate(
                 self.scene, models, result, self.outputs, list(self.numbers.values()), -1
@@ -174,7 +176,8 @@ class FitTask:
         from ..learning.fitting import TooInexact
 
         began = time.perf_counter()
-        law, place = self.material.build(), folder / Path(*SURROGATE)
+        law = self.material.build()
+        place = folder / Path(*SURROGATE)
         with threadpool_limits(threads):
             if (
                 not place.exists()
@@ -242,7 +245,8 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
         # The name with its present version; an artifact that cannot be found by name is given by
         # its whole path.
         named = artifacts.find_artifact(force)
-        name, force = f"{named.parent.name}@{named.name}", str(named.resolve())
+        name = f"{named.parent.name}@{named.name}"
+        force = str(named.resolve())
         with suppress(artifacts.ArtifactError):
             force = name if artifacts.find_artifact(name).resolve() == named.resolve() else force
     return SceneTask(

@@ -34,13 +34,11 @@ from .workers import Workers
 
 logger = logging.getLogger(__name__)
 
-TABLE, MEANS, FIGURE, DESCRIPTION, RUNS = (
-    "study.csv",
-    "study-means.csv",
-    "study.png",
-    "study.json",
-    "runs",
-)
+TABLE = "study.csv"
+MEANS = "study-means.csv"
+FIGURE = "study.png"
+DESCRIPTION = "study.json"
+RUNS = "runs"
 
 DIGITS = 16
 """Number of hexadecimal digits in the name of a run's folder, which are the first of the run's
@@ -369,7 +367,8 @@ def study(
             ]
             return StudyResult(described, folder, rows)
 
-        count, failed = len(by_place), 0
+        count = len(by_place)
+        failed = 0
         logger.info(
             "%d runs, %d of them finished earlier; jobs: %d, threads: %d",
             count,

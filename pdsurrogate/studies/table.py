@@ -65,7 +65,8 @@ KEYS_OF_RUNS, KEYS_OF_LEVELS, KEYS_OF_CRACKS, KEYS_OF_FITS = (
 summary of a fit; tests compare them with written files.
 """
 
-RUN, FAILURE = "run", "failure"
+RUN = "run"
+FAILURE = "failure"
 """Names of the first and last column: the name of the run's folder, and the reason of its
 failure.
 """
@@ -122,7 +123,8 @@ def _below(table: dict, name: str) -> dict[str, Any]:
 
     An asterisk in the name stands for any key between two dots.
     """
-    first, pattern = name.split(".")[0], re.escape(name).replace(r"\*", "[^.]+") + r"(\.|$)"
+    first = name.split(".")[0]
+    pattern = re.escape(name).replace(r"\*", "[^.]+") + r"(\.|$)"
     named = {key: inner for key, inner in table.items() if first in (key, "*")}
     return {
         key: value for key, value in leaves(named) if value is not None and re.match(pattern, key)
@@ -192,7 +194,8 @@ def study_figure(rows: list[dict[str, Any]], parameters: list[str]) -> Figure | 
     down = [
         key for key in others if len({row[key] for row in rows if _is_number(row.get(key))}) > 1
     ]
-    across, down = across[:MOST_DRAWN], down[:MOST_DRAWN]
+    across = across[:MOST_DRAWN]
+    down = down[:MOST_DRAWN]
     if not across or not down:
         return None
     with matplotlib.rc_context(STYLE):

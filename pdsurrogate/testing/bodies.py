@@ -165,7 +165,8 @@ class Deformation(NamedTuple):
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Return the deformed positions of points; both have shape (n, d)."""
-        random, d = np.random.default_rng(self.seed), points.shape[1]
+        random = np.random.default_rng(self.seed)
+        d = points.shape[1]
         stretches = [self.first, self.second, 1 / (self.first * self.second)][:d]
         F = turn(self.rotation, d) @ turn(self.axes, d) @ np.diag(stretches) @ turn(-self.axes, d)
         waves = self.amplitude * np.sin(

@@ -37,7 +37,8 @@ def subject_of(model: Any, law: Law | None = None, plane: str = "stress") -> Sub
     if isinstance(model, str | Path):
         if str(model) not in FORCES:
             card = load_card(model)
-            law, stated = law or law_of(card), tuple(card.errors["box"]["by_strain"])
+            law = law or law_of(card)
+            stated = tuple(card.errors["box"]["by_strain"])
         model = load_surrogate(model)
     elif is_own_force(model):
         model = OwnBondForce(model)

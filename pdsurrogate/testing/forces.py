@@ -147,7 +147,8 @@ def rigid_rotation(subject: Subject) -> float:
     volume. Rounding of positions leaves 1e-15 K/mu, times the number of spacings along the body.
     """
     body = plain(subject.dimension)
-    force, found = subject.bind(body), []
+    force = subject.bind(body)
+    found = []
     for degrees in range(0, 361, 15):
         found += [
             np.abs(force_densities(force, body.points @ turn(degrees, subject.dimension).T)).max(),
@@ -164,7 +165,9 @@ def objectivity(subject, force, positions):
     Rounding of the positions, 1e-15, is a strain of 1e-14 over a spacing, multiplied by K/mu and
     some thirty bonds: 1e-10, a tenth of the limit.
     """
-    still, energy, errors = _settled(force, positions), _energy(force), []
+    still = _settled(force, positions)
+    energy = _energy(force)
+    errors = []
     for degrees in (15, 110, 170, 200, 275, 360):
         rotation = turn(degrees, subject.dimension)
         turned = _settled(force, positions @ rotation.T + [3.0, -2.0, 1.0][: subject.dimension])
@@ -213,7 +216,8 @@ def angular_momentum(subject, force, positions):
 
     Rounding leaves 1e-15.
     """
-    forces, arms = _settled(force, positions), positions - positions.mean(axis=0)
+    forces = _settled(force, positions)
+    arms = positions - positions.mean(axis=0)
     lengths = np.linalg.norm(arms, axis=1)
     # These are the components of the moment, in two or three dimensions.
     moment = np.abs(arms.T @ forces - forces.T @ arms).max()
@@ -244,7 +248,9 @@ def units(subject, force, positions):
     The forces are compared in the changed units: stress times length (per unit thickness) in the
     plane, stress times length^2 in solids.
     """
-    d, expected, errors = subject.dimension, _settled(force, positions), []
+    d = subject.dimension
+    expected = _settled(force, positions)
+    errors = []
     for length, stress in ((1e-9, 1e9), (1e9, 1e-9)):
         other = _in_other_units(subject, length, stress)
         found = _settled(other, length * positions) / (length ** (d - 1) * stress)
@@ -252,7 +258,8 @@ def units(subject, force, positions):
     return errors
 
 
-AWAY, GRID = 2.0**20, 2.0**-32
+AWAY = 2.0**20
+GRID = 2.0**-32
 """Distance along every axis in `far_from_the_origin`, some 1e6, and the grid on which coordinates
 of its bodies lie: sums and differences of them are then exact.
 """
@@ -275,8 +282,10 @@ def far_from_the_origin(subject, force, positions):
     Positions enter by their differences alone, which are exact here: what is left is rounding in
     sums.
     """
-    (near, far), placed = _near_and_far(subject), GRID * np.rint(positions / GRID)
-    expected, found = _settled(near, placed), _settled(far, placed + AWAY)
+    (near, far) = _near_and_far(subject)
+    placed = GRID * np.rint(positions / GRID)
+    expected = _settled(near, placed)
+    found = _settled(far, placed + AWAY)
     return [error_of(near, found, expected), abs(_energy(far) - _energy(near))]
 
 
@@ -308,7 +317,8 @@ def homogeneous_stress(subject: Subject) -> tuple[float, str]:
     """
     random = np.random.default_rng(20240109)
     rounding = 1e-13 * subject.law.bulk_modulus / subject.law.shear_modulus
-    errors, limits = [], []
+    errors = []
+    limits = []
     d = subject.dimension
     for body in (
         plain(d, weight="inverse"),
@@ -385,21 +395,21 @@ def kernel_and_numpy(subject: Subject) -> float:
     deformation gradient for an energy. Some 40 roundings of terms that are up to ten thousand times
     their sum leave 1e-10 in float64. `single_precision` tests float32.
     """
-    model, law = subject.model, subject.law
+    model = subject.model
+    law = subject.law
     required(subject.plane == "stress", "its NumPy implementation is for sheets")
     required(isinstance(model, ForceSurrogate | EnergySurrogate), "no NumPy implementation")
     required(model.compiled("float64").address, "no compiled kernel")
     if isinstance(model, ForceSurrogate):
         X = training_samples(law, 1000, (0.8, 3.5), random_state=11).X.T
-        found, expected = kernel_bond_force(model, law, np.float64)(*X), model.bond_force(*X)
+        found = kernel_bond_force(model, law, np.float64)(*X)
+        expected = model.bond_force(*X)
     else:
         stretches = np.random.default_rng(11).uniform(0.6, 4.5, (1000, 2))
         states = (stretches**2).sum(axis=1), stretches.prod(axis=1)
         own = model.energy_derivatives(law, *states)
-        found, expected = (
-            kernel_energy(model, law, "float64", *states),
-            np.stack([own.psi, own.by_trace, own.by_area]),
-        )
+        found = kernel_energy(model, law, "float64", *states)
+        expected = np.stack([own.psi, own.by_trace, own.by_area])
     return off(found, expected)
 
 
@@ -409,7 +419,8 @@ def threads(subject: Subject) -> float:
     in every precision of the model.
     """
     required(most_threads() >= 2, "one thread was asked for, or numba started with one")
-    body, found = sheet(0.05) if subject.dimension == 2 else plain(3), {1: [], 2: []}
+    body = sheet(0.05) if subject.dimension == 2 else plain(3)
+    found = {1: [], 2: []}
     for count, values in found.items():
         with thread_count(count):
             for precision in subject.takes("precision"):
@@ -430,7 +441,8 @@ def pair_forces(subject: Subject) -> float:
     for body in (plain(subject.dimension), gripped(subject.dimension)):
         force = subject.bind(body)
         out = forces_at(force, body.points + 0.1 * (wavy(body.points) - body.points))
-        total, pairs = np.zeros_like(body.all_points), force.pair_forces()
+        total = np.zeros_like(body.all_points)
+        pairs = force.pair_forces()
         np.add.at(total, body.bonds.first, pairs)
         np.add.at(total, body.bonds.second, -pairs)
         some = np.arange(len(pairs))[::-3]
@@ -452,13 +464,16 @@ def broken_bonds(subject: Subject) -> float:
     """
     required(True in subject.takes("breakable"), "its bonds do not break")
     crosses = crack(0.5, 0.6)
-    body, cut = plain(subject.dimension), plain(subject.dimension, separates=crosses)
+    body = plain(subject.dimension)
+    cut = plain(subject.dimension, separates=crosses)
     positions = wavy(body.points)
-    force, built = subject.bind(body, breakable=True), subject.bind(cut, breakable=True)
+    force = subject.bind(body, breakable=True)
+    built = subject.bind(cut, breakable=True)
     forces_at(force, positions)
     pairs = np.flatnonzero(crosses(body.points[body.bonds.first], body.points[body.bonds.second]))
     for part in np.array_split(pairs, 2):
         force.break_bonds(part)
-    found, expected = forces_at(force, positions), forces_at(built, positions)
+    found = forces_at(force, positions)
+    expected = forces_at(built, positions)
     lost = np.abs(force.pair_forces()[pairs]).max() / np.abs(expected).max()
     return np.max([off(found, expected), lost, abs(_energy(force) - _energy(built))])

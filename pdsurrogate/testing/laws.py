@@ -69,7 +69,8 @@ def _gradients(law: Law, plane: str) -> np.ndarray:
     """Return deformation gradients in which a law has a state: turned stretches within `RANGES`,
     with volumes near that of rubber.
     """
-    random, d = np.random.default_rng(20240109), dimension_of(plane)
+    random = np.random.default_rng(20240109)
+    d = dimension_of(plane)
     low, high = RANGES[plane]
     stretches = np.exp(random.uniform(np.log(low), np.log(high), (STATES, d)))
     if plane != "stress":
@@ -96,7 +97,8 @@ def _in_space(F: np.ndarray, thickness_stretch) -> np.ndarray:
     shape (n, 3, 3).
     """
     full = np.zeros((len(F), 3, 3))
-    full[:, :2, :2], full[:, 2, 2] = F, thickness_stretch
+    full[:, :2, :2] = F
+    full[:, 2, 2] = thickness_stretch
     return full
 
 
@@ -121,7 +123,8 @@ def stress_of_the_energy(law: Law) -> float:
     """Return the error of stresses against differences of the energy in plane stress, in plane
     strain and in space, in units of K.
     """
-    h, errors = 1e-5, []
+    h = 1e-5
+    errors = []
     for plane, states in PLANES.items():
         F = _gradients(law, plane)
         P = states.first_piola_stress(law, F)
@@ -203,7 +206,8 @@ def small_strain_moduli(law: Law) -> float:
     """Return the relative error of Young's modulus 9 K mu/(3 K + mu) and of Poisson's ratio (3 K
     - 2 mu)/(6 K + 2 mu) in tension.
     """
-    K, mu = law.bulk_modulus, law.shear_modulus
+    K = law.bulk_modulus
+    mu = law.shear_modulus
     state = homogeneous.uniaxial(law, 1 + FAINT)
     found = np.array([state.nominal_stress, 1 - state.lateral_stretch]) / FAINT
     expected = np.array([9 * K * mu / (3 * K + mu), (3 * K - 2 * mu) / (6 * K + 2 * mu)])

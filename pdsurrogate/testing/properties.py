@@ -145,7 +145,8 @@ def checked(
 
     Raise ValueError if a name is unknown.
     """
-    known, tolerances = {one.name: one for one in all_of}, tolerances or {}
+    known = {one.name: one for one in all_of}
+    tolerances = tolerances or {}
     names = [names] if isinstance(names, str) else list(known if names is None else names)
     if unknown := [name for name in (*names, *tolerances) if name not in known]:
         raise ValueError(f"unknown property {unknown[0]!r}; the properties are {', '.join(known)}")

@@ -26,10 +26,8 @@ def reflected_half(subject: Subject) -> float:
     order.
     """
     d = subject.dimension
-    half, whole = (
-        plain(d, width=0.6, planes=(ReflectionPlane(0, 0.6, 1, (-1, 1, 1)[:d]),)),
-        plain(d, width=1.2),
-    )
+    half = plain(d, width=0.6, planes=(ReflectionPlane(0, 0.6, 1, (-1, 1, 1)[:d]),))
+    whole = plain(d, width=1.2)
     x1, x2, *rest = (whole.points - [0.6, 0, 0][:d]).T
     across = [0.8 * x3 + 0.03 * x2 * x1**2 for x3 in rest]
     positions = np.stack(
@@ -68,7 +66,8 @@ def reflected_parts(subject: Subject) -> float:
     Weights that balance the boundary are solutions to 1e-8, and the ends of faces of cuts follow
     places some 1e-6 cells inside.
     """
-    d, errors = subject.dimension, []
+    d = subject.dimension
+    errors = []
     hole = {"radius": 0.33} if d == 2 else {"radius": 0.33, "base": (0, 0, -0.2), "length": 0.4}
     holed = {
         "holes": [{"shape": subject.sized("circle", "cylinder"), **hole}],
@@ -79,10 +78,8 @@ def reflected_parts(subject: Subject) -> float:
         ((0, 1), holed, holed),
         ((0,), {"precuts": [met, near]}, {"precuts": [all_met, near, image]}),
     ):
-        (part, own), (whole, expected) = (
-            _deformed_at(subject, axes, of_part),
-            _deformed_at(subject, (), of_whole),
-        )
+        (part, own) = _deformed_at(subject, axes, of_part)
+        (whole, expected) = _deformed_at(subject, (), of_whole)
         errors.append(off(own, expected[scipy.spatial.cKDTree(whole).query(part)[1]]))
     return np.max(errors)
 

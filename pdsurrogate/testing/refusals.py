@@ -42,7 +42,8 @@ def impossible_states(subject: Subject) -> tuple[float, str]:
     with the number and place of a point.
     """
     body = plain(subject.dimension)
-    inverted, lost = body.points * MIRROR[: subject.dimension], body.points.copy()
+    inverted = body.points * MIRROR[: subject.dimension]
+    lost = body.points.copy()
     lost[7] = np.nan
     taken = []
     for positions, reason in ((inverted, "inside out"), (lost, "not finite")):
@@ -69,13 +70,12 @@ def settings_refused(subject: Subject) -> tuple[float, str]:
     A value that is accepted, differs from the default and changes neither the forces nor the number
     of warnings counts as ignored.
     """
-    wrong, declared = [], subject.model.honored(subject.plane)
+    wrong = []
+    declared = subject.model.honored(subject.plane)
     for key, values in SETTINGS.items():
-        usual, stated, taken = (
-            _settings_outcome(subject, key, None),
-            getattr(_bind_with(subject, key, None), key, None),
-            {},
-        )
+        usual = _settings_outcome(subject, key, None)
+        stated = getattr(_bind_with(subject, key, None), key, None)
+        taken = {}
         for value in values:
             try:
                 taken[value] = _settings_outcome(subject, key, value)

@@ -39,11 +39,11 @@ def write_mesh(path: Path, dimension: int, count: int) -> None:
     tetrahedra that share a diagonal.
     """
     axes = np.meshgrid(*[np.arange(count + 1)] * dimension, indexing="ij")
-    nodes, number = (
-        np.stack(axes, axis=-1).reshape(-1, dimension),
-        np.arange((count + 1) ** dimension).reshape(axes[0].shape),
-    )
-    corner, strides, cells = number[(slice(-1),) * dimension].ravel(), number.strides, []
+    nodes = np.stack(axes, axis=-1).reshape(-1, dimension)
+    number = np.arange((count + 1) ** dimension).reshape(axes[0].shape)
+    corner = number[(slice(-1),) * dimension].ravel()
+    strides = number.strides
+    cells = []
     for path_of in permutations(range(dimension)):
         ends = corner[:, None] + np.cumsum(
             [0, *(strides[axis] // number.itemsize for axis in path_of)]
@@ -62,7 +62,8 @@ def _unit_body(subject: Subject, arrangement: str) -> Iterator[dict]:
     """Yield the keys of a scene with a unit square or cube in an arrangement of its points, in
     double precision.
     """
-    d, count = subject.dimension, subject.sized(*CELLS)
+    d = subject.dimension
+    count = subject.sized(*CELLS)
     rollers = [{"region": side, f"x{axis + 1}": 0.0} for axis, side in enumerate(SIDES[0][:d])]
     keys = {
         "prescribed": rollers,
@@ -123,7 +124,8 @@ def _response(subject: Subject, F: np.ndarray) -> tuple[np.ndarray, float]:
 
 def _of_tractions(arrangement: str) -> Property:
     def measure(subject: Subject) -> float:
-        first, second = 1.2, 0.95
+        first = 1.2
+        second = 0.95
         last = (1 + _swelling(subject)) / first
         F = np.diag(
             {
@@ -186,7 +188,8 @@ def cuts_that_touch(subject: Subject) -> float:
     The cuts, in a solid panels that share an edge, meet inside the body, and run towards each
     other.
     """
-    d, corners = subject.dimension, np.array([[-0.1, 0.38], [0.6, 0.5], [1.3, 0.83]])
+    d = subject.dimension
+    corners = np.array([[-0.1, 0.38], [0.6, 0.5], [1.3, 0.83]])
     cuts: list[dict] = [
         {"start": start.tolist(), "end": end.tolist()}
         for start, end in (corners[[0, 1]], corners[[2, 1]])
@@ -263,7 +266,8 @@ def _loaded(
     of units. `amplitude` is the course of the load in time, and `changes` are other keys of the
     scene.
     """
-    law, size = subject.law.scaled(stress), load * stress * subject.law.shear_modulus
+    law = subject.law.scaled(stress)
+    size = load * stress * subject.law.shear_modulus
     loads = [
         {
             "region": "right",
@@ -326,7 +330,8 @@ def scale_of_units(subject: Subject) -> float:
     """Return the relative change of displacements and reactions under a load of 0.01 mu if units
     of stress and length are 1e-9 and 1e9.
     """
-    expected, errors = _level(subject, 1e-2), []
+    expected = _level(subject, 1e-2)
+    errors = []
     for stress, length in product(POWERS, POWERS):
         level = _level(subject, 1e-2, 10.0**stress, 10.0**length)
         unit = 10.0**stress * (10.0**length) ** (subject.dimension - 1)
@@ -347,7 +352,8 @@ def energy_account(subject: Subject) -> float:
     tolerance.
     """
     required(subject.bind(compile_scene(_loaded(subject, 0.1)).body).has_energy, "has no energy")
-    gaps, sudden = [], [[0.0, 0.0], [1e-9, 1.0]]
+    gaps = []
+    sudden = [[0.0, 0.0], [1e-9, 1.0]]
     for losses in ({}, {"damping": 1.0, "viscosity": 0.02}):
         dynamics = {"duration": 4.0, "density": subject.law.shear_modulus, "safety": 0.5, **losses}
         steps = [{"to": 1.0, "outputs": 1, "dynamics": dynamics}]

@@ -10,7 +10,7 @@ import pytest
 from bodies import fill_gradients
 
 from pdsurrogate.body import Body, ReflectionPlane
-from pdsurrogate.body import body as body_module
+from pdsurrogate.body import bonds as bonds_module
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import LAWS, InvariantLaw, NeoHookean, solid
 from pdsurrogate.solvers.methods import Automatic
@@ -113,7 +113,7 @@ def test_a_homogeneous_state_is_exact(name, model, monkeypatch):
 
     The mean stress is a sum over parts of the pairs, of 100 pairs each instead of 500,000.
     """
-    monkeypatch.setattr(body_module, "SLAB", 100)
+    monkeypatch.setattr(bonds_module, "SLAB", 100)
     body = BODIES[name]()
     force = bound(model, body)
     forces(force, body.points @ F.T + [3.0, -1.0, 2.0])

@@ -274,12 +274,12 @@ def test_points_beyond_a_grip_are_no_equilibrium():
         "uniaxial", {"spacing": 0.1, "stretches": [0.8, 0.5], "solver.method": "relaxation"}
     )
     with pytest.raises(
-        SimulationFailed, match=r"point \d+ at \(.*\): .* beyond the (left|right) edge"
+        SimulationFailed,
+        match=r"point \d+ at \(.*\): .* beyond the (left|right) edge.*"
+        r"found at stretch 0\.\d+ \(only to the tolerance of increments\), and none beyond",
     ) as caught:
         simulate(scene, "nosb")
-    output, last = (level["stretch"] for level in caught.value.result.levels)
-    assert output == 0.8
-    assert 0.5 < last < 0.8  # the last equilibrium that was found
+    assert [level["stretch"] for level in caught.value.result.levels] == [0.8]
 
 
 @pytest.mark.parametrize("force", ["bond-energy", "neo-hookean-energy"])
