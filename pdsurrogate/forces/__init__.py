@@ -2,7 +2,7 @@
 
 from ..errors import InvalidState, OutsideDomain, OutsideDomainWarning
 from .ba_nosb import BANOSBForce
-from .binding import Portion
+from .binding import MaterialPart
 from .bond_energy import BondEnergyForce, EnergySurrogate
 from .bond_force import AnalyticBondForce, ForceSurrogate
 from .domain import Domain

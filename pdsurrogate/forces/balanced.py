@@ -151,7 +151,7 @@ def balanced_changes(
     # between them.
     changes = (
         _least_changes(arrays, *of_points, (points - points[0]) / body.spacing)
-        if share.leads
+        if share.is_first
         else None
     )
     changes = share.ranks.to_all(changes)[places]

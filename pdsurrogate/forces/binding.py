@@ -14,7 +14,7 @@ from .settings import OUTSIDE, ForceSettings
 
 
 @dataclass(frozen=True)
-class Portion:
+class MaterialPart:
     """Points of one material of a body, with its law and its force model.
 
     Attributes
@@ -39,7 +39,7 @@ class Binding:
     Attributes
     ----------
     kinematics : Kinematics
-    portions : sequence of Portion
+    portions : sequence of MaterialPart
     settings : ForceSettings
     precision : str
         Precision of the bond pass.
@@ -51,7 +51,7 @@ class Binding:
     """
 
     kinematics: Kinematics
-    portions: Sequence[Portion]
+    portions: Sequence[MaterialPart]
     settings: ForceSettings
     precision: str
     portion_of: np.ndarray | None

@@ -16,7 +16,7 @@ from ..kernels import bond_force, reference_state
 from ..kernels.bond_force import along_and_across
 from ..materials import SHEETS, Law, NeoHookean, plane_stress
 from ..materials.states import principal_stretches
-from .binding import Binding, Portion
+from .binding import Binding, MaterialPart
 from .compiled_force import CompiledBondForce
 from .domain import Domain
 from .errors import at_point
@@ -81,7 +81,7 @@ class BondForces(MaterialTerm):
         self.in_units = list(enumerate(sums[: len(models)]))
         self.bind_steps(*(part.find for part in self.parts), *sums)
 
-    def set_parameters(self, portions: Sequence[Portion]) -> None:
+    def set_parameters(self, portions: Sequence[MaterialPart]) -> None:
         super().set_parameters(portions)
         self._model = cast("ForceSurrogate", portions[0].model)
         for part, portion in zip(self.parts, portions, strict=True):

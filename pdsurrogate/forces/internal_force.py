@@ -16,7 +16,7 @@ import scipy
 from ..body import Body
 from ..body.body import lengths_of
 from ..materials import Law
-from .binding import Binding, Portion
+from .binding import Binding, MaterialPart
 from .interface_search import YIELDING
 from .interfaces import Interfaces
 from .kinematics import Kinematics
@@ -40,14 +40,14 @@ class InternalForce:
     Parameters
     ----------
     body : Body
-    portions : sequence of Portion
+    portions : sequence of MaterialPart
         Materials with models of one family; the points of a single material are ``slice(None)``.
     settings : ForceSettings
 
     Attributes
     ----------
     body : Body
-    portions : sequence of Portion
+    portions : sequence of MaterialPart
     portion_of : ndarray of int, shape (n + m,), or None
         Number of the material (index into `portions`) of every point and ghost, ``len(portions)``
         for rigid ones; None with one material.
@@ -110,7 +110,9 @@ class InternalForce:
     # have.
     supports = rigid = obstacles = ()
 
-    def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
+    def __init__(
+        self, body: Body, portions: Sequence[MaterialPart], settings: ForceSettings
+    ) -> None:
         settings.check_body(body)
         self.body = body
         self.portions = portions
@@ -566,7 +568,7 @@ def _term_with_domain(terms: Sequence[Term]) -> Term:
     return (found or terms)[0]
 
 
-def _numbers_of(body: Body, portions: Sequence[Portion]) -> np.ndarray:
+def _numbers_of(body: Body, portions: Sequence[MaterialPart]) -> np.ndarray:
     """Return the material (index into `portions`) of every point and ghost; ``len(portions)``
     for rigid points, which have none.
     """

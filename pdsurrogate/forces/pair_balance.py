@@ -93,7 +93,7 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
     loads = share.gather(left)
     free = share.gather(free)
     changes = np.empty((0, d))
-    if share.leads:
+    if share.is_first:
         *ends, imaged, signs, weights, vectors, mirrored = whole
         changes = np.zeros((len(weights), d))
         between = [
@@ -108,7 +108,7 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
             changes[:, c] = _least_changes(
                 *ends, imaged, signs[:, c], weights, loads[:, c], free, vectors[:, along]
             )
-    return pairs, rows.hand_out(changes if share.leads else None)
+    return pairs, rows.hand_out(changes if share.is_first else None)
 
 
 def _least_changes(first, second, imaged, signs, weights, loads, free, along) -> np.ndarray:

@@ -14,7 +14,7 @@ from ..kernels.domain import BLEND
 from ..materials import PLANES, Law, plane_stress
 from ..materials.states import principal_stretches
 from .balanced import balanced_changes
-from .binding import Binding, Portion
+from .binding import Binding, MaterialPart
 from .bond_shares import BondShares
 from .errors import at_point, why_invalid
 from .kinematics import matrices
@@ -129,7 +129,7 @@ class PairEnergy(MaterialTerm):
         )
         self.places = bool(leading)
 
-    def set_parameters(self, portions: Sequence[Portion]) -> None:
+    def set_parameters(self, portions: Sequence[MaterialPart]) -> None:
         super().set_parameters(portions)
         self._model = portions[0].model
         for part, portion in zip(self.parts, portions, strict=True):

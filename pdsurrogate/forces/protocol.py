@@ -10,7 +10,7 @@ from ..body import Body
 from ..html_tables import html_facts
 from ..materials import Law
 from ..materials.law import checked_law
-from .binding import Portion
+from .binding import MaterialPart
 from .internal_force import InternalForce
 from .settings import ForceSettings
 from .term import Term
@@ -120,7 +120,7 @@ class ForceModel(ABC):
             raise TypeError(f"settings must be ForceSettings(), not {settings!r}")
         settings.check(self.name, self.honored(settings.plane))
         self.check_material(checked_law(law))
-        return InternalForce(body, (Portion(law, self, slice(None)),), settings)
+        return InternalForce(body, (MaterialPart(law, self, slice(None)),), settings)
 
     @abstractmethod
     def terms(self, plane: str) -> Sequence[type[Term]]:
@@ -259,7 +259,7 @@ class ForceModel(ABC):
 
 def bind_portions(
     body: Body,
-    portions: Sequence[Portion],
+    portions: Sequence[MaterialPart],
     settings: ForceSettings,
     rigid: np.ndarray | None = None,
 ) -> InternalForce:
@@ -271,7 +271,7 @@ def bind_portions(
     Parameters
     ----------
     body : Body
-    portions : sequence of Portion
+    portions : sequence of MaterialPart
         Points of each material with its law and force model, which together contain every point of
         the body once.
     settings : ForceSettings
@@ -307,7 +307,7 @@ def bind_portions(
             "bonds cannot break (fracture) in a body with rigid regions; give them a law, or leave"
             " out fracture"
         )
-    merged: list[Portion] = []
+    merged: list[MaterialPart] = []
     for portion in portions:
         same = next(
             (

@@ -14,7 +14,7 @@ from ..body import Body
 from ..engine.passes import BoundPass
 from ..errors import InvalidState, OutsideDomain, OutsideDomainWarning
 from ..materials import PLANES
-from .binding import Binding, Portion
+from .binding import Binding, MaterialPart
 from .errors import locate
 from .material_points import MaterialPoints, have_states
 from .steps import Step, Steps
@@ -147,7 +147,7 @@ class Term(ABC):
         self.materials: list[MaterialPoints] = []
         self.watches: list[OutsideCounter] = []
 
-    def set_parameters(self, portions: Sequence[Portion]) -> None:
+    def set_parameters(self, portions: Sequence[MaterialPart]) -> None:
         """Replace laws and models in place by others of the same kinds, on the same points, that
         differ in numbers alone.
 
@@ -285,7 +285,7 @@ class MaterialTerm(Term):
         self.in_units: list[tuple[int, BoundPass]] = []
         self.parts: Sequence = ()
 
-    def set_parameters(self, portions: Sequence[Portion]) -> None:
+    def set_parameters(self, portions: Sequence[MaterialPart]) -> None:
         super().set_parameters(portions)
         for points, portion in zip(self.materials, portions, strict=True):
             points.set_parameters(portion.law)

@@ -330,7 +330,7 @@ def _check_held(loading: Loading, key: str, advice: str, only: str | None = None
                 f" {body.finer}, or {advice}"
             )
         raise ValueError(f"{key}: nothing keeps {what} from {' or '.join(motions)}; {advice}")
-    if count > 1 and share.leads:
+    if count > 1 and share.is_first:
         why = (
             "for example because a cut goes all the way through, or a wall is thinner than the"
             f" spacing {body.spacing:.3g}"

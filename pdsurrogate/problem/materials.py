@@ -12,7 +12,7 @@ import numpy as np
 from .. import artifacts
 from ..body import Body
 from ..body.local_fit import text_of
-from ..forces import ForceModel, ForceSettings, InternalForce, Portion
+from ..forces import ForceModel, ForceSettings, InternalForce, MaterialPart
 from ..forces.interface_search import YIELDING
 from ..scenes import Part, Scene, SceneError
 from ..scenes.loading_checks import gives_fracture_energy
@@ -253,7 +253,7 @@ def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
 
 def portions_of(
     scene: Scene, body: Body, models: Sequence[ForceModel], regions: BodyRegions
-) -> tuple[list[Portion], dict[str, np.ndarray], np.ndarray]:
+) -> tuple[list[MaterialPart], dict[str, np.ndarray], np.ndarray]:
     """Assign the points of a body to the materials of a scene: return law, model and points of
     each, rigid regions, and numbers.
 
@@ -268,7 +268,7 @@ def portions_of(
 
     Returns
     -------
-    list of Portion
+    list of MaterialPart
         Law, force model and points of every deformable material with points: the rest of the body,
         then `materials` in order.
     dict of ndarray
@@ -324,7 +324,7 @@ def portions_of(
         if law is not None and body.share.any(len(found[number]) > 0)
     ]
     return (
-        [Portion(laws[number], models[number], found[number]) for number in kept],
+        [MaterialPart(laws[number], models[number], found[number]) for number in kept],
         rigid,
         of_points,
     )

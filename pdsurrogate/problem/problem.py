@@ -20,7 +20,14 @@ from ..discretization import (
     memory_here,
     surface_of,
 )
-from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
+from ..forces import (
+    ForceModel,
+    ForceSettings,
+    InternalForce,
+    InvalidState,
+    MaterialPart,
+    bind_portions,
+)
 from ..forces.interface_fits import SIGHT
 from ..materials import Law
 from ..ranks import ALONE, Communicator
@@ -76,7 +83,7 @@ class Problem:
     prescriptions : list of Prescription
     stages : tuple of Stage
     loading : Loading
-    portions : list of Portion
+    portions : list of MaterialPart
         Law, force model and points of every deformable material.
     rigid : dict of ndarray
         Points of the rigid regions, by name.
@@ -95,7 +102,7 @@ class Problem:
     prescriptions: list[Prescription]
     stages: tuple[Stage, ...]
     loading: Loading
-    portions: list[Portion]
+    portions: list[MaterialPart]
     rigid: dict[str, np.ndarray]
     measures: Measures
     critical_stretches: CriticalStretches | None

@@ -175,7 +175,7 @@ class Share(Halo, Rows):
         ``own[first]`` is True for the pairs that this rank counts.
     divided : bool
         True if several ranks share the body.
-    leads : bool
+    is_first : bool
         True on the first rank. A value that every rank has whole, such as the work of a load,
         enters a sum over ranks on this rank only.
     agree, everywhere, total, greatest : callable
@@ -191,7 +191,7 @@ class Share(Halo, Rows):
         Halo.__init__(self, ranks, numbers, owners)
         self.owners = owners
         self.divided = ranks.size > 1
-        self.leads = ranks.rank == 0
+        self.is_first = ranks.rank == 0
         self.agree = ranks.agree
         self.everywhere = ranks.everywhere
         self.total = ranks.total

@@ -116,7 +116,7 @@ class StatesInFiles(States):
         self.name = name
         self.body = body
         self._kept = [self._path(number) for number in range(len(self.moments))]
-        if moments is not None and body.share.leads:
+        if moments is not None and body.share.is_first:
             self._write_index()
             for number, path in state_files(folder, name):
                 if number >= len(moments):
@@ -174,12 +174,12 @@ class StatesInFiles(States):
             )
         super().append(moment, path)
         with share.ranks.together():
-            if self.in_pieces and share.leads:
+            if self.in_pieces and share.is_first:
                 pieces = [_piece(path, rank).name for rank in range(share.ranks.size)]
                 vtk.write_pieces(
                     path, pieces, {name: field[:1].size for name, field in fields.items()}
                 )
-            if share.leads:
+            if share.is_first:
                 self._write_index()
 
     def _write_index(self) -> None:

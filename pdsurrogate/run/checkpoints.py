@@ -152,7 +152,7 @@ class Checkpoints:
         of_force = {array.name: array.rows for array in self.run.force.states}
         if key == PUSHES:  # on every rank all of them
             places = len(self.run.loads.pushes)
-            leads = np.full(places, self._share.leads)
+            leads = np.full(places, self._share.is_first)
             return Rows(self.run.ranks, np.arange(places), leads, places)
         kind = "pairs" if key in ("broken", "recent") else of_force.get(key, "points")
         return self._rows(kind)

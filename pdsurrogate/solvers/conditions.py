@@ -432,7 +432,7 @@ class Loading:
         levers = np.zeros((len(self.names), self.body.dimension, self.body.dimension))
         if len(self.crossing[0]):
             self._add_planes(levers, self._levers_on_planes(force))
-        self._add_planes(levers, -self._share.leads * self._loads_on_planes(force)[:, :, 1:])
+        self._add_planes(levers, -self._share.is_first * self._loads_on_planes(force)[:, :, 1:])
         if reactions.at_points is not None:
             holder, point, component = self.counted
             np.add.at(

@@ -131,7 +131,7 @@ class _OnFacets:
 
     def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
         """Return the force on every facet, shape (f, d); 0 on ranks other than the first."""
-        return self._on_facets(positions, thickness) * self._share.leads
+        return self._on_facets(positions, thickness) * self._share.is_first
 
     def on_planes(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
         """Return this rank's part of what acts on the planes, see `Following.on_planes`."""
@@ -168,7 +168,7 @@ class Traction(_OnFacets):
         self.factor = 0.0
         self._forces = self._areas[:, None] * np.array(value)
         self.forces = self._middle.spread(self._forces)
-        self.weights = _along_total(self._forces, self._forces.sum(axis=0)) * share.leads
+        self.weights = _along_total(self._forces, self._forces.sum(axis=0)) * share.is_first
 
     def _on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
         return self.factor * self._forces
@@ -224,7 +224,7 @@ class Pressure(_OnFacets):
         self.factor = 0.0
         self._at_edge = thickness_at_edge
         self.needs_thickness = deformed and thickness_at_edge is None
-        self.weights = np.full(len(facets), float(share.leads))
+        self.weights = np.full(len(facets), float(share.is_first))
         why = None
         if deformed:
             why = (
@@ -293,7 +293,7 @@ class Pressure(_OnFacets):
             self._value
             * self.factor
             * float((enclosed - self._enclosed_at_rest).sum())
-            * self._share.leads
+            * self._share.is_first
         )
 
 

@@ -128,7 +128,7 @@ class ContactNodes:
         """Return what acts on planes of symmetry by forces on the places (k, d), see
         `Following.on_planes`; 0 on ranks other than the first.
         """
-        return self._map.on_planes(forces, self._gathered(positions), planes) * self.share.leads
+        return self._map.on_planes(forces, self._gathered(positions), planes) * self.share.is_first
 
     def greatest_frequency(self, stiffness: np.ndarray, mass: np.ndarray) -> float:
         """Return an upper bound of the squared frequencies of points with masses (n,) on springs of
@@ -273,7 +273,7 @@ class Obstacle:
     def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
         """Return the force at every place, shape (k, d); 0 on ranks other than the first."""
         forces, normals = self.pushed(positions)
-        return forces[:, None] * normals * self.surface.share.leads
+        return forces[:, None] * normals * self.surface.share.is_first
 
     def pushed(
         self, positions: np.ndarray, pushes: np.ndarray | None = None
@@ -302,7 +302,7 @@ class Obstacle:
         pushing = self.stiffness > 0
         forces = self.pushed(positions)[0]
         squares = forces[pushing] ** 2 - self.pushes[pushing] ** 2
-        return float((squares / self.stiffness[pushing]).sum()) / 2 * self.surface.share.leads
+        return float((squares / self.stiffness[pushing]).sum()) / 2 * self.surface.share.is_first
 
     def contact(self, positions: np.ndarray) -> dict[str, float]:
         """Return the deformed area of the boundary in contact, in the plane its length, and the

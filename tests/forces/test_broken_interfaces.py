@@ -8,7 +8,7 @@ import pytest
 import pdsurrogate as pds
 from pdsurrogate.body import Body, ReflectionPlane, grid
 from pdsurrogate.discretization import discretize
-from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
+from pdsurrogate.forces import FORCES, ForceSettings, MaterialPart, bind_portions
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.scenes import Precut
 from pdsurrogate.testing.bodies import wavy
@@ -44,7 +44,7 @@ def bound(name, body, plane, mu):
     """Two layers, the upper one mu times as stiff as the lower."""
     upper = body.points[:, 1] > 0.5
     portions = [
-        Portion(NeoHookean(m, 50 * m), FORCES[name](), np.flatnonzero(of))
+        MaterialPart(NeoHookean(m, 50 * m), FORCES[name](), np.flatnonzero(of))
         for m, of in ((1.0, ~upper), (mu, upper))
     ]
     return bind_portions(

@@ -10,7 +10,7 @@ from conftest import SHIPPED
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import Body, ReflectionPlane, grid
-from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
+from pdsurrogate.forces import FORCES, ForceSettings, MaterialPart, bind_portions
 from pdsurrogate.materials import Gent, NeoHookean, homogeneous, plane_strain, plane_stress
 from pdsurrogate.results.measures import PointState
 from pdsurrogate.scenes import Scene, SceneError, load_scene
@@ -32,7 +32,7 @@ and the fits behind the jumps there.
 def bound(name, body, inside, laws=(SOFT, STIFF), settings=DOUBLE):
     """A model on a body of two or more materials; `inside` numbers the material of every point."""
     portions = [
-        Portion(law, MODELS[name], np.flatnonzero(inside == number))
+        MaterialPart(law, MODELS[name], np.flatnonzero(inside == number))
         for number, law in enumerate(laws)
     ]
     return bind_portions(body, portions, settings)

@@ -11,7 +11,7 @@ from bodies import sheet
 import pdsurrogate as pds
 from pdsurrogate.body import Body, Round, grid
 from pdsurrogate.discretization import discretize
-from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
+from pdsurrogate.forces import FORCES, ForceSettings, MaterialPart, bind_portions
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.testing.bodies import wavy
@@ -148,7 +148,7 @@ def bound(plane, ratio, inside_is_stiff=True):
     stiff = (body.rounds[0].distances(body.points) < 0) == inside_is_stiff
     laws = NeoHookean(1.0, 100.0), NeoHookean(ratio, 100.0 * ratio)
     portions = [
-        Portion(law, FORCES["bond-energy"](), np.flatnonzero(stiff == number))
+        MaterialPart(law, FORCES["bond-energy"](), np.flatnonzero(stiff == number))
         for number, law in enumerate(laws)
     ]
     return (

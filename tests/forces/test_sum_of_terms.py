@@ -9,7 +9,7 @@ import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.body import ReflectionPlane
-from pdsurrogate.forces import ForceSettings, Portion, bind_portions, released_by
+from pdsurrogate.forces import ForceSettings, MaterialPart, bind_portions, released_by
 from pdsurrogate.forces.bond_force import BondForces
 from pdsurrogate.forces.nosb import PointStress
 from pdsurrogate.forces.pair_energy import PairEnergy
@@ -85,7 +85,7 @@ def both(plane, two_materials=False, body=None):
     stiffer = replace(law, shear_modulus=4.0, bulk_modulus=200.0)
     parts = (law, np.flatnonzero(left)), (stiffer, np.flatnonzero(~left))
     return body, *(
-        bind_portions(body, [Portion(law, model, points) for law, points in parts], settings)
+        bind_portions(body, [MaterialPart(law, model, points) for law, points in parts], settings)
         for model in models
     )
 

@@ -15,9 +15,9 @@ from pdsurrogate.forces import (
     Domain,
     ForceSettings,
     InvalidState,
+    MaterialPart,
     OutsideDomain,
     OutsideDomainWarning,
-    Portion,
     bind_portions,
 )
 from pdsurrogate.kernels.domain import distance_coefficients
@@ -336,7 +336,7 @@ def test_bodies_of_two_materials(ogden):
 
     def forces(*models):
         portions = [
-            Portion(law, model, np.flatnonzero(side))
+            MaterialPart(law, model, np.flatnonzero(side))
             for law, model, side in zip((soft, stiff), models, (left, ~left), strict=True)
         ]
         force = bind_portions(body, portions, ForceSettings(plane="space"))

@@ -9,7 +9,7 @@ from every_model import pulled
 
 import pdsurrogate as pds
 from pdsurrogate.body import Body, ReflectionPlane, Round, divided
-from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
+from pdsurrogate.forces import FORCES, ForceSettings, MaterialPart, bind_portions
 from pdsurrogate.forces.interface_fits import SIGHT
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.ranks import communicator
@@ -105,7 +105,7 @@ def digests(name, plane, ranks, disc=False, torn=False, loaded=False):
         stiff = DISC.distances(body.points) < 0
     model = FORCES[name]()
     portions = [
-        Portion(NeoHookean(mu, 100 * mu), model, np.flatnonzero(where))
+        MaterialPart(NeoHookean(mu, 100 * mu), model, np.flatnonzero(where))
         for mu, where in ((1.0, ~stiff), (5.0, stiff))
     ]
     force = bind_portions(body, portions, ForceSettings(plane=plane, breakable=torn))

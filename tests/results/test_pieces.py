@@ -31,7 +31,7 @@ class SomePoints:
 
     def __init__(self, rank, size, numbers, own):
         self.ranks, self.numbers, self.own = Rank(rank, size), numbers, own
-        self.divided, self.leads = True, rank == 0
+        self.divided, self.is_first = True, rank == 0
 
 
 def parts_of(body, bounds, reach):
