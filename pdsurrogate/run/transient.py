@@ -157,6 +157,7 @@ class Transient:
                     break
                 raise type(error)(f"time {account.time:.4g}: {error}") from None
             run.force.accept(run.positions)
+            run.loads.let_go(run.positions)
             if on_row:
                 self._row()
             else:

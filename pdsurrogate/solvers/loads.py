@@ -359,7 +359,8 @@ class Loads:
         Why the loads are not minus the derivative of a potential; None if they are.
     obstacles : list of Obstacle
     pushes : ndarray, shape (k, obstacles)
-        Forces of the obstacles at places where the gap is zero, found by equilibria.
+        Forces of the obstacles at places where the gap is zero, found by equilibria and,
+        in dynamics, lost where contact ends.
     """
 
     def __init__(self, body: Body, loads: Sequence[AnyLoad]) -> None:
@@ -473,6 +474,13 @@ class Loads:
         for number, obstacle in enumerate(self.obstacles):
             forces[:, number] = obstacle.pushed(positions, pushes[:, number])[0]
         return forces
+
+    def let_go(self, positions: np.ndarray) -> None:
+        """Set to zero the pushes at places that the obstacles no longer push at positions (n, d):
+        contact that begins there again is that of a penalty.
+        """
+        if self.pushes.any():
+            self.pushes[self.pushed(positions, self.pushes) == 0] = 0.0
 
     def potential(self, positions: np.ndarray) -> float:
         """Return the potential energy of the loads at their present size, 0 in the undeformed body

@@ -145,7 +145,8 @@ class Obstacle:
     """Rigid obstacle, which pushes at a place of area A with the force max(q - k A g, 0), where g
     is the gap to it and k a stiffness.
 
-    Equilibria find the pushes q with which nothing penetrates; in dynamics they stay as they are.
+    Equilibria find the pushes q with which nothing penetrates; in dynamics a place keeps its
+    push until it leaves the obstacle.
 
     Parameters
     ----------
@@ -315,6 +316,8 @@ class Obstacle:
         places = self.surface.places(positions, self.planes)
         touching = TOUCHING * self.surface.spacing
         gaps, _ = self.gaps(places)
+        # In dynamics a place is pushed until its gap is q / (k A).
+        gaps = np.where(self.pushes > self.stiffness * gaps, np.minimum(gaps, 0.0), gaps)
         whole = (self.surface.stops >= 0) & (gaps[self.surface.stops] < touching)
         bonded = self.surface.bonded[facets]
         deepest = float(gaps[self.stiffness > 0].min(initial=0.0))

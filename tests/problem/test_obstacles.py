@@ -250,6 +250,36 @@ def test_a_body_thrown_at_a_wall_bounces_and_keeps_its_energy():
     )
 
 
+def test_contact_after_an_equilibrium_ends_where_the_obstacle_leaves():
+    """A plate that has left comes back to a gap at which it pushed before: it pushes no more. While
+    it leaves, it pushes at gaps that count as contact.
+    """
+    way = [[0, 0], [1, 1], [2, -0.25], [3, -0.0005], [4, -0.0005]]
+    inertia = pds.StepDynamics(duration=3.0, density=1.0, damping=4.0)
+    moving = [pds.Step(to=to, outputs=2, dynamics=inertia) for to in (2.0, 3.0, 4.0)]
+    plate = {**PLATE, "x2": -0.4, "amplitude": way}
+    result = pds.simulate(pressed(plate, spacing=0.25, steps=[1.0, *moving]), "bond-energy")
+    forces = [level["forces"]["plate"][1] for level in result.levels]
+    assert max(forces[:2]) < -0.1
+    assert result.levels[1]["contact"]["plate"]["area"] > 0.9
+    assert forces[2:] == [0.0] * 5
+    assert all(abs(part["greatest_energy_gap"]) < 1 for part in result.summary["dynamics"])
+
+
+def test_places_that_are_pushed_count_as_in_contact():
+    problem = compile_scene(pressed())
+    loads = problem.loading.loads
+    (plate,) = loads.obstacles
+    loads.set(0.0)
+    loads.pushes[:, 0] = 0.03 * problem.body.spacing * plate.stiffness
+    positions = problem.body.points.copy()
+    for gap, touches in ((0.02, True), (0.04, False), (0.02, False)):
+        positions[:, 1] = problem.body.points[:, 1] - gap * problem.body.spacing
+        assert (plate.pushed(positions)[0].sum() > 0) == touches
+        assert (plate.contact(positions)["area"] > 0.9) == touches
+        loads.let_go(positions)
+
+
 def test_a_scene_without_obstacles_carries_nothing_of_them():
     scene = pressed(
         prescribed=(
