@@ -139,9 +139,10 @@ class Checkpoints:
         name = run.problem.scene.name
         there = {path.stem for _, path in state_files(run.folder, name)}
         for number in range(most):
-            if f"{name}-{number:03d}" not in there:
+            file = f"{name}-{number:03d}"
+            if file not in there:
                 raise CheckpointError(
-                    f"{run.folder} has a checkpoint, but not the file {name}-{number:03d}.vtu of a"
+                    f"{run.folder} has a checkpoint, but not the file {file} (.vtu or .pvtu) of a"
                     f" state before it; {ANEW}"
                 )
 

@@ -330,7 +330,7 @@ def cut_short(folder):
             (1.1, 1.2),
             "analytic",
             lambda folder: (folder / "uniaxial-000.vtu").unlink(),
-            "not the file uniaxial-000.vtu of a state",
+            r"not the file uniaxial-000 \(.vtu or .pvtu\) of a state",
         ),
     ],
     ids=["steps", "force", "damaged", "absent", "states"],
