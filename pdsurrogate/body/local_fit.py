@@ -4,7 +4,7 @@ around them.
 
 from __future__ import annotations
 
-from itertools import combinations_with_replacement, pairwise
+from itertools import combinations_with_replacement
 
 import numpy as np
 import scipy
@@ -168,31 +168,6 @@ class _Images:
             for bit, (number, plane) in enumerate(planes.items())
         ]
 
-    def separated(self, body: Body, places: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """Return which points or images, by their numbers (k,), a hole or cut separates from places
-        (k, d): the straight way to an image is reflected where it leaves the body.
-        """
-        ways = self.points[numbers] - places
-        found = np.zeros(len(numbers), dtype=bool)
-        shares = np.ones((len(numbers), 2 + len(self._planes)))
-        shares[:, 0] = 0.0
-        for column, (_, plane, seen) in enumerate(self._planes, 2):
-            some = np.flatnonzero(seen[numbers])
-            there = (plane.position - places[some, plane.axis]) / ways[some, plane.axis]
-            shares[some, column] = np.clip(there, 0.0, 1.0)
-        shares.sort(axis=1)
-        for begin, end in pairwise(shares.T):
-            some = np.flatnonzero(end > begin)
-            part = np.stack(
-                [places[some] + share[some, None] * ways[some] for share in (begin, end)]
-            )
-            for _, plane, _ in self._planes:
-                depths = -plane.side * (part[..., plane.axis] - plane.position)
-                depths = np.maximum(np.where(depths.sum(axis=0) < 0, -depths, depths), 0.0)
-                part[..., plane.axis] = plane.position - plane.side * depths
-            found[some] |= body.separates(*part)
-        return found
-
     def followed(self, rows: scipy.sparse.csr_array) -> Following:
         """Return the map that follows points and images with given weights (k, m)."""
         across = (
@@ -284,7 +259,7 @@ class _Surroundings:
             near = near[weights > LEAST_WEIGHT]
             weights = weights[weights > LEAST_WEIGHT]
         if body.separates is not None and len(near):
-            bound = ~images.separated(body, places[near["i"]], near["j"])
+            bound = ~body.separates(places[near["i"]], points[near["j"]])
             near = near[bound]
             weights = weights[bound]
         self.place = near["i"]

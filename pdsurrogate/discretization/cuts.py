@@ -73,11 +73,18 @@ class Cuts:
 
     def touched(self, number: int, places: np.ndarray) -> np.ndarray:
         """Return which places (k, d) on a piece, given by its number, another piece touches, the
-        boundary of the body or a plane of reflection.
+        boundary of the body or a plane of reflection, unless the piece lies in this plane.
         """
         axes = np.eye(places.shape[1])
-        touched = self._depths(places) <= self._rounding
-        for step in (*axes, *-axes):
+        touched = np.zeros(len(places), dtype=bool)
+        steps = [*axes, *-axes]
+        for plane in self._planes:
+            if (np.abs(plane.mirrored(self.pieces[number].edge(1.0)[0])[1]) > self._rounding).any():
+                touched |= plane.mirrored(places)[1] <= self._rounding
+            else:  # beyond it the body goes on
+                steps = [step for step in steps if plane.side * step[plane.axis] <= 0]
+                places = places - self._rounding * plane.side * axes[plane.axis]
+        for step in steps:
             touched |= ~self._inside(places + self._rounding * step)
         for other, piece in enumerate(self.pieces):
             if other != number:
@@ -143,7 +150,11 @@ class Cuts:
             along = np.unique([0, *shapely.line_locate_point(line, met), shapely.length(line)])
             along = along[np.append(True, np.diff(along) > self._rounding)]
             for part in pairwise(shapely.get_coordinates(line.interpolate(along))):
-                if encloses(np.mean(part, axis=0)[None], boundary[:, 0], boundary[:, 1])[0]:
+                normal = np.subtract(*part)[::-1] * (1, -1)
+                # A part in a plane of symmetry lies on the boundary.
+                beside = self.beside * normal / np.linalg.norm(normal)
+                middles = np.mean(part, axis=0) + np.stack([beside, -beside])
+                if encloses(middles, boundary[:, 0], boundary[:, 1]).any():
                     yield np.array(part)
 
     def flat_parts(

@@ -10,7 +10,7 @@ from ..body import Body, Cells, Mirror, ReflectionPlane
 from ..body.local_fit import REACH
 from ..body.surface import IN_PLANE
 from ..scenes import Circle, Ellipse, Mesh, Rectangle, Scene, Sphere
-from ..scenes.solids import Prism
+from ..scenes.solids import AnyPrecut, Prism
 from .cells import MOST_PLACES, lattice_of
 from .chains import ROUNDING
 from .cuts import Cuts, between_cells
@@ -73,17 +73,28 @@ def cuts_of(
     extent = float((upper - lower).max())
     pieces = scene.precuts
     flat = [plane for plane in planes if isinstance(plane, ReflectionPlane)]
+    cells = None
     if between and not isinstance(scene.body, Mesh) and scene.body.arrangement == "lattice":
         cells = Cells.filling(lower, upper, scene.spacing)
         pieces = between_cells(pieces, cells, ROUNDING * extent)
 
-    def into_planes(places: np.ndarray) -> np.ndarray:
+    def into_planes(piece: AnyPrecut) -> AnyPrecut:
         for plane in flat:
-            feet, depths = plane.mirrored(places)
-            places = np.where(np.abs(depths)[:, None] < IN_PLANE * extent, feet, places)
-        return places
+            reach = IN_PLANE * extent
+            depths = np.abs(plane.mirrored(piece.edge(scene.spacing)[0])[1])
+            half = 0.0 if cells is None else cells.sides[plane.axis] / 2
+            # Between a plane and its first row of points a cut is one with its image.
+            if plane.symmetric and (depths <= half + ROUNDING * extent).all():
+                reach = extent
 
-    pieces = [piece.moved(into_planes) for piece in pieces] if flat else pieces
+            def moved(places: np.ndarray, plane: ReflectionPlane = plane, reach: float = reach):
+                feet, depths = plane.mirrored(places)
+                return np.where(np.abs(depths)[:, None] < reach, feet, places)
+
+            piece = piece.moved(moved)
+        return piece
+
+    pieces = [into_planes(piece) for piece in pieces]
     return Cuts(pieces, ROUNDING * extent, partial(inside, scene), flat)
 
 
@@ -166,14 +177,14 @@ def check_precuts(scene: Scene, body: Body, cuts: Cuts) -> None:
     """
     cut = body.all_points[body.bonds.cut]
     before = []
-    for number, precut in enumerate(scene.precuts):
+    for number in range(len(scene.precuts)):
         crossed = cuts.only(number).crosses(cut[:, 0], cut[:, 1])
         if not body.share.any(crossed.any()):
             raise ValueError(
                 f"precuts.{number}: the precut crosses no bond; it is outside the body, in a hole,"
                 " or between points"
             )
-        edge = precut.edge(body.spacing)[0]
+        edge = cuts.pieces[number].edge(body.spacing)[0]
         for other, (its_edge, its_crossed) in enumerate(before):
             aligned = (
                 np.linalg.matrix_rank(

@@ -79,7 +79,7 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
     normals = _normals_at(*_continued(body, nodes, facets))[: len(nodes)]
     if not scene.precuts:
         return Surface(nodes, facets, parts, boundary_rows(body, nodes, normals), groups)
-    cuts = cuts_of(scene, lower, upper, between=True)
+    cuts = cuts_of(scene, lower, upper, between=True, planes=body.planes)
     follow = _with_mouths(body, cuts, nodes, facets, normals)
     return Surface(nodes, facets, parts, follow, groups, faces=_faces_of(body, cuts, nodes, facets))
 
@@ -147,6 +147,13 @@ def _faces_of(body: Body, cuts: Cuts, nodes: np.ndarray, facets: np.ndarray) -> 
             areas.append(-side * length / count * shares[own] * normal)
     places = np.concatenate(places)
     areas = np.concatenate(areas)
+    # The other face of a cut in a plane of symmetry is the image of the one on this side.
+    here = np.ones(len(places), dtype=bool)
+    for plane in body.planes:
+        if plane.symmetric:
+            here &= plane.mirrored(places)[1] > -cuts.beside / 2
+    places = places[here]
+    areas = areas[here]
     if not len(places):
         return None
     normals = areas / np.linalg.norm(areas, axis=1, keepdims=True)

@@ -339,8 +339,8 @@ class Result:
         Raises
         ------
         FolderTaken
-            If the folder holds results of another run or a file with the name of a result that no
-            run wrote, or a run is writing there.
+            If the folder holds results of another run or, without a run, a file with the name of a
+            result, or a run is writing there.
         ValueError
             If the result was read from another folder.
 

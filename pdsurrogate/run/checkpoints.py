@@ -11,8 +11,8 @@ import numpy as np
 
 from ..body import rows_of
 from ..ranks import Rows
-from ..results.checkpoint import Checkpoint
-from ..results.states import Moment
+from ..results.checkpoint import ANEW, Checkpoint, CheckpointError
+from ..results.folder import state_files
 from ..results.tables import write_tables
 from .run import PUSHES, Run
 from .state import State
@@ -99,8 +99,8 @@ class Checkpoints:
         self._due = ended + max(SECONDS_BETWEEN_CHECKPOINTS, PAUSE_SHARE * (ended - began))
 
     def restore(self) -> Checkpoint:
-        """Restore the run from its checkpoint, except for the present stage, and return the
-        checkpoint with this rank's rows of arrays.
+        """Restore the run from its checkpoint, except for the present stage and the states, and
+        return the checkpoint with this rank's rows of arrays.
         """
         run = self.run
         held = self._held()
@@ -111,6 +111,8 @@ class Checkpoints:
         }
         with run.ranks.together():
             whole = None if run.ranks.rank else Checkpoint.read(run.folder, identity, shapes)
+            if whole:
+                self._check_states(len(whole.progress["moments"]))
         progress, keys = run.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
         arrays = {key: self._rows_of(key).hand_out(whole and whole.arrays[key]) for key in keys}
         if progress["precision"] != run.force.precision:
@@ -121,7 +123,6 @@ class Checkpoints:
         run.state = State(**progress["state"])
         if progress["earlier"] is not None:
             run.earlier = progress["earlier"], arrays["earlier"].copy()
-        run.states = run.states_of([Moment(*moment) for moment in progress["moments"]])
         if run.damage is not None:
             run.damage.restore()
         run.break_again()
@@ -131,6 +132,19 @@ class Checkpoints:
             (0, 0) if run.ranks.rank else progress["outside"]
         )
         return Checkpoint(progress, arrays)
+
+    def _check_states(self, most: int) -> None:
+        """Raise CheckpointError if the file of one of the first `most` states is missing."""
+        run = self.run
+        name = run.problem.scene.name
+        there = {path.stem for _, path in state_files(run.folder, name)}
+        for number in range(most):
+            file = f"{name}-{number:03d}"
+            if file not in there:
+                raise CheckpointError(
+                    f"{run.folder} has a checkpoint, but not the file {file} (.vtu or .pvtu) of a"
+                    f" state before it; {ANEW}"
+                )
 
     def _held(self) -> dict[str, np.ndarray]:
         """Return the arrays, by name, that every checkpoint of the run contains: positions,

@@ -61,7 +61,7 @@ from .checkpoints import Record
 from .interruption import Interrupted, Interruption
 from .outcome import result_of
 from .run import Run
-from .stages import SinglePrecisionLeft, go
+from .stages import SinglePrecisionLeft, go, ready
 
 if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
@@ -231,11 +231,12 @@ def simulate(
     SceneError
         If the scene and the force model do not fit, or the body cannot be built.
     CheckpointError
-        If there is nothing to resume from, or it belongs to another run.
+        If there is nothing to resume from, or it belongs to another run; the folder is then left as
+        it is.
     FolderTaken
         If `folder` holds results of another run, a checkpoint of this run from before an
-        interruption, or a file that no run wrote and that has the name of one of a run's files; or
-        if another run writes there.
+        interruption, or, without a run, a file that has the name of one of a run's files; or if
+        another run writes there.
     SimulationInterrupted
         After Ctrl-C or `max_time`, at the next consistent state; its `result` holds the outputs
         reached.
@@ -281,9 +282,7 @@ def simulate(
     folder = None if folder is None else Path(folder)
     own = folder if ranks.rank == 0 else None  # of the rank that writes
     with ranks.together():  # before any work
-        if own and resume:
-            remove_leftovers(own)
-        elif own:
+        if own and not resume:
             check_room(own, contents_of(scene, models), overwrite)
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(own) if own else nullcontext()
@@ -300,13 +299,16 @@ def simulate(
         size = len(run.body), len(run.body.bonds.first), run.threads
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
-        if own and not resume:
+        program = ready(run, resume)  # before the folder is changed: it may refuse to resume
+        if own and resume:
+            remove_leftovers(own)
+        elif own:
             make_room(own, run.contents, overwrite)
         if folder is not None:
             begun = result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
             if own:
                 run.keep_tables = Record(run, begun.summary).keep_if_due
-                run.keep_tables()  # by which the folder is known as that of this run
+                run.keep_tables(-math.inf)  # by which the folder is known as that of this run
 
         def ended(message: str | None, status: str) -> Result:
             result = result_of(run, clock.seconds, began, message, status)
@@ -317,7 +319,7 @@ def simulate(
 
         try:
             with interruption:
-                go(run, resume)
+                go(run, *program)
         except (Interrupted, KeyboardInterrupt) as error:
             if isinstance(error, KeyboardInterrupt) and not interruption.told:
                 raise

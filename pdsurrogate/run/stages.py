@@ -4,9 +4,8 @@ change to double precision if needed.
 
 import warnings
 
-import numpy as np
-
 from ..results.checkpoint import CheckpointError
+from ..results.states import Moment
 from ..solvers.equilibrium import EquilibriumSolver, TooSmall, Unstable
 from .checkpoints import Checkpoints
 from .controlled import displacement_of, prepare
@@ -28,16 +27,28 @@ class SinglePrecisionLeft(RuntimeWarning):
     """
 
 
-def go(run: Run, resume: bool) -> None:
-    """Run the remaining stages of the program; with `resume` begin from the checkpoint of the
-    run.
+def ready(
+    run: Run, resume: bool
+) -> tuple[EquilibriumSolver, Checkpoints, Equilibria | Transient | None]:
+    """Return the solver, the checkpoints and, with `resume`, the present stage of a run, which is
+    restored from its checkpoint; nothing is written before the checkpoint is accepted.
+
+    Raise CheckpointError if the run cannot resume from its folder.
     """
     prepare(run)
     solver = solver_of(run)
     checkpoints = Checkpoints(run)
-    current = _resumed(run, solver, checkpoints) if resume else None
+    return solver, checkpoints, _resumed(run, solver, checkpoints) if resume else None
+
+
+def go(
+    run: Run,
+    solver: EquilibriumSolver,
+    checkpoints: Checkpoints,
+    current: Equilibria | Transient | None,
+) -> None:
+    """Run the remaining stages of the program, see `ready`."""
     state = run.state
-    run.keep_tables(-np.inf)
     while state.stage < len(run.stages) and not (
         state.crack is not None and state.crack["through"]
     ):
@@ -142,6 +153,8 @@ def _resumed(
         checkpoint = checkpoints.restore()
         stage = _stage_of(run, solver, checkpoints)
         stage.resume(checkpoint)
+        moments = [Moment(*moment) for moment in checkpoint.progress["moments"]]
+        run.states = run.states_of(moments)  # last, as it writes the index of the states
         return stage
     except CheckpointError:
         raise

@@ -484,3 +484,57 @@ def test_a_pair_with_an_image_is_cut_as_its_mirror_image_is(ends):
     assert len(outer)
     mirrored = zip(source.tolist(), (n + image).tolist(), strict=True)
     assert {*map(tuple, outer.tolist())} == {*mirrored}
+
+
+def _force(side, whole, cut_at, dimension=2):
+    """Return the force that pulls the far end of a body with a cut at x1 = `cut_at`, the half
+    that ends in the plane x1 = 0 or the whole.
+    """
+    low, high = sorted((-side if whole else 0.0, side))
+    far = "right" if side > 0 else "left"
+    near = {"right": "left", "left": "right"}[far]
+    sides = {f"x{axis}": 0.0 for axis in range(2, dimension + 1)}
+    cut = (
+        pds.shapes.Precut(start=(cut_at, 0.4), end=(cut_at, 0.8))
+        if dimension == 2
+        else {"corner": (cut_at, 0.2, 0.2), "sides": ((0.0, 0.6, 0.0), (0.0, 0.0, 0.6))}
+    )
+    scene = pds.Scene(
+        name="cut-in-a-plane",
+        spacing=0.2,
+        body={
+            "shape": "rectangle" if dimension == 2 else "box",
+            "size": (high - low, *[1.0] * (dimension - 1)),
+            "lower": (low, *[0.0] * (dimension - 1)),
+        },
+        material=pds.materials.NeoHookean(shear_modulus=1.0, bulk_modulus=20.0),
+        precuts=(cut,),
+        prescribed=(
+            {"region": near, "x1": -0.1 * side, **sides} if whole else {"region": near, "x1": 0.0},
+            {"region": far, "x1": 0.1 * side, **sides},
+        ),
+        steps=(1.0,),
+    )
+    return pds.simulate(scene, "bond-energy").levels[-1]["forces"][far][0]
+
+
+@pytest.mark.parametrize(
+    ("side", "cut_at", "dimension"),
+    [(1.0, 0.0, 2), (-1.0, 0.0, 2), (1.0, 0.04, 2), (1.0, 0.0, 3), (-1.0, 0.0, 3)],
+)
+def test_a_cut_in_a_plane_of_symmetry_is_that_of_the_whole(side, cut_at, dimension):
+    """Of its two faces one belongs to the half. Between the plane and the first points a cut and
+    its image are one.
+    """
+    half = _force(side, False, cut_at, dimension)
+    # Two equilibria, each to a residual of 1e-6 shear modulus / spacing.
+    assert half == pytest.approx(_force(side, True, 0.0, dimension), rel=1e-5)
+
+
+def test_two_cuts_between_the_same_rows_are_one():
+    changes = {
+        "spacing": 0.25,
+        "precuts": [{"start": (1.0, x), "end": (2.0, x)} for x in (0.45, 0.55)],
+    }
+    with pytest.raises(pds.SceneError, match=r"precuts\.1: the precut lies on precuts\.0"):
+        pds.simulate(pds.load_scene("uniaxial", changes), "bond-energy")

@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.progress import listening
+from pdsurrogate.results.checkpoint import CheckpointError
 from pdsurrogate.results.files import TEMPORARY
 from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.run import checkpoints
@@ -298,3 +299,63 @@ def test_ctrl_c_while_a_file_is_written_ends_with_one_line(tmp_path, what):
         assert words not in told
     assert pds.load_result(tmp_path).status in ("done", "interrupted", "running")
     assert not list(tmp_path.glob(f"{TEMPORARY}*"))
+
+
+def sheet(*stretches):
+    return pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": list(stretches)})
+
+
+def content_of(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def cut_short(folder):
+    path = folder / "checkpoint.npz"
+    path.write_bytes(path.read_bytes()[:1000])
+
+
+@pytest.mark.parametrize(
+    ("stretches", "force", "change", "message"),
+    [
+        ((1.1, 1.3), "analytic", None, r"another run: stretches is \[1.1, 1.2\] there"),
+        ((1.1, 1.2), "neo-hookean", None, "another run: force is analytic there"),
+        ((1.1, 1.2), "analytic", cut_short, "is damaged"),
+        (
+            (1.1, 1.2),
+            "analytic",
+            lambda folder: (folder / "checkpoint.npz").unlink(),
+            "there is no checkpoint",
+        ),
+        (
+            (1.1, 1.2),
+            "analytic",
+            lambda folder: (folder / "uniaxial-000.vtu").unlink(),
+            r"not the file uniaxial-000 \(.vtu or .pvtu\) of a state",
+        ),
+    ],
+    ids=["steps", "force", "damaged", "absent", "states"],
+)
+def test_a_refused_resume_changes_nothing(tmp_path, stretches, force, change, message):
+    """Summary and history of the finished run were replaced by those of a run that had not begun,
+    and missing states ended in an error of the reader of VTU files.
+    """
+    simulate(sheet(1.1, 1.2), "analytic", folder=tmp_path).save(tmp_path)
+    (tmp_path / f"{TEMPORARY}x.vtu").write_text("x")
+    if change is not None:
+        change(tmp_path)
+    before = content_of(tmp_path)
+    with pytest.raises(CheckpointError, match=message):
+        simulate(sheet(*stretches), force, folder=tmp_path, resume=True)
+    assert content_of(tmp_path) == before
+
+
+def test_a_resume_in_a_folder_without_a_run_leaves_the_users_files(tmp_path):
+    (tmp_path / "summary.json").write_text('{"mine": 1}')
+    (tmp_path / "history.csv").write_text("year,price\n")
+    before = content_of(tmp_path)
+    with pytest.raises(CheckpointError, match="there is no checkpoint"):
+        simulate(sheet(1.1), "analytic", folder=tmp_path, resume=True)
+    assert content_of(tmp_path) == before
+    with pytest.raises(CheckpointError, match="there is no checkpoint"):
+        simulate(sheet(1.1), "analytic", folder=tmp_path / "new", resume=True)
+    assert content_of(tmp_path) == before
