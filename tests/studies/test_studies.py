@@ -699,3 +699,10 @@ def test_the_figure_names_what_it_draws():
     (points,) = by_force.lines
     assert list(points.get_xdata(orig=True)) == ["nosb", "analytic"]
     np.testing.assert_array_equal(points.get_ydata(), [1.0, 1.1])
+    for row, name in zip(rows, ("small", "great"), strict=True):
+        row["force"] = f"own-artifacts/a-rubber-of-two-terms/{name}"
+    _, by_force = study_figure(rows, ["spacing", "force"]).axes
+    (points,) = by_force.lines
+    np.testing.assert_array_equal(points.get_xdata(orig=False), [0, 1])
+    labels = [label.get_text() for label in by_force.get_xticklabels()]
+    assert labels == 2 * ["own-artifacts/a-rubber-o"]
