@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from .body import Body
+from .bonds import pointers_to
 from .ghosts import WITH_ROUNDING, Ghosts
 from .surface import Following
 
@@ -322,9 +323,7 @@ class _Surroundings:
         if degree > 1:
             told &= self._total(np.abs(value)) <= MOST_AMPLIFICATION
         kept = told[self.place]
-        pointers = np.concatenate(
-            [[0], np.cumsum(np.bincount(self.place[kept], minlength=self.shape[0]))]
-        )
+        pointers = pointers_to(self.place[kept], self.shape[0]).astype(np.int64)
         return scipy.sparse.csr_array((value[kept], self.point[kept], pointers), shape=self.shape)
 
 
