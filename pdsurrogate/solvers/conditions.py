@@ -226,7 +226,7 @@ class Loading:
         share = self._share
         at_rest = self.body.points
         moves = self.moves(parameter)
-        (count, piece) = self.pieces()
+        count, piece = self.pieces()
         table = [
             share.joined(rows, self.point)
             for rows in (piece[self.point], self.component, self.place, moves)
