@@ -375,7 +375,7 @@ class Loading:
         over bonds to images (mirrored points) of half the bond force, times the displacement of the
         image per displacement of the plane.  The factor is a half since half the energy of such a
         bond belongs to the mirrored body.  For a single plane the reaction is the sum of the forces
-        of all bonds that cross it.  It balances the parts of loads that images carry, too.
+        of all bonds that cross it. It balances the parts of loads that images carry, too.
 
         Parameters
         ----------
