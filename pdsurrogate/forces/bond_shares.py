@@ -259,7 +259,7 @@ class BondShares:
         """
         n = len(self._body)
         d = self._body.dimension
-        (own, others, incidence) = self.pairs_of_points
+        own, others, incidence = self.pairs_of_points
         pairs = own[n:], others[n:], incidence
         found = np.empty_like(stresses[n:])
         on_ghosts = np.empty_like(self._node_parts)

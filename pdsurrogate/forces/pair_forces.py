@@ -196,8 +196,8 @@ class PairForces(Pairs):
         """Add `changes` (k, 2) to the reference vectors of some `pairs` that carry force."""
         block = pairs // BLOCK
         lane = pairs % BLOCK
-        (n1, n2, along) = self.geometry[block, :3, lane].T.astype(float)
-        (one, other) = changes.T
+        n1, n2, along = self.geometry[block, :3, lane].T.astype(float)
+        one, other = changes.T
         factors = np.where(
             along == 0, 0.0, [n1 * one + n2 * other, n1 * other - n2 * one] / (n1**2 + n2**2)
         )
