@@ -282,7 +282,7 @@ def far_from_the_origin(subject, force, positions):
     Positions enter by their differences alone, which are exact here: what is left is rounding in
     sums.
     """
-    (near, far) = _near_and_far(subject)
+    near, far = _near_and_far(subject)
     placed = GRID * np.rint(positions / GRID)
     expected = _settled(near, placed)
     found = _settled(far, placed + AWAY)
