@@ -46,7 +46,7 @@ def _checked(value: Any) -> Any:
         return value
     try:
         table = np.array(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         table = np.empty(0)
     if (
         table.ndim != 2

@@ -405,6 +405,20 @@ def test_blanks_around_an_amplitude_do_not_count():
     assert load_scene("traction", {"loads.0.amplitude": " ramp "}).loads[0].amplitude == "ramp"
 
 
+@pytest.mark.parametrize(
+    "amplitude",
+    [
+        *("t.real", "__import__('os')", "(lambda: t)()", "'t'", "True", "max(t, key=abs)", "speed"),
+        *(3, None, {"t": 1}, [[0, 0]], [[0, 0], [0, 1]], [[0, 0, 0], [1, 1, 1]]),
+        *([[0, "0"], [1, "a"]], [[0, 0], [1, 10**400]]),
+    ],
+)
+def test_what_is_no_amplitude_is_refused(amplitude):
+    """An integer beyond all floats ended in an error of NumPy."""
+    with pytest.raises(SceneError, match=r"loads\.0\.amplitude: .*an expression of t"):
+        load_scene("traction", {"loads.0.amplitude": amplitude})
+
+
 PLAIN = {
     "name": "plain",
     "spacing": 0.25,
