@@ -188,8 +188,8 @@ def contour_figure(
     values: list[np.ndarray],
     label: str,
     titles: list[str],
-    limits: Limits | None = None,
-    places: Sequence[str] = PLACES,
+    limits: Limits,
+    places: Sequence[str],
 ) -> Figure:
     """Return a figure of a deformed body in one or more states, colored by values of the cells, all
     to one scale of colors and of length.
@@ -207,8 +207,8 @@ def contour_figure(
         Label of the color bar.
     titles : list of str
         Title of each state.
-    limits : tuple of float, optional
-        Ends of the scale of colors; by default as `limits_of` finds them for all states together.
+    limits : tuple of float
+        Ends of the scale of colors.
     places : sequence of str
         Labels of the axes.
     """
@@ -217,7 +217,6 @@ def contour_figure(
     nodes = np.concatenate([rest.nodes, *(cells.nodes + way for cells, way in moved)])
     box = np.array([nodes.min(axis=0), nodes.max(axis=0)])
     flat = rest.dimension == 2
-    limits = limits or limits_of(np.concatenate(values))
     width, height = size = box[1] - box[0] if flat else np.ones(2)
     # The greatest scale of equal panels that fit a page.
     scale, columns = max(
@@ -266,12 +265,13 @@ def draw_outside(
     nodes: np.ndarray,
     of_cells: np.ndarray,
     box: np.ndarray,
-    places: Sequence[str] = PLACES,
+    places: Sequence[str],
 ) -> None:
     """Draw the outer sides of the cells of a solid in three-dimensional axes.
 
     `nodes` are the deformed nodes, shape (k, 3), `of_cells` the colors of the cells (RGBA), shape
-    (n, 4), and `box` the lower and upper corner of the part of space in view, shape (2, 3).
+    (n, 4), `box` the lower and upper corner of the part of space in view, shape (2, 3), and
+    `places` the labels of the axes.
     """
     corners, owners = cells.outer_sides
     style = {"edgecolors": (0, 0, 0, 0.3), "linewidths": 0.2}
