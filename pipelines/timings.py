@@ -327,7 +327,7 @@ def run(
 ) -> Cost:
     """Cost of a run; one with `coarse` changes fills the caches."""
     words = [
-        ("-c", RUN, json.dumps([scene, {**(changes or {}), **other}, force, False]))
+        ("-c", RUN, json.dumps([scene, {**(changes or {}), **other}, force]))
         for other in ({}, coarse or {})
     ]
     return Cost(words[0], first=words[1], **more)
