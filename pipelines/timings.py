@@ -24,7 +24,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -481,17 +481,17 @@ def costs(names: list[str], paths: list[Path], turns: int | None) -> None:
     for name in names:
         if name == "forces":
             for _ in range(2):  # where memory lies counts
-                both = [server(path) for path in paths]
-                asks = [one.__enter__() for one in both]
-                for case in FORCES:
-                    found = in_turns(
-                        paths,
-                        turns or 4,
-                        lambda which, case=case, asks=asks: {str(case): asks[which](*case, 0.06)},
-                    )
-                    show(name, found)
-                for one in both:
-                    one.__exit__(None, None, None)
+                with ExitStack() as servers:
+                    asks = [servers.enter_context(server(path)) for path in paths]
+                    for case in FORCES:
+                        found = in_turns(
+                            paths,
+                            turns or 4,
+                            lambda which, case=case, asks=asks: {
+                                str(case): asks[which](*case, 0.06)
+                            },
+                        )
+                        show(name, found)
         elif name in ("figures", "properties"):
             for title, cost in (
                 SECTIONS if name == "figures" else {"": Cost(("-c", PROPERTIES))}
