@@ -1,8 +1,8 @@
 """Make the artifacts that pdsurrogate ships, from nothing: sample, search, cross-validate, fit,
 store.
 
-    python pipelines/fit_shipped.py --out DIR      write them to DIR python pipelines/fit_shipped.py
-    --check        compare the forces of what it makes with those of what is shipped
+python pipelines/fit_shipped.py --out DIR    writes them to DIR
+python pipelines/fit_shipped.py --check      compares their forces with those of what is shipped
 
 The search and the cross-validation are printed, and kept on the cards. Training magnifies the last
 bit of a sum into other weights, as good but not the same, so that the bytes of a payload depend on

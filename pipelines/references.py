@@ -1,11 +1,9 @@
 """Loads, solids and bodies in plane strain against finite elements and exact solutions, at several
 spacings.
 
-python pipelines/references.py                    all cases (hours at the finest spacings) python
-pipelines/references.py loading cube       those of a group, or with such a word in their names
-python pipelines/references.py torsion --coarse   their two coarser spacings alone python
-pipelines/references.py --docs             puts the tables of all stored figures into the
-documentation
+python pipelines/references.py                  all cases (hours at the finest spacings)
+python pipelines/references.py loading cube     those of a group, or with such a word in their names
+python pipelines/references.py --docs           puts the tables of the stored figures into the pages
 
 References are finite elements: in the plane nine-node quadrilaterals on graded meshes, three-field
 in plane strain, which change by 0.02 % or less in the last refinement (0.15 % for the pressed

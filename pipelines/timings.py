@@ -1,10 +1,10 @@
 """What force evaluations, runs and commands cost: on this checkout, or on two commits side by side.
 
-python pipelines/timings.py tear cube                        costs, by the names that `--help` lists
-python pipelines/timings.py tear cube --commits OLD NEW      of two commits, which take turns, and
-their ratio python pipelines/timings.py figures properties --commits OLD NEW   what differs:
-sections 6.2 to 6.7; required properties python pipelines/timings.py speed threads ranks --docs
-tables, into the documentation
+python pipelines/timings.py tear cube                       costs, by names that `--help` lists
+python pipelines/timings.py tear cube --commits OLD NEW     of two commits in turns, and their ratio
+python pipelines/timings.py figures --commits OLD NEW       what differs in sections 6.2 to 6.7
+python pipelines/timings.py properties --commits OLD NEW    what differs in required properties
+python pipelines/timings.py speed threads ranks --docs      tables, into the documentation
 
 Commits are checked out into a temporary folder and run in processes of their own with this Python,
 so that both must run on what is installed. Each goes first in every other turn; medians over the
