@@ -241,7 +241,7 @@ class CellMesh:
         corners, beside = self.faces
         inner = beside[:, 1] >= 0
         corners = corners[inner]
-        (one, other) = beside[inner].T
+        one, other = beside[inner].T
         # The repeated corner of a triangle does not matter: any place on the common side will do.
         middle = self.nodes[corners].mean(axis=1)
         toward = np.einsum("nij,nj->ni", gradients[one], middle - points[one])

@@ -112,7 +112,7 @@ def _on_boundary(
     """Return the nodes of a lattice with its outer ones moved to the boundary, the components
     that flat sides hold, and the moved sides.
     """
-    (corners, owners) = lattice.outer_sides
+    corners, owners = lattice.outer_sides
     nodes = lattice.nodes.copy()
     middles = nodes[corners].mean(axis=1)
     normals = np.rint(2 * (middles - nodes[lattice.blocks[0][owners]].mean(axis=1)) / cell)

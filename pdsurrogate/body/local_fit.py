@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from .body import Body
+from .bonds import pointers_to
 from .ghosts import WITH_ROUNDING, Ghosts
 from .surface import Following
 
@@ -121,8 +122,11 @@ def fields_at(
     rows = _filled(rows, linear, rest)
     signs = np.ones((len(images.source), 3))
     signs[:, : body.dimension] = images.signs
-    tensors = [images.folded(rows, one * other) for one in signs.T for other in signs.T]
-    return images.followed(rows), tuple(tensors)
+    # Components with the same signs at all images have one matrix.
+    products = [one * other for one in signs.T for other in signs.T]
+    different = {each.tobytes(): each for each in products}
+    folded = {key: images.folded(rows, each) for key, each in different.items()}
+    return images.followed(rows), tuple(folded[each.tobytes()] for each in products)
 
 
 def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> Following:
@@ -147,6 +151,8 @@ class _Images:
     ----------
     points : ndarray, shape (m, d)
         Reference positions of the points, then of the images.
+    tree : cKDTree
+        Search tree of these.
     source : ndarray of int, shape (m,)
         Number of each point itself, or of the point that an image mirrors.
     signs : ndarray, shape (m, d)
@@ -161,6 +167,7 @@ class _Images:
         ghosts = Ghosts.reflected(body.points, tuple(planes.values()), self.reach, body.share)
         self._count = len(body)
         self.points = np.concatenate([body.points, ghosts.points])
+        self.tree = scipy.spatial.cKDTree(self.points)
         self.source = np.concatenate([np.arange(len(body)), ghosts.source])
         self.signs = np.concatenate([np.ones(body.points.shape), ghosts.reflection])
         self._planes = [
@@ -244,7 +251,7 @@ class _Surroundings:
         self.cell = body.cell.max()
         # Points at exactly the reach count, as at 1.5 cells across an edge and 2 along it.
         near = scipy.spatial.cKDTree(places).sparse_distance_matrix(
-            scipy.spatial.cKDTree(points), self.reach * WITH_ROUNDING, output_type="ndarray"
+            images.tree, self.reach * WITH_ROUNDING, output_type="ndarray"
         )
         near = near[np.lexsort((near["j"], near["i"]))]
         weights = np.maximum(0.0, 1 - (near["v"] / self.reach) ** 2)
@@ -316,9 +323,7 @@ class _Surroundings:
         if degree > 1:
             told &= self._total(np.abs(value)) <= MOST_AMPLIFICATION
         kept = told[self.place]
-        pointers = np.concatenate(
-            [[0], np.cumsum(np.bincount(self.place[kept], minlength=self.shape[0]))]
-        )
+        pointers = pointers_to(self.place[kept], self.shape[0]).astype(np.int64)
         return scipy.sparse.csr_array((value[kept], self.point[kept], pointers), shape=self.shape)
 
 

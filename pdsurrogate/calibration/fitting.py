@@ -322,7 +322,7 @@ def _drawn(model, x, space, jacobian, residuals, visited) -> list[Law]:
     members = []
     inverse = (axes / deviations).T
     unbounded = x + np.linalg.lstsq(jacobian, residuals, rcond=1e-10)[0]
-    (stress, error) = model.nominal_stress(states)
+    stress, error = model.nominal_stress(states)
     slopes = stress_derivatives(model, states) * sizes
     for normal in random.standard_normal((MEMBERS, len(x))):
         change = (

@@ -130,7 +130,7 @@ def _of_shapes(scene: Scene) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
     """Return arguments of `Body` for the points of a lattice or cloud, and the corners of the
     bounding box.
     """
-    (lower, upper) = scene.body.bounds()
+    lower, upper = scene.body.bounds()
     material = partial(material_at, scene)
     lattice = scene.body.arrangement == "lattice"
     cells = (Cells.filling if lattice else Cells.near)(lower, upper, scene.spacing)

@@ -230,7 +230,7 @@ def _factors_and_loads(
     sources = kinematics.sources
     around = beside(body, reached)
     owners = body.bond_owners
-    (n, d) = body.points.shape
+    n, d = body.points.shape
     signs = np.vstack([np.ones((n, d)), body.ghosts.reflection])
     deformable = None
     if across is not None:
@@ -281,7 +281,7 @@ def _through_jumps(
     kinematics = binding.kinematics
     portion_of = binding.portion_of
     body = kinematics.body
-    (n, d) = kinematics.body.points.shape
+    n, d = kinematics.body.points.shape
     total = len(kinematics.positions)
     forces = np.zeros((total, d))
     moments = np.zeros((total, d * d))
@@ -326,8 +326,8 @@ def _least_changes(
     `stiff`: each component of B c then has equations of its own, and their matrices differ in the
     signs of images alone. `at_ends` flags the points where interfaces may end.
     """
-    (owners, ends, signs, vectors) = bonds
-    (n, d) = loads.shape
+    owners, ends, signs, vectors = bonds
+    n, d = loads.shape
     count = len(owners)
     changes = np.zeros((len(owners), d))
     functions = range(vectors.shape[1])

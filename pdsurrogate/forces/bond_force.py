@@ -136,7 +136,7 @@ class BondForces(MaterialTerm):
         self._strength[pairs] = 0.0
         body = self.body
         bonds = body.bonds
-        (numbers, changes) = self._changes
+        numbers, changes = self._changes
         broken = np.isin(numbers, pairs)
         gone = numbers[broken]
         vectors = body.all_points[bonds.second[gone]] - body.all_points[bonds.first[gone]]

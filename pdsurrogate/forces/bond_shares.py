@@ -107,16 +107,20 @@ class BondShares:
         They are the sums of the shares of both directed bonds of a pair, or of those flagged in
         `own`.
         """
-        one, other = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
-        of_one, of_other = self._of_ends(pairs, own)
-        return of_one + np.where(other != one, of_other, 0.0)
+        one, other = self._of_ends(pairs, own)
+        return one + other
 
-    def _of_ends(self, pairs: np.ndarray | slice, own: np.ndarray | None) -> tuple[np.ndarray, ...]:
-        """Return the shares of both directed bonds of pairs; zero for those not in `own`."""
+    def _of_ends(
+        self, pairs: np.ndarray | slice, own: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the shares that pairs have of the volumes of their two ends, those of the directed
+        bonds in `own` alone; zero at ghosts.
+        """
         both = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
-        return tuple(
+        one, other = (
             self.bond_shares[bonds] * (1.0 if own is None else own[bonds]) for bonds in both
         )
+        return one, np.where(self._body.bonds.second[pairs] < len(self._body), other, 0.0)
 
     def _divide_volumes(self, rows: np.ndarray) -> None:
         """Divide the volumes of the points `rows` among their directed bonds; bonds that an
@@ -209,9 +213,7 @@ class BondShares:
         """
         one, other = self._of_ends(pairs, own)
         end_shares[places // BLOCK, 0, places % BLOCK] = one
-        end_shares[places // BLOCK, 1, places % BLOCK] = np.where(
-            self._body.bonds.second[pairs] < len(self._body), other, 0.0
-        )
+        end_shares[places // BLOCK, 1, places % BLOCK] = other
 
     def steps_to_points(self, moments: np.ndarray, forces: np.ndarray, *before: Step) -> list[Step]:
         """Return the steps of an evaluation that turn moments of points into forces, and add forces
@@ -257,7 +259,7 @@ class BondShares:
         """
         n = len(self._body)
         d = self._body.dimension
-        (own, others, incidence) = self.pairs_of_points
+        own, others, incidence = self.pairs_of_points
         pairs = own[n:], others[n:], incidence
         found = np.empty_like(stresses[n:])
         on_ghosts = np.empty_like(self._node_parts)

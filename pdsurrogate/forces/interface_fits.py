@@ -222,7 +222,7 @@ def _bend(body: Body, places: np.ndarray, beside: Beside, rows: np.ndarray) -> n
     their interfaces are convex and large.
     """
     found = np.zeros(len(rows))
-    (centers, radii) = round_shapes(body)
+    centers, radii = round_shapes(body)
     curved = np.flatnonzero(beside.rounds[rows] >= 0)
     which = beside.rounds[rows[curved]]
     of_curved = rows[curved]
@@ -257,7 +257,7 @@ def _two_sides(
         for some in slabs(np.flatnonzero((rounds >= 0) == curved)):
             around, there = points_around(tree, places[some], reach * WITH_ROUNDING)
             kinds = portion_of[around]
-            (first, second) = both[some].T[:, :, None]
+            first, second = both[some].T[:, :, None]
             x = (body.points[around] - places[some, None]) / reach
             beyond = kinds == second
             heights = (x @ normals[some, :, None])[:, :, 0]
@@ -406,8 +406,8 @@ def _mirrored(
         Whether the deformed place on the interface follows from the stiff point and its gradient;
         the weights then omit the gradient's term.
     """
-    (x, volumes, beyond) = at
-    (depths, spacing) = sizes
+    x, volumes, beyond = at
+    depths, spacing = sizes
     mirrored, good = _interpolation(x, volumes * beyond, depths[:, None] * normals, spacing)
     if by_gradient:
         return (mirrored - own) / depths[:, None], mirrored, good

@@ -170,7 +170,7 @@ def _find_rounds(
     """Find the circles or spheres next to the points `near` on which the material changes;
     `tree` holds points and ghosts.
     """
-    (centers, radii) = round_shapes(body)
+    centers, radii = round_shapes(body)
     reach = FARTHEST * body.horizon
     large = np.flatnonzero(radii > LEAST_RADIUS * body.spacing)
     if not len(large) or not len(near):

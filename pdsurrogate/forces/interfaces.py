@@ -198,16 +198,14 @@ class Interfaces:
         bonds = self._body.bonds
         kinematics = self._kinematics
         self._tears.lose(bonds.first[pairs], bonds.second[pairs])
-        if self._kept is not None:
+        if self._one_sided is not None:
             kept, *shapes = self._kept
-            one_sided = self._one_sided
-            points = one_sided.owners if one_sided else np.zeros(0)
-            if one_sided:
-                kept[one_sided.numbers] = kinematics.weighted_bonds[one_sided.numbers]
-                kept[self.left_out] = 0.0
-            find_shapes(self._body, np.unique(points).astype(np.uint32), kept, *shapes)
-            if one_sided:
-                one_sided.put(self._changes_of(one_sided.numbers))
+            numbers = self._one_sided.numbers
+            owners = self._one_sided.owners
+            kept[numbers] = kinematics.weighted_bonds[numbers]
+            kept[self.left_out] = 0.0
+            find_shapes(self._body, np.unique(owners).astype(np.uint32), kept, *shapes)
+            self._one_sided.put(self._changes_of(numbers, owners))
         refilled = zip((self._correct, self._correct_back), self._of_corrections(), strict=True)
         for matrix, other in refilled:
             matrix.data[:] = other.data
@@ -220,20 +218,19 @@ class Interfaces:
         kinematics = self._kinematics
         weights = _weights(kinematics.weighted_bonds, kinematics.inverse_shape, numbers, owners)
         if self._kept is not None:
-            weights = weights + self._changes_of(numbers)
+            weights = weights + self._changes_of(numbers, owners)
         found = self._on_columns(-weights * self.depths[neighbors, None], owners, neighbors)
         found.sort_indices()
         return found, (-found).T.tocsr()
 
-    def _changes_of(self, numbers: np.ndarray) -> np.ndarray:
-        """Return the changes (k, d) of the weights of directed bonds in gradients that omit the
-        bonds `left_out`.
+    def _changes_of(self, numbers: np.ndarray, owners: np.ndarray) -> np.ndarray:
+        """Return the changes (k, d) of the weights of directed bonds, with these first points, in
+        gradients that omit the bonds `left_out`.
 
         A point whose other bonds do not determine a gradient has that of all its bonds.
         """
         kept, inverse, supported = self._kept
         kinematics = self._kinematics
-        owners = self._body.bond_owners[numbers]
         changes = _weights(kept, inverse, numbers, owners) - _weights(
             kinematics.weighted_bonds, kinematics.inverse_shape, numbers, owners
         )
@@ -311,12 +308,12 @@ class Interfaces:
             find_shapes(self._body, rows, kept, inverse, supported)
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
         self._kept = kept, inverse, supported
+        # A rank may have none of these bonds.
         touched = np.flatnonzero(supported[owners])
-        if len(touched):
-            self._one_sided = ChangedWeights(
-                self._body, kinematics.chunks, touched, self._changes_of(touched)
-            )
-            kinematics.changed.append(self._one_sided)
+        self._one_sided = ChangedWeights(
+            self._body, kinematics.chunks, touched, self._changes_of(touched, owners[touched])
+        )
+        kinematics.changed.append(self._one_sided)
 
     def cells_across(self, number: int, most: int) -> float:
         """Return the median thickness, in spacings and at most `most`, of the layer of a material

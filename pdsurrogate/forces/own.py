@@ -323,7 +323,7 @@ class OwnBondForce(ForceSurrogate):
         """
         of_W = [1, 0, 0]
         names = RESULTS["energy"]
-        (first, second) = np.eye(2)
+        first, second = np.eye(2)
         derivatives = [(names[1], 1, of_W, first), (names[2], 2, of_W, second)]
         states = dict(zip(("I1bar", "I2bar"), np.array(INVARIANTS), strict=True))
         compare = partial(

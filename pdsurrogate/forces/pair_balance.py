@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 
 from ..body import Body, rows_of
+from ..body.body import sums_at_points
 from ..ranks import Rows
 from .balanced import beside, ends_of_unknown, sees_clamps
 from .fourth_order import conjugate_gradients
@@ -42,14 +43,9 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
     share = body.share
     n = len(body)
     d = body.dimension
-    within = bonds.second < n
     sources = np.concatenate([np.arange(n), body.ghosts.source.astype(np.int64)])
-    left = -body.outward
+    left = -body.outward - sums_at_points(n, bonds.first, bonds.second, vectors, -1)
     size = np.linalg.norm(vectors, axis=1)
-    for c in range(d):
-        left[:, c] -= np.bincount(bonds.first, vectors[:, c], n) - np.bincount(
-            bonds.second[within], vectors[within, c], n
-        )
     rounding = (
         float(np.finfo(vectors.dtype).eps)
         + share.greatest(float(np.spacing(np.abs(body.points).max(initial=0.0)))) / body.spacing

@@ -16,6 +16,7 @@ from .binding import Binding
 from .compiled_force import CompiledBondForce
 from .domain import EVERYWHERE, Domain
 from .material_points import MaterialPoints
+from .pair_passes import Pairs
 from .settings import OUTSIDE_POLICIES
 from .steps import Step
 
@@ -55,7 +56,7 @@ class BondStates(NamedTuple):
         return np.stack([total + difference, total - difference], axis=1) / 2
 
 
-class PairForces:
+class PairForces(Pairs):
     """Forces of the pairs (undirected bonds) of one material, with their arrays and the compiled
     pass that computes them.
 
@@ -74,10 +75,8 @@ class PairForces:
     geometry : ndarray, shape (n_blocks, 4 to 6, BLOCK)
         Reference vectors of the pairs in blocks, see
         `pdsurrogate.kernels.reference_state.pair_rows`.
-    forces : ndarray, shape (n_blocks * BLOCK, 2)
-        Dimensionless force on the first point of every pair.
     find : Step
-        Compiled pass that finds `forces` and counts the pairs outside the model's domain; or
+        Compiled pass that finds the forces and counts the pairs outside the model's domain; or
         `evaluate` for a model without compiled code.
     learns_thickness : bool
         Whether the volume ratios J3 of the points are computed with the model, since the law is
@@ -94,8 +93,7 @@ class PairForces:
         body = kinematics.body
         threads = kinematics.chunks.threads
         blocks = len(points.first) // BLOCK
-        self.model = model
-        self.points = points
+        super().__init__(model, points, precision)
         self._kinematics = kinematics
         self._precision = precision
         compiled = model.compiled(precision)
@@ -123,7 +121,6 @@ class PairForces:
         )
         within = domain.interior if binding.outside == "fallback" else domain
         limits = np.stack([domain.limits(precision), within.limits(precision)])
-        self.forces = aligned_rows((len(points.first), 2), precision)
         arrays = points.positions, points.records, ((points.first, points.second), self.geometry)
         force = (
             compiled.address,
@@ -140,16 +137,8 @@ class PairForces:
             else self.evaluate
         )
 
-    @property
-    def unit(self) -> float:
-        """Shear modulus of the material."""
-        return self.points.law.shear_modulus
-
     def set_parameters(self, model) -> None:
-        """Replace the model by one of the same kind with other numbers, after `points` have
-        taken those of the law.
-        """
-        self.model = model
+        super().set_parameters(model)
         self._weights[:] = model.compiled(self._precision).weights
 
     def find_geometry(self, pairs: np.ndarray, strength: np.ndarray, correction: str) -> None:
@@ -207,8 +196,8 @@ class PairForces:
         """Add `changes` (k, 2) to the reference vectors of some `pairs` that carry force."""
         block = pairs // BLOCK
         lane = pairs % BLOCK
-        (n1, n2, along) = self.geometry[block, :3, lane].T.astype(float)
-        (one, other) = changes.T
+        n1, n2, along = self.geometry[block, :3, lane].T.astype(float)
+        one, other = changes.T
         factors = np.where(
             along == 0, 0.0, [n1 * one + n2 * other, n1 * other - n2 * one] / (n1**2 + n2**2)
         )

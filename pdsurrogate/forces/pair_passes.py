@@ -31,45 +31,25 @@ class EnergyDerivatives(NamedTuple):
 
 
 class Pairs:
-    """Base class for the pairs (undirected bonds) of one material with the arrays of their
-    energies, forces and moments.
+    """Base class for the pairs (undirected bonds) of one material with the array of their forces.
 
     Parameters
     ----------
     model : ForceModel
     points : MaterialPoints
-    geometry : ndarray
-        See `BondShares.geometry`.
     precision : str
-        Precision of forces and moments.
+        Precision of the forces.
 
     Attributes
     ----------
     forces : ndarray, shape (n_blocks * BLOCK, d)
         Forces of the pairs on their first points, in units of `unit`.
-    moments : ndarray, shape (n_blocks * BLOCK, d d)
-        Derivatives of the pairs' energies by the deformation gradient of either end, see
-        `pdsurrogate.kernels.bond_energy.pair_energies`.
-    find : BoundPass
-        Compiled pass that computes energies, forces and moments.
     """
 
-    find: BoundPass
-
-    def __init__(self, model, points: MaterialPoints, geometry: np.ndarray, precision: str) -> None:
+    def __init__(self, model, points: MaterialPoints, precision: str) -> None:
         self.model = model
         self.points = points
-        self.geometry = geometry
-        count = len(points.first)
-        d = points.positions.shape[1]
-        self.forces = aligned_rows((count, d), precision)
-        self.moments = aligned_rows((count, d * d), precision)
-        self.places = (points.positions, points.gradients)
-        self.pairs = (
-            (points.first, points.second),
-            geometry,
-        )
-        self._energies = np.zeros(len(geometry))
+        self.forces = aligned_rows((len(points.first), points.positions.shape[1]), precision)
 
     @property
     def unit(self) -> float:
@@ -82,6 +62,43 @@ class Pairs:
         """
         self.model = model
 
+
+class PairsWithEnergy(Pairs):
+    """Base class for the pairs of one material with the arrays of their energies, forces and
+    moments.
+
+    Parameters
+    ----------
+    model : ForceModel
+    points : MaterialPoints
+    geometry : ndarray
+        See `BondShares.geometry`.
+    precision : str
+        Precision of forces and moments.
+
+    Attributes
+    ----------
+    moments : ndarray, shape (n_blocks * BLOCK, d d)
+        Derivatives of the pairs' energies by the deformation gradient of either end, see
+        `pdsurrogate.kernels.bond_energy.pair_energies`.
+    find : BoundPass
+        Compiled pass that computes energies, forces and moments.
+    """
+
+    find: BoundPass
+
+    def __init__(self, model, points: MaterialPoints, geometry: np.ndarray, precision: str) -> None:
+        super().__init__(model, points, precision)
+        self.geometry = geometry
+        count, d = self.forces.shape
+        self.moments = aligned_rows((count, d * d), precision)
+        self.places = (points.positions, points.gradients)
+        self.pairs = (
+            (points.first, points.second),
+            geometry,
+        )
+        self._energies = np.zeros(len(geometry))
+
     def energy(self) -> float:
         """Return the total energy of the material's pairs in the state last evaluated, divided
         by the shear modulus.
@@ -89,7 +106,7 @@ class Pairs:
         return float(self._energies.sum())
 
 
-class PairEnergies(Pairs):
+class PairEnergies(PairsWithEnergy):
     """Pairs of one material in a sheet under plane stress, whose whole energy the compiled pass
     `find` computes.
 
@@ -158,7 +175,7 @@ class PairEnergies(Pairs):
         return tuple(self._counts.sum(axis=0).tolist())
 
 
-class SelectivePairs(Pairs):
+class SelectivePairs(PairsWithEnergy):
     """Pairs of one material with a selective energy: isochoric energy at the pairs, volumetric
     energy at the points.
 

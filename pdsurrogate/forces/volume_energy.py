@@ -152,7 +152,7 @@ class VolumeEnergy:
         found = volumes * max(part.unit for part in self.parts)
         for part in self.parts:
             law = part.points.law
-            (_, own) = part.points.own
+            _, own = part.points.own
             found[own] = (
                 part.unit * volumes[own] * law.volumetric(self.dilatations[own], law.parameters)[2]
             )
@@ -369,7 +369,7 @@ class LinearizedDilatation:
         chunks = self._chunks
         n = len(self._body)
         values, once, found, *sums = np.zeros((5, n), dtype=np.float32)
-        (first, second) = sums
+        first, second = sums
         steps = []
         for k in reversed(range(len(coefficients))):
             # b_k = c_k v + 2 (2 W^2 - I) b_(k + 1) - b_(k + 2), which is overwritten; the result

@@ -134,7 +134,7 @@ def average(
     drawn = [number for number in factors if stiff[number]]
     for number in random.choice(drawn, size=count, p=weights[drawn] / weights[drawn].sum()):
         member = x[number].copy()
-        (kept, factor) = factors[number]
+        kept, factor = factors[number]
         member[kept] += factor @ random.standard_normal(factor.shape[1])
         # A coefficient is not negative, and the energy of the set itself takes the place of an
         # unstable one.

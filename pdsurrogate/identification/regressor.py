@@ -346,8 +346,8 @@ class LawRegressor(StressRegressor):
             volume = volumes[searched.tobytes()]
             columns = []
             at = homogeneous.sheet_response(self.law_of(value(searched)), *sheet)
-            (stress, free) = at(volume)
-            (swollen, pulled) = at((1 + DIFFERENCE) * volume)
+            stress, free = at(volume)
+            swollen, pulled = at((1 + DIFFERENCE) * volume)
             softening = (
                 0.0 if states_of is _incompressible else (swollen - stress) / (pulled - free)
             )

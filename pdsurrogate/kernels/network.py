@@ -181,7 +181,7 @@ def pack(layers, at_rest, dtype):
     `at_rest`, the two outputs in the undeformed state, is appended for subtraction.
     """
     hidden = layers[:-1]
-    (output_weights, output_biases) = layers[-1]
+    output_weights, output_biases = layers[-1]
     n_inputs = hidden[0][0].shape[0]
     widths = [n_inputs if n_inputs == PAIR and len(hidden) == 1 else _padded(n_inputs)] + [
         _padded(biases.size) for _, biases in hidden

@@ -356,7 +356,7 @@ class _Part:
         """
         for layer in range(len(slopes) - 1, -1, -1):
             start = self.starts[layer]
-            (n_in, n_out) = self.shapes[layer]
+            n_in, n_out = self.shapes[layer]
             block = jacobian[:, start : start + n_in * n_out].reshape(len(jacobian), n_in, n_out)
             np.multiply(inputs[layer][:, :, None], delta[:, None, :], out=block)
             jacobian[:, start + n_in * n_out : start + n_in * n_out + n_out] = delta

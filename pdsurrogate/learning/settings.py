@@ -280,7 +280,7 @@ class FitSettings(StrictModel):
             Report of the identification of the law, for the card.
         """
         samples = self.design(law)
-        (pipeline, what) = self.pipeline()
+        pipeline, what = self.pipeline()
         if hull is not None:
             samples = replace(samples, design={**samples.design, "hull": hull})
         with part("fitting", 0, 1):

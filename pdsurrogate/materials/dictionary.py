@@ -183,8 +183,8 @@ def derivatives(terms: Sequence[Term], logs: np.ndarray) -> tuple[np.ndarray, np
     ([[2.25]], [[[8.0, 2.0, 0.5]]])
     """
     x = np.asarray(logs, dtype=float).T[:, :, None]
-    (x1, x2, x3) = x
-    (s1, s2, s3) = np.exp(2 * x)
+    x1, x2, x3 = x
+    s1, s2, s3 = np.exp(2 * x)
     energy, *slopes, _ = energy_of_row(
         x1, x2, x3, s1, s2, s3, np.array([term.row for term in terms]).T
     )

@@ -335,8 +335,8 @@ class PlaneStress(PlaneStrain):
             p, q, _, _, energy = self.response(law, trace, J, self.volume_ratio(law, trace, J))
             return energy, p / 2, q / J
 
-        (energy, by_trace, by_J) = energy_and_slopes(trace, J)
-        (_, *along_trace) = energy_and_slopes((1 + steps) * trace, J)
+        energy, by_trace, by_J = energy_and_slopes(trace, J)
+        _, *along_trace = energy_and_slopes((1 + steps) * trace, J)
         *_, along_J = energy_and_slopes(trace, (1 - steps) * J)
         return (
             energy,

@@ -171,8 +171,8 @@ class Cracks:
         An event may leave a state without energy, of points that fail next. The sum over all events
         of a step then has one nevertheless.
         """
-        (energy, forces) = self._before
-        (left, leaving) = self._stored()
+        energy, forces = self._before
+        left, leaving = self._stored()
         share = self._run.body.share
         released = energy - left
         lost = forces - leaving

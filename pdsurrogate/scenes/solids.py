@@ -438,7 +438,7 @@ class ParallelogramCut(Cut):
 
     def distances(self, places: np.ndarray) -> np.ndarray:
         corner = np.array(self.corner)
-        (one, other) = np.array(self.sides)
+        one, other = np.array(self.sides)
         corners = [corner, corner + one, corner + one + other, corner + other]
         beside = np.min(
             [

@@ -226,7 +226,7 @@ class Loading:
         share = self._share
         at_rest = self.body.points
         moves = self.moves(parameter)
-        (count, piece) = self.pieces()
+        count, piece = self.pieces()
         table = [
             share.joined(rows, self.point)
             for rows in (piece[self.point], self.component, self.place, moves)
@@ -375,7 +375,7 @@ class Loading:
         over bonds to images (mirrored points) of half the bond force, times the displacement of the
         image per displacement of the plane.  The factor is a half since half the energy of such a
         bond belongs to the mirrored body.  For a single plane the reaction is the sum of the forces
-        of all bonds that cross it.  It balances the parts of loads that images carry, too.
+        of all bonds that cross it. It balances the parts of loads that images carry, too.
 
         Parameters
         ----------

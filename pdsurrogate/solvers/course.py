@@ -222,7 +222,7 @@ class Paths:
         """
         if self._pull is not None:
             return self._pull(self._loading.reactions(force).forces) < -least
-        (n, d) = self.body.points.shape
+        n, d = self.body.points.shape
         first = self.body.bonds.first
         second = self.body.bonds.second
         positions = force.positions

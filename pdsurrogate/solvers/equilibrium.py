@@ -389,10 +389,10 @@ class EquilibriumSolver(ABC):
         found = loads.pushed(positions, loads.pushes)
         change = force.of_contact(loads.pushed(positions, found) - found) * self.free
         missing = self.residual(force, change)
+        if residual > SETTLED * missing or missing <= tolerance / SETTLED:
+            return False
         whole = self.residual(force, force.of_contact(found) * self.free)
-        if residual > SETTLED * missing or missing <= max(
-            self._penetration * whole, tolerance / SETTLED
-        ):
+        if missing <= self._penetration * whole:
             return False
         loads.pushes[:] = found
         forces += change

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
@@ -29,7 +28,6 @@ count as zero: a sine has such rounding errors.
 Amplitude = Callable[[float], float]
 
 
-@dataclass(eq=False)
 class DeadLoad:
     """Load on points whose forces do not depend on the deformation.
 
@@ -94,16 +92,27 @@ class _OnFacets:
         proportional to the boundary.
     planes : ndarray, shape (planes,)
         Positions of the planes of symmetry, set by `Loads`.
+    factor : float
+        Present value of the amplitude.
     """
 
-    factor: float
     planes: np.ndarray
 
-    def __init__(self, share: Share, surface: Surface, facets: np.ndarray) -> None:
+    def __init__(
+        self,
+        name: str,
+        amplitude: Amplitude,
+        share: Share,
+        surface: Surface,
+        facets: np.ndarray,
+    ) -> None:
+        self.name = name
+        self.amplitude = amplitude
+        self.factor = 0.0
         self._share = share
         self._areas = surface.areas()[facets]
         corners = surface.facets[facets]
-        (f, d) = (len(facets), surface.facets.shape[1])
+        f, d = (len(facets), surface.facets.shape[1])
 
         def combined(weights: np.ndarray) -> Following:
             """Return the map to combinations of the corners of each facet."""
@@ -162,10 +171,7 @@ class Traction(_OnFacets):
         facets: np.ndarray,
         value: Sequence[float],
     ) -> None:
-        super().__init__(share, surface, facets)
-        self.name = name
-        self.amplitude = amplitude
-        self.factor = 0.0
+        super().__init__(name, amplitude, share, surface, facets)
         self._forces = self._areas[:, None] * np.array(value)
         self.forces = self._middle.spread(self._forces)
         self.weights = _along_total(self._forces, self._forces.sum(axis=0)) * share.is_first
@@ -216,12 +222,9 @@ class Pressure(_OnFacets):
         deformed: bool,
         thickness_at_edge: Callable[[np.ndarray, float], np.ndarray] | None = None,
     ) -> None:
-        super().__init__(share, surface, facets)
-        self.name = name
-        self.amplitude = amplitude
+        super().__init__(name, amplitude, share, surface, facets)
         self._value = value
         self.deformed = deformed
-        self.factor = 0.0
         self._at_edge = thickness_at_edge
         self.needs_thickness = deformed and thickness_at_edge is None
         self.weights = np.full(len(facets), float(share.is_first))

@@ -149,7 +149,7 @@ class Multigrid:
         level, and two after it. The matrix `prolongation` maps a solution of the coarser level to
         this one.
         """
-        (count, few) = prolongation.shape
+        count, few = prolongation.shape
         held = {3: 4}.get(self._width, self._width)
         self._right, self._found, self._rest = np.zeros((3, count, held), dtype=np.float32)
         self._coarse_right, self._coarse_found, working = np.zeros((3, few, held), dtype=np.float32)

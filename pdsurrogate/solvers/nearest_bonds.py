@@ -449,7 +449,7 @@ def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
     share.fill(around, of_owners)
     invert = _inverse_here(network, around * (degrees == of_owners)[:, None])
     balanced = drift_remover(body, around)
-    (modes, coarse) = _affine_motions(network, around)
+    modes, coarse = _affine_motions(network, around)
     k = modes.shape[1]
     own = slice(k * share.ranks.rank, k * (share.ranks.rank + 1))
 
@@ -497,7 +497,7 @@ def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarr
     """
     body = network.body
     share = network.body.share
-    (n, d) = around.shape
+    n, d = around.shape
     middle = np.stack(share.everywhere(body.points[share.own].mean(axis=0)))[share.owners]
     # All ranks use the same unit, since each forms the motions of its neighbors as well.
     functions = np.column_stack([np.ones(n), (body.points - middle) / body.extent])

@@ -279,8 +279,8 @@ def with_short_displacements(
     """Return a preconditioner that adds short displacements to those of another one, `inner`, for
     sheets without constraints.
 
-    They would change volumes in nearly
-    incompressible bodies, deform rigid regions, and move the places of supports between points.
+    They would change volumes in nearly incompressible bodies, deform rigid regions, and move the
+    places of supports between points.
     """
     if force.nearly_incompressible or force.rigid or force.supports:
         return inner

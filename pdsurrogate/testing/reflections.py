@@ -78,8 +78,8 @@ def reflected_parts(subject: Subject) -> float:
         ((0, 1), holed, holed),
         ((0,), {"precuts": [met, near]}, {"precuts": [all_met, near, image]}),
     ):
-        (part, own) = _deformed_at(subject, axes, of_part)
-        (whole, expected) = _deformed_at(subject, (), of_whole)
+        part, own = _deformed_at(subject, axes, of_part)
+        whole, expected = _deformed_at(subject, (), of_whole)
         errors.append(off(own, expected[scipy.spatial.cKDTree(whole).query(part)[1]]))
     return np.max(errors)
 
