@@ -196,18 +196,15 @@ class Cuts:
                 )
                 traces += [(ends.reshape(2, 3) - place) @ axes.T] if len(ends) == 2 else []
             for part in shapely.get_parts(face):
-                low, high = np.reshape(part.bounds, (2, 2))
+                low, high = box = np.reshape(part.bounds, (2, 2))
                 through = []
                 for plane in planes:
                     along = np.abs(axes[:, plane.axis]).argmax()
                     level = (plane.position - place[plane.axis]) * axes[along, plane.axis]
-                    if abs(axes[along, plane.axis]) < 1 - ENDS:
-                        continue
-                    for one, other in ((low, high), (high, low)):
-                        if abs(one[along] - level) <= self._rounding:
-                            one[along] = 2 * level - other[along]
-                            through.append((along, level))
-                            break
+                    (at,) = np.nonzero(np.abs(box[:, along] - level) <= self._rounding)
+                    if abs(axes[along, plane.axis]) >= 1 - ENDS and len(at):
+                        box[at[0], along] = 2 * level - box[1 - at[0], along]
+                        through.append((along, level))
                 counts = np.maximum(
                     1, np.rint(np.linalg.norm((high - low)[:, None] * axes / cell, axis=1))
                 ).astype(int)

@@ -4,10 +4,12 @@ In the plane the outline and the holes become closed chains of facets, see `chai
 dimensions closed surfaces, see `solid_surfaces`.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy
 
-from ..body import Body, Faces, Following, Surface
+from ..body import Body, Faces, Following, ReflectionPlane, Surface
 from ..body.local_fit import boundary_rows, empty_rows
 from ..body.surface import IN_PLANE
 from ..scenes import Mesh, Scene
@@ -76,12 +78,13 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
     nodes = nodes[used]
     facets = facets.reshape(-1, scene.dimension)
     parts = named_edges(parts, nodes[facets], lower, upper, ROUNDING)
-    normals = _normals_at(*_continued(body, nodes, facets))[: len(nodes)]
+    normals = _normals_at(*_continued(symmetric, nodes, facets))[: len(nodes)]
     if not scene.precuts:
         return Surface(nodes, facets, parts, boundary_rows(body, nodes, normals), groups)
     cuts = cuts_of(scene, lower, upper, between=True, planes=body.planes)
     follow = _with_mouths(body, cuts, nodes, facets, normals)
-    return Surface(nodes, facets, parts, follow, groups, faces=_faces_of(body, cuts, nodes, facets))
+    faces = _faces_of(body, cuts, nodes, facets, symmetric)
+    return Surface(nodes, facets, parts, follow, groups, faces=faces)
 
 
 def _with_mouths(
@@ -111,7 +114,13 @@ def _with_mouths(
     return follow.changed(lambda rows: (means @ rows).tocsr())
 
 
-def _faces_of(body: Body, cuts: Cuts, nodes: np.ndarray, facets: np.ndarray) -> Faces | None:
+def _faces_of(
+    body: Body,
+    cuts: Cuts,
+    nodes: np.ndarray,
+    facets: np.ndarray,
+    symmetric: Sequence[ReflectionPlane],
+) -> Faces | None:
     """Return the two faces of each cut of a body with a boundary of `facets` between `nodes`.
 
     Places lie a little beside the cut, so that they follow the points on their side. In the plane
@@ -123,13 +132,12 @@ def _faces_of(body: Body, cuts: Cuts, nodes: np.ndarray, facets: np.ndarray) -> 
     d = body.dimension
     for side in (1, -1):
         if d == 3:
-            symmetric = [plane for plane in body.planes if plane.symmetric]
             for centers, vectors in cuts.flat_parts(side, body.cell, nodes, facets, symmetric):
                 places.append(centers)
                 areas.append(vectors)
             continue
         for part in cuts.straight_parts(nodes[facets]):
-            start, last, end = _through_plane(body, *part)
+            start, last, end = _through_plane(symmetric, *part, ROUNDING * body.extent)
             length = np.linalg.norm(end - start)
             along = (end - start) / length
             normal = np.array([-along[1], along[0]])
@@ -149,9 +157,8 @@ def _faces_of(body: Body, cuts: Cuts, nodes: np.ndarray, facets: np.ndarray) -> 
     areas = np.concatenate(areas)
     # The other face of a cut in a plane of symmetry is the image of the one on this side.
     here = np.ones(len(places), dtype=bool)
-    for plane in body.planes:
-        if plane.symmetric:
-            here &= plane.mirrored(places)[1] > -cuts.beside / 2
+    for plane in symmetric:
+        here &= plane.mirrored(places)[1] > -cuts.beside / 2
     places = places[here]
     areas = areas[here]
     if not len(places):
@@ -161,26 +168,26 @@ def _faces_of(body: Body, cuts: Cuts, nodes: np.ndarray, facets: np.ndarray) -> 
 
 
 def _through_plane(
-    body: Body, start: np.ndarray, end: np.ndarray
+    symmetric: Sequence[ReflectionPlane], start: np.ndarray, end: np.ndarray, rounding: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the two ends of a straight cut, and the second one again or, if the cut meets a plane
     of symmetry there at a right angle, the mirror image of the first.
     """
-    for plane in (plane for plane in body.planes if plane.symmetric):
+    for plane in symmetric:
         for one, other in ((start, end), (end, start)):
             foot = plane.mirrored(one[None])[0][0]
-            if np.linalg.norm(foot - other) <= ROUNDING * body.extent:
+            if np.linalg.norm(foot - other) <= rounding:
                 return one, other, 2 * other - one
     return start, end, end
 
 
-def _continued(body: Body, nodes: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _continued(
+    symmetric: Sequence[ReflectionPlane], nodes: np.ndarray, facets: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the nodes and facets of a boundary continued by its mirror images in planes of
     symmetry, without the facets in these planes; images of nodes come last.
     """
-    for plane in body.planes:
-        if not plane.symmetric:
-            continue
+    for plane in symmetric:
         within = np.abs(plane.mirrored(nodes)[1]) <= IN_PLANE * np.ptp(nodes, axis=0).max()
         facets = facets[~within[facets].all(axis=1)]
         beside = facets[within[facets].any(axis=1)]

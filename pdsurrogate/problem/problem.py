@@ -191,7 +191,7 @@ class Problem:
         regions = BodyRegions(
             scene, self.body, self.regions.lower, self.regions.upper, self.regions.surface
         )
-        return _on_body(scene, models, self.whole, regions, ALONE)
+        return _on_body(scene, models, self.whole, regions, ALONE, self.measures.areas)
 
     def reached(self, parameter: float) -> str:
         """Return the prescribed motions and loads at a value of the loading parameter, as text
@@ -372,9 +372,10 @@ def _on_body(
     whole: Body,
     regions: BodyRegions,
     ranks: Communicator,
+    areas: dict[str, float] | None = None,
 ) -> Problem:
     """Return the problem of a scene on its discretized body: this rank's part with its regions,
-    and the whole body.
+    and the whole body; `areas` as of `grip_areas` if they are known.
     """
     body = regions.body
     stages = stages_of(scene)
@@ -394,7 +395,9 @@ def _on_body(
         )
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages, parameter_of(scene)[1])
-        measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))
+        if areas is None:
+            areas = grip_areas(scene, regions.lower, regions.upper)
+        measures = measures_of(scene, areas)
         loading = conditions_of(
             scene, prescriptions, regions, loads, stages, _together(rigid), measures.nominal_stress
         )

@@ -125,7 +125,6 @@ class Equilibria:
         )
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
-        self._last_output = _Accepted(run, solver)
 
     def go(self) -> bool:
         """Compute and record the remaining outputs of the stage; return whether its end was

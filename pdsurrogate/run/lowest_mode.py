@@ -24,7 +24,7 @@ def lowest_mode_of(
     scene: Scene, models: Sequence[ForceModel], result: Result, level: int
 ) -> LowestMode:
     """Return the lowest mode of a result in equilibrium, see `Result.lowest_mode`; `models` are
-    those of its system.
+    those of its run.
     """
     loading = "stretch" if scene.stretched else "t"
     number = number_of_output(scene, models, result, level, "lowest_mode", "modes")
