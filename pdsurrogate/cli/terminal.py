@@ -20,6 +20,7 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
+from rich.measure import measure_renderables
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -63,6 +64,9 @@ _ranks = None
 """Communicator of the ranks that share the command; None for a command that one process carries
 out.
 """
+
+GAP = 2
+"""Number of characters between two columns of a table."""
 
 out = Console()
 err = Console(stderr=True)
@@ -120,7 +124,7 @@ def print_table(
     left: int,
 ) -> None:
     """Print a title and a table of text on standard output; cells that are too wide for the
-    terminal are folded.
+    terminal are folded, in columns without a space only if the words of the others do not fit.
 
     Parameters
     ----------
@@ -134,9 +138,17 @@ def print_table(
         right-aligned.
     """
     table = Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0), pad_edge=False)
-    for number, column in enumerate(columns):
+    headings = [*map(escape, columns)]
+    rows = list(rows)
+    sizes = [
+        measure_renderables(out, out.options, cells) for cells in zip(headings, *rows, strict=True)
+    ]
+    fits = sum(size.minimum + GAP for size in sizes) - GAP <= out.width
+    for number, (heading, size) in enumerate(zip(headings, sizes, strict=True)):
         justify = "right" if number >= left else "left"
-        table.add_column(escape(column), justify=justify, overflow="fold")
+        # rich narrows the widest columns that have no width, even below their longest word
+        width = size.maximum if fits and size.span == 0 else None
+        table.add_column(heading, justify=justify, overflow="fold", width=width)
     for row in rows:
         table.add_row(*row)
     out.print(title, style="bold", markup=False, highlight=False)

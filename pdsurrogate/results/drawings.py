@@ -5,7 +5,7 @@ file.
 import base64
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 from string import Template
@@ -55,23 +55,25 @@ def states_figure(
     All states have one color scale, whose ends are `limits` or by default those of
     `figures.limits_of`.
     """
+    # A state may have to be read from its file.
+    states = [result.states[number][1] for number in numbers]
+    drawn = [(scalars_of(fields, field), greatest_of(fields, field)) for fields in states]
     return figures.contour_figure(
         [result.cells(number) for number in numbers],
-        [scalars_of(result.states[number][1], field) for number in numbers],
+        [values for values, _ in drawn],
         label_of(field, result.scene.units),
         [title_of(result, number) for number in numbers],
-        limits or _limits_in(result, field, numbers),
+        limits or _limits_of(drawn),
         [result.scene.units.label(place, "length") for place in figures.PLACES],
     )
 
 
-def _limits_in(result, field: str, numbers: list[int]) -> figures.Limits:
-    """Return the ends of the scale of colors of a field in some states."""
-    states = [result.states[number][1] for number in numbers]
-    return figures.limits_of(
-        np.concatenate([scalars_of(fields, field) for fields in states]),
-        max(greatest_of(fields, field) for fields in states),
-    )
+def _limits_of(drawn: Iterable[tuple[np.ndarray, float]]) -> figures.Limits:
+    """Return the ends of the scale of colors of some states, from the values that are drawn of each
+    (`scalars_of`) and the size of the field (`greatest_of`).
+    """
+    values, sizes = zip(*drawn, strict=True)
+    return figures.limits_of(np.concatenate(values), max(sizes))
 
 
 def whole_figure(result) -> Figure:
@@ -199,16 +201,18 @@ def html_page(result, fields: Sequence[str] = ()) -> str:
     count = len(result.states)
     shown = _spread(count, MOST_OUTPUTS)
     known = result.field_names() if shown else ()
-    chosen = list(fields) or [name for name in USUAL if name in known]
+    chosen = (list(fields) or [name for name in USUAL if name in known]) if shown else []
     pictures = {field: [] for field in chosen}
     for field, uris in pictures.items():
-        # A run in dynamics has fields that its states in equilibrium lack.
-        has = [
-            number for number in shown if field not in known or field in result.field_names(number)
-        ]
-        limits = _limits_in(result, field, has)
+        drawn = {}
         for number in shown:
-            uris.append(_uri(result.plot(field, number, limits)) if number in has else "")
+            state = result.states[number][1]
+            # A run in dynamics has fields that its states in equilibrium lack.
+            if field not in known or field in state:
+                drawn[number] = scalars_of(state, field), greatest_of(state, field)
+        limits = _limits_of(drawn.values())
+        for number in shown:
+            uris.append(_uri(result.plot(field, number, limits)) if number in drawn else "")
             event("drawing", sum(map(len, pictures.values())), len(chosen) * len(shown))
     titles = [title_of(result, number) for number in shown]
     labels = {field: label_of(field, result.scene.units) for field in chosen}

@@ -333,8 +333,9 @@ class Polygon(Sided):
     def model_post_init(self, _) -> None:
         import shapely  # here, because few bodies need it
 
-        outline = shapely.Polygon(self._corners - self._corners.mean(axis=0))
-        extent = np.ptp(self._corners, axis=0).max()
+        corners = self._corners
+        outline = shapely.Polygon(corners - corners.mean(axis=0))
+        extent = np.ptp(corners, axis=0).max()
         # Parts around which the outline runs backward, twice or more make the area of its corners
         # another one than that of the parts around which it runs once, or an odd number of times.
         around = outline.area
@@ -352,10 +353,12 @@ class Polygon(Sided):
         return np.array(self.vertices)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        return encloses(points, self._corners, np.roll(self._corners, -1, axis=0))
+        corners = self._corners
+        return encloses(points, corners, np.roll(corners, -1, axis=0))
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._corners.min(axis=0), self._corners.max(axis=0)
+        corners = self._corners
+        return corners.min(axis=0), corners.max(axis=0)
 
 
 def nearest_on_sphere(

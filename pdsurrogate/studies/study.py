@@ -409,8 +409,11 @@ def _check_table(folder: Path, places: list[str], overwrite: bool) -> None:
         )
     if overwrite or not described:
         return
-    runs = (read_json(folder / DESCRIPTION) or {}).get("runs", ["unknown"])
-    if lost := set(runs) - set(places):
+    try:
+        runs = set(read_json(folder / DESCRIPTION)["runs"])
+    except (TypeError, KeyError):
+        runs = {"unknown"}
+    if lost := runs - set(places):
         raise FolderTaken(
             f"{folder} contains the table of a study with {len(lost)} runs that are not in this"
             f" study; {WAY_OUT}"

@@ -204,11 +204,16 @@ def study_figure(rows: list[dict[str, Any]], parameters: list[str]) -> Figure | 
         )
         axes = figure.subplots(len(down), len(across), squeeze=False, sharey="row", sharex="col")
         for (i, quantity), (j, key) in product(enumerate(down), enumerate(across)):
-            shown = [row for row in rows if _is_number(row.get(quantity))]
-            places = [row.get(key) for row in shown]
+            places = [row.get(key) for row in rows]
             if not all(map(_is_number, places)):
-                places = [_cell(place)[:24] for place in places]
-            axes[i, j].plot(places, [row[quantity] for row in shown], "o", ms=3.5)
+                places = list(map(_cell, places))
+            points = zip(places, [row.get(quantity) for row in rows], strict=True)
+            shown = [point for point in points if _is_number(point[1])]
+            axes[i, j].plot(*zip(*shown, strict=True), "o", ms=3.5)
+            if isinstance(places[0], str):
+                names = list(dict.fromkeys(places))
+                shortened = [name[:24] for name in names]
+                axes[i, j].set_xticks(names, shortened, rotation=30, ha="right")
             axes[i, j].set(xlabel=key, ylabel=quantity)
             axes[i, j].label_outer()
         return figure

@@ -337,7 +337,7 @@ def homogeneous_stress(subject: Subject) -> tuple[float, str]:
                     mean_stress_at(exact, F) if scalar else subject.exact_stress(F),
                 )
             )
-            limits.append(rounding + _statederror_of(subject, F))
+            limits.append(rounding + _stated_error(subject, F))
     worst = int(np.argmax(np.subtract(errors, limits)))  # NaN is treated as the greatest value
     return (
         np.maximum(errors[worst] - limits[worst], 0.0),
@@ -352,7 +352,7 @@ def _extended(F: np.ndarray) -> np.ndarray:
     return turn(50, 3) @ block_diag(F, 0.97 / np.linalg.det(F)) @ turn(20, 3)
 
 
-def _statederror_of(subject: Subject, F: np.ndarray) -> float:
+def _stated_error(subject: Subject, F: np.ndarray) -> float:
     """Return the bound of the relative stress error at a deformation gradient F from the card of an
     artifact; 0 without a card.
 

@@ -246,6 +246,13 @@ def test_tables_cut_nothing_off(width, monkeypatch):
         terminal.print_table("words", ["what it is"], [["many words " * 30]], left=1)
     assert max(map(len, captured.get().splitlines())) <= width
     assert captured.get().count("many") == 30
+    name = "second_logarithm"
+    rows = [[name, name, "several words " * 9, "others"]]
+    with terminal.out.capture() as captured:
+        terminal.print_table("names", ["one", "other", "what it is", "what else"], rows, left=4)
+    assert max(map(len, captured.get().splitlines())) <= width
+    assert captured.get().count(name) == 2
+    assert captured.get().count("several") == 9
 
 
 @pytest.mark.parametrize(

@@ -167,6 +167,15 @@ def test_the_page_holds_everything_and_fetches_nothing(page):
         assert words in page
 
 
+def test_a_page_of_a_run_without_outputs_has_no_pictures(folder, tmp_path):
+    bare = shutil.copytree(folder, tmp_path / "bare")
+    for path in (*bare.glob("*.pvd"), *bare.glob("*.vtu")):
+        path.unlink()
+    page = html_page(pds.load_result(bare), ["stress_11"])
+    data = re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1]
+    assert json.loads(data) == {"pictures": {}, "titles": [], "labels": {}}
+
+
 def test_a_file_that_is_no_page_is_not_replaced(folder, tmp_path):
     (tmp_path / "mine.html").write_text("mine")
     done = invoke("show", folder, "--html", tmp_path / "mine.html")

@@ -683,9 +683,10 @@ def test_the_table_of_another_study_is_not_replaced_unasked(tmp_path):
     assert (tmp_path / "study.csv").read_text() == before
     assert len(pds.study(other, tmp_path, jobs=1, overwrite=True).rows) == 2
     assert len(list(tmp_path.glob("runs/*"))) == 3
-    (tmp_path / "study.json").write_text("{}")
-    with pytest.raises(FolderTaken, match=told):
-        pds.study(other, tmp_path, jobs=1)
+    for text in ("{}", "[1]", '{"runs": 3}', "no JSON"):
+        (tmp_path / "study.json").write_text(text)
+        with pytest.raises(FolderTaken, match=told):
+            pds.study(other, tmp_path, jobs=1)
 
 
 def test_the_figure_names_what_it_draws():
@@ -698,3 +699,10 @@ def test_the_figure_names_what_it_draws():
     (points,) = by_force.lines
     assert list(points.get_xdata(orig=True)) == ["nosb", "analytic"]
     np.testing.assert_array_equal(points.get_ydata(), [1.0, 1.1])
+    for row, name in zip(rows, ("small", "great"), strict=True):
+        row["force"] = f"own-artifacts/a-rubber-of-two-terms/{name}"
+    _, by_force = study_figure(rows, ["spacing", "force"]).axes
+    (points,) = by_force.lines
+    np.testing.assert_array_equal(points.get_xdata(orig=False), [0, 1])
+    labels = [label.get_text() for label in by_force.get_xticklabels()]
+    assert labels == 2 * ["own-artifacts/a-rubber-o"]
