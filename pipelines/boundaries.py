@@ -1,10 +1,9 @@
 """Errors at boundaries and interfaces against closed solutions and finite elements, at three
 spacings each.
 
-python pipelines/boundaries.py                    all rows python pipelines/boundaries.py bushing
-disc       those with such a word in their names python pipelines/boundaries.py torsion --coarse
-their two coarser spacings alone; the third keeps its figure python pipelines/boundaries.py --docs
-puts the table of the stored figures into the documentation
+python pipelines/boundaries.py                  all rows
+python pipelines/boundaries.py bushing disc     those with such a word in their names
+python pipelines/boundaries.py --docs           puts the table of the stored figures into the page
 
 Figures go to docs/figures/boundaries.json, so that rows can be run one by one, and from there into
 the table of docs/validation/boundaries.md.

@@ -162,6 +162,12 @@ def percent(found: float, expected: float) -> float:
     return 100 * (found / expected - 1)
 
 
+def plane_strain_modulus(shear_modulus: float, bulk_modulus: float) -> float:
+    """E / (1 - nu^2), with Young's modulus E and Poisson's ratio nu, of linear elasticity."""
+    stiffness = 3 * bulk_modulus + shear_modulus
+    return 4 * shear_modulus * stiffness / (stiffness + 3 * shear_modulus)
+
+
 def at_spacings(name: str, cases: Mapping[str, Case]) -> Study:
     """A study of errors: a row of its table has those of a quantity at all spacings of a case."""
     named = {

@@ -10,7 +10,7 @@ On one core of 2 GHz all parts take some 25 minutes, 18 of them the trouser tear
 from functools import cache
 
 import numpy as np
-from cases import of_rows, percent, report
+from cases import of_rows, percent, plane_strain_modulus, report
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -76,8 +76,7 @@ def plate(plane: str, bulk: float, points: int):
         sheet((4.0, 8.0), 1 / points, 1.0, plane, bulk, prescribed=held, steps=[{"to": 1.0}]),
         "bond-energy",
     ).levels
-    young, poisson = 9 * bulk / (3 * bulk + 1), (3 * bulk - 2) / (2 * (3 * bulk + 1))
-    modulus = young if plane == "stress" else young / (1 - poisson**2)
+    modulus = 9 * bulk / (3 * bulk + 1) if plane == "stress" else plane_strain_modulus(1.0, bulk)
     exact = (level["forces"]["top"][1] / 4) ** 2 * np.pi / modulus / np.cos(np.pi / 8)
     yield f"plane {plane}, K = {bulk:g} μ", points, percent(rate(level), exact)
 
@@ -179,9 +178,8 @@ def penny(points: int):
     stress = pds.simulate(scene).levels[-1]["nominal_stress"]
     area = np.pi * scene.body.radius**2
     volume = (1 - stress / uncut) * (stretch - 1) * scene.body.length * area
-    K, mu = law.bulk_modulus, law.shear_modulus
-    young, poisson = 9 * K * mu / (3 * K + mu), (3 * K - 2 * mu) / (2 * (3 * K + mu))
-    free = 16 * (1 - poisson**2) * stress * radius**3 / (3 * young)
+    modulus = plane_strain_modulus(law.shear_modulus, law.bulk_modulus)
+    free = 16 * stress * radius**3 / (3 * modulus)
     grown = ((volume / free / OPENED) ** (1 / 3) - 1) * radius * points
     yield 1 / points, stress / uncut, volume / free, volume / free / OPENED, grown
 

@@ -1,8 +1,8 @@
 """Make the artifacts that pdsurrogate ships, from nothing: sample, search, cross-validate, fit,
 store.
 
-    python pipelines/fit_shipped.py --out DIR      write them to DIR python pipelines/fit_shipped.py
-    --check        compare the forces of what it makes with those of what is shipped
+python pipelines/fit_shipped.py --out DIR    writes them to DIR
+python pipelines/fit_shipped.py --check      compares their forces with those of what is shipped
 
 The search and the cross-validation are printed, and kept on the cards. Training magnifies the last
 bit of a sum into other weights, as good but not the same, so that the bytes of a payload depend on
@@ -37,6 +37,7 @@ from sklearn.model_selection import GridSearchCV
 import pdsurrogate as pds
 from pdsurrogate.artifacts.store import law_of
 from pdsurrogate.learning.sampling import random_order
+from pdsurrogate.learning.storing import search_table
 
 SHIPPED = Path(__file__).resolve().parents[1] / "artifacts"
 FIRST = "1"
@@ -82,23 +83,10 @@ def search(model, samples, grid) -> list[dict]:
     found = GridSearchCV(model, grid, scoring=scorer, cv=3, refit=False, n_jobs=2)
     found.fit(samples.X, samples.y)
     rows = []
-    for parameters, mean, spread in zip(
-        found.cv_results_["params"],
-        found.cv_results_["mean_test_score"],
-        found.cv_results_["std_test_score"],
-        strict=True,
-    ):
-        shown = {key.removeprefix(f"{REGRESSOR}__"): value for key, value in parameters.items()}
-        rows.append(
-            {
-                **{
-                    key: list(value) if isinstance(value, tuple) else value
-                    for key, value in shown.items()
-                },
-                "rms": -mean,
-                "spread": spread,
-            }
-        )
+    for row in search_table(found):
+        score, spread = row.pop("score"), row.pop("spread")
+        shown = {key.removeprefix(f"{REGRESSOR}__"): value for key, value in row.items()}
+        rows.append({**shown, "rms": -score, "spread": spread})
     return rows
 
 
@@ -165,7 +153,7 @@ def make_energy(name, law, description, samples, regressor, searched_over, folde
     path = pds.store(
         model, samples, law, folder, name, FIRST, pds.CardText(description, table, searched)
     )
-    box = list(pds.load_card(path).errors.values())[-1]
+    box = pds.load_card(path).errors["box"]
     low, high = box["stretch_range"]
     errors = box["on_surface"]
     console.print(

@@ -1,8 +1,8 @@
 """Gallery of the built-in scenes: each is run, one after the other, and drawn.
 
 python pipelines/gallery.py                  all scenes as they are: hours, for tear and voids
-python pipelines/gallery.py --points 4000    coarser where a scene has more points: minutes python
-pipelines/gallery.py hole tear        these scenes alone; the others keep their pictures and times
+python pipelines/gallery.py --points 4000    coarser where a scene has more points: minutes
+python pipelines/gallery.py hole tear        these alone; the others keep their pictures and times
 
 Pictures go to docs/figures/gallery, their commands and times to gallery.json there, and the page to
 docs/gallery.md.

@@ -86,11 +86,8 @@ def at_most(value: float, limit: float, weakness: str, figure: str = "{:.1e}") -
 
 @dataclass(frozen=True, eq=False)
 class Tested(Subject):
-    """Force model in hard cases: `reference` is its name, `steps` the number of explicit steps
-    that long motions take.
-    """
+    """Force model in hard cases; `steps` is the number of explicit steps that long motions take."""
 
-    reference: str = ""
     steps: int = 100_000
 
     def body(self, plane: int | tuple, space: int | tuple, ratio: float | None = None, **options):
@@ -133,7 +130,7 @@ class Tested(Subject):
 
 def under_test(reference: str, plane: str = "stress", **more) -> Tested:
     """Return a force model for the hard cases, by name."""
-    return Tested(**vars(subject_of(reference, plane=plane)), reference=reference, **more)
+    return Tested(**vars(subject_of(reference, plane=plane)), **more)
 
 
 def regular(dimension: int, cells: int | tuple, ratio: float | None = None, **options) -> Body:
@@ -254,7 +251,7 @@ def accurate(subject: Tested, error: float, figure: str = "{:.1e}") -> str:
     blind = isinstance(subject.model, ForceSurrogate) and not subject.model.gives_transverse
     known = {"ba-nosb": "weights do not add up", "nosb": "zero-energy modes"}
     other = "no transverse stress" if blind else "accuracy"
-    return at_most(error, MOST_ERROR, known.get(subject.reference, other), figure)
+    return at_most(error, MOST_ERROR, known.get(subject.model.name, other), figure)
 
 
 def stress_error(subject: Tested, stretches: list[float], law: Law, square: bool = False) -> float:
@@ -524,7 +521,7 @@ def layered(subject: Tested, direction: int, still: dict, contrasts: tuple[float
         ]
         loading = {"prescribed": prescribed, "steps": [1.0], "solver": {"most_evaluations": 1500}}
         scene = subject.scene((width, 1.0, width), spacing=SOFT / 4, materials=parts, **loading)
-        why = "zero-energy modes" if subject.reference == "nosb" else "does not converge"
+        why = "zero-energy modes" if subject.model.name == "nosb" else "does not converge"
         run = subject.solve(scene, f"{ratio:g} times: ", why)
         soft, hard = (
             PLANES[subject.plane].first_piola_stress(law, F)[direction, 1] / 1e-6

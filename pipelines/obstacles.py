@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import matplotlib
 import numpy as np
-from cases import of_rows, percent, report
+from cases import of_rows, percent, plane_strain_modulus, report
 from matplotlib.figure import Figure
 from pages import FIGURES
 
@@ -94,10 +94,9 @@ def indented(cells: int):
         steps=(1.0,),
     )
     level = pds.simulate(scene, "bond-energy").levels[-1]
-    mu, K = RUBBER["shear_modulus"], RUBBER["bulk_modulus"]
-    young, poisson = 9 * K * mu / (3 * K + mu), (3 * K - 2 * mu) / (2 * (3 * K + mu))
+    modulus = plane_strain_modulus(RUBBER["shear_modulus"], RUBBER["bulk_modulus"])
     hertz, factor = (
-        4 / 3 * young / (1 - poisson**2) * np.sqrt(radius) * depth**1.5,
+        4 / 3 * modulus * np.sqrt(radius) * depth**1.5,
         layer_factor(np.sqrt(radius * depth) / thickness),
     )
     force, contact = -4 * level["forces"]["ball"][2], level["contact"]["ball"]

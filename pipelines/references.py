@@ -1,11 +1,9 @@
 """Loads, solids and bodies in plane strain against finite elements and exact solutions, at several
 spacings.
 
-python pipelines/references.py                    all cases (hours at the finest spacings) python
-pipelines/references.py loading cube       those of a group, or with such a word in their names
-python pipelines/references.py torsion --coarse   their two coarser spacings alone python
-pipelines/references.py --docs             puts the tables of all stored figures into the
-documentation
+python pipelines/references.py                  all cases (hours at the finest spacings)
+python pipelines/references.py loading cube     those of a group, or with such a word in their names
+python pipelines/references.py --docs           puts the tables of the stored figures into the pages
 
 References are finite elements: in the plane nine-node quadrilaterals on graded meshes, three-field
 in plane strain, which change by 0.02 % or less in the last refinement (0.15 % for the pressed
@@ -21,6 +19,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from boundaries import nominal
 from cases import Case, Errors, at_spacings, percent, report
 from scipy.integrate import solve_bvp
 from scipy.interpolate import RegularGridInterpolator
@@ -317,11 +316,8 @@ def sphere(pressure: float, bulk_modulus: float) -> Callable[[np.ndarray], np.nd
     on its deformed inner surface.
     """
 
-    def stresses(along, across):
-        J = along * across**2
-        trace = along**2 + 2 * across**2
-        volume = bulk_modulus / 4 * (J - 1 / J) * (1 + J**-2) * J
-        return tuple((J ** (-2 / 3) * (x * x - trace / 3) + volume) / x for x in (along, across))
+    def stress_along(along, across, out):
+        return nominal(along, across, out, bulk_modulus)
 
     def slopes(R, state):
         # Of the radius, and of the radial nominal stress; the radial stretch is what gives that
@@ -330,11 +326,10 @@ def sphere(pressure: float, bulk_modulus: float) -> Callable[[np.ndarray], np.nd
         across = radius / R
         along = across**-2.0
         for _ in range(30):
-            found = stresses(along, across)[0] - stress
-            along = along - found / (
-                (stresses(along + 1e-7, across)[0] - stresses(along - 1e-7, across)[0]) / 2e-7
-            )
-        return np.array([along, 2 / R * (stresses(along, across)[1] - stress)])
+            low, high = (stress_along(along + step, across, across) for step in (-1e-7, 1e-7))
+            found = stress_along(along, across, across) - stress
+            along = along - found / ((high - low) / 2e-7)
+        return np.array([along, 2 / R * (stress_along(across, across, along) - stress)])
 
     R = np.linspace(0.5, 1, 41)
     radius, stress = R, np.zeros_like(R)

@@ -1,10 +1,10 @@
 """What force evaluations, runs and commands cost: on this checkout, or on two commits side by side.
 
-python pipelines/timings.py tear cube                        costs, by the names that `--help` lists
-python pipelines/timings.py tear cube --commits OLD NEW      of two commits, which take turns, and
-their ratio python pipelines/timings.py figures properties --commits OLD NEW   what differs:
-sections 6.2 to 6.7; required properties python pipelines/timings.py speed threads ranks --docs
-tables, into the documentation
+python pipelines/timings.py tear cube                       costs, by names that `--help` lists
+python pipelines/timings.py tear cube --commits OLD NEW     of two commits in turns, and their ratio
+python pipelines/timings.py figures --commits OLD NEW       what differs in sections 6.2 to 6.7
+python pipelines/timings.py properties --commits OLD NEW    what differs in required properties
+python pipelines/timings.py speed threads ranks --docs      tables, into the documentation
 
 Commits are checked out into a temporary folder and run in processes of their own with this Python,
 so that both must run on what is installed. Each goes first in every other turn; medians over the
@@ -24,7 +24,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -327,7 +327,7 @@ def run(
 ) -> Cost:
     """Cost of a run; one with `coarse` changes fills the caches."""
     words = [
-        ("-c", RUN, json.dumps([scene, {**(changes or {}), **other}, force, False]))
+        ("-c", RUN, json.dumps([scene, {**(changes or {}), **other}, force]))
         for other in ({}, coarse or {})
     ]
     return Cost(words[0], first=words[1], **more)
@@ -481,17 +481,17 @@ def costs(names: list[str], paths: list[Path], turns: int | None) -> None:
     for name in names:
         if name == "forces":
             for _ in range(2):  # where memory lies counts
-                both = [server(path) for path in paths]
-                asks = [one.__enter__() for one in both]
-                for case in FORCES:
-                    found = in_turns(
-                        paths,
-                        turns or 4,
-                        lambda which, case=case, asks=asks: {str(case): asks[which](*case, 0.06)},
-                    )
-                    show(name, found)
-                for one in both:
-                    one.__exit__(None, None, None)
+                with ExitStack() as servers:
+                    asks = [servers.enter_context(server(path)) for path in paths]
+                    for case in FORCES:
+                        found = in_turns(
+                            paths,
+                            turns or 4,
+                            lambda which, case=case, asks=asks: {
+                                str(case): asks[which](*case, 0.06)
+                            },
+                        )
+                        show(name, found)
         elif name in ("figures", "properties"):
             for title, cost in (
                 SECTIONS if name == "figures" else {"": Cost(("-c", PROPERTIES))}

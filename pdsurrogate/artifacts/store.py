@@ -160,15 +160,17 @@ def _surrogate_in(folder: Path) -> Surrogate:
         raise ArtifactError(
             f"{where}: kind: unknown kind {card.kind!r}; {suggestion(card.kind, KINDS)}"
         )
+    data = _checked_payload(folder, card, SURROGATE, MOST_PAYLOAD)
     try:
-        payload = payload_of(_checked_payload(folder, card, SURROGATE, MOST_PAYLOAD))
         model = KINDS[card.kind].from_payload(
-            name, payload, Domain(**dict(card.domain)), card.material.law, card.material.shape
+            name,
+            payload_of(data),
+            Domain(**dict(card.domain)),
+            card.material.law,
+            card.material.shape,
         )
     except DamagedFile as error:
         raise ArtifactError(f"{name}: {SURROGATE}: {error}") from None
-    except ArtifactError:
-        raise
     except (ValueError, TypeError, OverflowError) as error:
         raise ArtifactError(
             f"{name}: {SURROGATE} does not contain a {card.kind}, as the card states: {error}"

@@ -201,7 +201,7 @@ class SceneRegressor(LawEstimator):
         Raises
         ------
         ValueError
-            If the law or a term is unknown, X has other columns, steps or quantities than the
+            If the law is unknown, X has other columns, steps or quantities than the
             scene, a place lies outside the body, displacements are unlike those of the scene, the
             law has no equilibrium at the start of the search, or an energy without a law is to be
             found from displacements alone or from too few measurements.

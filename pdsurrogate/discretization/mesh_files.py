@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -105,8 +105,9 @@ class MeshFile:
         """
         return [self.cells.nodes[block] for block in self.cells.blocks]
 
+    @cached_property
     def centroids(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return centroids (n, d) and volumes (n,) of all cells."""
+        """Centroids (n, d) and volumes (n,) of all cells."""
         points, volumes = zip(*map(centroids, self.corners()), strict=True)
         return np.concatenate(points), np.concatenate(volumes)
 

@@ -43,7 +43,7 @@ def boundary_of_mesh(
     to right.
     """
     mesh = mesh_of(scene.body)
-    middles, _ = mesh.centroids()
+    middles, _ = mesh.centroids
     hole = np.full(len(middles), -1)
     for number, shape in reversed(list(enumerate(scene.holes))):
         hole[shape.contains(middles)] = number

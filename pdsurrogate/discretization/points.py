@@ -103,7 +103,7 @@ def _of_mesh(scene: Scene) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
     mesh = mesh_of(scene.body)
     blocks = mesh.corners()
     corners = np.concatenate([block.reshape(-1, scene.dimension) for block in blocks])
-    points, volumes = mesh.centroids()
+    points, volumes = mesh.centroids
     # Its cells have any shape: those whose centroid lies in a hole are left out whole.
     kept = points_in_material(scene, points)
     number = np.cumsum(kept) - 1

@@ -16,6 +16,7 @@ import numpy as np
 import scipy
 
 from ..body import ReflectionPlane, Surface
+from ..body.cell_mesh import among
 from ..body.surface import IN_PLANE
 from ..kernels.polygons import encloses
 from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
@@ -419,15 +420,9 @@ def _triangulated(
     lattice = lattice[within]
     for _ in range(MOST_ROUNDS):
         places = np.concatenate([nodes, lattice])
-        # products of two numbers of nodes exceed 32 bits
-        found = scipy.spatial.Delaunay(places).simplices.astype(np.int64)
-        edges = np.sort(
-            np.concatenate([found[:, [0, 1]], found[:, [1, 2]], found[:, [2, 0]]]), axis=1
-        )
-        ends = np.sort(sides, axis=1)
-        missing = np.flatnonzero(
-            ~np.isin(ends[:, 0] * len(places) + ends[:, 1], edges[:, 0] * len(places) + edges[:, 1])
-        )
+        found = scipy.spatial.Delaunay(places).simplices
+        edges = np.concatenate([found[:, [0, 1]], found[:, [1, 2]], found[:, [2, 0]]])
+        missing = np.flatnonzero(~among(sides, edges))
         if not len(missing):
             break
         middles = len(nodes) + np.arange(len(missing))

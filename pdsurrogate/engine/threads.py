@@ -19,13 +19,13 @@ SPIN_COUNT = 1000
 """Iterations for which a waiting thread of GNU OpenMP spins before it sleeps.
 
 The default of GNU OpenMP, 300,000, lasts some milliseconds, during which a waiting thread occupies
-a core that the thread it waits for may need. `python pipelines/threads.py` compares this choice
-with others, on free and on busy cores.
+a core that the thread it waits for may need. `python pipelines/timings.py threads` compares this
+choice with others, on free and on busy cores.
 """
 
 PAIRS_PER_THREAD = 5_000
 """Number of pairs of points per thread below which a further thread costs more in waiting than
-it saves (`python pipelines/threads.py`).
+it saves (`python pipelines/timings.py threads`).
 """
 
 PAIRS_PER_CHUNK = 1_000

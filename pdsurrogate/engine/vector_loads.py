@@ -4,9 +4,9 @@ instructions.
 A record is what an array holds for one point or pair: two or three doubles of a position, four or
 nine reals of a gradient. LLVM compiles indexed loads in a loop over bonds into gather instructions,
 one component at a time; loading a record as a few vectors of four, two or one reals is faster. Each
-function states how many times as long a plain loop takes, by ``python pipelines/vector_loads.py``
-on a processor with AVX2, in single and in double precision; functions with a factor below 1.3 are
-not kept. ``tests/kernels/test_kernels.py`` compares the results.
+function states how many times as long a plain loop takes on a processor with AVX2, in single and in
+double precision; functions with a factor below 1.3 are not kept. ``tests/kernels/test_kernels.py``
+compares the results.
 
 The arrays of a solid do not fit into the caches, and a processor foresees neither which records a
 list names nor that a new block begins. Passes over solids therefore ask for memory before they need

@@ -87,10 +87,9 @@ def _operator(name: str, reflected: bool = False) -> Callable:
 
 
 for _name, _operation in ARITHMETIC.items():
-    _dunder = {"/": "truediv", "power": "pow"}.get(_name, _operation.__name__.strip("_"))
-    setattr(Value, f"__{_dunder}__", _operator(_name))
+    setattr(Value, f"__{_operation.__name__}__", _operator(_name))
     if _name in BINARY or _name == "power":
-        setattr(Value, f"__r{_dunder}__", _operator(_name, reflected=True))
+        setattr(Value, f"__r{_operation.__name__}__", _operator(_name, reflected=True))
 
 
 @cache

@@ -1,5 +1,7 @@
 """Weights with which positions give the jumps of the deformation gradient at interfaces."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -2,6 +2,8 @@
 nearest points of a much softer material.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -92,7 +94,7 @@ class Beside:
     rounds: np.ndarray
 
     @classmethod
-    def nothing(cls, count: int, dimension: int) -> "Beside":
+    def nothing(cls, count: int, dimension: int) -> Beside:
         """Return that `count` points have no interface."""
         others = np.full((2, count), -1)
         return cls(

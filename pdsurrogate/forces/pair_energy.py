@@ -195,16 +195,15 @@ class PairEnergy(MaterialTerm):
                 chosen, None
             ] * np.einsum("bij,bj->bi", stresses[bonds.first[chosen]], vectors)
 
-        numbers = np.arange(len(bonds.first))[pairs]
-        forces = of_firsts(numbers)
+        forces = of_firsts(pairs)
         within = np.flatnonzero(second < n)
         outer = np.flatnonzero(second >= n)
         partners = self.kinematics.mirrored_pairs[
-            np.searchsorted(self.kinematics.outer_pairs, numbers[outer])
+            np.searchsorted(self.kinematics.outer_pairs, pairs[outer])
         ]
         forces[outer] -= body.ghosts.parity[bonds.second[partners] - n] * of_firsts(partners)
         vectors = body.points[second[within]] - body.points[first[within]]
-        forces[within] += self.shares.strength[numbers[within], None] * np.einsum(
+        forces[within] += self.shares.strength[pairs[within], None] * np.einsum(
             "bij,bj->bi", stresses[second[within]], vectors
         )
         changed = self._from_one_side()

@@ -45,17 +45,11 @@ class Average:
         Covariance of the coefficients: that within the energies, and that of the energies.
     members : ndarray, shape (n_members, n_terms)
         Coefficients of energies drawn by their weights, with random errors.
-    energies : ndarray, shape (n_energies, n_terms)
-        Coefficients of the energies with a stiffness at rest.
-    weights : ndarray, shape (n_energies,)
-        Their weights in the average, with a sum of 1.
     """
 
     mean: np.ndarray
     covariance: np.ndarray
     members: np.ndarray
-    energies: np.ndarray
-    weights: np.ndarray
 
 
 def average(
@@ -146,9 +140,7 @@ def average(
         # unstable one.
         member = np.maximum(member, 0.0)
         members.append(member if member @ moduli > 0 and margin(member) > 0 else x[number])
-    return Average(
-        mean, covariance, np.array(members), x[stiff], weights[stiff] / weights[stiff].sum()
-    )
+    return Average(mean, covariance, np.array(members))
 
 
 def sets_of(terms: Sequence[Term]) -> Iterator[list[int]]:

@@ -5,7 +5,7 @@ non-negative weights.
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from numbers import Integral, Real
+from numbers import Real
 from typing import ClassVar
 
 import numpy as np
@@ -69,8 +69,6 @@ class EnergyRegressor(StressRegressor):
         K/mu of the law, which such tests do not determine, see `LawRegressor`.
     bulk_modulus : float, optional
         K instead of K/mu, in the unit of the stresses.
-    random_state : int, optional
-        Seed with which one energy is drawn by its weight in the average and takes its place.
 
     Attributes
     ----------
@@ -115,7 +113,6 @@ class EnergyRegressor(StressRegressor):
     _parameter_constraints: ClassVar = {
         "margin": [Interval(Real, 0, 1, closed="both")],
         **BULK_CONSTRAINTS,
-        "random_state": [None, Interval(Integral, 0, None, closed="left")],
     }
 
     law: ClassVar[str] = "energy"
@@ -124,7 +121,6 @@ class EnergyRegressor(StressRegressor):
     margin: float = 0.05
     bulk_ratio: float = BULK_RATIO
     bulk_modulus: float | None = None
-    random_state: int | None = None
 
     def fit(self, X, y, sample_weight=None):
         """Fit the weights of the energy terms to nominal stresses.
@@ -145,8 +141,7 @@ class EnergyRegressor(StressRegressor):
         Raises
         ------
         ValueError
-            If X has other columns, a stretch is not positive, or no sum of the terms of a given
-            dictionary describes the stresses.
+            If X has other columns, or a stretch is not positive.
 
         Warns
         -----
@@ -188,28 +183,17 @@ class EnergyRegressor(StressRegressor):
                 linear = np.array([term == ("stretches", 2.0) for term in terms])
                 least = 1e-6 * max(np.abs(y).max(), 1e-300) * linear
                 found = Average(
-                    least,
-                    np.full((len(terms), len(terms)), np.inf),
-                    np.empty(0),
-                    least[None],
-                    np.ones(1),
+                    least, np.full((len(terms), len(terms)), np.inf), np.empty((0, len(terms)))
                 )
-            weights = found.mean
-            if self.random_state is not None:
-                weights = found.energies[
-                    np.random.default_rng(self.random_state).choice(
-                        len(found.weights), p=found.weights
-                    )
-                ]
             before = volume
-            reached = states(self._law(terms, weights), X)[1]
+            reached = states(self._law(terms, found.mean), X)[1]
             volume = np.where(np.isfinite(reached), reached, volume)
             if np.abs(volume - before).max() < 1e-9:
                 break
-        shares = np.linalg.norm(columns, axis=0) * weights
+        shares = np.linalg.norm(columns, axis=0) * found.mean
         kept = shares > NEGLIGIBLE * shares.max()
         self.terms_ = [term for term, one in zip(terms, kept, strict=True) if one]
-        self.weights_ = weights[kept]
+        self.weights_ = found.mean[kept]
         self._store(
             self._law(self.terms_, self.weights_),
             [f"weight of {term}" for term in self.terms_],

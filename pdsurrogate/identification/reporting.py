@@ -244,7 +244,7 @@ def identify(
         models.append(fitted(data, law, n_terms, bulk))
         if hold_out:
             event("fitting", number + 0.5, len(laws), law=f"{law}, each mode held out in turn")
-            held_out += held_out_modes([clone(models[-1])], data)
+            held_out += held_out_modes(models[-1:], data)
     return models, [examined(model, data) for model in models], held_out
 
 

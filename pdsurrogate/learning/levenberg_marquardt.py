@@ -83,8 +83,7 @@ class LevenbergMarquardtRegressor(BasePerceptron):
     training, validation and test parts: training stops when the validation error has not improved
     for a number of iterations, and the network of the least validation error is kept. The whole
     Jacobian is formed, so the regressor is for small networks and up to some 10^5 samples. Inputs
-    and targets should be scaled to unit variance. Repeated samples are merged into one sample of
-    their total weight, so that none is in two parts.
+    and targets should be scaled to unit variance.
 
     Parameters
     ----------
@@ -303,8 +302,8 @@ class _Part:
         return ((outputs - self.Y) ** 2).mean()
 
     def normal_equations(self, weights):
-        """Return J^T J and J^T r for residuals r = sqrt(sample weight) (outputs - Y) and their
-        derivatives J by the network's weights.
+        """Return J^T J and J^T r for residuals r = outputs - Y and their derivatives J by the
+        network's weights.
         """
         coefs, intercepts = self.layers(weights)
         inputs = []
@@ -353,8 +352,7 @@ class _Part:
 
         `inputs` and `slopes` are the inputs of each hidden layer and the slopes of its activation;
         `delta`, shape (n, units), holds the derivatives of the output by the inputs of the
-        activation of the last hidden layer. Each row written is linear in its row of `delta`, so
-        that a factor of `delta`, such as the root of a sample's weight, is a factor of the result.
+        activation of the last hidden layer.
         """
         for layer in range(len(slopes) - 1, -1, -1):
             start = self.starts[layer]

@@ -32,8 +32,7 @@ def train(regressor, X, Y):
     """Train a network; return its weights, biases, number of epochs, and least validation loss (NaN
     without a validation part).
 
-    The network and its training have the parameters of `regressor`, a `TorchMLPRegressor`;
-    `weights` are those of the samples, or None.
+    The network and its training have the parameters of `regressor`, a `TorchMLPRegressor`.
     """
     seed = int(check_random_state(regressor.random_state).randint(2**31 - 1))
     widths = [

@@ -14,7 +14,7 @@ each term but the last is polyconvex:
 
 log(I2bar/3), as in the law of Gent and Thomas, is not polyconvex: along F + t a x n that keeps the
 volume it is concave at large t. A sum with this term may still be convex along all such lines in
-the states of a body, which `wave_check` tells.
+the states of a body, which `wave_margin` tells.
 """
 
 from collections.abc import Callable, Sequence

@@ -97,9 +97,7 @@ class Polyconvex(Ogden):
                     f"{self.name}: {key} must be at most {most} finite numbers, none negative, not"
                     f" {list(values)}"
                 )
-            object.__setattr__(
-                self, key, (*values, *[0.0] * (self.lengths.get(key, 0) - len(values)))
-            )
+            object.__setattr__(self, key, (*values, *[0.0] * (most - len(values))))
         if self.moduli or self.exponents:
             super()._check_terms()
         if min(map(abs, self.exponents), default=1) < 1:

@@ -11,6 +11,7 @@ from ..solvers.control import ControlledForce, DisplacementControl
 from ..solvers.increments import Increments
 from ..solvers.nearest_bonds import strain_of_step
 from .run import Run
+from .system import System
 
 METHODS = ("automatic", "newton")
 """Methods that a scene with a controlled step may name: the solver of this step is Newton's
@@ -33,9 +34,12 @@ class DisplacementPath:
 
     def __init__(self, run: Run, stage: Stage) -> None:
         spec = run.problem.scene.solver
-        self._control = control_of(run, stage.control)
         self.solver = DisplacementControl(
-            self._control, run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations
+            control_of(run, stage.control),
+            run.loading.free,
+            run.body.volumes,
+            spec.tolerance,
+            spec.most_evaluations,
         )
         self._run, self._stage, self._force = run, stage, self.solver.controlled(run.loaded)
 
@@ -84,7 +88,7 @@ class DisplacementPath:
 
     def _value(self, positions: np.ndarray) -> float:
         """Return the controlled displacement at positions (n, d)."""
-        return displacement_of(self._run, self._stage, positions)
+        return displacement_of(self._run, self._stage.control, positions)
 
     def _along(self) -> np.ndarray:
         """Return the displacements (n, d) in which the controlled one changes by 1 from the
@@ -134,18 +138,20 @@ def prepare(run: Run) -> None:
         )
 
 
-def control_of(run: Run, control: str) -> np.ndarray:
+def control_of(system: System, control: str) -> np.ndarray:
     """Return the weights (n, d) of the displacements of the points in a displacement that a
     stage controls, by its key.
     """
     name, axis = controlled_place(control)
-    weights = np.zeros_like(run.body.points)
-    weights[:, axis] = run.probes.weights(name, axis)
+    weights = np.zeros_like(system.body.points)
+    weights[:, axis] = system.probes.weights(name, axis)
     return weights
 
 
-def displacement_of(run: Run, stage: Stage, positions: np.ndarray) -> float:
-    """Return the displacement that a stage controls at positions (n, d) of the points."""
-    name, axis = controlled_place(stage.control)
-    found = run.probes.displacements(positions - run.body.points, run.loads.planes_moved)
+def displacement_of(system: System, control: str, positions: np.ndarray) -> float:
+    """Return the displacement that a stage controls, by its key, at positions (n, d) of the
+    points.
+    """
+    name, axis = controlled_place(control)
+    found = system.probes.displacements(positions - system.body.points, system.loads.planes_moved)
     return found[name]["displacement"][axis]

@@ -22,7 +22,7 @@ from ..solvers.equilibrium import NotConverged
 from ..solvers.methods import Newton
 from ..solvers.nearest_bonds import strain_rounding
 from ..solvers.tangent import COARSE, FINE, TangentEquations, central_difference
-from .controlled import control_of
+from .controlled import control_of, displacement_of
 from .parameters import array_of, laws_of, names_below, numbers_in, with_numbers
 from .rows import output_row
 from .system import System, bound
@@ -268,9 +268,11 @@ class Differentiated:
             controlled = DisplacementControl(control_of(system, control), *settings)
             controlled.solve(system.loaded, system.positions)
             system = replace(system, loaded=controlled.controlled(system.loaded))
-            return replace(self, system=system, control=control).present_jacobian(
-                outputs, parameters
+            reached = displacement_of(system, control, system.positions)
+            body = replace(
+                self, system=system, numbers=self.numbers | {control: reached}, control=control
             )
+            return body.present_jacobian(outputs, parameters)
 
     def present_jacobian(
         self, outputs: Sequence[str], parameters: Sequence[str], solver: Newton | None = None
@@ -293,7 +295,6 @@ class Differentiated:
             *(name for name in measured if name.startswith("places.")),
         ]
         if solver is None:
-            self.numbers[self.control] = measured[self.control]
             equations = loaded.equations(positions)
             along = loaded.along()
         else:

@@ -97,7 +97,7 @@ def _begin(run: Run) -> float:
     return (
         run.state.parameter
         if stage is None or stage.control is None
-        else displacement_of(run, stage, run.positions)
+        else displacement_of(run, stage.control, run.positions)
     )
 
 

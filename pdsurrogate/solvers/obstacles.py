@@ -2,6 +2,8 @@
 stiffness (theory (69)-(71)).
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

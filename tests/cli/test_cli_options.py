@@ -155,6 +155,15 @@ def test_a_refused_scene_loads_neither_numba_nor_parts_of_scipy():
     in_a_process(program)
 
 
+def test_forces_and_solvers_load_parts_of_scipy_where_they_need_them():
+    program = (
+        "import sys, pdsurrogate.forces, pdsurrogate.solvers, pdsurrogate.run\nslow ="
+        " {'scipy.spatial', 'scipy.sparse', 'scipy.linalg', 'scipy.optimize'}\nassert not slow &"
+        " set(sys.modules)"
+    )
+    in_a_process(program)
+
+
 def test_a_command_ends_without_a_search_for_unused_objects():
     program = (
         "import gc, sys; from pdsurrogate.cli import main\n"
