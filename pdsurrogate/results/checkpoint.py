@@ -78,9 +78,7 @@ class Checkpoint(NamedTuple):
         CheckpointError
             If there is no checkpoint, or it is damaged or belongs to another run.
         """
-        path = Path(folder) / NAME
-        if not path.is_file():
-            raise CheckpointError(f"there is no checkpoint in {folder}; run without --resume")
+        path = checkpoint_in(folder)
         try:
             described, arrays = _parts_of(path)
             found, written, progress = (
@@ -114,6 +112,14 @@ class Checkpoint(NamedTuple):
                     f"{path} is damaged: {key} contains values that are not finite numbers; {ANEW}"
                 )
         return cls(progress, arrays)
+
+
+def checkpoint_in(folder: Path) -> Path:
+    """Return the path of the checkpoint in a folder; raise CheckpointError if there is none."""
+    path = Path(folder) / NAME
+    if not path.is_file():
+        raise CheckpointError(f"there is no checkpoint in {folder}; run without --resume")
+    return path
 
 
 def identity_in(folder: Path) -> dict | None:

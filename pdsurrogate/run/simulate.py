@@ -33,6 +33,7 @@ from ..problem.materials import checked_models, scene_errors
 from ..progress import COMPILING, event
 from ..ranks import Communicator, communicator
 from ..results import Result
+from ..results.checkpoint import checkpoint_in
 from ..results.contents import contents_of
 from ..results.files import remove_leftovers
 from ..results.folder import (
@@ -282,7 +283,9 @@ def simulate(
     folder = None if folder is None else Path(folder)
     own = folder if ranks.rank == 0 else None  # of the rank that writes
     with ranks.together():  # before any work
-        if own and not resume:
+        if own and resume:
+            checkpoint_in(own)
+        elif own:
             check_room(own, contents_of(scene, models), overwrite)
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(own) if own else nullcontext()

@@ -349,7 +349,9 @@ def test_a_refused_resume_changes_nothing(tmp_path, stretches, force, change, me
     assert content_of(tmp_path) == before
 
 
-def test_a_resume_in_a_folder_without_a_run_leaves_the_users_files(tmp_path):
+def test_a_resume_in_a_folder_without_a_run_leaves_the_users_files(tmp_path, monkeypatch):
+    """Before any work: every new run of a study made its body twice."""
+    monkeypatch.setattr("pdsurrogate.run.simulate.Run", None)
     (tmp_path / "summary.json").write_text('{"mine": 1}')
     (tmp_path / "history.csv").write_text("year,price\n")
     before = content_of(tmp_path)
