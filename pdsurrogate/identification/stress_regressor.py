@@ -180,7 +180,7 @@ class LawEstimator(RegressorMixin, BaseEstimator):
 
     def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Check the data; return the table, the measurements and their weights."""
-        columns = ", ".join(self.columns)
+        columns = ", ".join(self.columns or ("of numbers",))
         for values, what, wanted in (
             (X, "X", f"it must have the columns {columns}, and a row for each measurement"),
             (y, "y", "give a measured value for each row of X"),
