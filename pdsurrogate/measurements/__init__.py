@@ -1,0 +1,1 @@
+"""Files of laboratories: tables of testing machines, displacement fields of cameras."""

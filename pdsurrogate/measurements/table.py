@@ -1,0 +1,97 @@
+"""Tables as they stand in files of testing machines, with what their columns may mean."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+QUANTITIES = (
+    "time",
+    "force",
+    "extension",
+    "engineering-strain",
+    "true-strain",
+    "stretch",
+    "nominal-stress",
+    "true-stress",
+    "lateral-stretch",
+    "lateral-strain",
+    "lateral-stress",
+    "volume-ratio",
+    "mode",
+    "cycle",
+    "specimen",
+    "weight",
+    "temperature",
+)
+"""What a column of a mechanical test can be."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table as its file has it.
+
+    Attributes
+    ----------
+    heading : str
+        Heading in the file, without its unit; empty if there is none.
+    unit : str, optional
+        Unit in the file, such as "mm" or "%".
+    quantities : tuple of str
+        Members of `QUANTITIES` that the heading and the unit may mean: none if the column is not
+        understood, several if the reading is ambiguous.
+    values : ndarray, shape (n,)
+        Numbers in the unit of the file, NaN where a cell is empty; text of columns such as "mode".
+    """
+
+    heading: str
+    unit: str | None
+    quantities: tuple[str, ...]
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class Block:
+    """A table of a file: a file may hold several, by specimen, sheet or keyword.
+
+    Attributes
+    ----------
+    title : str
+        Name of the sheet, the specimen or the keyword; empty if there is none.
+    columns : tuple of Column
+    lines : ndarray of int, shape (n,)
+        Lines of the file (rows of the sheet), from 1, of the rows.
+    mode : str, optional
+        Mode of loading that the file itself states.
+    facts : dict of str to str
+        What the heading states: "gauge length", "width", "thickness", "diameter", "area" with
+        their units, as "25 mm", and other entries by their own names.
+    """
+
+    title: str
+    columns: tuple[Column, ...]
+    lines: np.ndarray
+    mode: str | None = None
+    facts: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class TableFile:
+    """What a file of tables is, and its tables.
+
+    Attributes
+    ----------
+    path : Path
+    form : str
+        Form of the file in words, such as "Bluehill (raw)", "workbook" or "plain columns".
+    encoding, separator, decimal_sign : str
+        Of a text file; empty for a workbook.
+    blocks : tuple of Block
+    """
+
+    path: Path
+    form: str
+    encoding: str
+    separator: str
+    decimal_sign: str
+    blocks: tuple[Block, ...]
