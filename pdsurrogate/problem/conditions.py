@@ -10,12 +10,12 @@ import numpy as np
 from ..body.local_fit import text_of
 from ..forces import InvalidState
 from ..scenes import Scene
+from ..solvers.bond_strains import RESOLVED, strain_rounding
 from ..solvers.conditions import Loading
 from ..solvers.course import Paths
 from ..solvers.held import Held
 from ..solvers.increments import Motion
 from ..solvers.loads import Loads
-from ..solvers.nearest_bonds import RESOLVED, strain_rounding
 from ..solvers.rigid import rigid_motions
 from .loads import edge_of, words_for
 from .program import NominalStress, Prescription, Stage, known_ends, parameter_of

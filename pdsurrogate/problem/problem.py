@@ -35,7 +35,7 @@ from ..scenes import Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import RIGID
 from ..solvers.conditions import Loading
-from ..solvers.loads import LoadedForce
+from ..solvers.loaded_force import LoadedForce
 from ..solvers.rigid import RigidRegion
 from .conditions import check_dynamics, conditions_of, warn_of_points
 from .fracture import CriticalStretches, check_walls

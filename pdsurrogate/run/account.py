@@ -12,7 +12,7 @@ from ..solvers.conditions import Reactions
 from ..solvers.dynamics import ExplicitDynamics, Power
 from ..solvers.equilibrium import Diverging
 from ..solvers.increments import Motion
-from ..solvers.methods import EnergyMinimizer
+from ..solvers.quasi_newton import EnergyMinimizer
 from .run import Run
 
 STEPS_PER_ROW = 20

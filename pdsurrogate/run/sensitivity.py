@@ -17,10 +17,10 @@ from ..materials.covariance import with_numbers_of
 from ..problem import compile_scene
 from ..scenes import Scene
 from ..scenes.reading import leaves
+from ..solvers.bond_strains import strain_rounding
 from ..solvers.control import ControlledForce, DisplacementControl
 from ..solvers.equilibrium import NotConverged
 from ..solvers.methods import Newton
-from ..solvers.nearest_bonds import strain_rounding
 from ..solvers.tangent import COARSE, FINE, TangentEquations, central_difference
 from .controlled import control_of, displacement_of
 from .parameters import array_of, laws_of, names_below, numbers_in, with_numbers

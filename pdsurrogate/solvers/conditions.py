@@ -13,7 +13,8 @@ from ..body.body import sums_at_points
 from ..forces import InternalForce, InvalidState
 from ..forces.errors import at_point
 from .held import Held, Support
-from .loads import AT_REST, LoadedForce, Loads
+from .loaded_force import LoadedForce
+from .loads import AT_REST, Loads
 from .obstacles import PASSED, TOUCHING, Obstructed
 from .rigid import displaced, moment_of, nearest_turn, rigid_placement
 

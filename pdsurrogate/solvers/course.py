@@ -11,11 +11,12 @@ from itertools import pairwise
 import numpy as np
 
 from ..body.body import sums_at_points
+from .bond_strains import greatest_bond_strain
 from .conditions import Loading, Reactions
 from .equilibrium import TooFar
 from .increments import Motion
-from .loads import LoadedForce
-from .nearest_bonds import greatest_bond_strain, inverse_of, network_of
+from .loaded_force import LoadedForce
+from .nearest_bonds import inverse_of, network_of
 from .obstacles import ContactStiffness
 from .preconditioner import extension_of
 from .rigid import displaced

@@ -25,7 +25,8 @@ from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.scenes import SceneError
 from pdsurrogate.solvers.equilibrium import Diverging
 from pdsurrogate.solvers.increments import Increments
-from pdsurrogate.solvers.methods import SOLVERS, QuasiNewton
+from pdsurrogate.solvers.methods import SOLVERS
+from pdsurrogate.solvers.quasi_newton import QuasiNewton
 
 VERTICAL = [
     {"edge": "bottom", "holds": "normal"},
