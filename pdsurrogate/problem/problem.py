@@ -390,9 +390,6 @@ def _on_body(
                 "materials: rigid regions are supported on one rank only; run without mpiexec, or"
                 " give the regions a law"
             )
-        vars(body)["loaded"] = bool(scene.obstacles) or any(
-            load.kind in ("traction", "pressure") for load in scene.loads
-        )
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages, parameter_of(scene)[1])
         if areas is None:

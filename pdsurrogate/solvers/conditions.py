@@ -443,11 +443,16 @@ class Loading:
         return moment_of(self._share.total(levers))
 
     def _add_planes(self, of_holders: np.ndarray, of_planes: np.ndarray) -> None:
-        """Add the values of held components of planes, `of_planes` (planes, d, ...), in place to
-        `of_holders` (holders, d, ...).
+        """Add the values of planes, `of_planes` (planes, d, ...), in place to `of_holders`
+        (holders, d, ...).
+
+        Components that nothing holds, which have couples alone, count for who holds a plane across.
         """
         for part in self._of_planes:
-            of_holders[part.holder, part.components] += of_planes[part.plane, part.components]
+            rows = np.isin(np.arange(self.body.dimension), part.components)
+            if self.body.planes[part.plane].axis in part.components:
+                rows |= ~self.plane_components[part.plane]
+            of_holders[part.holder, rows] += of_planes[part.plane, rows]
 
     def _levers_on_planes(
         self, force: InternalForce, crossing: np.ndarray | None = None

@@ -70,6 +70,30 @@ def test_torsion_turns_without_force_and_its_moments_balance():
         assert np.abs(list(forces.values())).max() < 1e-4 * moments["holes"]
 
 
+@pytest.mark.parametrize("plane", ["strain", "stress", "space"])
+def test_moments_on_rollers_and_of_tractions_balance(plane):
+    """Of an energy, whose forces have no moment. Tangential forces on images beside the corners
+    leave the rollers a couple.
+    """
+    space = plane == "space"
+    scene = pds.Scene(
+        name="sheared",
+        spacing=0.2,
+        plane=plane,
+        body=(pds.shapes.Box if space else pds.shapes.Rectangle)(size=(1.0,) * (3 if space else 2)),
+        material={"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 10.0},
+        prescribed=(*({"region": "front", "x3": 0.0},) * space, *ROLLERS[::2]),
+        loads=(
+            {"region": "right", "traction": [0.3, 0.1, 0.05][: 2 + space]},
+            {"region": "top", "traction": [-0.05, 0.2, 0.0][: 2 + space]},
+        ),
+        steps=(1.0,),
+    )
+    moments = simulate(scene, "bond-energy").levels[0]["moments"]
+    size = max(np.abs(moment).max() for moment in moments.values())
+    assert np.abs(sum(map(np.asarray, moments.values()))).max() < 1e-6 * size
+
+
 def test_conditions_that_agree_may_share_points():
     scene = scene_of(
         (*CLAMPS, {"region": {"box": [[0.0, 0.0], [0.2, 0.2]]}, "x1": 0.0, "name": "corner"}),
