@@ -30,6 +30,10 @@ class Dialect:
         Further columns by which the program is known.
     deformed : bool
         Whether places are those of the deformed body.
+    refused : str
+        Why displacements of this form are not those of points of the body; empty if they are.
+    hint : str
+        What decides the direction, if it must be told.
     """
 
     form: str
@@ -43,6 +47,8 @@ class Dialect:
     image: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     deformed: bool = False
+    refused: str = ""
+    hint: str = ""
 
 
 XYZ, UVW = ("X", "Y", "Z"), ("U", "V", "W")
@@ -105,6 +111,15 @@ DIALECTS = (
         "px",
         "yv",
     ),
+    Dialect(
+        "py3dic",
+        ("pos_x", "pos_y"),
+        ("disp_x", "disp_y"),
+        "px",
+        "yv",
+        refused="the signs of displacements, and whether the rigid motion is taken out, depend on"
+        " settings that the file does not state: give its result.dic",
+    ),
     Dialect("columns x, y, u, v of no known program", xyz, uvw, None, None),
     Dialect("columns X, Y, U, V of no known program", XYZ, UVW, None, None),
 )
@@ -123,7 +138,7 @@ class Rows:
     """
 
     dialect: Dialect
-    unit: str
+    unit: str | None
     image: np.ndarray
     places: np.ndarray
     displacements: np.ndarray

@@ -102,11 +102,8 @@ def rows_of_table(path: Path, unit: str | None, dimension: int) -> Rows:
         )
     dialect = chosen[0]
     its_unit = in_unit[dialect] or unit or in_unit[dialect]
-    if its_unit is None:
-        raise ValueError(
-            f"{path}: {dialect.form}: the file states no unit of places and displacements; state"
-            " it: --unit px, --unit mm"
-        )
+    if dialect.refused:
+        raise ValueError(f"{path}: {dialect.form}: {dialect.refused}")
     if "Incremental correlation: true" in head:
         raise ValueError(
             f"{path}: DICe's incremental correlation adds displacements from image to image at"

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from ..arguments import check_path
-from .dialects import OWN, Dialect
+from .dialects import OWN, Dialect, Rows
 from .field import MeasuredField
+from .field_arrays import EXPORTS, READERS, rows_of_arrays
 from .field_tables import form_of, rows_of_table
 
 
@@ -54,7 +55,7 @@ def read_fields(
     for path in paths:
         check_path(path, "field")
     files = _in_order([Path(path) for path in paths])
-    parts = [rows_of_table(file, unit, dimension) for file in files]
+    parts = [_rows(file, unit, dimension) for file in files]
     first = parts[0]
     for file, part in zip(files, parts, strict=True):
         if (part.dialect, part.unit, part.numbered) != (first.dialect, first.unit, first.numbered):
@@ -78,7 +79,7 @@ def read_fields(
     if first.dialect.down is None and up is None:
         raise ValueError(
             f"{files[0]}: {first.dialect.form}: whether y and v are counted upward or downward is"
-            " not known; state it: --up or --down, up=True or up=False"
+            f" not known{first.dialect.hint}; state it: --up or --down, up=True or up=False"
         )
     signs = _signs(first.dialect, up, files[0])
     kept = ~lost
@@ -109,7 +110,34 @@ def read_fields(
 
 def is_field(path: str | Path) -> str | None:
     """Return the form of a file of displacements, such as "DICe"; None for any other file."""
-    return form_of(Path(path))
+    path = Path(path)
+    ending = path.suffix.lower()
+    if ending in EXPORTS:
+        return EXPORTS[ending].partition(":")[0]
+    if ending not in READERS:
+        return form_of(path)
+    try:
+        return rows_of_arrays(path).dialect.form
+    except ValueError:
+        return None
+
+
+def _rows(file: Path, unit: str | None, dimension: int) -> Rows:
+    """Return the rows of a file, in a unit that is known."""
+    if file.suffix.lower() not in (*READERS, *EXPORTS):
+        found = rows_of_table(file, unit, dimension)
+    elif dimension != 2:
+        raise ValueError(f"{file}: places of solids are read from tables alone")
+    else:
+        found = rows_of_arrays(file)
+    if unit is not None and found.unit not in (None, unit):
+        raise ValueError(f"{file}: {found.dialect.form} is in {found.unit}, not in {unit}")
+    if (stated := found.unit if found.unit is not None else unit) is None:
+        raise ValueError(
+            f"{file}: {found.dialect.form}: the file states no unit of places and displacements;"
+            " state it: --unit px, --unit mm"
+        )
+    return replace(found, unit=stated)
 
 
 def _in_order(files: list[Path]) -> list[Path]:
@@ -129,7 +157,7 @@ def _signs(dialect: Dialect, up: bool | None, file: Path) -> np.ndarray:
     """Return the signs of places and displacements, (2, 3), that turn them upward."""
     down = dialect.down
     if up is not None and (down is None or up == ("y" in down)):
-        if dialect.unit == "px":
+        if down is not None and dialect.unit == "px":
             raise ValueError(
                 f"{file}: {dialect.form} counts y {'downward' if up else 'upward'} from the first"
                 f" row of pixels; leave {'--up' if up else '--down'} out"
