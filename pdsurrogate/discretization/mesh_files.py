@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import io
-import math
+import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections import Counter
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -15,7 +15,9 @@ import numpy as np
 
 from ..body import CellMesh
 from ..body.cell_mesh import FACES, among, side_numbers
+from ..decks import Deck, Elements, read_deck
 from .chains import ROUNDING, same_places
+from .mesh_cells import centroids, upright, volumes_of
 
 CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
 """Accepted types of cells by dimension, by their names in meshio; names of quadratic cells end
@@ -67,17 +69,6 @@ BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")
 to its cells.
 """
 
-BESIDE_CORNERS = {
-    4: [[1, 2, 3]],
-    8: [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]],
-}
-"""Corners to which the three edges at each corner of a solid cell lead, in right-handed order, by
-the cell's number of corners.
-
-For tetrahedra only corner 0 is listed: the edges at every corner span the same volume, whose sign
-tells whether the cell is inverted.
-"""
-
 
 @dataclass(frozen=True)
 class MeshFile:
@@ -89,15 +80,16 @@ class MeshFile:
         Triangles and quadrilaterals, counter-clockwise, or tetrahedra and hexahedra; nodes at one
         place are one.
     cell_groups : mapping of str to ndarray of int
-        Numbers of the cells in each physical group of cells.
+        Numbers of the cells in each physical group or element set of cells, and each instance of
+        a part.
     side_groups : mapping of str to ndarray of int, shape (l, 2) or (l, 4)
-        Nodes of the lines (in three dimensions faces) in each physical group of lines (faces); a
-        triangle repeats its last node.
+        Nodes of the lines (in three dimensions faces) in each physical group of lines (faces),
+        surface, and set of nodes; a triangle repeats its last node.
     """
 
     cells: CellMesh
-    cell_groups: Mapping[str, np.ndarray]
-    side_groups: Mapping[str, np.ndarray]
+    cell_groups: dict[str, np.ndarray]
+    side_groups: dict[str, np.ndarray]
 
     def corners(self) -> list[np.ndarray]:
         """Return the positions of the corners of the cells, an array of shape (n, corners, d)
@@ -122,11 +114,22 @@ class MeshFile:
         }
 
 
-@lru_cache(maxsize=1)
-def read_mesh(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
-    """Return the contents of a mesh file, read again if its time of change or size are others; for
-    the errors see `mesh_of`.
-    """
+def contents_of(file: str) -> Deck:
+    """Return the contents of a mesh file; raise ValueError if it cannot be read."""
+    try:
+        contents = read_deck(file) if file.lower().endswith(".inp") else _of_meshio(file)
+    except (ValueError, KeyError, IndexError) as error:
+        raise ValueError(f"body.file: cannot read {file}: {error}") from None
+    wrong = np.argwhere(~np.isfinite(contents.points))
+    if len(wrong):
+        raise ValueError(
+            f"body.file: node {wrong[0, 0]} of {file} has a position that is not finite"
+        )
+    return contents
+
+
+def _of_meshio(file: str) -> Deck:
+    """Return the contents of a file that meshio reads, as those of a deck."""
     import meshio
 
     printed = io.StringIO()
@@ -139,18 +142,96 @@ def read_mesh(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
         # meshio's readers raise errors of any type, and print and exit if none accepts the file
     ) as error:
         reason = printed.getvalue() if isinstance(error, SystemExit) else error
-        raise ValueError(
-            f"body.file: meshio cannot read {file}: {' '.join(str(reason).split())}"
-        ) from None
-    points = np.asarray(read.points, dtype=float)
-    if not np.isfinite(points).all():
-        raise ValueError(
-            f"body.file: node {np.argwhere(~np.isfinite(points))[0, 0]} of {file} has a position"
-            " that is not finite"
-        )
+        raise ValueError(f"meshio: {' '.join(str(reason).split())}") from None
+    contents = Deck([np.asarray(read.points, dtype=float)])
+    groups = contents.sets.elements
+    # Files of gmsh's version 2 have no sets, but a group of every cell, which they list once for
+    # each of its groups.
+    numbers = read.cell_data.get("gmsh:physical")
+    if numbers is not None:
+        _check_names(file)
+        for name, entry in read.field_data.items():
+            if np.size(entry) == 2 and name not in read.cell_sets:
+                groups[name] = np.flatnonzero(
+                    np.concatenate(
+                        [
+                            (of == entry[0]) & (block.dim == entry[1])
+                            for of, block in zip(numbers, read.cells, strict=True)
+                        ]
+                    )
+                )
+    begins = np.cumsum([0, *(len(block.data) for block in read.cells)])
+    for name, given in read.cell_sets.items():
+        # gmsh:bounding_entities is no group: it has signed numbers of entities.
+        if not name.startswith("gmsh:"):
+            groups[name] = np.concatenate(
+                [
+                    begin + np.asarray(() if of is None else of, dtype=int)
+                    for begin, of in zip(begins, given, strict=False)
+                ]
+            )
+    contents.sets.names |= {name: name for name in groups}
+    contents.elements += [
+        Elements("", block.type, np.arange(begin, begin + len(block.data)), np.asarray(block.data))
+        for begin, block in zip(begins, read.cells, strict=False)
+    ]
+    return contents
+
+
+def _check_names(file: str) -> None:
+    """Raise ValueError if two physical groups of a gmsh file have one name: meshio keeps one."""
+    names = re.search(
+        rb"\$PhysicalNames(.*?)\$EndPhysicalNames", Path(file).read_bytes(), flags=re.DOTALL
+    )
+    found = re.findall(rb'"(.*)"', names[1]) if names else []
+    twice = [name.decode(errors="replace") for name, times in Counter(found).items() if times > 1]
+    if twice:
+        raise ValueError(f"two physical groups are named {twice[0]}; give each a name of its own")
+
+
+@lru_cache(maxsize=1)
+def read_mesh(
+    file: str, dimension: int, parts: tuple[str, ...] | None, _state: tuple[tuple[int, int], ...]
+) -> MeshFile:
+    """Return the contents of a mesh file, read again if times of change or sizes of its files are
+    others; for the errors see `mesh_of`.
+    """
+    contents = contents_of(file)
+    points = contents.points
+    _check_kinds(file, contents, dimension)
+    cells = []
+    for _, name, _, data in contents.elements:
+        kind = _kind(name)
+        if kind in CELL_TYPES[dimension]:
+            count = _corners(kind)
+            cells.append(data[:, :count])
+            if name != kind:
+                _warn_of_curves(
+                    file,
+                    points[cells[-1][:, np.array(EDGES[kind])]],
+                    points[data[:, count : count + len(EDGES[kind])]],
+                )
+    if dimension == 2 and points.shape[1] == 3:
+        points = _flattened(file, points, cells)
+    # Nodes at one place are one: scenes state cracks as precuts, and bonds need no common nodes.
+    of_node = same_places(points, ROUNDING * np.ptp(points, axis=0).max())
+    cells, of_cell = _each_once(CellMesh(points, tuple(of_node[block] for block in cells)))
+    mesh = _with_groups(cells, contents, of_cell, of_node)
+    _tell_of_others(file, contents, cells, of_node)
+    mesh = _parts_of(file, mesh, tuple(contents.instances), parts)
+    return replace(mesh, cells=_righted(file, mesh.cells))
+
+
+def _corners(kind: str) -> int:
+    """Return the number of corners of a linear cell."""
+    return max(map(max, EDGES[kind])) + 1
+
+
+def _check_kinds(file: str, contents: Deck, dimension: int) -> None:
+    """Raise ValueError if a file has no cells of a dimension, or others that are not read."""
     # Points, edges and faces are those of boundaries and may be skipped; skipping cells of other
     # types would leave holes.
-    kinds = {_kind(block.type) for block in read.cells if len(block.data)}
+    kinds = kinds_of(contents)
     refused = sorted(
         kind
         for kind in kinds - set(CELL_TYPES[dimension])
@@ -166,19 +247,14 @@ def read_mesh(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
             f"body.file: {file} has {', '.join(refused)} cells; use only"
             f" {' and '.join(CELL_TYPES[dimension])}{advice}"
         )
-    cells = []
-    for block in read.cells:
-        kind = _kind(block.type)
-        if kind in CELL_TYPES[dimension]:
-            count = max(map(max, EDGES[kind])) + 1
-            cells.append(block.data[:, :count])
-            if block.type != kind:
-                _warn_of_curves(
-                    file,
-                    points[cells[-1][:, np.array(EDGES[kind])]],
-                    points[block.data[:, count : count + len(EDGES[kind])]],
-                )
-    if not any(map(len, cells)):
+    around = sorted({each.type for each in contents.elements if each.type.startswith("CAX")})
+    if dimension == 2 and around:
+        raise ValueError(
+            f"body.file: {file} has {', '.join(around)} elements, and axisymmetric bodies are not"
+            " computed: mesh a sector of the solid (if meshio wrote the deck, every quadrilateral"
+            " is a CAX4P: name it CPS4)"
+        )
+    if not kinds & set(CELL_TYPES[dimension]):
         words, flat = (
             ("triangles or quadrilaterals", False)
             if dimension == 2
@@ -188,24 +264,82 @@ def read_mesh(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
             f"body.file: {file} has no {words}"
             + ("; set dimension = 2 for a sheet" if flat else "")
         )
-    if dimension == 3:
-        for block in cells:
-            _check_solid_cells(file, points[block])
-    elif points.shape[1] == 3:
-        points = _flattened(file, points, cells)
-    # Nodes at one place are one: scenes state cracks as precuts, and bonds need no common nodes.
-    number = same_places(points, ROUNDING * np.ptp(points, axis=0).max())
-    if dimension == 2:
-        clockwise = [volumes_of(points[block]).sum(axis=1) < 0 for block in cells]
-        cells = [
-            np.where(turned[:, None], block[:, ::-1], block)
-            for turned, block in zip(clockwise, cells, strict=True)
-        ]
-    cell_groups, side_groups = _groups(file, read, dimension)
+
+
+def _tell_of_others(file: str, contents: Deck, mesh: CellMesh, of_node: np.ndarray) -> None:
+    """Warn of elements of a deck that are left out: all but cells, and the elements by which gmsh
+    lists sides of cells.
+    """
+    told: Counter[str] = Counter()
+    sides = None
+    for each in contents.elements:
+        if not each.type or _kind(each.kind) in CELL_TYPES[mesh.dimension]:
+            continue
+        told[each.type] += len(each.numbers)
+        if each.type.startswith("T3D" if mesh.dimension == 2 else ("CPS", "M3D9")):
+            sides = mesh.sides()[0] if sides is None else sides
+            told[each.type] -= int(among(of_node[_side(contents.points, each)], sides).sum())
+    if +told:
+        counts = ", ".join(f"{count} {name}" for name, count in (+told).items())
+        warnings.warn(
+            f"body.file: {file}: elements beside the cells are left out: {counts}", stacklevel=5
+        )
+
+
+def _parts_of(
+    file: str, mesh: MeshFile, instances: tuple[str, ...], parts: tuple[str, ...] | None
+) -> MeshFile:
+    """Return the mesh of those groups of cells alone that a scene names, by default of all cells;
+    warn if a deck then has several instances of parts.
+    """
+    groups = mesh.cell_groups
+    if parts is None:
+        if len(instances) > 1:
+            counts = ", ".join(f"{name} ({len(groups.get(name, ()))})" for name in instances)
+            warnings.warn(
+                f"body.file: the body has the cells of all parts of {file}: {counts}; parts ="
+                f' ["{instances[0]}"] takes one, and parts that touch are bonded',
+                stacklevel=5,
+            )
+        return mesh
+    if missing := [name for name in parts if name not in groups]:
+        raise ValueError(
+            f"body.parts: {file} has no cells in a group {missing[0]!r}; it has"
+            f" {', '.join(groups) or 'no groups of cells'}"
+        )
+    kept = np.zeros(len(mesh.cells), dtype=bool)
+    kept[np.concatenate([groups[name] for name in parts])] = True
+    number = np.cumsum(kept) - 1
+    rest = {name: number[members[kept[members]]] for name, members in groups.items()}
     return MeshFile(
-        *_each_once(CellMesh(points, tuple(number[block] for block in cells)), cell_groups),
-        {name: number[lines] for name, lines in side_groups.items()},
+        CellMesh.of_mesh(mesh.cells.nodes, mesh.cells.blocks, kept),
+        {name: members for name, members in rest.items() if len(members)},
+        mesh.side_groups,
     )
+
+
+def _righted(file: str, mesh: CellMesh) -> CellMesh:
+    """Return a mesh whose cells all have positive volumes: those that are inverted get another
+    order of corners, with a warning in three dimensions, or if others of the mesh are not.
+    """
+    blocks = []
+    turned = 0
+    for block in mesh.blocks:
+        if mesh.dimension == 3:
+            inverted, order = upright(file, mesh.nodes[block])
+        else:
+            inverted = volumes_of(mesh.nodes[block]).sum(axis=1) < 0
+            order = np.arange(block.shape[1])[::-1]
+        blocks.append(np.where(inverted[:, None], block[:, order], block))
+        turned += int(inverted.sum())
+    # A sheet seen from its back is clockwise in all cells.
+    if turned and (mesh.dimension == 3 or turned < len(mesh)):
+        warnings.warn(
+            f"body.file: {turned} of {len(mesh)} cells of {file} were inverted (corners in the"
+            " wrong order), and are turned",
+            stacklevel=5,
+        )
+    return CellMesh(mesh.nodes, tuple(blocks))
 
 
 def _kind(name: str) -> str:
@@ -263,12 +397,10 @@ def _flattened(file: str, points: np.ndarray, cells: list[np.ndarray]) -> np.nda
     return np.delete(points, across, axis=1)
 
 
-def _each_once(
-    mesh: CellMesh, groups: Mapping[str, np.ndarray]
-) -> tuple[CellMesh, dict[str, np.ndarray]]:
-    """Return a mesh, and groups of numbers of its cells, with cells of equal corners as one.
+def _each_once(mesh: CellMesh) -> tuple[CellMesh, np.ndarray]:
+    """Return a mesh with cells of equal corners as one, and the new numbers of its cells.
 
-    meshio lists a cell of two physical groups of gmsh's version 2 twice.
+    gmsh's version 2 lists a cell of two physical groups twice.
     """
     width = max(block.shape[1] for block in mesh.blocks)
     corners = [
@@ -278,204 +410,103 @@ def _each_once(
         side_numbers(np.concatenate(corners)), return_index=True, return_inverse=True
     )
     kept = np.isin(np.arange(len(mesh)), first)
-    number = (np.cumsum(kept) - 1)[first[which]]
-    return CellMesh.of_mesh(mesh.nodes, mesh.blocks, kept), {
-        name: np.unique(number[members]) for name, members in groups.items()
-    }
+    return CellMesh.of_mesh(mesh.nodes, mesh.blocks, kept), (np.cumsum(kept) - 1)[first[which]]
 
 
-def _check_solid_cells(file: str, cells: np.ndarray) -> None:
-    """Raise ValueError if a cell of `cells` (n, corners, 3) is inverted or flat, or if it is a
-    hexahedron not convex at a corner.
+def _side(points: np.ndarray, elements: Elements) -> np.ndarray:
+    """Return the corners of elements that are lines or faces, a triangle with its last twice."""
+    nodes = elements.nodes
+    if elements.kind != "line3":
+        return nodes[:, {"l": [0, 1], "t": [0, 1, 2, 2], "q": [0, 1, 2, 3]}[elements.kind[0]]]
+    # The ends are farthest apart: programs write the middle second or last.
+    pairs = nodes[:, [[0, 1], [0, 2], [1, 2]]]
+    lengths = np.linalg.norm(points[pairs[..., 1]] - points[pairs[..., 0]], axis=-1)
+    return pairs[np.arange(len(nodes)), lengths.argmax(axis=1)]
+
+
+def _with_groups(
+    mesh: CellMesh, contents: Deck, of_cell: np.ndarray, of_node: np.ndarray
+) -> MeshFile:
+    """Return a mesh with the groups of its file, whose cells and nodes have the numbers `of_cell`
+    and `of_node` in the mesh.
+
+    Sets of one name and of different kinds are one if they have the same cells; else the kind
+    follows each of their names.
     """
-    kind = CELL_TYPES[3][cells.shape[1] == 8]
-    edges = (
-        cells[:, BESIDE_CORNERS[cells.shape[1]]]
-        - cells[:, : len(BESIDE_CORNERS[cells.shape[1]]), None]
-    )
-    turns = np.linalg.det(edges)  # volume that the three edges at each corner span
-    wrong = np.flatnonzero(
-        ~(turns > 1e-12 * np.linalg.norm(edges, axis=-1).max(axis=-1) ** 3).all(axis=1)
-    )
-    if len(wrong):
-        number = wrong[0]
-        what = (
-            "inverted: its volume is negative"
-            if (turns[number] < 0).all()
-            else "flat, or folded at a corner"
-        )
-        raise ValueError(
-            f"body.file: {file} has {len(wrong)} invalid cells; {kind} {number} (counted from 0) is"
-            f" {what}"
-        )
-
-
-def _element_sets(file: str, read) -> dict[str, list[np.ndarray]]:
-    """Return the element sets of an Abaqus or CalculiX deck as meshio stores sets, for each of its
-    blocks the numbers of the members.
-
-    meshio itself loses members of sets that several blocks of lines give, or that name other sets.
-    Raise ValueError if two elements have one number, as those of several parts may.
-    """
-    sets: dict[str, list[int]] = {}
-    names: dict[str, str] = {}
-    labels = []
-    for keyword, options, rows in _keywords(Path(file)):
-        entries = [entry for row in rows for entry in row.replace(" ", "").split(",") if entry]
-        members = []
-        if keyword == "ELEMENT":
-            members = [
-                int(entry) for entry in entries[:: read.cells[len(labels)].data.shape[-1] + 1]
-            ]
-            labels.append(members)
-        elif keyword == "ELSET" and "GENERATE" in options:
-            for row in rows:
-                begin, end, *step = (int(entry) for entry in row.split(",") if entry.strip())
-                members += range(begin, end + 1, *step)
-        elif keyword == "ELSET":
-            members = [
-                label
-                for entry in entries
-                for label in ([int(entry)] if entry.isdigit() else sets.get(entry.upper(), ()))
-            ]
-        if name := options.get("ELSET"):
-            sets.setdefault(name.upper(), []).extend(members)
-            names.setdefault(name.upper(), name)
-    if sets and len(np.unique(np.concatenate(labels))) != sum(map(len, labels)):
-        raise ValueError(
-            f"body.file: two elements of {file} have one number, so that its sets are ambiguous;"
-            " write the deck as one part"
-        )
-    return {
-        names[name]: [np.flatnonzero(np.isin(block, members)) for block in labels]
-        for name, members in sets.items()
-    }
-
-
-def _keywords(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
-    """Yield the keywords of a deck with their options and lines of data, those of included files
-    in their place.
-    """
-    keyword = ""
-    options = {}
-    rows = []
-    for line in [*path.read_text(errors="replace").splitlines(), "*"]:
-        if line.startswith("**"):
-            continue
-        if not line.startswith("*"):
-            rows.append(line)
-            continue
-        if keyword == "INCLUDE":
-            inner = Path(options["INPUT"])
-            # as meshio looks for it
-            yield from _keywords(inner if inner.exists() else path.parent / inner)
-        elif keyword:
-            yield keyword, options, rows
-        head, *given = (part.strip() for part in line[1:].split(","))
-        pairs = (part.partition("=") for part in given)
-        keyword = head.upper()
-        options = {key.strip().upper(): value.strip() for key, _, value in pairs}
-        rows = []
-
-
-def _groups(file: str, read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Return the physical groups of cells and of sides from what meshio has read: `cell_groups` and
-    `side_groups` of `MeshFile`.
-
-    meshio stores groups as sets of cells, block by block; for gmsh files of version 2 it stores a
-    group number for each cell, and names of the numbers.
-    """
-    sets = _element_sets(file, read) if file.lower().endswith(".inp") else read.cell_sets
-    members: dict[str, list] = {
-        name: given for name, given in sets.items() if not name.startswith("gmsh:")
-    }
-    numbers = read.cell_data.get("gmsh:physical")
-    if numbers is not None:
-        named = {name: entry for name, entry in read.field_data.items() if np.size(entry) == 2}
-        for name, (number, of_dimension) in named.items():
-            fitting = [block.dim == of_dimension for block in read.cells]
-            members.setdefault(
-                name,
-                [
-                    np.flatnonzero(of_block == number) if fits else []
-                    for of_block, fits in zip(numbers, fitting, strict=True)
-                ],
-            )
-    cell_groups = {}
-    side_groups = {}
-    for name, sets in members.items():
+    sets = contents.sets
+    files = {word: MeshFile(mesh, {}, {}) for word in ("ELSET", "SURFACE", "NSET")}
+    for key, name in sets.names.items():
         cells = []
         sides = []
+        faces = []
         begin = 0
-        for block, chosen in zip(read.cells, sets, strict=True):
-            chosen = np.asarray(() if chosen is None else chosen, dtype=int)
-            if _kind(block.type) in CELL_TYPES[dimension]:
-                cells.append(begin + chosen)
-                begin += len(block.data)
-            elif dimension == 2 and block.type.startswith("line"):
-                sides.append(block.data[chosen][:, :2])
-            elif dimension == 3 and block.type.startswith("triangle"):
-                sides.append(block.data[chosen][:, [0, 1, 2, 2]])
-            elif dimension == 3 and block.type.startswith("quad"):
-                sides.append(block.data[chosen][:, :4])
+        members = sets.elements.get(key, np.arange(0))
+        of_surface = sets.sides.get(key, np.zeros((0, 2), dtype=int))
+        for each in contents.elements:
+            first = each.numbers[0] if len(each.numbers) else 0
+            kind = _kind(each.kind)
+            chosen = np.isin(each.numbers, members)
+            if kind in CELL_TYPES[mesh.dimension]:
+                cells.append(of_cell[begin + np.flatnonzero(chosen)])
+                begin += len(chosen)
+                rows, numbers = of_surface[np.isin(of_surface[:, 0], each.numbers)].T
+                corners = np.array(FACES[mesh.dimension, _corners(kind)])[numbers]
+                faces.append(each.nodes[(rows - first)[:, None], corners])
+            elif kind.startswith("line" if mesh.dimension == 2 else CELL_TYPES[2]):
+                sides.append(_side(contents.points, each)[chosen])
         if any(map(len, cells)):
-            cell_groups[name] = np.concatenate(cells)
+            files["ELSET"].cell_groups[name] = np.unique(np.concatenate(cells))
         elif any(map(len, sides)):
-            side_groups[name] = np.concatenate(sides)
-    return cell_groups, side_groups
+            files["ELSET"].side_groups[name] = of_node[np.concatenate(sides)]
+        if key in sets.sides:
+            files["SURFACE"].side_groups[name] = of_node[np.concatenate(faces)]
+        if key in sets.nodes:
+            kind, found = _of_nodes(mesh, of_node[sets.nodes[key]])
+            getattr(files["NSET"], kind)[name] = found
+    points = {word: file.groups_of_cells() for word, file in files.items()}
+    merged = MeshFile(mesh, {}, {})
+    for name in sets.names.values():
+        words = [word for word in files if name in points[word]]
+        words = [word for word in words if len(points[word][name])] or words[:1]
+        same = all(np.array_equal(points[word][name], points[words[0]][name]) for word in words)
+        if same:
+            # Sides say also where loads act.
+            words = sorted(words, key=lambda word: name not in files[word].side_groups)[:1]
+        for word in words:
+            label = name if same else f"{name} ({word})"
+            for kind in ("cell_groups", "side_groups"):
+                if name in getattr(files[word], kind):
+                    getattr(merged, kind)[label] = getattr(files[word], kind)[name]
+    return merged
 
 
-def simplices_of(cells: np.ndarray) -> np.ndarray:
-    """Divide cells (n, corners, d) into triangles or tetrahedra; return their corners, shape (n,
-    parts, d + 1, d).
-
-    A face of a hexahedron need not be flat: it is divided into four triangles about the mean of its
-    corners, alike for both its cells.
+def _of_nodes(mesh: CellMesh, chosen: np.ndarray) -> tuple[str, np.ndarray]:
+    """Return the cells or else the sides, with the name of the kind of their groups, all of whose
+    corners are among chosen nodes, if these are all of the corners among them; else no side.
     """
-    if cells.shape[1] == cells.shape[2] + 1:
-        return cells[:, None]
-    if cells.shape[2] == 2:
-        return cells[:, [[0, 1, 2], [0, 2, 3]]]
-    faces = cells[:, np.array(FACES[3, 8])]
-    middles = np.broadcast_to(faces.mean(axis=2, keepdims=True), faces.shape)
-    tops = np.broadcast_to(cells.mean(axis=1)[:, None, None], faces.shape)
-    # Faces run counter-clockwise as seen from outside: with the middle of the cell first, volumes
-    # are positive.
-    return np.stack([tops, faces, np.roll(faces, -1, axis=2), middles], axis=3).reshape(
-        len(cells), -1, 4, 3
-    )
+    inside = np.zeros(len(mesh.nodes), dtype=bool)
+    inside[chosen] = True
+    used = np.zeros_like(inside)
+    for block in mesh.blocks:
+        used[block] = True
+    inside &= used  # middles of edges and reference points are not
+
+    def whole(*lists: np.ndarray) -> list[np.ndarray] | None:
+        """Lists of flags of the rows with all nodes inside, if these have all nodes inside."""
+        flags = [inside[rows].all(axis=1) for rows in lists]
+        had = np.zeros_like(inside)
+        for rows, flag in zip(lists, flags, strict=True):
+            had[rows[flag]] = True
+        return flags if inside.any() and (had == inside).all() else None
+
+    if flags := whole(*mesh.blocks):
+        return "cell_groups", np.flatnonzero(np.concatenate(flags))
+    for sides in (mesh.outer_sides[0], mesh.sides()[0]):
+        if flags := whole(sides):
+            return "side_groups", sides[flags[0]]
+    return "side_groups", mesh.sides()[0][:0]
 
 
-def volumes_of(cells: np.ndarray) -> np.ndarray:
-    """Return the signed volumes (n, parts) of the simplices (`simplices_of`) of cells; in the
-    plane areas, negative where clockwise.
-    """
-    parts = simplices_of(cells)
-    return np.linalg.det(parts[:, :, 1:] - parts[:, :, :1]) / math.factorial(cells.shape[2])
-
-
-def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return centroids (n, d) and volumes (n,) of cells of one type, given by positions of their
-    corners, shape (n, corners, d).
-
-    Raise ValueError for a cell without volume, or a quadrilateral whose sides cross.
-    """
-    volumes = volumes_of(cells)
-    volume = volumes.sum(axis=1)
-    if (volume == 0).any():
-        raise ValueError("body.file: the area of a cell is zero")
-    # The sides of a quadrilateral cross if either diagonal cuts it into triangles of opposite
-    # senses.
-    if (
-        cells.shape[1:] == (4, 2)
-        and (
-            (volumes.prod(axis=1) < 0) & (volumes_of(np.roll(cells, 1, axis=1)).prod(axis=1) < 0)
-        ).any()
-    ):
-        raise ValueError(
-            "body.file: the sides of a quadrilateral cross each other; its corners must be in order"
-            " around it"
-        )
-    return (volumes[..., None] * simplices_of(cells).mean(axis=2)).sum(axis=1) / volume[
-        :, None
-    ], np.abs(volume)
+def kinds_of(contents: Deck) -> set[str]:
+    """Return the types of linear cells that have the corners of the elements of a file."""
+    return {_kind(each.kind) for each in contents.elements if len(each.nodes) and each.kind}
