@@ -8,6 +8,39 @@ import numpy as np
 
 from ..body.cell_mesh import FACES
 
+CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
+"""Accepted types of cells by dimension, by their names in meshio; names of quadratic cells end
+with their number of nodes.
+"""
+
+EDGES = {
+    "triangle": ((0, 1), (1, 2), (2, 0)),
+    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
+    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    "hexahedron": (
+        (0, 1),
+        (1, 2),
+        (2, 3),
+        (3, 0),
+        (4, 5),
+        (5, 6),
+        (6, 7),
+        (7, 4),
+        (0, 4),
+        (1, 5),
+        (2, 6),
+        (3, 7),
+    ),
+}
+"""Edges of a cell by the numbers of their corners, in the order in which the middles of edges
+follow the corners in a quadratic cell.
+"""
+
+QUADRATIC = ("triangle6", "triangle7", "quad8", "quad9", "tetra10", "hexahedron20", "hexahedron27")
+"""Quadratic cells by their names in meshio, which become cells with the same corners and
+straight edges.
+"""
+
 KINDS = {4: "tetra", 8: "hexahedron"}
 """Solid cells by their number of corners."""
 
@@ -21,6 +54,18 @@ the cell's number of corners.
 For tetrahedra only corner 0 is listed: the edges at every corner span the same volume, whose sign
 tells whether the cell is inverted.
 """
+
+
+def kind_of(name: str) -> str:
+    """Return the type of linear cell that has the corners of cells of the type `name`; a type
+    that is not read remains as it is.
+    """
+    return name.rstrip("0123456789") if name in QUADRATIC else name
+
+
+def corners_of(kind: str) -> int:
+    """Return the number of corners of a linear cell."""
+    return max(map(max, EDGES[kind])) + 1
 
 
 def upright(file: str, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

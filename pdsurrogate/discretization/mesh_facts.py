@@ -12,7 +12,8 @@ import numpy as np
 
 from ..body.cell_mesh import among
 from ..scenes import Mesh
-from .mesh_files import MeshFile, contents_of, kinds_of, read_mesh
+from .mesh_files import contents_of, kinds_of, read_mesh
+from .mesh_groups import MeshFile
 from .meshes import mesh_of
 
 

@@ -1,4 +1,4 @@
-"""Contents of mesh files, as gmsh, Abaqus and CAD programs write them: cells and groups."""
+"""Mesh files as gmsh, Abaqus and CAD programs write them, read and checked."""
 
 from __future__ import annotations
 
@@ -7,50 +7,24 @@ import re
 import warnings
 from collections import Counter
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from ..body import CellMesh
-from ..body.cell_mesh import FACES, among, side_numbers
+from ..body.cell_mesh import among, side_numbers
 from ..decks import Deck, Elements, read_deck
 from .chains import ROUNDING, same_places
-from .mesh_cells import centroids, upright, volumes_of
+from .mesh_cells import CELL_TYPES, EDGES, corners_of, kind_of, upright, volumes_of
+from .mesh_groups import MeshFile, parts_of, side_of, with_groups
 
-CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
-"""Accepted types of cells by dimension, by their names in meshio; names of quadratic cells end
-with their number of nodes.
+BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
+"""First letters of meshio's names of points, edges and faces, which a mesh may list in addition
+to its cells.
 """
 
-EDGES = {
-    "triangle": ((0, 1), (1, 2), (2, 0)),
-    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
-    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    "hexahedron": (
-        (0, 1),
-        (1, 2),
-        (2, 3),
-        (3, 0),
-        (4, 5),
-        (5, 6),
-        (6, 7),
-        (7, 4),
-        (0, 4),
-        (1, 5),
-        (2, 6),
-        (3, 7),
-    ),
-}
-"""Edges of a cell by the numbers of their corners, in the order in which the middles of edges
-follow the corners in a quadratic cell.
-"""
-
-QUADRATIC = ("triangle6", "triangle7", "quad8", "quad9", "tetra10", "hexahedron20", "hexahedron27")
-"""Quadratic cells by their names in meshio, which become cells with the same corners and
-straight edges.
-"""
 
 CURVED = 1e-3
 """Distance of the middle of an edge from the line between its ends, in lengths of the edge, above
@@ -63,55 +37,6 @@ FLAT = 1e-3
 that along it. Chosen: flattening changes lengths by the square of the inclination, a millionth; the
 noise of CAD programs across a plane is far less.
 """
-
-BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
-"""First letters of meshio's names of points, edges and faces, which a mesh may list in addition
-to its cells.
-"""
-
-
-@dataclass(frozen=True)
-class MeshFile:
-    """Contents of a mesh file.
-
-    Attributes
-    ----------
-    cells : CellMesh
-        Triangles and quadrilaterals, counter-clockwise, or tetrahedra and hexahedra; nodes at one
-        place are one.
-    cell_groups : mapping of str to ndarray of int
-        Numbers of the cells in each physical group or element set of cells, and each instance of
-        a part.
-    side_groups : mapping of str to ndarray of int, shape (l, 2) or (l, 4)
-        Nodes of the lines (in three dimensions faces) in each physical group of lines (faces),
-        surface, and set of nodes; a triangle repeats its last node.
-    """
-
-    cells: CellMesh
-    cell_groups: dict[str, np.ndarray]
-    side_groups: dict[str, np.ndarray]
-
-    def corners(self) -> list[np.ndarray]:
-        """Return the positions of the corners of the cells, an array of shape (n, corners, d)
-        for every block of `cells`.
-        """
-        return [self.cells.nodes[block] for block in self.cells.blocks]
-
-    @cached_property
-    def centroids(self) -> tuple[np.ndarray, np.ndarray]:
-        """Centroids (n, d) and volumes (n,) of all cells."""
-        points, volumes = zip(*map(centroids, self.corners()), strict=True)
-        return np.concatenate(points), np.concatenate(volumes)
-
-    def groups_of_cells(self) -> dict[str, np.ndarray]:
-        """Return the numbers of the cells in every physical group; a group of lines or faces
-        contains the cells that have them as sides.
-        """
-        corners, owners = self.cells.sides() if self.side_groups else ((), ())
-        return dict(self.cell_groups) | {
-            name: np.unique(owners[among(corners, members)])
-            for name, members in self.side_groups.items()
-        }
 
 
 def contents_of(file: str) -> Deck:
@@ -201,9 +126,9 @@ def read_mesh(
     _check_kinds(file, contents, dimension)
     cells = []
     for _, name, _, data in contents.elements:
-        kind = _kind(name)
+        kind = kind_of(name)
         if kind in CELL_TYPES[dimension]:
-            count = _corners(kind)
+            count = corners_of(kind)
             cells.append(data[:, :count])
             if name != kind:
                 _warn_of_curves(
@@ -216,15 +141,15 @@ def read_mesh(
     # Nodes at one place are one: scenes state cracks as precuts, and bonds need no common nodes.
     of_node = same_places(points, ROUNDING * np.ptp(points, axis=0).max())
     cells, of_cell = _each_once(CellMesh(points, tuple(of_node[block] for block in cells)))
-    mesh = _with_groups(cells, contents, of_cell, of_node)
+    mesh = with_groups(cells, contents, of_cell, of_node)
     _tell_of_others(file, contents, cells, of_node)
-    mesh = _parts_of(file, mesh, tuple(contents.instances), parts)
+    mesh = parts_of(file, mesh, tuple(contents.instances), parts)
     return replace(mesh, cells=_righted(file, mesh.cells))
 
 
-def _corners(kind: str) -> int:
-    """Return the number of corners of a linear cell."""
-    return max(map(max, EDGES[kind])) + 1
+def kinds_of(contents: Deck) -> set[str]:
+    """Return the types of linear cells that have the corners of the elements of a file."""
+    return {kind_of(each.kind) for each in contents.elements if len(each.nodes) and each.kind}
 
 
 def _check_kinds(file: str, contents: Deck, dimension: int) -> None:
@@ -273,49 +198,17 @@ def _tell_of_others(file: str, contents: Deck, mesh: CellMesh, of_node: np.ndarr
     told: Counter[str] = Counter()
     sides = None
     for each in contents.elements:
-        if not each.type or _kind(each.kind) in CELL_TYPES[mesh.dimension]:
+        if not each.type or kind_of(each.kind) in CELL_TYPES[mesh.dimension]:
             continue
         told[each.type] += len(each.numbers)
         if each.type.startswith("T3D" if mesh.dimension == 2 else ("CPS", "M3D9")):
             sides = mesh.sides()[0] if sides is None else sides
-            told[each.type] -= int(among(of_node[_side(contents.points, each)], sides).sum())
+            told[each.type] -= int(among(of_node[side_of(contents.points, each)], sides).sum())
     if +told:
         counts = ", ".join(f"{count} {name}" for name, count in (+told).items())
         warnings.warn(
             f"body.file: {file}: elements beside the cells are left out: {counts}", stacklevel=5
         )
-
-
-def _parts_of(
-    file: str, mesh: MeshFile, instances: tuple[str, ...], parts: tuple[str, ...] | None
-) -> MeshFile:
-    """Return the mesh of those groups of cells alone that a scene names, by default of all cells;
-    warn if a deck then has several instances of parts.
-    """
-    groups = mesh.cell_groups
-    if parts is None:
-        if len(instances) > 1:
-            counts = ", ".join(f"{name} ({len(groups.get(name, ()))})" for name in instances)
-            warnings.warn(
-                f"body.file: the body has the cells of all parts of {file}: {counts}; parts ="
-                f' ["{instances[0]}"] takes one, and parts that touch are bonded',
-                stacklevel=5,
-            )
-        return mesh
-    if missing := [name for name in parts if name not in groups]:
-        raise ValueError(
-            f"body.parts: {file} has no cells in a group {missing[0]!r}; it has"
-            f" {', '.join(groups) or 'no groups of cells'}"
-        )
-    kept = np.zeros(len(mesh.cells), dtype=bool)
-    kept[np.concatenate([groups[name] for name in parts])] = True
-    number = np.cumsum(kept) - 1
-    rest = {name: number[members[kept[members]]] for name, members in groups.items()}
-    return MeshFile(
-        CellMesh.of_mesh(mesh.cells.nodes, mesh.cells.blocks, kept),
-        {name: members for name, members in rest.items() if len(members)},
-        mesh.side_groups,
-    )
 
 
 def _righted(file: str, mesh: CellMesh) -> CellMesh:
@@ -342,11 +235,20 @@ def _righted(file: str, mesh: CellMesh) -> CellMesh:
     return CellMesh(mesh.nodes, tuple(blocks))
 
 
-def _kind(name: str) -> str:
-    """Return the type of linear cell that has the corners of cells of the type `name`; a type
-    that is not read remains as it is.
+def _each_once(mesh: CellMesh) -> tuple[CellMesh, np.ndarray]:
+    """Return a mesh with cells of equal corners as one, and the new numbers of its cells.
+
+    gmsh's version 2 lists a cell of two physical groups twice.
     """
-    return name.rstrip("0123456789") if name in QUADRATIC else name
+    width = max(block.shape[1] for block in mesh.blocks)
+    corners = [
+        np.pad(block, ((0, 0), (0, width - block.shape[1])), mode="edge") for block in mesh.blocks
+    ]
+    _, first, which = np.unique(
+        side_numbers(np.concatenate(corners)), return_index=True, return_inverse=True
+    )
+    kept = np.isin(np.arange(len(mesh)), first)
+    return CellMesh.of_mesh(mesh.nodes, mesh.blocks, kept), (np.cumsum(kept) - 1)[first[which]]
 
 
 def _warn_of_curves(file: str, ends: np.ndarray, middles: np.ndarray) -> None:
@@ -395,118 +297,3 @@ def _flattened(file: str, points: np.ndarray, cells: list[np.ndarray]) -> np.nda
             " x1 and x2"
         )
     return np.delete(points, across, axis=1)
-
-
-def _each_once(mesh: CellMesh) -> tuple[CellMesh, np.ndarray]:
-    """Return a mesh with cells of equal corners as one, and the new numbers of its cells.
-
-    gmsh's version 2 lists a cell of two physical groups twice.
-    """
-    width = max(block.shape[1] for block in mesh.blocks)
-    corners = [
-        np.pad(block, ((0, 0), (0, width - block.shape[1])), mode="edge") for block in mesh.blocks
-    ]
-    _, first, which = np.unique(
-        side_numbers(np.concatenate(corners)), return_index=True, return_inverse=True
-    )
-    kept = np.isin(np.arange(len(mesh)), first)
-    return CellMesh.of_mesh(mesh.nodes, mesh.blocks, kept), (np.cumsum(kept) - 1)[first[which]]
-
-
-def _side(points: np.ndarray, elements: Elements) -> np.ndarray:
-    """Return the corners of elements that are lines or faces, a triangle with its last twice."""
-    nodes = elements.nodes
-    if elements.kind != "line3":
-        return nodes[:, {"l": [0, 1], "t": [0, 1, 2, 2], "q": [0, 1, 2, 3]}[elements.kind[0]]]
-    # The ends are farthest apart: programs write the middle second or last.
-    pairs = nodes[:, [[0, 1], [0, 2], [1, 2]]]
-    lengths = np.linalg.norm(points[pairs[..., 1]] - points[pairs[..., 0]], axis=-1)
-    return pairs[np.arange(len(nodes)), lengths.argmax(axis=1)]
-
-
-def _with_groups(
-    mesh: CellMesh, contents: Deck, of_cell: np.ndarray, of_node: np.ndarray
-) -> MeshFile:
-    """Return a mesh with the groups of its file, whose cells and nodes have the numbers `of_cell`
-    and `of_node` in the mesh.
-
-    Sets of one name and of different kinds are one if they have the same cells; else the kind
-    follows each of their names.
-    """
-    sets = contents.sets
-    files = {word: MeshFile(mesh, {}, {}) for word in ("ELSET", "SURFACE", "NSET")}
-    for key, name in sets.names.items():
-        cells = []
-        sides = []
-        faces = []
-        begin = 0
-        members = sets.elements.get(key, np.arange(0))
-        of_surface = sets.sides.get(key, np.zeros((0, 2), dtype=int))
-        for each in contents.elements:
-            first = each.numbers[0] if len(each.numbers) else 0
-            kind = _kind(each.kind)
-            chosen = np.isin(each.numbers, members)
-            if kind in CELL_TYPES[mesh.dimension]:
-                cells.append(of_cell[begin + np.flatnonzero(chosen)])
-                begin += len(chosen)
-                rows, numbers = of_surface[np.isin(of_surface[:, 0], each.numbers)].T
-                corners = np.array(FACES[mesh.dimension, _corners(kind)])[numbers]
-                faces.append(each.nodes[(rows - first)[:, None], corners])
-            elif kind.startswith("line" if mesh.dimension == 2 else CELL_TYPES[2]):
-                sides.append(_side(contents.points, each)[chosen])
-        if any(map(len, cells)):
-            files["ELSET"].cell_groups[name] = np.unique(np.concatenate(cells))
-        elif any(map(len, sides)):
-            files["ELSET"].side_groups[name] = of_node[np.concatenate(sides)]
-        if key in sets.sides:
-            files["SURFACE"].side_groups[name] = of_node[np.concatenate(faces)]
-        if key in sets.nodes:
-            kind, found = _of_nodes(mesh, of_node[sets.nodes[key]])
-            getattr(files["NSET"], kind)[name] = found
-    points = {word: file.groups_of_cells() for word, file in files.items()}
-    merged = MeshFile(mesh, {}, {})
-    for name in sets.names.values():
-        words = [word for word in files if name in points[word]]
-        words = [word for word in words if len(points[word][name])] or words[:1]
-        same = all(np.array_equal(points[word][name], points[words[0]][name]) for word in words)
-        if same:
-            # Sides say also where loads act.
-            words = sorted(words, key=lambda word: name not in files[word].side_groups)[:1]
-        for word in words:
-            label = name if same else f"{name} ({word})"
-            for kind in ("cell_groups", "side_groups"):
-                if name in getattr(files[word], kind):
-                    getattr(merged, kind)[label] = getattr(files[word], kind)[name]
-    return merged
-
-
-def _of_nodes(mesh: CellMesh, chosen: np.ndarray) -> tuple[str, np.ndarray]:
-    """Return the cells or else the sides, with the name of the kind of their groups, all of whose
-    corners are among chosen nodes, if these are all of the corners among them; else no side.
-    """
-    inside = np.zeros(len(mesh.nodes), dtype=bool)
-    inside[chosen] = True
-    used = np.zeros_like(inside)
-    for block in mesh.blocks:
-        used[block] = True
-    inside &= used  # middles of edges and reference points are not
-
-    def whole(*lists: np.ndarray) -> list[np.ndarray] | None:
-        """Lists of flags of the rows with all nodes inside, if these have all nodes inside."""
-        flags = [inside[rows].all(axis=1) for rows in lists]
-        had = np.zeros_like(inside)
-        for rows, flag in zip(lists, flags, strict=True):
-            had[rows[flag]] = True
-        return flags if inside.any() and (had == inside).all() else None
-
-    if flags := whole(*mesh.blocks):
-        return "cell_groups", np.flatnonzero(np.concatenate(flags))
-    for sides in (mesh.outer_sides[0], mesh.sides()[0]):
-        if flags := whole(sides):
-            return "side_groups", sides[flags[0]]
-    return "side_groups", mesh.sides()[0][:0]
-
-
-def kinds_of(contents: Deck) -> set[str]:
-    """Return the types of linear cells that have the corners of the elements of a file."""
-    return {_kind(each.kind) for each in contents.elements if len(each.nodes) and each.kind}

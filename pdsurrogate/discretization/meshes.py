@@ -13,7 +13,8 @@ from ..ranks.share import connected
 from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
-from .mesh_files import MeshFile, read_mesh
+from .mesh_files import read_mesh
+from .mesh_groups import MeshFile
 
 
 def mesh_of(mesh: Mesh) -> MeshFile:
