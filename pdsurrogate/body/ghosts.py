@@ -414,13 +414,15 @@ class Ghosts:
         (planes, d, d).
 
         f is the force that the plane exerts on the body at the place y. The sums follow from
-        virtual work. A virtual displacement W y of the plane, such as a small turn, displaces an
-        image by twice W y in the odd components, with y midway between the image and the point or
-        ghost that it mirrors, and changes the gradient of the image; the energy changes by W : (f
-        (x) y). `forces` (m, d) are minus the derivatives of an energy by the positions of the
-        ghosts, `moments` (m, d, d) its derivatives by their gradients, and `gradients` (n + m, d,
-        d) include those of the ghosts. The planes are taken from the last to the first, since
-        contributions of images of images are passed on to the images.
+        virtual work. A virtual displacement W y of the space beyond a plane displaces an image by
+        W (y - P y'), with the places y of the image and y' of the point or ghost that it mirrors
+        and the parity P of each row of W, and changes its gradient; the energy changes by W : (f
+        (x) y). Even rows, along a roller or a plane of symmetry, are the couples of forces on
+        images that lie across the plane from their points. `forces` (m, d) are minus the
+        derivatives of an energy by the positions of the ghosts, `moments` (m, d, d) its derivatives
+        by their gradients, and `gradients` (n + m, d, d) include those of the ghosts. The planes
+        are taken from the last to the first, since contributions of images of images are passed on
+        to the images.
         """
         n = len(positions) - len(self)
         dimension = positions.shape[1]
@@ -428,31 +430,21 @@ class Ghosts:
         moments = moments.copy()
         levers = np.zeros((len(self.planes), dimension, dimension))
         for number in reversed(range(len(self.planes))):
-            plane = self.planes[number]
             own = np.flatnonzero(self.plane == number)
             above = self.parent[own]
-            parity = np.array(plane.parity, dtype=float)
-            if isinstance(plane, HeldBoundary):
-                parity = self.parity[own]
-            odd = np.where(parity < 0, parity, -1.0)  # rows without a lever count nothing
-            places = (positions[n + own] - odd * positions[above]) / (1 - odd)
-            levers[number] -= np.einsum("gr,gc->rc", (1 - parity) * forces[own], places)
-            of_gradients, of_directions, of_plane, along = self._continuation(
-                plane, self.share_along, own
-            )
-            share = _share_of(plane, self.share_along)
-            if share is not None and (parity < 0).all():
-                of_plane = np.ones(dimension)
-                turned = gradients[n + own] - share * gradients[above]
-            else:
-                turned = (gradients[above] + gradients[n + own]) / 2
-            levers[number] += np.einsum("r,gra,gab,gcb->rc", of_plane, moments[own], along, turned)
+            plane = self.planes[number]
+            curved = isinstance(plane, HeldBoundary)
+            parity = self.parity[own] if curved else np.array(plane.parity, float)[None]
+            arms = positions[n + own][:, None] - parity[:, :, None] * positions[above][:, None]
+            levers[number] -= np.einsum("gr,grc->rc", forces[own], arms)
+            rows, columns, _, _ = self._continuation(plane, self.share_along, own)
+            continued = rows[:, None, None] * (gradients[above] @ columns)[:, None]
+            turned = gradients[n + own][:, None] - continued
+            levers[number] += np.einsum("grb,grcb->rc", moments[own], turned)
             again = above >= n
             np.add.at(forces, above[again] - n, (parity * forces[own])[again])
             np.add.at(
-                moments,
-                above[again] - n,
-                of_gradients[:, None] * (moments[own[again]] @ of_directions[again]),
+                moments, above[again] - n, rows[:, None] * (moments[own[again]] @ columns[again])
             )
         return levers
 

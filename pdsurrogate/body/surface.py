@@ -67,13 +67,17 @@ class Following:
         """Return the forces that reach the planes from forces on the places (k, d), as outer
         products with the places where they act, (1, y), shape (planes, d, 1 + d).
 
-        `positions` (n, d) are those of the points, and `planes` those of the planes.
+        The force on an image along a plane of symmetry moves its point in the same way: it leaves
+        the plane the couple of both. `positions` (n, d) are those of the points, and `planes` those
+        of the planes.
         """
         found = np.zeros((len(planes), positions.shape[1], 1 + positions.shape[1]))
         for number, axis, rows in self.across:
             feet = np.insert(positions, 0, 1.0, axis=1)
             feet[:, 1 + axis] = planes[number]
-            found[number, axis] = (rows.T @ forces[:, axis]) @ feet
+            of_images = rows.T @ forces
+            found[number, :, 1 + axis] = of_images.T @ (planes[number] - positions[:, axis])
+            found[number, axis] = of_images[:, axis] @ feet
         return found
 
     def component(self, axis: int) -> scipy.sparse.csr_array:

@@ -7,8 +7,10 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_type_hints
 
 import typer
 from rich.markup import escape
@@ -20,6 +22,7 @@ from ..ranks import NotUnderMPI
 from ..run.interruption import heard
 from ..scenes import MaterialSpec
 from ..scenes.reading import parse_change
+from ..scenes.strict_model import StrictModel
 from .terminal import HELP_OPTIONS, WARNING, bad_input, complain, on_standard_error, out, settings
 
 Overwrite = Annotated[
@@ -119,6 +122,36 @@ def _begin(
     for path in imports or ():
         with bad_input(OSError):
             _import_laws(path)
+
+
+def with_fields(**models: type[StrictModel]) -> Callable[[Callable], Callable]:
+    """Return a decorator of commands: in the place of each argument that is named here the command
+    has an option for every field of a model, and receives the model.
+    """
+
+    def decorated(command: Callable[..., None]) -> Callable[..., None]:
+        parameters: list[Parameter] = []
+        for own in signature(command).parameters.values():
+            model = models.get(own.name)
+            kinds = get_type_hints(model, include_extras=True) if model else {}
+            parameters += [
+                Parameter(key, Parameter.KEYWORD_ONLY, default=one.default, annotation=kinds[key])
+                for key, one in (model.model_fields.items() if model else ())
+            ] or [own]
+
+        @wraps(command)
+        def run(**given) -> None:
+            built = {
+                name: model(**{key: given.pop(key) for key in model.model_fields})
+                for name, model in models.items()
+            }
+            command(**built, **given)
+
+        run.__signature__ = Signature(parameters)
+        run.__annotations__ = {one.name: one.annotation for one in parameters}
+        return run
+
+    return decorated
 
 
 class _OnStandardError(logging.Handler):

@@ -1,10 +1,7 @@
 """Command ``fit``, which fits surrogates of laws, identified from test data or given."""
 
-from collections.abc import Callable
-from functools import wraps
-from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, get_type_hints
+from typing import Annotated
 
 import numpy as np
 from typer import Argument, Option
@@ -18,7 +15,7 @@ from ..identification.stress_regressor import StressRegressor, bulk_arguments
 from ..learning.fitting import TooInexact
 from ..learning.settings import FitSettings
 from ..results import figures
-from .command import OneLaw, SetLaw, check_folder, law_of
+from .command import OneLaw, SetLaw, check_folder, law_of, with_fields
 from .evaluate import print_errors
 from .identify import (
     DATA_HELP,
@@ -46,34 +43,7 @@ FOLDER_HELP = (
 )
 
 
-def _with_settings(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command with one option for each field of `FitSettings`, which it receives
-    together as its argument `settings`.
-    """
-    kinds = get_type_hints(FitSettings, include_extras=True)
-    fields = [
-        Parameter(key, Parameter.KEYWORD_ONLY, default=one.default, annotation=kinds[key])
-        for key, one in FitSettings.model_fields.items()
-    ]
-    own = [
-        parameter
-        for parameter in signature(command).parameters.values()
-        if parameter.name != "settings"
-    ]
-
-    @wraps(command)
-    def run(**given) -> None:
-        command(
-            settings=FitSettings(**{key: given.pop(key) for key in FitSettings.model_fields}),
-            **given,
-        )
-
-    run.__signature__ = Signature([*own, *fields])
-    run.__annotations__ = {parameter.name: parameter.annotation for parameter in (*own, *fields)}
-    return run
-
-
-@_with_settings
+@with_fields(settings=FitSettings)
 def fit(
     name: Annotated[str, Argument(metavar="NAME", help="Name of the new artifact.")],
     *,

@@ -89,6 +89,8 @@ def discretize(
             separates=separation(scene, cuts, horizon, np.array(given["cell"]), lower, upper),
             faces=faces,
             rounds=rounds,
+            loaded=bool(scene.obstacles)
+            or any(load.kind in ("traction", "pressure") for load in scene.loads),
         )
         if part_of is not None:
             body = part_of(body)

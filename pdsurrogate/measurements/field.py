@@ -17,7 +17,7 @@ class MeasuredField:
     form : str
         Program and form of the file, such as "DICe text".
     unit : str
-        Unit of places and displacements: "px", "mm", ...
+        Unit of places and displacements: "px", "mm", ..., or empty for that of the scene.
     step : ndarray of int, shape (n,)
         Number of the image, from 1 for the first one after the reference image.
     places : ndarray, shape (n, d)

@@ -87,6 +87,8 @@ class TableFile:
     encoding, separator, decimal_sign : str
         Of a text file; empty for a workbook.
     blocks : tuple of Block
+    notes : tuple of str
+        What was assumed or left out on reading.
     """
 
     path: Path
@@ -95,3 +97,4 @@ class TableFile:
     separator: str
     decimal_sign: str
     blocks: tuple[Block, ...]
+    notes: tuple[str, ...] = ()

@@ -1,6 +1,5 @@
 """Boundary conditions of a body, made from the entries of a scene, and checks of them."""
 
-import math
 import warnings
 from collections.abc import Mapping
 from itertools import pairwise
@@ -10,12 +9,11 @@ import numpy as np
 from ..body.local_fit import text_of
 from ..forces import InvalidState
 from ..scenes import Scene
+from ..solvers.bond_strains import RESOLVED, strain_rounding
 from ..solvers.conditions import Loading
 from ..solvers.course import Paths
 from ..solvers.held import Held
-from ..solvers.increments import Motion
 from ..solvers.loads import Loads
-from ..solvers.nearest_bonds import RESOLVED, strain_rounding
 from ..solvers.rigid import rigid_motions
 from .loads import edge_of, words_for
 from .program import NominalStress, Prescription, Stage, known_ends, parameter_of
@@ -31,11 +29,6 @@ SAMPLES = 5
 """Number of values of the loading parameter in each stage at which two prescribed motions are
 compared; motions equal at all of them count as equal. Chosen: amplitudes are smooth or tables, and
 two different ones that agree at five values are not written by accident.
-"""
-
-MOST_STEPS = 1e9
-"""Maximum number of steps of a stage: more would run for weeks even on the smallest body, and
-indicate wrong units of density or rate.
 """
 
 LEAST_SPREAD = 1e-6
@@ -358,65 +351,3 @@ def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
         if not (np.abs(rows[:, axis]) > 0).any()
     ]
     return [*words, "turning"] if rows.shape[1] - rank > len(words) else words
-
-
-def check_dynamics(
-    scene: Scene, loading: Loading, stages: tuple[Stage, ...], modulus: float
-) -> None:
-    """Raise ValueError if held parts move apart faster than shear waves in a stage in dynamics, or
-    it needs more than `MOST_STEPS` time steps for sure; `modulus` is the least shear modulus.
-
-    With such speeds the result would depend on the motion at the start. The estimate of the steps
-    is generous, as the horizon is longer than the waves that limit the step, and pressure waves are
-    faster than shear waves.
-    """
-    units = scene.units
-    unit = f" {units.length}/{units.time}" if units.length and units.time else ""
-    for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
-        if stage.inertia is None:
-            continue
-        motion = stage.motion(begin)
-        wave = math.sqrt(modulus / stage.inertia.density)
-        speed = _greatest_speed(loading, motion)
-        if speed > wave:
-            if stage.inertia.pace == "stretch_rate":
-                what = "the grips"
-                slowest = f"the greatest possible rate is {motion.rate * wave / speed:.4g}"
-            else:
-                what = "parts that are held"
-                least = units.amount(motion.duration * speed / wave, "time", ".4g")
-                slowest = f"the shortest possible duration is {least}"
-            apart = (
-                f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at"
-                f" {wave:.4g}{unit}"
-            )
-            raise ValueError(f"{stage.key}.{stage.inertia.pace}: {apart}; {slowest}")
-        # time of a shear wave through a horizon
-        crossing = loading.body.horizon / wave
-        damped = 2 * (stage.inertia.viscosity or 0.0)
-        step = stage.inertia.safety * min(crossing, crossing * crossing / (damped or crossing))
-        if motion.duration > MOST_STEPS * step:
-            raise ValueError(
-                f"{stage.key}: a duration of {motion.duration:.3g} in time steps of less than"
-                f" {step:.1g} needs more than {MOST_STEPS:.0e} steps; check {stage.key}.density,"
-                f" {stage.key}.{stage.inertia.pace}, {stage.key}.viscosity and {stage.key}.safety"
-                " and their units"
-            )
-
-
-def _greatest_speed(loading: Loading, motion: Motion) -> float:
-    """Return the greatest difference of velocity between two held points, in any component,
-    during a stage in dynamics.
-    """
-    share = loading.body.share
-    places = loading.body.points[loading.point]
-    fastest = 0.0
-    for begin, end in pairwise(np.linspace(0, motion.duration, 17)):
-        changes = loading.moves(motion.at(end), places) - loading.moves(motion.at(begin), places)
-        for component in range(loading.body.dimension):
-            own = changes[loading.component == component]
-            apart = share.greatest(own.max(initial=-np.inf)) + share.greatest(
-                -own.min(initial=np.inf)
-            )
-            fastest = max(fastest, apart / (end - begin))
-    return fastest

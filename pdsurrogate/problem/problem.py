@@ -35,9 +35,9 @@ from ..scenes import Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import RIGID
 from ..solvers.conditions import Loading
-from ..solvers.loads import LoadedForce
+from ..solvers.loaded_force import LoadedForce
 from ..solvers.rigid import RigidRegion
-from .conditions import check_dynamics, conditions_of, warn_of_points
+from .conditions import conditions_of, warn_of_points
 from .fracture import CriticalStretches, check_walls
 from .fronts import Fronts
 from .loads import loads_of
@@ -60,6 +60,7 @@ from .program import (
     stages_of,
 )
 from .regions import BodyRegions
+from .time_steps import check_dynamics
 
 
 @dataclass(frozen=True)
@@ -390,9 +391,6 @@ def _on_body(
                 "materials: rigid regions are supported on one rank only; run without mpiexec, or"
                 " give the regions a law"
             )
-        vars(body)["loaded"] = bool(scene.obstacles) or any(
-            load.kind in ("traction", "pressure") for load in scene.loads
-        )
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages, parameter_of(scene)[1])
         if areas is None:

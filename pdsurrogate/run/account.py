@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..solvers.conditions import Reactions
 from ..solvers.dynamics import ExplicitDynamics, Power
 from ..solvers.equilibrium import Diverging
 from ..solvers.increments import Motion
-from ..solvers.methods import EnergyMinimizer
+from ..solvers.quasi_newton import EnergyMinimizer
+from ..solvers.reactions import Reactions, reactions_of, support_reactions
 from .run import Run
 
 STEPS_PER_ROW = 20
@@ -196,7 +196,9 @@ class Bookkeeping:
         last = max(self.account.last_break, self.account.last_drift)
         changing = self.closes and self.integrator.steps - last < STEPS_PER_ROW
         moving = self._planes_move()
-        reactions = self.run.loading.reactions(self.run.loaded, self.integrator.forces, moving)
+        reactions = support_reactions(
+            self.run.loading, self.run.loaded, self.integrator.forces, moving
+        )
         unknown = moving and self.account.on_planes is None
         self.advance(reactions, changing or unknown or self._uneven(), moving)
 
@@ -338,7 +340,7 @@ class Bookkeeping:
         loading = self.run.loading
         on_points = self.integrator.elastic_with_loads()
         if evaluated:
-            found = loading.reactions(self.run.loaded, on_points, of_planes)
+            found = support_reactions(loading, self.run.loaded, on_points, of_planes)
         else:
             share = self.integrator.followed
             planes = (
@@ -350,7 +352,7 @@ class Bookkeeping:
                 None if now is None else (1 - share) * np.reshape(old, now.shape) + share * now
                 for old, now in planes
             ]
-            found = loading.reactions_of(*(followed or (held.on_planes, None)), on_points)
+            found = reactions_of(loading, *(followed or (held.on_planes, None)), on_points)
         known = (found.on_planes, found.levers) if of_planes else (None, None)
         account.on_planes, account.levers = (None if one is None else one.tolist() for one in known)
         return found

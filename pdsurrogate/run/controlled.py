@@ -7,9 +7,9 @@ import numpy as np
 from ..problem import Stage
 from ..scenes import SceneError
 from ..scenes.loading import controlled_place
+from ..solvers.bond_strains import strain_of_step
 from ..solvers.control import ControlledForce, DisplacementControl
 from ..solvers.increments import Increments
-from ..solvers.nearest_bonds import strain_of_step
 from .run import Run
 from .system import System
 

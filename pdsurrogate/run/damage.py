@@ -11,7 +11,7 @@ from ..engine.passes import Chain
 from ..engine.threads import chunks_of
 from ..kernels.damage import find_overstretched
 from ..ranks import Rows
-from ..solvers.nearest_bonds import bond_stretches
+from ..solvers.bond_strains import bond_stretches
 
 
 class Damage:

@@ -8,6 +8,7 @@ from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
+from ..solvers.bond_strains import RESOLVED, is_rigid, strain_of, strain_rounding
 from ..solvers.equilibrium import (
     Equilibrium,
     EquilibriumSolver,
@@ -19,7 +20,6 @@ from ..solvers.equilibrium import (
 )
 from ..solvers.increments import Increments
 from ..solvers.methods import SOLVERS
-from ..solvers.nearest_bonds import RESOLVED, is_rigid, strain_of, strain_rounding
 from .checkpoints import Checkpoints
 from .controlled import DisplacementPath
 from .interruption import Interrupted

@@ -13,8 +13,8 @@ from ..results import Result
 from ..results.lowest_mode import LowestMode
 from ..scenes import Scene
 from ..solvers.equilibrium import NotConverged
-from ..solvers.methods import EnergyMinimizer
 from ..solvers.preconditioner import preconditioner_of
+from ..solvers.quasi_newton import EnergyMinimizer
 from ..solvers.stability import lowest_mode
 from .reopened import check_intact, number_of_output
 from .system import bound

@@ -9,7 +9,7 @@ import numpy as np
 from ..problem import Stage
 from ..solvers.equilibrium import EquilibriumSolver
 from ..solvers.increments import Increments
-from ..solvers.loads import LoadedForce
+from ..solvers.loaded_force import LoadedForce
 from ..solvers.stability import check_branch
 from .run import Run
 

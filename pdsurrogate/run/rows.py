@@ -9,7 +9,7 @@ from ..body import Body
 from ..forces import released_by
 from ..problem.fronts import Front
 from ..results import measures
-from ..solvers.conditions import Reactions
+from ..solvers.reactions import Reactions, internal_forces, support_moments, support_reactions
 from .run import Run
 
 CLOSED = 0.5
@@ -40,7 +40,9 @@ def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
     dimensions.
     """
     loads = run.loads.moments(run.positions, np.zeros(run.body.dimension), run.loaded.thickness())
-    found = _with_loads(run.loading.names, run.loading.moments(run.loaded, reactions), loads)
+    found = _with_loads(
+        run.loading.names, support_moments(run.loading, run.loaded, reactions), loads
+    )
     return {name: moment.tolist() for name, moment in found.items()}
 
 
@@ -159,7 +161,7 @@ def output_row(
         Whether to take the measurements that need stresses, or sums over all bonds of the body: the
         work-conjugate stress, moments, stability, lateral contraction, cracks and probes.
     """
-    reactions = run.loading.reactions(run.loaded)
+    reactions = support_reactions(run.loading, run.loaded)
     declared = run.problem.measures
     row: dict = {run.loading.parameter: run.state.parameter}
     if declared.nominal_stress is None:
@@ -190,7 +192,7 @@ def output_row(
     if run.force.has_energy:
         row["energy"] = run.strain_energy()
     if regions := run.loaded.rigid:
-        internal = run.loading.internal_forces(run.force)
+        internal = internal_forces(run.force)
         row["rigid"] = {region.name: region.describe(run.positions, internal) for region in regions}
     if time is None and costly:
         # A pull that rounding of the residual may show is no push.

@@ -17,10 +17,11 @@ from ..materials.covariance import with_numbers_of
 from ..problem import compile_scene
 from ..scenes import Scene
 from ..scenes.reading import leaves
+from ..solvers.bond_strains import strain_rounding
 from ..solvers.control import ControlledForce, DisplacementControl
 from ..solvers.equilibrium import NotConverged
 from ..solvers.methods import Newton
-from ..solvers.nearest_bonds import strain_rounding
+from ..solvers.reactions import internal_forces
 from ..solvers.tangent import COARSE, FINE, TangentEquations, central_difference
 from .controlled import control_of, displacement_of
 from .parameters import array_of, laws_of, names_below, numbers_in, with_numbers
@@ -628,7 +629,7 @@ class Differentiated:
                 gradient[:, axis] = system.probes.weights(place[1], axis)
             elif name == "energy":
                 _forces(system, system.positions)
-                gradient = -system.loading.internal_forces(system.force)
+                gradient = -internal_forces(system.force)
             elif name == "nominal_stress":
                 stress = system.problem.measures.nominal_stress
                 unit = np.zeros((len(system.loading.names), system.body.dimension))

@@ -17,7 +17,8 @@ from ..ranks import Communicator
 from ..results import measures
 from ..scenes import Scene
 from ..solvers.conditions import Loading
-from ..solvers.loads import LoadedForce, Loads
+from ..solvers.loaded_force import LoadedForce
+from ..solvers.loads import Loads
 from .state import State
 
 

@@ -16,6 +16,7 @@ from ..results.checkpoint import Checkpoint
 from ..solvers.dynamics import ExplicitDynamics
 from ..solvers.equilibrium import Diverging
 from ..solvers.increments import Motion
+from ..solvers.reactions import support_reactions
 from .account import STEPS_PER_ROW, Bookkeeping
 from .checkpoints import Checkpoints
 from .cracks import Cracks
@@ -285,7 +286,7 @@ class Transient:
         run = self.run
         books = self._books
         stress = self.run.problem.measures.nominal_stress
-        reactions = run.loading.reactions(run.loaded, self.integrator.forces)
+        reactions = support_reactions(run.loading, run.loaded, self.integrator.forces)
         kinetic = books.kinetic_energy()
         forces = forces_by_name(run, reactions)
         books.advance(reactions, evaluate=True)

@@ -1,21 +1,19 @@
-"""Boundary conditions of a body: held points and reflection planes, their positions along the
-loading, and the reaction forces.
+"""Boundary conditions of a body: held points and reflection planes, and their positions along the
+loading.
 """
 
-from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
 
 from ..body import Body, Mirror
-from ..body.body import sums_at_points
 from ..forces import InternalForce, InvalidState
 from ..forces.errors import at_point
 from .held import Held, Support
-from .loads import AT_REST, LoadedForce, Loads
+from .loads import AT_REST, Loads
 from .obstacles import PASSED, TOUCHING, Obstructed
-from .rigid import displaced, moment_of, nearest_turn, rigid_placement
+from .rigid import displaced, nearest_turn, rigid_placement
 
 MOST_MOTIONS = 8
 """Number of values of the loading parameter at which `Loading` keeps the motions of all held parts.
@@ -34,31 +32,6 @@ class FoldedOver(InvalidState):
     A grip is a reflection plane of which more than one component is held, unlike a plane of
     symmetry.
     """
-
-
-@dataclass(frozen=True)
-class Reactions:
-    """Reaction forces that supports exert on the body in the state last evaluated, in two
-    dimensions per unit thickness.
-
-    Attributes
-    ----------
-    forces : ndarray, shape (holders, d)
-        Total force of each holder; a holder is a named support in the results, which may consist of
-        several held parts.
-    on_planes : ndarray, shape (planes, d)
-        Force of each reflection plane.
-    at_points : ndarray, shape (n, d), or None
-        Forces on held points, 0 in free components; None where no points are held.
-    levers : ndarray, shape (planes, d, d), or None
-        First moments of the forces: the sum of the outer products f (x) y over the forces f that
-        each plane exerts at the places y; None if no plane turns.
-    """
-
-    forces: np.ndarray
-    on_planes: np.ndarray
-    at_points: np.ndarray | None
-    levers: np.ndarray | None = None
 
 
 class Loading:
@@ -125,11 +98,11 @@ class Loading:
         self.planes = planes
         self.held = held
         self.supports = [Support(body, part) for part in held if part.others is not None]
-        self._of_points = [part for part in held if part.plane is None]
-        self._of_planes = [part for part in held if part.plane is not None]
-        self.turning = {part.plane for part in self._of_planes if part.angle is not None}
+        self.of_points = [part for part in held if part.plane is None]
+        self.of_planes = [part for part in held if part.plane is not None]
+        self.turning = {part.plane for part in self.of_planes if part.angle is not None}
         self.plane_components = np.zeros((len(planes), body.dimension), dtype=bool)
-        for part in self._of_planes:
+        for part in self.of_planes:
             self.plane_components[part.plane, part.components] = True
         rows = [(np.zeros(0, dtype=int),) * 4 + (np.zeros((0, body.dimension)),)]
         for number, part in enumerate(held):
@@ -365,144 +338,13 @@ class Loading:
                     " motion is prescribed"
                 )
 
-    def reactions(
-        self, force: LoadedForce, on_points: np.ndarray | None = None, of_planes: bool = True
-    ) -> Reactions:
-        """Return the reaction forces of all supports on the body in the state last evaluated.
-
-        The reaction at a held point balances the internal force and the loads there.  The reaction
-        of a reflection plane is the force that does work on the displacement of the plane: the sum
-        over bonds to images (mirrored points) of half the bond force, times the displacement of the
-        image per displacement of the plane.  The factor is a half since half the energy of such a
-        bond belongs to the mirrored body.  For a single plane the reaction is the sum of the forces
-        of all bonds that cross it. It balances the parts of loads that images carry, too.
-
-        Parameters
-        ----------
-        force : LoadedForce
-        on_points : ndarray, shape (n, d), optional
-            Internal force and loads on every point in that state; by default summed from the forces
-            of all pairs.
-        of_planes : bool
-            Whether the reactions of planes are computed; otherwise they are 0.
-        """
-        on_planes = np.zeros(self.plane_components.shape)
-        levers = None
-        if of_planes:
-            bonds, planes, shares = self.crossing
-            crossing = force.pair_forces(bonds)
-            np.add.at(on_planes, planes, crossing * shares)
-            on_planes = self._share.total(on_planes) - self._loads_on_planes(force)[:, :, 0]
-            levers = self._levers_on_planes(force, crossing) if self.turning else None
-            levers = None if levers is None else self._share.total(levers)
-        if on_points is None and self._of_points:
-            on_points = self._on_points(force)
-        return self.reactions_of(on_planes, levers, on_points)
-
-    def reactions_of(
-        self, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None
-    ) -> Reactions:
-        """Return the reactions from the forces and levers of planes (see `Reactions`), and
-        internal force plus loads on points (n, d).
-        """
-        forces = np.zeros((len(self.names), self.body.dimension))
-        at_points = None
-        if self._of_points:
-            at_points = -on_points * (1 - self.free)
-            for support in self.supports:
-                support.spread(at_points)
-            holder, *there = self.counted
-            np.add.at(forces, (holder, there[1]), at_points[tuple(there)])
-            forces = self._share.total(forces)
-        self._add_planes(forces, on_planes)
-        return Reactions(forces, on_planes, at_points, levers)
-
-    def moments(self, force: LoadedForce, reactions: Reactions) -> np.ndarray:
-        """Return the moments of the holders' forces about the origin of the coordinates.
-
-        Moments on planes follow from virtual work if the force has an energy; otherwise a bond that
-        crosses a plane acts on it at the middle of the bond.
-
-        Returns
-        -------
-        ndarray
-            Counter-clockwise moments per unit thickness in two dimensions, shape (holders,);
-            vectors in three, shape (holders, 3).
-        """
-        levers = np.zeros((len(self.names), self.body.dimension, self.body.dimension))
-        if len(self.crossing[0]):
-            self._add_planes(levers, self._levers_on_planes(force))
-        self._add_planes(levers, -self._share.is_first * self._loads_on_planes(force)[:, :, 1:])
-        if reactions.at_points is not None:
-            holder, point, component = self.counted
-            np.add.at(
-                levers,
-                (holder, component),
-                reactions.at_points[point, component, None] * force.positions[point],
-            )
-        return moment_of(self._share.total(levers))
-
-    def _add_planes(self, of_holders: np.ndarray, of_planes: np.ndarray) -> None:
-        """Add the values of held components of planes, `of_planes` (planes, d, ...), in place to
-        `of_holders` (holders, d, ...).
-        """
-        for part in self._of_planes:
-            of_holders[part.holder, part.components] += of_planes[part.plane, part.components]
-
-    def _levers_on_planes(
-        self, force: InternalForce, crossing: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Return the first moments of the forces of planes (`Reactions.levers`), sums of outer
-        products f (x) y, shape (planes, d, d).
-
-        If `force` has an energy, it provides these sums. Otherwise f are the forces of the k bonds
-        that cross planes, `crossing` (k, d), by default computed here, and y the middles of these
-        bonds.
-        """
-        levers = force.levers_on_planes()
-        if levers is not None:
-            return levers
-        bonds, planes, shares = self.crossing
-        pulls = (force.pair_forces(bonds) if crossing is None else crossing) * shares
-        ends = self.body.bonds
-        middles = (force.positions[ends.first[bonds]] + force.positions[ends.second[bonds]]) / 2
-        levers = np.zeros((len(self.planes), self.body.dimension, self.body.dimension))
-        np.add.at(levers, planes, pulls[:, :, None] * middles[:, None])
-        return levers
-
-    def _loads_on_planes(self, force: LoadedForce) -> np.ndarray:
-        """Return what reaches the planes from the loads, see `Loads.on_planes`."""
-        if not self.loads:
-            return np.zeros((*self.plane_components.shape, 1 + self.body.dimension))
-        return self.loads.on_planes(force.positions[: len(self.body)], force.thickness())
-
-    def _on_points(self, force: LoadedForce) -> np.ndarray:
-        """Return internal force plus loads on every point in the state last evaluated, shape (n,
-        d).
-
-        In each rigid region forces of equal resultant replace them, see `RigidRegion.carry`.
-        """
-        total = self.internal_forces(force)
-        if self.loads:
-            self.loads.forces(force.positions[: len(self.body)], force.thickness(), total)
-        for region in force.rigid:
-            region.carry(force.positions, total)
-        return total
-
-    def internal_forces(self, force: InternalForce) -> np.ndarray:
-        """Return the internal force on every point in the state last evaluated, shape (n, d)."""
-        bonds = self.body.bonds
-        total = sums_at_points(len(self.body), bonds.first, bonds.second, force.pair_forces(), -1)
-        beside = force.forces_beside_pairs()
-        return total if beside is None else total + beside
-
     @cached_property
     def counted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Components of held points whose reactions this rank adds to their holders' forces:
         arrays of holders, points and components.
         """
         holder = np.full(self.free.shape, -1)
-        for part in self._of_points:
+        for part in self.of_points:
             holder[part.every[:, None], part.components] = (
                 -1 if part.holder is None else part.holder
             )
@@ -560,7 +402,7 @@ class Loading:
             )
         sums = self._share.total(sums)
         found, places = np.split(sums[:, :-1] / np.maximum(sums[:, -1:], 1), 2, axis=1)
-        for part in self._of_planes:
+        for part in self.of_planes:
             plane = self.body.planes[part.plane]
             middle = places[part.holder].copy()
             if plane.axis is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..forces import InvalidState
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
-from .loads import LoadedForce
+from .loaded_force import LoadedForce
 from .nearest_bonds import Preconditioner
 from .tangent import TangentEquations
 

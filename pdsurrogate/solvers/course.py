@@ -11,13 +11,15 @@ from itertools import pairwise
 import numpy as np
 
 from ..body.body import sums_at_points
-from .conditions import Loading, Reactions
+from .bond_strains import greatest_bond_strain
+from .conditions import Loading
 from .equilibrium import TooFar
 from .increments import Motion
-from .loads import LoadedForce
-from .nearest_bonds import greatest_bond_strain, inverse_of, network_of
+from .loaded_force import LoadedForce
+from .nearest_bonds import inverse_of, network_of
 from .obstacles import ContactStiffness
 from .preconditioner import extension_of
+from .reactions import Reactions, support_reactions
 from .rigid import displaced
 
 COMPRESSED = 0.05
@@ -221,7 +223,7 @@ class Paths:
         tension and `NO_STRESS` times the shear modulus.
         """
         if self._pull is not None:
-            return self._pull(self._loading.reactions(force).forces) < -least
+            return self._pull(support_reactions(self._loading, force).forces) < -least
         n, d = self.body.points.shape
         first = self.body.bonds.first
         second = self.body.bonds.second

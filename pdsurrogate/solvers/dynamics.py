@@ -11,7 +11,8 @@ import numpy as np
 from ..forces import InternalForce
 from ..kernels.steps import central_difference_step
 from .equilibrium import Diverging
-from .loads import LoadedForce, Loads
+from .loaded_force import LoadedForce
+from .loads import Loads
 from .stability import FrequencyEstimate
 
 FREQUENCY_MARGIN = 1.03

@@ -12,8 +12,8 @@ from ..body import Body
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from ..ranks import Share
-from .loads import LoadedForce
-from .nearest_bonds import is_rigid, strain_of_step, strain_rounding
+from .bond_strains import is_rigid, strain_of_step, strain_rounding
+from .loaded_force import LoadedForce
 from .preconditioner import (
     WIDEST_CHECKED,
     Preconditioner,

@@ -14,9 +14,7 @@ import scipy
 
 from ..body import Body
 from ..body.body import lengths_of, sums_at_points
-from ..forces import InternalForce
 from ..kernels.nearest_bonds import add_unspanned
-from ..kernels.steps import greatest_strain
 from ..ranks import Share
 from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
 
@@ -109,11 +107,6 @@ at most, in general none, and take twice the time.
 MOST_STEPS = 200
 """Maximum number of conjugate-gradient steps in a solution for the displacements of a network of
 springs; some tens are usual.
-"""
-
-RESOLVED = 1000
-"""Greatest bond strain, divided by the strain that rounding of positions causes, at which a body
-counts as undeformed: such strains have errors above 0.1 %.
 """
 
 
@@ -568,71 +561,3 @@ def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
     """
     whole = np.random.default_rng(0).standard_normal((share.size, free.shape[1]))
     return whole[share.numbers] * free
-
-
-def bond_stretches(body: Body, positions: np.ndarray, pairs: slice = slice(None)) -> np.ndarray:
-    """Return the stretches, deformed length divided by undeformed length, of bonds between local
-    points at positions (n, d).
-
-    `pairs` chooses among all pairs of the body, of which those with a ghost are omitted.
-    """
-    deformed, at_rest = _bond_lengths(body, pairs, positions, body.points)
-    return deformed / at_rest
-
-
-def _bond_lengths(body: Body, pairs: slice, *places: np.ndarray) -> list[np.ndarray]:
-    """Return the lengths of those of some `pairs` without a ghost, where the points are at each
-    of `places` (n, d).
-    """
-    first = body.bonds.first[pairs]
-    second = body.bonds.second[pairs]
-    within = second < len(body)
-    first = first[within]
-    second = second[within]
-    return [lengths_of(there[second] - there[first]) for there in places]
-
-
-def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
-    """Return the greatest change of length of a local bond from positions `before` to `after`,
-    divided by its undeformed length.
-    """
-    greatest = []
-    for part in body.bonds.slabs():
-        old, new, at_rest = _bond_lengths(body, part, before, after, body.points)
-        greatest.append(np.abs((new - old) / at_rest).max(initial=0.0))
-    return float(np.max(greatest))
-
-
-def strain_of_step(body: Body, step: np.ndarray) -> float:
-    """Return the greatest relative displacement of two bonded points, in any component, divided by
-    the length of their undeformed bond.
-
-    The halo (points of other ranks) of the displacements `step` (n, d) is filled in place.
-    """
-    body.share.fill(step)
-    return body.share.greatest(
-        greatest_strain(step, body.points, body.bonds.first, body.bonds.second)
-    )
-
-
-def strain_rounding(body: Body, positions: np.ndarray) -> float:
-    """Return the strain that rounding of `positions` (n, d) in double precision causes in a bond
-    as long as the spacing.
-    """
-    return float(np.finfo(float).eps) * body.share.greatest(np.abs(positions)) / body.spacing
-
-
-def is_rigid(force: InternalForce) -> bool:
-    """Return whether the body has moved without deformation, up to rounding, in the state last
-    evaluated.
-    """
-    return strain_of(force) <= RESOLVED * strain_rounding(force.body, force.positions)
-
-
-def strain_of(force: InternalForce) -> float:
-    """Return the greatest strain of a bond in the state last evaluated: absolute change of
-    length divided by undeformed length.
-    """
-    return force.body.share.greatest(
-        greatest_bond_strain(force.body, force.body.points, force.positions)
-    )

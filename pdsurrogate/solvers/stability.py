@@ -9,9 +9,10 @@ import scipy
 
 from ..forces import InternalForce
 from ..ranks import Share
+from .bond_strains import strain_of_step
 from .conditions import Loading
 from .equilibrium import EquilibriumSolver, NotConverged, Unstable
-from .nearest_bonds import Preconditioner, random_vector, strain_of_step
+from .nearest_bonds import Preconditioner, random_vector
 from .tangent import tangent_product
 
 FORWARD = 1e-6

@@ -8,6 +8,7 @@ from runs import started
 
 import pdsurrogate as pds
 from pdsurrogate.scenes import Box
+from pdsurrogate.solvers.reactions import support_moments, support_reactions
 
 AXIS = (1.0, 2.0, 0.5)
 CLAMPS = (
@@ -80,8 +81,8 @@ def test_forces_and_moments_of_turned_planes_are_virtual_work(plane, dimension):
     out = np.empty_like(start)
     loading.apply(0.5, run.force, start)
     run.force(start, out)
-    reactions = loading.reactions(run.force)
-    moments = loading.moments(run.force, reactions)
+    reactions = support_reactions(loading, run.force)
+    moments = support_moments(loading, run.force, reactions)
     motions = [np.zeros((dimension, dimension + 1)) for _ in run.body.planes]
     for number in (0, 1):
         motions[number][:, :-1] = Q - np.eye(dimension)

@@ -14,7 +14,7 @@ from pdsurrogate.body.surface import Following, Surface
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
 from pdsurrogate.materials import NeoHookean, plane_stress
 from pdsurrogate.problem.loads import loads_of
-from pdsurrogate.solvers.loads import LoadedForce
+from pdsurrogate.solvers.loaded_force import LoadedForce
 from pdsurrogate.testing.bodies import wavy
 
 LAW = NeoHookean(2.0, 200.0)

@@ -1,0 +1,247 @@
+"""Words and units of tables of testing machines: what a heading, a unit and an entry above a
+table mean, in English, German, French, Spanish, Chinese and Japanese.
+"""
+
+import re
+import unicodedata
+from functools import cache
+
+import numpy as np
+
+SI = {
+    "time": "s",
+    "force": "N",
+    "extension": "m",
+    "nominal-stress": "Pa",
+    "true-stress": "Pa",
+    "lateral-stress": "Pa",
+    "temperature": "K",
+}
+"""SI units of the quantities that have a dimension; all others are numbers."""
+
+UNITS = """
+    N kN mN cN lbf kgf gf mm cm m um in Pa kPa MPa GPa psi ksi bar N/mm2 kgf/cm2 % mm/mm - s ms min
+    h degC K
+""".split()  # noqa: SIM905
+"""Units that messages show, and whose capitals do not matter."""
+
+ALIASES = {
+    "-": "", "1": "", "ratio": "", "lb": "lbf", "lbs": "lbf", "kg": "kgf", "kp": "kgf",
+    "°c": "degC", "sek": "s", "secs": "s", '"': "in", "inches": "in", "pct": "%",
+    "秒": "s", "分": "min", "毫米": "mm", "牛": "N", "千牛": "kN", "兆帕": "MPa", "千帕": "kPa",
+}  # fmt: skip
+"""Spellings of units that pint does not know, or takes for another unit (kg of force)."""
+
+KINDS = {
+    "no measurement": r"max(?!well)|min\.|peak|break|bruch|rupture|rotura|yield|modul|strength|fes"
+    r"tigkeit|rate\b|speed|geschw|vitesse|velocidad|energ|work\b|arbeit|grün|green|最大|断裂|破断"
+    r"|速度|速率|能量|弹性模量|強度|强度|count|\bat\b|slope",
+    "mode": r"^mode\b|^modus|belastungsart|^modo|加载方式",
+    "stress": r"stress|spannung|contrainte|(?<!ex)tensi[oó]n|esfuerzo|应力|応力|\b(sigma|σ)\b",
+    "stretch": r"stretch|streck|ratio of (ext|elong)|(ext\w*|draw|elongation) ratio|(rapport|taux)"
+    r" d.(allong|[ée]long|[ée]tir)|relaci[oó]n de|estiramiento|[ée]tirement|拉伸比|伸长比"
+    r"|延伸比|伸[長張]比|\b(lambda|lam|λ)[ _]?([1-3xy]|lat)?\b",
+    "volume-ratio": r"volum|体积|体積",
+    "elongation": r"elongat|[ée]longation|allongement|alargamiento|elongaci|verformung|伸び|变形",
+    "strain": r"strain|dehnung|d[ée]formation|deformaci|应变|ひずみ|歪|伸长率|伸び率"
+    r"|\b(eps|epsilon|ε)\b",
+    "force": r"force|load|kraft|charge|effort|fuerza|carga|载荷|负荷|荷重|試験力|试验力|力|\bf\b",
+    "extension": r"extens|displac|stroke|position|crosshead|weg\b|travers|längenänd|d[ée]plac"
+    r"|course|desplaz|位移|伸长|行程|変位|ストローク|\b(disp|dl|δl|u)\b",
+    "time": r"time|zeit|temps|tiempo|时间|時間|\bt\b",
+    "cycle": r"cycle|zykl|ciclo|循环|サイクル",
+    "temperature": r"temp|温度",
+    "specimen": r"specimen|sample|probe|[ée]prouvette|probeta|muestra|试样|样品|試験片",
+    "weight": r"^weight$",
+    "force or stress": r"\bp\b",
+}  # fmt: skip
+"""Words and symbols of headings as regular expressions; the first kind that is found counts."""
+
+LATERAL = r"lateral|trans|quer|横|幅|(lambda|lam|λ)[ _]?([2y]|lat)"
+TRUE = r"true|wahr|vrai|verdader|\breal|真|log|hencky|cauchy"
+NOMINAL = r"nomin|engin|tech|nenn|conven|ing[ée]n|工程|名义|公称"
+
+MEANINGS = {
+    "strain": ("engineering-strain",),
+    "stress": ("nominal-stress",),
+    "elongation": ("extension", "engineering-strain"),
+    "force or stress": ("force", "nominal-stress"),
+    "no measurement": (),
+}
+"""Quantities of a kind, where they are not the kind itself; a symbol may have several."""
+
+FACTS = {
+    "gauge length": r"gau?ge ?length|messlänge|meßlänge|einspannlänge|longueur"
+    r" (initiale|utile|de r)|longitud (inicial|calibrada|de ref)|标距|標点|grip (sep|dist)|\bl0\b",
+    "width": r"width|breite|largeur|ancho|anchura|宽度|幅|\bb0\b",
+    "thickness": r"thick|dicke|[ée]paisseur|espesor|grosor|厚|\ba0\b",
+    "diameter": r"diamet|durchmesser|diam[èe]t|di[áa]met|直径|\bd0\b",
+    "area": r"\barea|querschnitt|section|secci|[áa]rea|截面|面积|断面積|\bs0\b",
+    "length": r"^(specimen )?(length|länge|longueur|longitud|长度|長さ)$",
+    "specimen": rf"{KINDS['specimen']}.*|^name$|bezeichnung|label|名称",
+}  # fmt: skip
+"""Words for entries above a table."""
+
+GEOMETRY = tuple(FACTS)[:5]
+
+MODES = {
+    "pure-shear": r"pure.?shear|planar|reine.? (scher|schub)|cisaillement pur|(cizall|cort)\w* pur"
+    r"|纯剪|平面拉伸|純せん断",
+    "equibiaxial": r"bi-?ax|zweiachs|双轴|二軸|equi-?bi",
+    "uniaxial": r"uni-?ax|einachs|zugversuch|zugprüfung|tensile test|tension test|(essai|ensayo) de"
+    r" trac|单轴|単軸|一軸|拉伸试验|引張試験",
+}  # fmt: skip
+"""Words for the mode of loading."""
+
+
+def plain(text: str) -> str:
+    """Return text with ordinary characters for those of full width, and for small digits."""
+    return unicodedata.normalize("NFKC", text).replace("\u2212", "-").strip()
+
+
+def found_in(table: dict[str, str], text: str) -> str | None:
+    """Return the first key of a table of words whose expression is found in a text."""
+    words = re.sub("_", " ", plain(text).lower())
+    return next((key for key, words_of in table.items() if re.search(words_of, words)), None)
+
+
+@cache
+def _registry():
+    """Registry of pint, which takes a moment to load."""
+    import pint
+
+    return pint.UnitRegistry()
+
+
+@cache
+def unit_in(text: str) -> str | None:
+    """Return a unit in the spelling of pint; None for text that is no unit of `SI` or number."""
+    import pint
+
+    inner = plain(text)
+    inner = re.sub(r"^([(\[{<])(.*)[)\]}>]$", r"\2", inner).strip().rstrip(".")
+    spelled = ALIASES.get(inner.lower(), inner)
+    spelled = re.sub(r"([a-zA-Z])\^?([23])\b", r"\1**\2", spelled)
+    if spelled == "" or not re.fullmatch(r"[\w%/*°. ]+", spelled) or spelled[0].isdigit():
+        return "" if inner in ("-", "1", "ratio") else None
+    known = {unit.lower(): unit for unit in UNITS}
+    for one in (spelled, known.get(spelled.lower())):
+        try:
+            dimension = _registry().parse_units(one or "").dimensionality
+        except (pint.PintError, ValueError, TypeError, AttributeError):
+            continue
+        if one and (dimension in _dimensions() or (not dimension and ("/" in one or one == "%"))):
+            return one
+    return None
+
+
+@cache
+def _dimensions():
+    """Dimensions of `SI`, and those of area."""
+    return [_registry().parse_units(one).dimensionality for one in (*SI.values(), "m**2")]
+
+
+def fits(unit: str, quantity: str) -> bool:
+    """Whether a unit is one of a quantity."""
+    dimension = _registry().parse_units(unit).dimensionality
+    return dimension == _registry().parse_units(SI.get(quantity, "")).dimensionality
+
+
+def to_si(values: np.ndarray, unit: str | None, quantity: str) -> np.ndarray:
+    """Return values in the SI unit of a quantity: s, N, m, Pa, K or a number.
+
+    Parameters
+    ----------
+    values : ndarray
+    unit : str, optional
+        Unit as the file has it, such as "kgf/cm2" or "%"; None for a number.
+    quantity : str
+        Member of `QUANTITIES`.
+
+    Raises
+    ------
+    ValueError
+        If the unit is unknown, missing, or not one of the quantity.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pdsurrogate.measurements.quantities import to_si
+    >>> to_si(np.array([50.0]), "%", "engineering-strain")
+    array([0.5])
+    """
+    known = unit_in(unit or "-")
+    wanted = SI.get(quantity, "")
+    if known is None or not fits(known, quantity):
+        raise ValueError(
+            f"{quantity} needs a unit such as {', '.join(_examples(quantity))}, not"
+            f" {unit or 'none'}"
+        )
+    return _registry().Quantity(np.asarray(values, dtype=float), known).to(wanted).magnitude
+
+
+def _examples(quantity: str) -> list[str]:
+    """Units of a quantity among `UNITS`."""
+    return [one for one in UNITS if fits(str(unit_in(one)), quantity)]
+
+
+def heading_and_unit(text: str) -> tuple[str, str | None]:
+    """Return a heading without its unit, and the unit: "Stress (MPa)", "P_kPa", "Weg / mm",
+    "Dehnung in %".
+    """
+    text = plain(text)
+    for pattern in (
+        r"(.*?)\s*[(\[{<]([^()\[\]]*)[)\]}>]",
+        r"(.*\S)\s+in\s+(\S+)",
+        r"(.*\S)\s*/\s*(\S+)",
+        r"(.*[^\s,])\s*,\s*(\S+)",
+        r"(.+)_(\S+)",
+        r"(.*\S)\s+(\S+)",
+    ):
+        if (found := re.fullmatch(pattern, text)) and unit_in(found[2]) is not None:
+            return found[1], found[2].strip()
+    return text, None
+
+
+def quantities_of(heading: str, unit: str | None) -> tuple[str, ...]:
+    """Return the quantities that a heading and a unit may mean.
+
+    Raises
+    ------
+    ValueError
+        If the heading names a quantity that has no such unit.
+    """
+    outside = re.sub(r"\(.*?\)|\[.*?\]", "", heading) or heading
+    kind = found_in(KINDS, outside) or found_in(KINDS, heading)
+    known = None if unit is None else unit_in(unit)
+    dimension = [one for one in SI if known is not None and fits(known, one)]
+    if kind is None:
+        only = (
+            {"N": "force", "s": "time", "K": "temperature"}.get(SI.get(*dimension[:1], ""))
+            if (dimension and not heading)
+            else None
+        )
+        return (only,) if only else ()
+    meant = MEANINGS.get(kind, (kind,))
+    words = plain(heading).lower()
+    if kind in ("strain", "stress", "stretch") and re.search(LATERAL, words):
+        meant = (f"lateral-{kind}",)
+    elif kind in ("strain", "stress") and re.search(TRUE, words):
+        meant = (f"true-{kind}",)
+    elif kind == "stress" and re.search(r"\b(sigma|σ)\b", words):
+        meant = ("nominal-stress", "true-stress")
+    if known is None or not meant:
+        return meant
+    if kind == "stretch" and known == "%":
+        return ("stretch", "engineering-strain")
+    if meant == ("engineering-strain",) and fits(known, "extension"):
+        return ("extension",)
+    if meant == ("extension",) and not dimension:
+        return ("engineering-strain",)
+    chosen = tuple(one for one in meant if fits(known, one))
+    if not chosen and kind not in ("mode", "specimen", "weight", "cycle"):
+        raise ValueError(
+            f"column {heading!r} is in {unit}, which is no unit of {' or '.join(meant)}: name"
+            " what it is, such as columns={'force': '" + heading + "'} (--column force=...)"
+        )
+    return chosen

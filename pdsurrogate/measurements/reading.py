@@ -1,0 +1,265 @@
+"""Files of testing machines, whatever their form: text, workbooks, decks."""
+
+import dataclasses
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from ..arguments import check_path, suggestion
+from .decks import blocks_of_deck, is_deck
+from .layout import blocks_of
+from .quantities import SI, fits, plain, unit_in
+from .table import QUANTITIES, Block, Column, TableFile
+from .text import Row, decode, rows_of
+
+LARGEST = 500_000_000
+"""Bytes of the largest file: one of tests that is larger has another content."""
+
+BINARY = {
+    b"%PDF": "a PDF document",
+    b"\x89PNG": "a picture (PNG)",
+    b"\xff\xd8\xff": "a picture (JPEG)",
+    b"GIF8": "a picture (GIF)",
+    b"BM": "a picture (BMP)",
+    b"II*\0": "a picture (TIFF)",
+    b"MM\0*": "a picture (TIFF)",
+    b"\x1f\x8b": "a compressed file (gzip)",
+    b"\x89HDF": "an HDF5 file",
+    b"MATLAB": "a file of MATLAB",
+    b"\x93NUMPY": "a file of NumPy",
+}
+"""First bytes of files that are no tables."""
+
+WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
+
+FORMS = {
+    "Zwick testXpert": r"standardkraft|standardweg|traversenweg|testxpert|prüfzeit",
+    "Shimadzu Trapezium": r"trapezium|\b1 _ ?1\b",
+    "MTS": r"axial (force|displacement|count)|testsuite|testworks|data acquisition",
+    "Instron Bluehill": r"bluehill|specimen_rawdata|results table|^\s*\"?\(s\)|^\"?\((mm|N|in)\)",
+    "table of this project": r"^\s*(mode\s*,\s*)?stretch\s*,\s*(lateral_stretch|nominal_stress)",
+}
+"""Words by which the programs of machines are known."""
+
+NEEDED = "a table of text, a workbook or a deck with test data is needed"
+
+
+def read_tables(
+    path: str | Path,
+    *,
+    columns: Mapping[str, str | int] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> TableFile:
+    r"""Return the tables in a file of a testing machine.
+
+    Text with any separators, decimal sign and encoding, workbooks (.xlsx, .xls, .ods; with the
+    extra ``xlsx``), and decks with ``*UNIAXIAL TEST DATA`` and the like are known by what they
+    contain, not by their names.
+
+    Parameters
+    ----------
+    path : str or path
+    columns : dict of str to str or int, optional
+        Headings by quantity, such as ``{"force": "Kraft"}``, in place of what the headings say; a
+        number, from 1, names a column by its place.
+    units : dict of str to str, optional
+        Units by quantity, such as ``{"stress": "kPa"}``, in place of those of the file.
+
+    Returns
+    -------
+    TableFile
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, has no table of numbers, is ambiguous, or has no column for an
+        entry of `columns` or `units`; the message says what is there.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from pdsurrogate.measurements import read_tables
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "test.csv"
+    ...     _ = path.write_text("Dehnung in %;Kraft (N)\n0;0\n2,5;1,2\n")
+    ...     (block,) = read_tables(path).blocks
+    >>> [(column.quantities, column.unit) for column in block.columns]
+    [(('engineering-strain',), '%'), (('force',), 'N')]
+    """
+    check_path(path, "file of test data")
+    path = Path(path)
+    try:
+        found = _read(path)
+        blocks = _with_units(_with_columns(found.blocks, columns or {}), units or {})
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror}") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return dataclasses.replace(found, blocks=blocks)
+
+
+def _read(path: Path) -> TableFile:
+    """Return the tables of a file by what its first bytes are."""
+    if (size := path.stat().st_size) > LARGEST:
+        raise ValueError(f"a file of {size / 1e9:.1f} GB is no table of a test; {NEEDED}")
+    data = path.read_bytes()
+    if not data.strip():
+        raise ValueError(f"the file is empty; {NEEDED}")
+    if what := next((what for mark, what in BINARY.items() if data.startswith(mark)), None):
+        raise ValueError(f"this is {what}; {NEEDED}")
+    if data.startswith(WORKBOOKS):
+        blocks, notes = _workbook(path)
+        return _whole(path, "workbook", "", "", "", blocks, notes)
+    decoded = decode(data)
+    if decoded is None:
+        raise ValueError(f"this is a binary file; {NEEDED}")
+    text, encoding = decoded
+    if is_deck(text):
+        blocks, notes = blocks_of_deck(text)
+        return _whole(path, "Abaqus test data", encoding, ",", ".", blocks, notes)
+    rows, separator, sign = rows_of(text)
+    blocks, notes = blocks_of(rows)
+    head = text[:5000]
+    form = next(
+        (
+            form
+            for form, words in FORMS.items()
+            if re.search(words, head, re.IGNORECASE | re.MULTILINE)
+        ),
+        "plain columns",
+    )
+    return _whole(path, form, encoding, separator, sign, blocks, notes)
+
+
+def _whole(path, form, encoding, separator, sign, blocks, notes) -> TableFile:
+    """Return a file of tables; raise ValueError if it has none."""
+    if not blocks:
+        raise ValueError(f"there is no table of two columns of numbers; {NEEDED}")
+    return TableFile(path, form, encoding, separator, sign, tuple(blocks), tuple(notes))
+
+
+def _workbook(path: Path) -> tuple[list[Block], list[str]]:
+    """Return the tables of the sheets of a workbook."""
+    try:
+        import python_calamine
+    except ImportError:
+        raise ValueError(
+            "this is a workbook, which needs python-calamine: pip install pdsurrogate[xlsx]"
+        ) from None
+    try:
+        book = python_calamine.CalamineWorkbook.from_path(path)
+        sheets = {
+            name: book.get_sheet_by_name(name).to_python(skip_empty_area=False)
+            for name in book.sheet_names
+        }
+    except python_calamine.CalamineError as error:
+        raise ValueError(f"this is no workbook that can be read ({error}); {NEEDED}") from None
+    blocks: list[Block] = []
+    notes: list[str] = []
+    for name, cells in sheets.items():
+        rows = [
+            Row(number, [one if isinstance(one, float) else str(one).strip() for one in row])
+            for number, row in enumerate(cells, start=1)
+        ]
+        found, said = blocks_of(rows, name)
+        blocks += found
+        notes += [f"sheet {name}, {one}" for one in said]
+    return blocks, notes
+
+
+def _named(quantity: str, known: tuple[str, ...]) -> None:
+    """Raise ValueError for a name that is no quantity."""
+    if quantity not in known:
+        raise ValueError(f"there is no quantity {quantity}; {suggestion(quantity, known)}")
+
+
+def _headings(blocks: tuple[Block, ...]) -> str:
+    """Return the headings of tables for a message."""
+    words = dict.fromkeys(
+        column.heading or f"column {number} without heading"
+        for block in blocks
+        for number, column in enumerate(block.columns, start=1)
+    )
+    return ", ".join(words)
+
+
+def _with_columns(blocks: tuple[Block, ...], columns: Mapping[str, str | int]) -> tuple[Block, ...]:
+    """Return tables whose columns mean what the user says."""
+    for quantity, name in columns.items():
+        _named(quantity, QUANTITIES)
+        chosen = [_places(block, str(name)) for block in blocks]
+        if not any(chosen):
+            raise ValueError(f"there is no column {name}; there are {_headings(blocks)}")
+        if several := [places for places in chosen if len(places) > 1]:
+            numbers = " or ".join(str(place + 1) for place in several[0])
+            raise ValueError(f"there are several columns {name}: give the number, {numbers}")
+        blocks = tuple(
+            dataclasses.replace(
+                block,
+                columns=tuple(
+                    _meaning(column, quantity, place in places, columns)
+                    for place, column in enumerate(block.columns)
+                ),
+            )
+            if places
+            else block
+            for block, places in zip(blocks, chosen, strict=True)
+        )
+    return blocks
+
+
+def _places(block: Block, name: str) -> list[int]:
+    """Return the places of the columns with a heading, or a number from 1."""
+    heads = [plain(column.heading).lower() for column in block.columns]
+    wanted = plain(name).lower()
+    found = [
+        place
+        for place, column in enumerate(block.columns)
+        if wanted in (heads[place], f"{heads[place]} ({(column.unit or '').lower()})")
+    ]
+    if not found and wanted.isdigit() and 1 <= int(wanted) <= len(heads):
+        return [int(wanted) - 1]
+    return found
+
+
+def _meaning(column: Column, quantity: str, named: bool, columns: Mapping) -> Column:
+    """Return a column that means `quantity` if it is the named one, and else does not."""
+    if not named:
+        others = tuple(one for one in column.quantities if one != quantity)
+        return dataclasses.replace(column, quantities=others)
+    unit = unit_in(column.unit) if column.unit else None
+    if unit is not None and not fits(unit, quantity):
+        raise ValueError(
+            f"column {column.heading} is in {column.unit}, which is no unit of {quantity}"
+        )
+    return dataclasses.replace(column, quantities=(quantity,))
+
+
+def _with_units(blocks: tuple[Block, ...], units: Mapping[str, str]) -> tuple[Block, ...]:
+    """Return tables with the units that the user gives: for a quantity, or for all stresses or
+    strains.
+    """
+    for quantity, unit in units.items():
+        _named(quantity, (*QUANTITIES, "stress", "strain"))
+        meant = {one for one in QUANTITIES if one == quantity or one.endswith(f"-{quantity}")}
+        known = unit_in(unit)
+        if known is None or not fits(known, next(iter(meant))):
+            raise ValueError(
+                f"{unit} is no unit of {quantity}; {SI.get(next(iter(meant)), '%')} is"
+            )
+        if not any(meant & {*column.quantities} for block in blocks for column in block.columns):
+            raise ValueError(f"there is no column of {quantity}; there are {_headings(blocks)}")
+        blocks = tuple(
+            dataclasses.replace(
+                block,
+                columns=tuple(
+                    dataclasses.replace(column, unit=unit)
+                    if meant & {*column.quantities}
+                    else column
+                    for column in block.columns
+                ),
+            )
+            for block in blocks
+        )
+    return blocks
