@@ -26,16 +26,16 @@ UNITS = """
 """Units that messages show, and whose capitals do not matter."""
 
 ALIASES = {
-    "-": "", "1": "", "ratio": "", "lb": "lbf", "lbs": "lbf", "kg": "kgf", "kp": "kgf",
+    "-": "", "1": "", "lb": "lbf", "lbs": "lbf", "kg": "kgf", "kp": "kgf",
     "°c": "degC", "sek": "s", "secs": "s", '"': "in", "inches": "in", "pct": "%",
     "秒": "s", "分": "min", "毫米": "mm", "牛": "N", "千牛": "kN", "兆帕": "MPa", "千帕": "kPa",
 }  # fmt: skip
 """Spellings of units that pint does not know, or takes for another unit (kg of force)."""
 
 KINDS = {
-    "no measurement": r"max(?!well)|min\.|peak|break|bruch|rupture|rotura|yield|modul|strength|fes"
+    "no measurement": r"max(?!well)|minim|peak|break|bruch|rupture|rotura|yield|modul|strength|fes"
     r"tigkeit|rate\b|speed|geschw|vitesse|velocidad|energ|work\b|arbeit|grün|green|最大|断裂|破断"
-    r"|速度|速率|能量|弹性模量|強度|强度|count|\bat\b|slope",
+    r"|速度|速率|能量|弹性模量|強度|强度|\bat\b|slope",
     "mode": r"^mode\b|^modus|belastungsart|^modo|加载方式",
     "stress": r"stress|spannung|contrainte|(?<!ex)tensi[oó]n|esfuerzo|应力|応力|\b(sigma|σ)\b",
     "stretch": r"stretch|streck|ratio of (ext|elong)|(ext\w*|draw|elongation) ratio|(rapport|taux)"
@@ -49,7 +49,7 @@ KINDS = {
     "extension": r"extens|displac|stroke|position|crosshead|weg\b|travers|längenänd|d[ée]plac"
     r"|course|desplaz|位移|伸长|行程|変位|ストローク|\b(disp|dl|δl|u)\b",
     "time": r"time|zeit|temps|tiempo|时间|時間|\bt\b",
-    "cycle": r"cycle|zykl|ciclo|循环|サイクル",
+    "cycle": r"cycle|count|zykl|ciclo|循环|サイクル",
     "temperature": r"temp|温度",
     "specimen": r"specimen|sample|probe|[ée]prouvette|probeta|muestra|试样|样品|試験片",
     "weight": r"^weight$",
@@ -57,7 +57,13 @@ KINDS = {
 }  # fmt: skip
 """Words and symbols of headings as regular expressions; the first kind that is found counts."""
 
-LATERAL = r"lateral|trans|quer|横|幅|(lambda|lam|λ)[ _]?([2y]|lat)"
+STATISTICS = (
+    r"^(mean|average|median|std|stand\w* ?(dev|abw)|coeff|variance|cv\b|mittelwert|minim|maxim"
+    r"|range|n$|moyenne|[ée]cart|media|desv|平均|标准|標準偏差|最[大小])"
+)
+"""Words before the statistics of specimens."""
+
+LATERAL = r"lateral|trans|quer|横|(?<!振)幅|(lambda|lam|λ)[ _]?([2y]|lat)"
 TRUE = r"true|wahr|vrai|verdader|\breal|真|log|hencky|cauchy"
 NOMINAL = r"nomin|engin|tech|nenn|conven|ing[ée]n|工程|名义|公称"
 
@@ -70,19 +76,28 @@ MEANINGS = {
 }
 """Quantities of a kind, where they are not the kind itself; a symbol may have several."""
 
+COUNTED = ("mode", "specimen", "weight", "cycle")
+"""Kinds whose units say nothing."""
+
 FACTS = {
-    "gauge length": r"gau?ge ?length|messlänge|meßlänge|einspannlänge|longueur"
-    r" (initiale|utile|de r)|longitud (inicial|calibrada|de ref)|标距|標点|grip (sep|dist)|\bl0\b",
-    "width": r"width|breite|largeur|ancho|anchura|宽度|幅|\bb0\b",
+    "gauge length": r"gau?ge ?length|messlänge|meßlänge|longueur (initiale|utile|de r)"
+    r"|longitud (inicial|calibrada|de ref)|标距|標点|\bl0\b",
+    "width": r"width|breite|largeur|ancho|anchura|宽度|(?<!振)幅|\bb0\b",
     "thickness": r"thick|dicke|[ée]paisseur|espesor|grosor|厚|\ba0\b",
     "diameter": r"diamet|durchmesser|diam[èe]t|di[áa]met|直径|\bd0\b",
     "area": r"\barea|querschnitt|section|secci|[áa]rea|截面|面积|断面積|\bs0\b",
-    "length": r"^(specimen )?(length|länge|longueur|longitud|长度|長さ)$",
-    "specimen": rf"{KINDS['specimen']}.*|^name$|bezeichnung|label|名称",
+    "length": r"^(specimen )?(length|länge|longueur|longitud|长度|長さ)$"
+    r"|einspannlänge|grip (sep|dist)",
+    "specimen": rf"({KINDS['specimen']}) ?(label|name|id|n[or°]?\.?|number|nummer|编号|番号)?$"
+    r"|^name$|bezeichnung|label|名称",
 }  # fmt: skip
 """Words for entries above a table."""
 
-GEOMETRY = tuple(FACTS)[:5]
+GEOMETRY = ("gauge length", "width", "thickness", "diameter", "area")
+"""Facts of the geometry of a specimen."""
+
+LENGTHS = (*GEOMETRY, "length")
+"""Facts that are numbers with units."""
 
 MODES = {
     "pure-shear": r"pure.?shear|planar|reine.? (scher|schub)|cisaillement pur|(cizall|cort)\w* pur"
@@ -99,6 +114,11 @@ def plain(text: str) -> str:
     return unicodedata.normalize("NFKC", text).replace("\u2212", "-").strip()
 
 
+def is_nominal(heading: str) -> bool:
+    """Whether a heading says that it is nominal."""
+    return re.search(NOMINAL, plain(heading).lower()) is not None
+
+
 def found_in(table: dict[str, str], text: str) -> str | None:
     """Return the first key of a table of words whose expression is found in a text."""
     words = re.sub("_", " ", plain(text).lower())
@@ -113,24 +133,37 @@ def _registry():
     return pint.UnitRegistry()
 
 
+def within_brackets(text: str) -> str:
+    """Return text without the brackets around it."""
+    return re.sub(r"^[(\[{<](.*)[)\]}>]$", r"\1", plain(text)).strip()
+
+
 @cache
 def unit_in(text: str) -> str | None:
-    """Return a unit in the spelling of pint; None for text that is no unit of `SI` or number."""
+    """Return a unit in the spelling of pint, "" for numbers; None for text that is no unit of
+    `SI` or of a number.
+    """
     import pint
 
-    inner = plain(text)
-    inner = re.sub(r"^([(\[{<])(.*)[)\]}>]$", r"\2", inner).strip().rstrip(".")
-    spelled = ALIASES.get(inner.lower(), inner)
-    spelled = re.sub(r"([a-zA-Z])\^?([23])\b", r"\1**\2", spelled)
-    if spelled == "" or not re.fullmatch(r"[\w%/*°. ]+", spelled) or spelled[0].isdigit():
-        return "" if inner in ("-", "1", "ratio") else None
+    inner = within_brackets(text).rstrip(".")
+    spelled = re.sub(r"([a-zA-Z])\^?([23])\b", r"\1**\2", ALIASES.get(inner.lower(), inner))
+    if not spelled and inner:
+        return ""
+    if not re.fullmatch(r"[^\W\d][\w/*°·.]{0,15}|%", spelled):
+        return None
     known = {unit.lower(): unit for unit in UNITS}
-    for one in (spelled, known.get(spelled.lower())):
+    for one in (spelled, known.get(spelled.lower(), "")):
         try:
-            dimension = _registry().parse_units(one or "").dimensionality
+            dimension = _registry().parse_units(one).dimensionality
         except (pint.PintError, ValueError, TypeError, AttributeError):
             continue
-        if one and (dimension in _dimensions() or (not dimension and ("/" in one or one == "%"))):
+        # A quotient of one sign, such as P/MPa, is a heading with its unit.
+        compound = one.partition("/")[2].removesuffix("**2")
+        if one and (
+            (dimension in _dimensions() and not compound)
+            or (compound and dimension in ({}, _dimensions()[3]))
+            or one == "%"
+        ):
             return one
     return None
 
@@ -194,54 +227,37 @@ def heading_and_unit(text: str) -> tuple[str, str | None]:
         r"(.*?)\s*[(\[{<]([^()\[\]]*)[)\]}>]",
         r"(.*\S)\s+in\s+(\S+)",
         r"(.*\S)\s*/\s*(\S+)",
-        r"(.*[^\s,])\s*,\s*(\S+)",
-        r"(.+)_(\S+)",
-        r"(.*\S)\s+(\S+)",
+        r"(.*[^\s,])\s*,\s*(\S*[^\W\d]\S*)",
+        r"(.+)_(\S*[^\W\d]\S*)",
+        r"(.*\S)\s+(\S*[^\W\d]\S*)",
     ):
         if (found := re.fullmatch(pattern, text)) and unit_in(found[2]) is not None:
-            return found[1], found[2].strip()
+            return found[1].rstrip("_"), found[2].strip()
     return text, None
 
 
 def quantities_of(heading: str, unit: str | None) -> tuple[str, ...]:
-    """Return the quantities that a heading and a unit may mean.
-
-    Raises
-    ------
-    ValueError
-        If the heading names a quantity that has no such unit.
-    """
+    """Return the quantities that a heading and a unit may mean; none if they contradict."""
     outside = re.sub(r"\(.*?\)|\[.*?\]", "", heading) or heading
     kind = found_in(KINDS, outside) or found_in(KINDS, heading)
-    known = None if unit is None else unit_in(unit)
-    dimension = [one for one in SI if known is not None and fits(known, one)]
-    if kind is None:
-        only = (
-            {"N": "force", "s": "time", "K": "temperature"}.get(SI.get(*dimension[:1], ""))
-            if (dimension and not heading)
-            else None
-        )
-        return (only,) if only else ()
-    meant = MEANINGS.get(kind, (kind,))
     words = plain(heading).lower()
-    if kind in ("strain", "stress", "stretch") and re.search(LATERAL, words):
+    if kind is None:
+        meant: tuple[str, ...] = () if heading else ("force", "time", "temperature")
+    elif kind in ("strain", "stress", "stretch") and re.search(LATERAL, words):
         meant = (f"lateral-{kind}",)
     elif kind in ("strain", "stress") and re.search(TRUE, words):
         meant = (f"true-{kind}",)
     elif kind == "stress" and re.search(r"\b(sigma|σ)\b", words):
         meant = ("nominal-stress", "true-stress")
-    if known is None or not meant:
-        return meant
+    else:
+        meant = MEANINGS.get(kind, (kind,))
+    known = unit_in(unit) if unit else None
+    if known is None:
+        return meant if heading else ()
     if kind == "stretch" and known == "%":
         return ("stretch", "engineering-strain")
-    if meant == ("engineering-strain",) and fits(known, "extension"):
+    if kind == "strain" and fits(known, "extension"):
         return ("extension",)
-    if meant == ("extension",) and not dimension:
+    if kind == "extension" and fits(known, "stretch"):
         return ("engineering-strain",)
-    chosen = tuple(one for one in meant if fits(known, one))
-    if not chosen and kind not in ("mode", "specimen", "weight", "cycle"):
-        raise ValueError(
-            f"column {heading!r} is in {unit}, which is no unit of {' or '.join(meant)}: name"
-            " what it is, such as columns={'force': '" + heading + "'} (--column force=...)"
-        )
-    return chosen
+    return tuple(one for one in meant if kind in COUNTED or fits(known, one))
