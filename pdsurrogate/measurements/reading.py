@@ -8,7 +8,7 @@ from pathlib import Path
 from ..arguments import check_path, suggestion
 from .decks import blocks_of_deck, is_deck
 from .layout import blocks_of
-from .quantities import SI, fits, plain, unit_in
+from .quantities import SI, factor, fits, plain, unit_in
 from .table import QUANTITIES, Block, Column, TableFile
 from .text import Row, decode, rows_of
 
@@ -40,6 +40,9 @@ FORMS = {
     "table of this project": r"^\s*(mode\s*,\s*)?stretch\s*,\s*(lateral_stretch|nominal_stress)",
 }
 """Words by which the programs of machines are known."""
+
+FAMILIES = {"stress": "nominal-stress", "strain": "engineering-strain"}
+"""What a user may call a quantity, and what it then is, as in headings."""
 
 NEEDED = "a table of text, a workbook or a deck with test data is needed"
 
@@ -186,7 +189,8 @@ def _headings(blocks: tuple[Block, ...]) -> str:
 
 def _with_columns(blocks: tuple[Block, ...], columns: Mapping[str, str | int]) -> tuple[Block, ...]:
     """Return tables whose columns mean what the user says."""
-    for quantity, name in columns.items():
+    for named, name in columns.items():
+        quantity = FAMILIES.get(named, named)
         _named(quantity, QUANTITIES)
         chosen = [_places(block, str(name)) for block in blocks]
         if not any(chosen):
@@ -250,6 +254,13 @@ def _with_units(blocks: tuple[Block, ...], units: Mapping[str, str]) -> tuple[Bl
             )
         if not any(meant & {*column.quantities} for block in blocks for column in block.columns):
             raise ValueError(f"there is no column of {quantity}; there are {_headings(blocks)}")
+        for column in (one for block in blocks for one in block.columns):
+            own = unit_in(column.unit) if column.unit and meant & {*column.quantities} else None
+            if own is not None and factor(own, known) != 1.0:
+                raise ValueError(
+                    f"{unit} is stated for {quantity}, but the file says that {column.heading} is"
+                    f" in {column.unit}"
+                )
         blocks = tuple(
             dataclasses.replace(
                 block,
