@@ -11,11 +11,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..identification import MODES
-from ..identification.data import number_in, read_table
 from ..identification.reporting import parameters_of, plain
 from ..results.figures import DIVERGING, STYLE
 from ..results.tables import column_name
 from ..scenes import Scene
+from .csv_rows import number_in, read_table
 from .regressor import SceneRegressor
 
 STRETCHES = {

@@ -7,6 +7,7 @@ from collections import Counter
 
 import numpy as np
 
+from .layout import Found
 from .table import Block, Column
 
 TESTS = {
@@ -27,7 +28,7 @@ def is_deck(text: str) -> bool:
     )
 
 
-def blocks_of_deck(text: str) -> tuple[list[Block], list[str]]:
+def tests_of(text: str) -> Found:
     """Return the tests of a deck, and a note that counts the keywords that are skipped.
 
     Raises
@@ -62,9 +63,9 @@ def blocks_of_deck(text: str) -> tuple[list[Block], list[str]]:
                     " lateral strain and a temperature, as many as the line before"
                 )
             rows[number] = cells
-    found_blocks = [_block(keyword, rows) for keyword, rows in tests if rows]
     words = ", ".join(f"{count} {keyword}" for keyword, count in skipped.items())
-    return found_blocks, [f"keywords that are not read: {words}"] if words else []
+    notes = [f"keywords that are not read: {words}"] if words else []
+    return Found([_block(keyword, rows) for keyword, rows in tests if rows], notes=notes)
 
 
 def _block(keyword: str, rows: dict[int, list[float]]) -> Block:

@@ -26,16 +26,16 @@ UNITS = """
 """Units that messages show, and whose capitals do not matter."""
 
 ALIASES = {
-    "-": "", "1": "", "ratio": "", "lb": "lbf", "lbs": "lbf", "kg": "kgf", "kp": "kgf",
+    "-": "", "1": "", "lb": "lbf", "lbs": "lbf", "kg": "kgf", "kp": "kgf",
     "°c": "degC", "sek": "s", "secs": "s", '"': "in", "inches": "in", "pct": "%",
     "秒": "s", "分": "min", "毫米": "mm", "牛": "N", "千牛": "kN", "兆帕": "MPa", "千帕": "kPa",
 }  # fmt: skip
 """Spellings of units that pint does not know, or takes for another unit (kg of force)."""
 
 KINDS = {
-    "no measurement": r"max(?!well)|min\.|peak|break|bruch|rupture|rotura|yield|modul|strength|fes"
+    "no measurement": r"max(?!well)|minim|peak|break|bruch|rupture|rotura|yield|modul|strength|fes"
     r"tigkeit|rate\b|speed|geschw|vitesse|velocidad|energ|work\b|arbeit|grün|green|最大|断裂|破断"
-    r"|速度|速率|能量|弹性模量|強度|强度|count|\bat\b|slope",
+    r"|速度|速率|能量|弹性模量|強度|强度|\bat\b|slope",
     "mode": r"^mode\b|^modus|belastungsart|^modo|加载方式",
     "stress": r"stress|spannung|contrainte|(?<!ex)tensi[oó]n|esfuerzo|应力|応力|\b(sigma|σ)\b",
     "stretch": r"stretch|streck|ratio of (ext|elong)|(ext\w*|draw|elongation) ratio|(rapport|taux)"
@@ -49,13 +49,19 @@ KINDS = {
     "extension": r"extens|displac|stroke|position|crosshead|weg\b|travers|längenänd|d[ée]plac"
     r"|course|desplaz|位移|伸长|行程|変位|ストローク|\b(disp|dl|δl|u)\b",
     "time": r"time|zeit|temps|tiempo|时间|時間|\bt\b",
-    "cycle": r"cycle|zykl|ciclo|循环|サイクル",
+    "cycle": r"cycle|count|zykl|ciclo|循环|サイクル",
     "temperature": r"temp|温度",
     "specimen": r"specimen|sample|probe|[ée]prouvette|probeta|muestra|试样|样品|試験片",
     "weight": r"^weight$",
     "force or stress": r"\bp\b",
 }  # fmt: skip
 """Words and symbols of headings as regular expressions; the first kind that is found counts."""
+
+STATISTICS = (
+    r"^(mean|average|median|std|stand\w* ?(dev|abw)|coeff|variance|cv\b|mittelwert|minim|maxim"
+    r"|range|n$|moyenne|[ée]cart|media|desv|平均|标准|標準偏差|最[大小])"
+)
+"""Words before the statistics of specimens."""
 
 LATERAL = r"lateral|trans|quer|横|幅|(lambda|lam|λ)[ _]?([2y]|lat)"
 TRUE = r"true|wahr|vrai|verdader|\breal|真|log|hencky|cauchy"
@@ -82,7 +88,11 @@ FACTS = {
 }  # fmt: skip
 """Words for entries above a table."""
 
-GEOMETRY = tuple(FACTS)[:5]
+GEOMETRY = ("gauge length", "width", "thickness", "diameter", "area")
+"""Facts of the geometry of a specimen."""
+
+LENGTHS = (*GEOMETRY, "length")
+"""Facts that are numbers with units."""
 
 MODES = {
     "pure-shear": r"pure.?shear|planar|reine.? (scher|schub)|cisaillement pur|(cizall|cort)\w* pur"
@@ -99,6 +109,11 @@ def plain(text: str) -> str:
     return unicodedata.normalize("NFKC", text).replace("\u2212", "-").strip()
 
 
+def is_nominal(heading: str) -> bool:
+    """Whether a heading says that it is nominal."""
+    return re.search(NOMINAL, plain(heading).lower()) is not None
+
+
 def found_in(table: dict[str, str], text: str) -> str | None:
     """Return the first key of a table of words whose expression is found in a text."""
     words = re.sub("_", " ", plain(text).lower())
@@ -113,24 +128,37 @@ def _registry():
     return pint.UnitRegistry()
 
 
+def within_brackets(text: str) -> str:
+    """Return text without the brackets around it."""
+    return re.sub(r"^[(\[{<](.*)[)\]}>]$", r"\1", plain(text)).strip()
+
+
 @cache
 def unit_in(text: str) -> str | None:
-    """Return a unit in the spelling of pint; None for text that is no unit of `SI` or number."""
+    """Return a unit in the spelling of pint, "" for numbers; None for text that is no unit of
+    `SI` or of a number.
+    """
     import pint
 
-    inner = plain(text)
-    inner = re.sub(r"^([(\[{<])(.*)[)\]}>]$", r"\2", inner).strip().rstrip(".")
-    spelled = ALIASES.get(inner.lower(), inner)
-    spelled = re.sub(r"([a-zA-Z])\^?([23])\b", r"\1**\2", spelled)
-    if spelled == "" or not re.fullmatch(r"[\w%/*°. ]+", spelled) or spelled[0].isdigit():
-        return "" if inner in ("-", "1", "ratio") else None
+    inner = within_brackets(text).rstrip(".")
+    spelled = re.sub(r"([a-zA-Z])\^?([23])\b", r"\1**\2", ALIASES.get(inner.lower(), inner))
+    if not spelled and inner:
+        return ""
+    if not re.fullmatch(r"[^\W\d][\w/*°·.]{0,15}|%", spelled):
+        return None
     known = {unit.lower(): unit for unit in UNITS}
-    for one in (spelled, known.get(spelled.lower())):
+    for one in (spelled, known.get(spelled.lower(), "")):
         try:
-            dimension = _registry().parse_units(one or "").dimensionality
+            dimension = _registry().parse_units(one).dimensionality
         except (pint.PintError, ValueError, TypeError, AttributeError):
             continue
-        if one and (dimension in _dimensions() or (not dimension and ("/" in one or one == "%"))):
+        # A quotient of one sign, such as P/MPa, is a heading with its unit.
+        compound = one.partition("/")[2].removesuffix("**2")
+        if one and (
+            (dimension in _dimensions() and not compound)
+            or (compound and dimension in ({}, _dimensions()[3]))
+            or one == "%"
+        ):
             return one
     return None
 
@@ -205,12 +233,12 @@ def heading_and_unit(text: str) -> tuple[str, str | None]:
         r"(.*?)\s*[(\[{<]([^()\[\]]*)[)\]}>]",
         r"(.*\S)\s+in\s+(\S+)",
         r"(.*\S)\s*/\s*(\S+)",
-        r"(.*[^\s,])\s*,\s*(\S+)",
-        r"(.+)_(\S+)",
-        r"(.*\S)\s+(\S+)",
+        r"(.*[^\s,])\s*,\s*(\S*[^\W\d]\S*)",
+        r"(.+)_(\S*[^\W\d]\S*)",
+        r"(.*\S)\s+(\S*[^\W\d]\S*)",
     ):
         if (found := re.fullmatch(pattern, text)) and unit_in(found[2]) is not None:
-            return found[1], found[2].strip()
+            return found[1].rstrip("_"), found[2].strip()
     return text, None
 
 

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..arguments import check_path, suggestion
-from .decks import blocks_of_deck, is_deck
-from .layout import blocks_of
+from .decks import is_deck, tests_of
+from .layout import Found, read_rows, with_specimens
 from .quantities import SI, factor, fits, plain, unit_in
 from .table import QUANTITIES, Block, Column, TableFile
-from .text import Row, decode, rows_of
+from .text import Row, decimal_sign, decode, rows_of, value
 
-LARGEST = 500_000_000
+LARGEST = 200_000_000
 """Bytes of the largest file: one of tests that is larger has another content."""
 
 BINARY = {
@@ -27,8 +27,10 @@ BINARY = {
     b"\x89HDF": "an HDF5 file",
     b"MATLAB": "a file of MATLAB",
     b"\x93NUMPY": "a file of NumPy",
+    b"<": "an HTML or XML document",
+    b"{": "a JSON document",
 }
-"""First bytes of files that are no tables."""
+"""First bytes of files that are no tables, apart from blanks."""
 
 WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
 
@@ -40,6 +42,9 @@ FORMS = {
     "table of this project": r"^\s*(mode\s*,\s*)?stretch\s*,\s*(lateral_stretch|nominal_stress)",
 }
 """Words by which the programs of machines are known."""
+
+MEASURED = {*QUANTITIES} - {"time", "mode", "cycle", "specimen", "weight", "temperature"}
+"""Quantities that make a table one of a test."""
 
 FAMILIES = {"stress": "nominal-stress", "strain": "engineering-strain"}
 """What a user may call a quantity, and what it then is, as in headings."""
@@ -99,7 +104,17 @@ def read_tables(
         raise ValueError(f"cannot read {path}: {error.strerror}") from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+    understood = tuple(one for one in blocks if MEASURED & _meant(one))
+    unknown = [str(one.lines[0]) for one in blocks if not MEASURED & _meant(one)]
+    if understood and unknown:
+        note = f"tables of which no column is understood, from lines {', '.join(unknown)}"
+        return dataclasses.replace(found, blocks=understood, notes=(*found.notes, note))
     return dataclasses.replace(found, blocks=blocks)
+
+
+def _meant(block: Block) -> set[str]:
+    """Return the quantities that the columns of a table may mean."""
+    return {one for column in block.columns for one in column.quantities}
 
 
 def _read(path: Path) -> TableFile:
@@ -109,20 +124,21 @@ def _read(path: Path) -> TableFile:
     data = path.read_bytes()
     if not data.strip():
         raise ValueError(f"the file is empty; {NEEDED}")
-    if what := next((what for mark, what in BINARY.items() if data.startswith(mark)), None):
+    if what := next(
+        (what for mark, what in BINARY.items() if data.lstrip().startswith(mark)), None
+    ):
         raise ValueError(f"this is {what}; {NEEDED}")
     if data.startswith(WORKBOOKS):
-        blocks, notes = _workbook(path)
-        return _whole(path, "workbook", "", "", "", blocks, notes)
+        return _whole(path, "workbook", "", "", "", _workbook(path))
     decoded = decode(data)
     if decoded is None:
         raise ValueError(f"this is a binary file; {NEEDED}")
     text, encoding = decoded
     if is_deck(text):
-        blocks, notes = blocks_of_deck(text)
-        return _whole(path, "Abaqus test data", encoding, ",", ".", blocks, notes)
+        return _whole(path, "Abaqus test data", encoding, ",", ".", tests_of(text))
     rows, separator, sign = rows_of(text)
-    blocks, notes = blocks_of(rows)
+    found = Found()
+    read_rows(rows, found, sign=sign)
     head = text[:5000]
     form = next(
         (
@@ -132,17 +148,18 @@ def _read(path: Path) -> TableFile:
         ),
         "plain columns",
     )
-    return _whole(path, form, encoding, separator, sign, blocks, notes)
+    return _whole(path, form, encoding, separator, sign, found)
 
 
-def _whole(path, form, encoding, separator, sign, blocks, notes) -> TableFile:
+def _whole(path, form, encoding, separator, sign, found: Found) -> TableFile:
     """Return a file of tables; raise ValueError if it has none."""
-    if not blocks:
+    if not found.blocks:
         raise ValueError(f"there is no table of two columns of numbers; {NEEDED}")
-    return TableFile(path, form, encoding, separator, sign, tuple(blocks), tuple(notes))
+    blocks = tuple(with_specimens(found))
+    return TableFile(path, form, encoding, separator, sign, blocks, tuple(found.notes))
 
 
-def _workbook(path: Path) -> tuple[list[Block], list[str]]:
+def _workbook(path: Path) -> Found:
     """Return the tables of the sheets of a workbook."""
     try:
         import python_calamine
@@ -158,17 +175,24 @@ def _workbook(path: Path) -> tuple[list[Block], list[str]]:
         }
     except python_calamine.CalamineError as error:
         raise ValueError(f"this is no workbook that can be read ({error}); {NEEDED}") from None
-    blocks: list[Block] = []
-    notes: list[str] = []
+    found = Found()
     for name, cells in sheets.items():
+        texts = [[one.strip() for one in row if isinstance(one, str)] for row in cells]
+        sign = decimal_sign(texts)
         rows = [
-            Row(number, [one if isinstance(one, float) else str(one).strip() for one in row])
+            Row(
+                number,
+                [
+                    float(one)
+                    if isinstance(one, int | float) and not isinstance(one, bool)
+                    else value(str(one).strip(), sign)
+                    for one in row
+                ],
+            )
             for number, row in enumerate(cells, start=1)
         ]
-        found, said = blocks_of(rows, name)
-        blocks += found
-        notes += [f"sheet {name}, {one}" for one in said]
-    return blocks, notes
+        read_rows(rows, found, name, sign)
+    return found
 
 
 def _named(quantity: str, known: tuple[str, ...]) -> None:
@@ -189,9 +213,8 @@ def _headings(blocks: tuple[Block, ...]) -> str:
 
 def _with_columns(blocks: tuple[Block, ...], columns: Mapping[str, str | int]) -> tuple[Block, ...]:
     """Return tables whose columns mean what the user says."""
-    for named, name in columns.items():
-        quantity = FAMILIES.get(named, named)
-        _named(quantity, QUANTITIES)
+    for quantity, name in columns.items():
+        _named(quantity, (*QUANTITIES, *FAMILIES))
         chosen = [_places(block, str(name)) for block in blocks]
         if not any(chosen):
             raise ValueError(f"there is no column {name}; there are {_headings(blocks)}")
@@ -202,7 +225,7 @@ def _with_columns(blocks: tuple[Block, ...], columns: Mapping[str, str | int]) -
             dataclasses.replace(
                 block,
                 columns=tuple(
-                    _meaning(column, quantity, place in places, columns)
+                    _meaning(column, FAMILIES.get(quantity, quantity), place in places)
                     for place, column in enumerate(block.columns)
                 ),
             )
@@ -227,7 +250,7 @@ def _places(block: Block, name: str) -> list[int]:
     return found
 
 
-def _meaning(column: Column, quantity: str, named: bool, columns: Mapping) -> Column:
+def _meaning(column: Column, quantity: str, named: bool) -> Column:
     """Return a column that means `quantity` if it is the named one, and else does not."""
     if not named:
         others = tuple(one for one in column.quantities if one != quantity)
@@ -245,7 +268,7 @@ def _with_units(blocks: tuple[Block, ...], units: Mapping[str, str]) -> tuple[Bl
     strains.
     """
     for quantity, unit in units.items():
-        _named(quantity, (*QUANTITIES, "stress", "strain"))
+        _named(quantity, (*QUANTITIES, *FAMILIES))
         meant = {one for one in QUANTITIES if one == quantity or one.endswith(f"-{quantity}")}
         known = unit_in(unit)
         if known is None or not fits(known, next(iter(meant))):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .quantities import KINDS, NOMINAL, factor, found_in, plain
+from .quantities import KINDS, factor, found_in, is_nominal, plain
 from .specimens import BIAXIAL, MODES, Facts
 from .table import Block, Column
 
@@ -177,7 +177,7 @@ class Readings:
         found: list[list[Reading]] = []
         for column in columns:
             meanings = [one for one in column.quantities if one in kinds]
-            marked = re.search(NOMINAL, plain(column.heading).lower()) or meanings[0] in stated
+            marked = is_nominal(column.heading) or meanings[0] in stated
             marked = marked or found_in(KINDS, column.heading) == "elongation"
             if len(meanings) == 1 and meanings[0] in TRUE and not marked:
                 meanings.append(TRUE[meanings[0]])

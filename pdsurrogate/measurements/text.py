@@ -3,24 +3,29 @@
 import csv
 import re
 from collections import Counter
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from .quantities import FACTS, KINDS, plain
 
-ENCODINGS = ["utf_8", "cp1252", "gb18030", "cp932", "euc_jp"]
-"""Encodings of machines, beside UTF-16, which is seen by its zeros."""
+ENCODINGS = ["cp1252", "gb18030", "cp932", "euc_jp"]
+"""Encodings of machines, beside UTF-8 and UTF-16."""
 
 MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+"""First bytes that state an encoding."""
 
 SEPARATORS = ("\t", ";", ",", "|", " ")
 
-NUMBER = re.compile(
-    r"[+-]?(\d{1,3}(?P<group>[.,'\u2019 \u00a0\u202f])\d{3}((?P=group)\d{3})*|\d+)?"
-    r"((?P<sign>[.,])\d*)?([eE][+-]?\d+)?"
-)
-"""A number with either decimal sign and with groups of thousands."""
+SAMPLE = 2000
+"""Lines by which the separator is found."""
 
-MISSING = {"", "-", "--", "---", "n/a", "na", "nan", "null", "#n/a", "*", "inf"} - {"inf"}
+NUMBER = re.compile(
+    r"[+-]?(?:\d{1,3}(?P<group>[.,'\u2019\u00a0\u202f])\d{3}(?:(?P=group)\d{3})*"
+    r"(?:(?!(?P=group))[.,]\d*)?|\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
+)
+"""A number with either decimal sign, and groups of thousands."""
+
+MISSING = {"", "-", "--", "---", "n/a", "na", "nan", "null", "#n/a", "*", "*****"}
 """Cells without a value, in small letters."""
 
 
@@ -40,27 +45,22 @@ def decode(data: bytes) -> tuple[str, str] | None:
     """
     from charset_normalizer import from_bytes
 
-    marked = next((name for mark, name in MARKS.items() if data.startswith(mark)), None)
-    if marked is None and b"\0" in data[:4000]:
-        zeros = [data[start:4000:2].count(0) for start in (0, 1)]
-        marked = ("utf-16-be", "utf-16-le")[zeros[1] > zeros[0]]
-        if max(zeros) < len(data[:4000]) / 4 or min(zeros):
+    name = next((name for mark, name in MARKS.items() if data.startswith(mark)), "utf-8")
+    zeros = [data[start:4000:2].count(0) for start in (0, 1)]
+    if name != "utf-16" and max(zeros):
+        if min(zeros) or max(zeros) < len(data[:4000]) / 4:
             return None
+        name = ("utf-16-be", "utf-16-le")[zeros[1] > 0]
     try:
-        name = marked or "utf-8"
         text = data.decode(name)
     except UnicodeDecodeError:
-        if marked:
-            return None
-        found = list(from_bytes(data, cp_isolation=ENCODINGS, threshold=0.5))
-        if not found:
-            return None
         # Few bytes tell encodings apart badly; known words do it well.
+        found = [*from_bytes(data, cp_isolation=ENCODINGS, threshold=0.5)]
+        if name != "utf-8" or not found:
+            return None
         best = max(found, key=lambda one: _known_words(str(one)))
         text, name = str(best), best.encoding
-    if re.search(r"[\x01-\x08\x0e-\x19]", text[:4000]):
-        return None
-    return text, name
+    return None if re.search(r"[\x00-\x08\x0e-\x19]", text[:4000]) else (text, name)
 
 
 def _known_words(text: str) -> int:
@@ -76,22 +76,23 @@ def _known_words(text: str) -> int:
 
 def numeric(cell: str) -> bool:
     """Whether a cell is a number with either decimal sign."""
-    found = NUMBER.fullmatch(cell)
-    return bool(found) and any(letter.isdigit() for letter in cell)
+    return NUMBER.fullmatch(cell) is not None
 
 
 def split(lines: list[str], separator: str) -> list[list[str]]:
-    """Return the cells of lines; quotes protect separators."""
+    """Return the cells of lines; quotes protect separators, but not the ends of lines."""
+    lines = [line.replace('"', "") if line.count('"') % 2 else line for line in lines]
     if separator == " ":
         return [line.replace('"', "").split() for line in lines]
     reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
-    return [[cell.strip().strip("'").strip() for cell in row] for row in reader]
+    return [[cell.strip() for cell in row] for row in reader]
 
 
-def _is_table(cells: list[str]) -> int:
-    """Number of numbers in a row that has nothing but numbers, two at least."""
+def _numbers(cells: list[str]) -> int:
+    """Return 2 for a row of numbers, two at least, 1 if as many other cells stand with them."""
     filled = [cell for cell in cells if cell.lower() not in MISSING]
-    return len(filled) if len(filled) > 1 and all(map(numeric, filled)) else 0
+    numbers = sum(map(numeric, filled))
+    return 0 if numbers < 2 else 2 if numbers == len(filled) else int(2 * numbers >= len(filled))
 
 
 def rows_of(text: str) -> tuple[list[Row], str, str]:
@@ -102,58 +103,47 @@ def rows_of(text: str) -> tuple[list[Row], str, str]:
     ValueError
         If there is no table of two columns, or the decimal sign is ambiguous.
     """
-    lines = [line.strip("\ufeff\x1a\0") for line in text.splitlines()]
-    comments = [bool(re.match(r"\s*(#|//|\*\*)", line)) for line in lines]
-    bare = [re.sub(r"^\s*(#|//|\*\*)+\s?", "", line) for line in lines]
-    body = [line for line, comment in zip(lines, comments, strict=True) if not comment]
-    # An unbalanced quote must not swallow lines.
-    bare = [line.replace('"', "") if line.count('"') % 2 else line for line in bare]
-    body = [line.replace('"', "") if line.count('"') % 2 else line for line in body]
-    scores = {one: sum(map(bool, map(_partly, split(body, one)))) for one in SEPARATORS}
-    separator = max(scores, key=lambda one: scores[one])
+    lines = [line.strip("\ufeff\x1a") for line in text.splitlines()]
+    if any(len(line) > csv.field_size_limit() for line in lines):
+        raise ValueError("a line is too long for a table")
+    marks = [re.match(r"\s*(#+|//|\*\*)\s?", line) for line in lines]
+    bare = [line[mark.end() :] if mark else line for line, mark in zip(lines, marks, strict=True)]
+    body = [line for line, mark in zip(lines, marks, strict=True) if line.strip() and not mark]
+    middle = max(0, len(body) - SAMPLE) // 2
+    sample = body[middle : middle + SAMPLE]
+    scores = {one: sum(map(_numbers, split(sample, one))) for one in SEPARATORS}
+    # Words and numbers of notes count for blanks.
+    separator = next(one for one in SEPARATORS if scores[one] >= 0.8 * max(scores.values()))
     if not scores[separator]:
         raise ValueError(
-            "there is no table: no line has two numbers that are separated by a tab, semicolon,"
-            " comma or blanks"
+            "no line has two numbers with a tab, semicolon, comma, bar or blanks between them"
         )
     cells = split(bare, separator)
     if separator == " ":
         cells = _words(bare, cells)
-    sign = decimal_sign(
-        cell for row, comment in zip(cells, comments, strict=True) if not comment for cell in row
-    )
-    return (
-        [
-            Row(number, [value(cell, sign) for cell in row], comment)
-            for number, (row, comment) in enumerate(zip(cells, comments, strict=True), start=1)
-        ],
-        separator,
-        sign,
-    )
-
-
-def _partly(cells: list[str]) -> bool:
-    """Whether a row has two numbers and at most as much else."""
-    filled = [cell for cell in cells if cell.lower() not in MISSING]
-    numbers = sum(map(numeric, filled))
-    return numbers > 1 and 2 * numbers >= len(filled)
+    sign = decimal_sign([row for row, mark in zip(cells, marks, strict=True) if not mark])
+    rows = [
+        Row(number, [value(cell, sign) for cell in row], mark is not None)
+        for number, (row, mark) in enumerate(zip(cells, marks, strict=True), start=1)
+    ]
+    return rows, separator, sign
 
 
 def _words(lines: list[str], cells: list[list[str]]) -> list[list[str]]:
-    """Return cells of lines that blanks separate, where headings and notes have blanks inside."""
-    width = Counter(len(row) for row in cells if _is_table(row)).most_common(1)
-    wanted = width[0][0] if width else 0
+    """Return cells of lines that blanks separate: headings and notes have blanks inside."""
+    width = Counter(len(row) for row in cells if _numbers(row)).most_common(1)[0][0]
     found = []
     for line, row in zip(lines, cells, strict=True):
-        ways = [re.split(pattern, line.strip()) for pattern in (r"\t+|\s{2,}", r"\s+(?![(\[])")]
-        fitting = [way for way in ways if len(way) == wanted]
-        if not _is_table(row) and len(row) != wanted:
-            row = [cell.strip('" ') for cell in (fitting or ways)[0]]
-        found.append(row)
+        ways = [
+            row,
+            *(re.split(pattern, line.strip()) for pattern in (r"\t+|\s{2,}", r"\s+(?![(\[])")),
+        ]
+        whole = row if _numbers(row) == 2 else [line.strip()]
+        found.append(next((way for way in ways if len(way) == width), whole))
     return found
 
 
-def decimal_sign(cells) -> str:
+def decimal_sign(cells: list[list[str]]) -> str:
     """Return the decimal sign of numbers: a point, unless some of them need a comma.
 
     Raises
@@ -161,42 +151,41 @@ def decimal_sign(cells) -> str:
     ValueError
         If some numbers need a comma and others a point, or a comma can be either.
     """
-    needs: dict[str, str] = {}
-    unclear = ""
-    for cell in cells:
-        found = NUMBER.fullmatch(cell)
-        if not found or not ("," in cell or "." in cell):
-            continue
-        group, sign = found["group"], found["sign"]
-        if sign and group != sign:
-            needs.setdefault(sign, cell)
-        elif group in (".", ",") and (found[2] or re.match(r"[+-]?0\d*[.,]", cell)):
-            one = re.match(r"[+-]?0", cell) is not None
-            repeated = cell.count(group) > 1
-            if repeated:
-                needs.setdefault("," if group == "." else ".", cell)
-            elif one:
-                needs.setdefault(group, cell)
-            elif group == ",":
-                unclear = unclear or cell
-        elif group == ",":
-            unclear = unclear or cell
+    needs, unclear = _signs(cell for row in cells if _numbers(row) for cell in row)
     if len(needs) > 1:
         raise ValueError(
             f"the decimal sign is a comma in {needs[',']} and a point in {needs['.']}: use one"
         )
-    if unclear and not needs:
+    if not needs:
+        needs, _ = _signs(cell for row in cells for cell in row)
+    if unclear and len(needs) != 1:
         raise ValueError(
             f"{unclear} can be {unclear.replace(',', '.')} or {unclear.replace(',', '')}, and no"
             " other number settles it: export it with decimal points"
         )
-    return next(iter(needs), ".")
+    return next(iter(needs)) if len(needs) == 1 else "."
+
+
+def _signs(cells: Iterable[str]) -> tuple[dict[str, str], str]:
+    """Return a number for each decimal sign that numbers need, and one that is unclear."""
+    needs: dict[str, str] = {}
+    unclear = ""
+    for cell in cells:
+        marks = re.findall("[.,]", cell)
+        if not marks or not numeric(cell):
+            continue
+        if len(marks) > len({*marks}) == 1:
+            needs.setdefault("." if marks[0] == "," else ",", cell)
+        elif len(marks) > 1 or not re.fullmatch(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", cell):
+            needs.setdefault(marks[-1], cell)
+        elif marks[0] == ",":
+            unclear = cell
+    return needs, unclear
 
 
 def value(cell: str, sign: str) -> float | str:
     """Return the number in a cell, or its text."""
     if not numeric(cell):
-        return "" if cell.lower() in MISSING - {"-"} else cell
-    other = "," if sign == "." else "."
-    digits = re.sub(rf"[{other}'\u2019 \u00a0\u202f]", "", cell)
+        return cell
+    digits = re.sub(rf"[^-+\deE{sign}]", "", cell)
     return float(digits.replace(sign, "."))

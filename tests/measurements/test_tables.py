@@ -1,11 +1,15 @@
 """Files of testing machines as tables."""
 
+import itertools
+import sys
 from pathlib import Path
 
+import machine_forms as forms
 import numpy as np
 import pytest
 
-from pdsurrogate.measurements import read_tables
+from pdsurrogate.measurements import read_tables, to_si
+from pdsurrogate.measurements.quantities import heading_and_unit, quantities_of
 
 MACHINES = Path(__file__).parents[1] / "data" / "machines"
 
@@ -115,3 +119,268 @@ def test_sheets_of_a_workbook_are_blocks_and_state_the_mode():
         assert meaning(block) == "engineering-strain/mm/mm nominal-stress/MPa"
         there = np.array(list(book[block.title].values)[2:], dtype=float)
         np.testing.assert_array_equal(numbers(block), there)
+
+
+@pytest.mark.parametrize("name", forms.FORMS)
+def test_forms_of_machines_have_the_right_numbers_and_quantities(name, tmp_path):
+    encoding, text, expected = forms.FORMS[name]
+    path = tmp_path / "file.dat"
+    path.write_bytes(text.encode(encoding))
+    found = read_tables(path)
+    assert [meaning(block) for block in found.blocks] == [meant for meant, _, _ in expected]
+    for block, (_, there, facts) in zip(found.blocks, expected, strict=True):
+        if there is not None:
+            np.testing.assert_array_equal(numbers(block), there)
+        assert {name: block.facts.get(name) for name in facts} == facts
+
+
+@pytest.mark.parametrize("quoted", [False, True])
+@pytest.mark.parametrize(
+    ("separator", "decimal"),
+    [*itertools.product("\t;| ", ".,"), (",", "."), (",", ",")],
+)
+def test_numbers_are_those_of_the_text_whatever_the_signs(separator, decimal, quoted, tmp_path):
+    if separator == decimal and not quoted:
+        return  # refused, see below
+    values = np.random.default_rng(7).normal(size=(40, 3)) * 10.0 ** np.arange(-3, 4, 3)
+    for form in ("%.3f", "%.6e", "%+.1f"):
+        path = tmp_path / "table.txt"
+        rows = forms.lines(
+            *values.T, separator=separator, decimal=decimal, quoted=quoted, form=form
+        )
+        path.write_text("Strain;Stress;Time\n".replace(";", separator) + rows)
+        found = read_tables(path)
+        assert meaning(found.blocks[0]) == "engineering-strain/ nominal-stress/ time/"
+        np.testing.assert_array_equal(numbers(found.blocks[0]), forms.rounded(*values.T, form=form))
+        assert found.separator == separator
+
+
+HEADINGS = {
+    "engineering-strain": "Strain|Tensile strain (Extension)|Dehnung|Déformation"
+    "|Deformación unitaria|应变|工程应变|ひずみ|伸び率 (%)|Elongation (%)|eng_strain|ε"
+    "|Nominal strain|Technische Dehnung",
+    "true-strain": "True strain|Wahre Dehnung|Hencky strain|log strain|Déformation vraie"
+    "|Deformación verdadera|真应变|真ひずみ",
+    "stretch": "Stretch|lambda|λ|λ1|Stretch ratio|Extension ratio|Streckung|Taux d'étirement"
+    "|Relación de estiramiento|伸长比|伸長比",
+    "nominal-stress": "Stress|Engineering stress|Zugspannung|Nennspannung|Contrainte nominale"
+    "|Esfuerzo|Tensión (MPa)|应力|工程应力|公称応力|P (kPa)",
+    "true-stress": "True stress|Cauchy stress|Wahre Spannung|Contrainte vraie|Tensión verdadera"
+    "|真应力|真応力",
+    "force": "Load|Force|Kraft|Standardkraft|Prüfkraft|Charge|Effort|Fuerza|Carga|力|载荷"
+    "|试验力|荷重|試験力|F (N)|P (N)|Axial Force",
+    "extension": "Extension|Displacement|Crosshead|Stroke|Position|Weg|Traversenweg|Verfahrweg"
+    "|Längenänderung|Déplacement|Allongement (mm)|Desplazamiento|Alargamiento (mm)|位移|变形(mm)"
+    "|変位|伸び (mm)|Strain (mm)|Standardweg",
+    "time": "Time|Zeit|Prüfzeit|Temps|Tiempo|时间|時間|t|Elapsed time",
+    "lateral-strain": "Transverse strain|Lateral strain|Querdehnung|横向应变",
+    "lateral-stretch": "lateral_stretch|lambda2|λ_2",
+    "cycle": "Cycle|Total cycle count|Zyklus|Ciclo|循环|サイクル回数",
+    "temperature": "Temperature (°C)|Temperatur|Température|温度",
+    "extension|engineering-strain": "Elongation|Allongement|Alargamiento|Verformung|伸び",
+    "force|nominal-stress": "P",
+    "nominal-stress|true-stress": "σ|sigma",
+    "stretch|engineering-strain": "Stretch (%)",
+    "": "Maximum Load|Strain rate|Green strain|E-Modul|Bruchdehnung|Contrainte à la rupture"
+    "|最大力|断裂伸长率|Comment|Strain energy",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("quantities", HEADINGS)
+def test_headings_in_six_languages(quantities):
+    for text in HEADINGS[quantities].split("|"):
+        heading, unit = heading_and_unit(text)
+        assert "|".join(quantities_of(heading, unit)) == quantities, text
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "quantity", "expected"),
+    [
+        (2.0, "kN", "force", 2000.0),
+        (1.0, "lbf", "force", 4.4482216152605),
+        (1.0, "(kgf)", "force", 9.80665),
+        (1.0, "in", "extension", 0.0254),
+        (1.0, "[mm]", "extension", 1e-3),
+        (1.0, "psi", "nominal-stress", 6894.757293168),
+        (1.0, "ksi", "true-stress", 6894757.293168),
+        (1.0, "kgf/cm2", "nominal-stress", 98066.5),
+        (1.0, "kgf/cm²", "nominal-stress", 98066.5),
+        (1.0, "N/mm^2", "nominal-stress", 1e6),
+        (1.0, "Mpa", "nominal-stress", 1e6),
+        (1.0, "bar", "nominal-stress", 1e5),
+        (50.0, "%", "engineering-strain", 0.5),
+        (0.5, "mm/mm", "engineering-strain", 0.5),
+        (0.5, None, "engineering-strain", 0.5),
+        (2.0, "min", "time", 120.0),
+        (20.0, "°C", "temperature", 293.15),
+        (2.0, "兆帕", "nominal-stress", 2e6),
+    ],
+)
+def test_units_in_si(value, unit, quantity, expected):
+    assert to_si(np.array([value]), unit, quantity) == pytest.approx(expected, rel=1e-12)
+
+
+def test_units_that_are_none_of_the_quantity_are_refused():
+    with pytest.raises(ValueError, match=r"force needs a unit such as N, kN, .* not none"):
+        to_si(np.ones(2), None, "force")
+    with pytest.raises(ValueError, match=r"nominal-stress needs a unit such as Pa, .* not N"):
+        to_si(np.ones(2), "N", "nominal-stress")
+    with pytest.raises(ValueError, match="not furlong"):
+        to_si(np.ones(2), "furlong per", "extension")
+
+
+REFUSED = {
+    "empty": (b" \n", "the file is empty"),
+    "picture": (b"\x89PNG\r\n\x1a\n" + bytes(40), r"a picture \(PNG\); a table of text"),
+    "document": (b"%PDF-1.7\n", "a PDF document"),
+    "binary": (bytes(range(256)) * 20, "a binary file"),
+    "archive": (b"PK\x03\x04" + bytes(60), "no workbook that can be read"),
+    "page": (b"<html><table></table></html>", "an HTML or XML document"),
+    "one column": (b"1.0\n2.0\n3.0\n", "no line has two numbers"),
+    "prose": (b"This is no table.\nNot at all.\n", "no line has two numbers"),
+    "two signs": (b"Strain;Stress\n0.5;1,5\n0.6;1,6\n", "comma in 1,5 and a point in 0.5"),
+    "unclear sign": (
+        b"Strain;Stress\n1,125;2,250\n2,125;3,250\n",
+        r"3,250 can be 3.250 or 3250.*settles it",
+    ),
+    "commas for everything": (b"Strain,Stress\n0,5,1,5\n0,6,1,6\n", "4 values for 2 columns"),
+    "a cell": (b"Strain,Stress\n0.5,1.5\n0.6,1.6x\n0.7,1.7\n", "line 3: '1.6x' is no number"),
+    "a first cell": (b"Strain,Stress\n0.5,1.5\n0.6x,1.6\n0.7,1.7\n", "line 3: '0.6x' is no"),
+    "stress in newtons": (b"Strain,Stress (N)\n0.5,1.5\n0.6,1.6\n", "'Stress' is in N, which"),
+    "time in millimetres": (b"Time (mm),Load\n0.5,1.5\n0.6,1.6\n", "'Time' is in mm"),
+    "deck with text": (b"*Uniaxial test data\n0.1, 0.1\n0.2, x\n", "line 3: '0.2, x' has a cell"),
+    "deck with more": (b"*Uniaxial test data\n0.1, 0.1\n0.2\n", "line 3 has 1 numbers"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_no_table_is_refused_in_one_line_that_says_what_it_is(name, tmp_path):
+    data, message = REFUSED[name]
+    path = tmp_path / "file.csv"
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match=message) as caught:
+        read_tables(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_files_that_are_not_there_or_too_large_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"cannot read .*: No such file"):
+        read_tables(tmp_path / "none.csv")
+    with pytest.raises(ValueError, match=r"cannot read .*: Is a directory"):
+        read_tables(tmp_path)
+    path = tmp_path / "large.csv"
+    with path.open("wb") as file:
+        file.truncate(2_000_000_000)  # sparse
+    with pytest.raises(ValueError, match=r"a file of 2.0 GB is no table"):
+        read_tables(path)
+
+
+def test_columns_and_units_of_the_user_are_honored():
+    (block,) = read_tables(
+        MACHINES / "stress-first.txt",
+        columns={"stress": 1, "stretch": "2"},
+        units={"stress": "kPa"},
+    ).blocks
+    assert meaning(block) == "nominal-stress/kPa stretch/"
+    (block,) = read_tables(
+        MACHINES / "decimal-comma.txt", columns={"true-strain": "dehnung"}
+    ).blocks
+    assert meaning(block) == "time/s extension/mm force/N true-strain/%"
+    (block,) = read_tables(
+        MACHINES / "semicolons-and-notes.csv", columns={"nominal-stress": "True Stress (MPa)"}
+    ).blocks
+    assert meaning(block).split()[2] == "nominal-stress/MPa"
+    assert meaning(block).split()[-1] == "/MPa"  # of two, the one that is named
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"columns": {"force": "Last"}}, "no column Last; there are Zeit, Standardweg, Standard"),
+        ({"columns": {"force": "9"}}, "there is no column 9"),
+        ({"columns": {"forces": "Zeit"}}, "no quantity forces; did you mean"),
+        ({"columns": {"force": "Dehnung"}}, "Dehnung is in %, which is no unit of force"),
+        ({"units": {"stress": "MPa"}}, "no column of stress; there are Zeit"),
+        ({"units": {"force": "mm"}}, "mm is no unit of force"),
+        ({"units": {"force": "stones"}}, "stones is no unit of force"),
+    ],
+)
+def test_columns_and_units_that_the_file_does_not_have_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        read_tables(MACHINES / "decimal-comma.txt", **options)
+
+
+def test_a_bare_stress_beside_a_true_strain_is_ambiguous(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("True strain,Stress (MPa)\n0,0\n0.1,0.2\n")
+    assert read_tables(path).blocks[0].columns[1].quantities == ("nominal-stress", "true-stress")
+    path.write_text("True strain,Engineering stress (MPa)\n0,0\n0.1,0.2\n")
+    assert read_tables(path).blocks[0].columns[1].quantities == ("nominal-stress",)
+
+
+def test_decks_have_lateral_strains_and_keywords_of_any_case(tmp_path):
+    path = tmp_path / "rubber.txt"
+    path.write_text(
+        "** a deck\n*heading\n 1, 2, 3\n*HYPERFOAM, TEST DATA INPUT\n"
+        "*uniaxial test data, smooth=3\n 0.1, 0.11, -0.05\n** between\n 0.2, 0.22, -0.09,\n"
+        "*VOLUMETRIC TEST DATA\n1e2, 0.99\n*Simple Shear Test Data\n0.1, 0.1\n*elset, elset=a\n"
+        "1, 2\n"
+    )
+    found = read_tables(path)
+    uniaxial, volumetric = found.blocks
+    assert meaning(uniaxial) == "nominal-stress/ engineering-strain/ lateral-strain/"
+    np.testing.assert_array_equal(numbers(uniaxial), [[0.1, 0.11, -0.05], [0.2, 0.22, -0.09]])
+    np.testing.assert_array_equal(uniaxial.lines, [6, 8])
+    assert meaning(volumetric) == "/ volume-ratio/"
+    assert volumetric.mode == "volumetric"
+    assert "1 *HEADING, 1 *HYPERFOAM, 1 *SIMPLE SHEAR TEST DATA, 1 *ELSET" in found.notes[0]
+
+
+def test_a_workbook_of_specimens_with_results_and_sheets_of_other_content(tmp_path):
+    pytest.importorskip("python_calamine")
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    sheets = {
+        "Parameter": [["Prüfnorm", "ISO 37"], ["Messlänge", 25, "mm"], ["Datum", "30.11.2026"]],
+        "Ergebnisse": [
+            ["", "Dicke", "Breite", "Fmax"],
+            ["", "mm", "mm", "N"],
+            ["Probe 1", 2, 6, 12.5],
+            ["Probe 2", 2.1, 6, 13.5],
+        ],
+        "Statistik": [["Serie", "Fmax"], ["n = 2", "N"], ["x", 13], ["s", 0.5]],
+        "Probe 1": [
+            ["Probe 1", None, None],
+            ["Prüfzeit", "Standardweg", "Standardkraft"],
+            ["s", "mm", "N"],
+            *forms.THREE.tolist(),
+        ],
+        "Probe 2": [
+            [],
+            [None, "Zeit", "Weg", "Kraft"],
+            [None, "s", "mm", "N"],
+            *([None, *row] for row in forms.THREE.tolist()),
+        ],
+    }
+    for title, rows in sheets.items():
+        sheet = book.create_sheet(title)
+        for row in rows:
+            sheet.append(row)
+    book.save(tmp_path / "book.dat")
+    found = read_tables(tmp_path / "book.dat")
+    assert [(block.title, meaning(block)) for block in found.blocks] == [
+        ("Probe 1", forms.RAW),
+        ("Probe 2", forms.RAW),
+    ]
+    for block, thickness in zip(found.blocks, ("2 mm", "2.1 mm"), strict=True):
+        np.testing.assert_array_equal(numbers(block), forms.THREE)
+        assert block.facts["thickness"] == thickness
+        assert block.facts["gauge length"] == "25 mm"
+        np.testing.assert_array_equal(block.lines, 4 + np.arange(6))
+
+
+def test_a_workbook_without_calamine_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "python_calamine", None)
+    with pytest.raises(ValueError, match=r"pip install pdsurrogate\[xlsx\]"):
+        read_tables(MACHINES / "workbook.xlsx")

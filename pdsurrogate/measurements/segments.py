@@ -1,0 +1,226 @@
+"""Rows of a file by what they are: rows of numbers, and the headings, units, titles and facts above
+them.
+"""
+
+import dataclasses
+import re
+
+import numpy as np
+
+from .quantities import (
+    FACTS,
+    KINDS,
+    LENGTHS,
+    MODES,
+    STATISTICS,
+    found_in,
+    heading_and_unit,
+    plain,
+    unit_in,
+    within_brackets,
+)
+from .text import MISSING, NUMBER, Row, value
+
+TEXT = ("mode", "specimen")
+"""Quantities whose cells are text."""
+
+
+@dataclasses.dataclass
+class Segment:
+    """A table: rows before it that are no numbers, its rows, and what is found in them."""
+
+    above: list[Row]
+    rows: list[Row]
+    headings: dict[int, tuple[str, str | None]] = dataclasses.field(default_factory=dict)
+    titles: list[Row] = dataclasses.field(default_factory=list)
+
+    @property
+    def columns(self) -> list[int]:
+        """Places of columns that have cells."""
+        return sorted({place for row in self.rows for place in filled(row)})
+
+    @property
+    def lines(self) -> str:
+        """Its lines, for messages."""
+        return lines_of(self.rows)
+
+
+def lines_of(rows: list[Row]) -> str:
+    """Return the first and last line of rows, for messages."""
+    first, last = rows[0].number, rows[-1].number
+    return f"line {first}" if first == last else f"lines {first} to {last}"
+
+
+def filled(row: Row) -> dict[int, float | str]:
+    """Return the cells of a row that have a value, by their places."""
+    return {
+        place: cell
+        for place, cell in enumerate(row.cells)
+        if not isinstance(cell, str) or cell.lower() not in MISSING
+    }
+
+
+def text_at(row: Row, place: int) -> str:
+    """Return a cell as text, empty beyond the end."""
+    cell = row.cells[place] if place < len(row.cells) else ""
+    return cell if isinstance(cell, str) else f"{cell:.12g}"
+
+
+def kind_of(heading: str) -> str | None:
+    """Return the kind of a heading with its unit."""
+    return found_in(KINDS, heading_and_unit(heading)[0])
+
+
+def segments(rows: list[Row]) -> tuple[list[Segment], list[Row]]:
+    """Return the tables of a file, and the rows after the last one.
+
+    Raises
+    ------
+    ValueError
+        If a cell inside a table is no number.
+    """
+    found: list[Segment] = []
+    above: list[Row] = []
+    texts: set[int] = set()
+    going = False  # whether the row before was one of a table, apart from comments
+    for row in rows:
+        cells = filled(row)
+        words = {place for place, cell in cells.items() if isinstance(cell, str)}
+        numbers = cells.keys() - words
+        if row.comment and going and not facts_of([row]):
+            continue
+        if row.comment or not cells:
+            going = False
+        elif going and numbers and words <= texts and not numbers & texts:
+            found[-1].rows.append(row)
+            continue
+        elif (
+            going
+            and numbers
+            and ((texts and texts < words) or re.match(r"[+-]?[.,]?\d", text_at(row, min(cells))))
+        ):
+            wrong = min((words - texts) or (numbers & texts))
+            raise ValueError(f"line {row.number}: {text_at(row, wrong)!r} is no number")
+        elif (found and not above and numbers and words <= texts and not numbers & texts) or (
+            len(numbers) > 1 and words <= texts | _text_columns(above, words, numbers)
+        ):
+            found.append(Segment(above, [row]))
+            above, texts, going = [], words, True
+            continue
+        going = False
+        if cells:
+            above.append(row)
+    return found, above
+
+
+def _text_columns(above: list[Row], words: set[int], numbers: set[int]) -> set[int]:
+    """Return which places of text are columns by the row above: those of modes and specimens,
+    and others if they are fewer than the numbers, which have headings.
+    """
+    if not above or any(isinstance(cell, float) for cell in above[-1].cells):
+        return set()
+    few = len(words) < len(numbers) and all(text_at(above[-1], place) for place in numbers)
+    return {
+        place
+        for place in words
+        if few or any(kind_of(text_at(row, place)) in TEXT for row in above[-2:])
+    }
+
+
+def take_headings(segment: Segment, before: Segment | None) -> None:
+    """Find headings, units and titles of a table in the rows above it, and take these away.
+
+    A table without a heading after another one with as many columns has the heading of that.
+
+    Raises
+    ------
+    ValueError
+        If rows have more cells than there are headings.
+    """
+    columns, above = segment.columns, segment.above
+    units: dict[int, str] = {}
+    if above and _are_units(above[-1], columns):
+        last = above.pop()
+        units = {place: within_brackets(text_at(last, place)) for place in columns}
+    wide = [
+        row
+        for row in above[:-3:-1]
+        if not any(isinstance(cell, float) for cell in row.cells)
+        and len({*columns} & filled(row).keys()) >= max(2, len(columns) / 2)
+    ]
+    head = max(
+        wide,
+        key=lambda row: sum(kind_of(text_at(row, place)) is not None for place in filled(row)),
+        default=Row(0, []),
+    )
+    if not wide and not units and before and before.columns == columns:
+        segment.headings = before.headings
+        if above and _is_title(above[-1]):
+            segment.titles = [above.pop()]
+        return
+    if wide and len(head.cells) <= columns[-1]:
+        raise ValueError(
+            f"line {segment.rows[0].number} has {columns[-1] + 1} values for"
+            f" {len(head.cells)} columns; decimals have points, or other separators than commas"
+        )
+    if wide:
+        del above[above.index(head) :]
+    while above and len(segment.titles) < 2 and _is_title(above[-1]):
+        segment.titles.append(above.pop())
+    segment.titles += [
+        row
+        for row in above[::-1]
+        if len(cells := filled(row)) == 1 and kind_of(text_at(row, *cells)) == "specimen"
+    ]
+    for place in columns:
+        heading, unit = heading_and_unit(text_at(head, place))
+        segment.headings[place] = (heading, units.get(place) or unit)
+
+
+def _is_title(row: Row) -> bool:
+    """Whether a row above headings has titles: one entry alone, or several that are apart or
+    alike.
+    """
+    cells = filled(row)
+    if len(cells) == 1:
+        text = text_at(row, *cells)
+        said = kind_of(text) == "specimen" or found_in(MODES, text)
+        return not facts_of([row]) and bool(said or not row.comment)
+    texts = all(isinstance(cell, str) for cell in cells.values())
+    apart = min(np.diff(sorted(cells))) > 1
+    return texts and (apart or all(kind_of(str(cell)) == "specimen" for cell in cells.values()))
+
+
+def _are_units(row: Row, columns: list[int]) -> bool:
+    """Whether half of the cells of a row, at least, are units, and some have a dimension."""
+    cells = [text_at(row, place) for place in columns]
+    known = [unit_in(cell) for cell in cells if cell]
+    return any(known) and 2 * (len(known) - known.count(None)) >= len(known)
+
+
+def facts_of(rows: list[Row], sign: str = ".") -> dict[str, str]:
+    """Return entries above a table, by the names in `FACTS` or their own: "Width,6.0,mm",
+    "Thickness (mm);2", "Messlänge: 25 mm".
+    """
+    facts: dict[str, str] = {}
+    for row in rows:
+        cells = [text_at(row, place) for place in filled(row)]
+        if len(cells) == 1:
+            entry = re.match(r"(.*?\S)\s*(?:[:=]\s*|\t+|\s{2,})(\S.*)", cells[0])
+            loose = re.match(rf"(\D*[^\d\W])\s+({NUMBER.pattern}.*)", cells[0])
+            if not entry and loose and found_in(FACTS, loose[1]) in LENGTHS:
+                entry = loose
+            cells = [entry[1], entry[2]] if entry else []
+        while len(cells) > 1 and not re.search(STATISTICS, cells[0].lower()):
+            (name, unit), entry = heading_and_unit(cells[0].rstrip(":= ")), plain(cells[1])
+            if isinstance(value(name, sign), float):
+                break
+            taken = 3 if len(cells) > 2 and unit_in(cells[2]) else 2
+            unit = within_brackets(cells[2]) if taken == 3 else unit
+            cells = cells[taken:]
+            amount, *rest = entry.split(" ", 1)
+            known = found_in(FACTS, name)
+            if known in LENGTHS and isinstance(number := value(amount, sign), float):
+                entry = " ".join([f"{number:.12g}", *rest])
+            facts.setdefault(known or name, f"{entry} {unit}" if unit else entry)
+    return facts
