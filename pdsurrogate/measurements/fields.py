@@ -79,6 +79,8 @@ def read_fields(
         np.concatenate([vars(part)[name] for part in read])
         for name in ("places", "displacements", "deviation", "lost")
     )
+    if (image % 1 != 0).any():
+        raise ValueError(f"{where}: the numbers of images must be whole")
     lost |= np.isnan(places + displacements).any(axis=1)
     if lost.all():
         raise ValueError(f"{where}: all points are lost")
@@ -104,7 +106,7 @@ def read_fields(
         step[kept].astype(int),
         places[kept] * signs[0, :dimension],
         displacements[kept] * signs[1, :dimension],
-        deviation[kept],
+        np.where(deviation > 0, deviation, np.nan)[kept],
         int(lost[step > 0].sum()),
         first.subset,
         tuple(dict.fromkeys(notes)),

@@ -161,7 +161,11 @@ def test_files_that_programs_wrote_have_the_motion_of_the_images(files, options,
     true = scale * (pixels @ TRUE[0].T + TRUE[1]) * UP
     assert np.abs(field.displacements - true).max() < 0.3
     assert np.sqrt(((field.displacements - true) ** 2).mean()) < 0.08
-    assert is_field(DATA / files[0])
+    assert is_field(DATA / files[0]) == field.form
+
+
+def test_al_dic_states_the_width_of_a_subset_in_its_mat_file():
+    assert read_fields(DATA / "al-dic.mat").subset == 20
 
 
 def test_sigma_of_a_match_is_a_deviation_in_the_unit_of_the_displacements(tmp_path):
@@ -193,6 +197,23 @@ def test_rows_of_a_table_with_steps_are_numbered_by_them(tmp_path):
     assert field.places.tolist() == [[0, 0], [1, 2]]
 
 
+def test_places_of_solids_have_three_coordinates(tmp_path):
+    path = write(tmp_path / "F.csv", "step,x1,x2,x3,u1,u2,u3", [(1, 1, 2, 3, 0.1, 0.2, 0.3)])
+    field = read_fields(path, dimension=3)
+    assert (field.places.tolist(), field.displacements.tolist()) == ([[1, 2, 3]], [[0.1, 0.2, 0.3]])
+    field = read_fields(al_dic_3d(tmp_path / "a.csv"), dimension=3)  # Z away from the camera
+    assert field.places[:, 2].tolist() == [-500] * 6
+    with pytest.raises(ValueError, match="no column x3"):
+        read_fields(write(tmp_path / "F.csv", "step,x1,x2,u1,u2", [(1, 1, 2, 0, 0)]), dimension=3)
+    with pytest.raises(ValueError, match="tables alone"):
+        read_fields(DATA / "al-dic.npz", dimension=3)
+
+
+def test_a_deviation_of_zero_is_none(tmp_path):
+    path = write(tmp_path / "a.txt", DICE, [(1, 2, 0.1, 0.2, 0, 0, 0)])
+    assert np.isnan(read_fields(path).deviation).all()
+
+
 def test_headings_again_begin_the_next_image(tmp_path):
     heading = "COORDINATE_X,COORDINATE_Y,DISPLACEMENT_X,DISPLACEMENT_Y"
     rows = [(1, 2, 0.1, 0), (heading,), (1, 2, 0.2, 0)]
@@ -220,6 +241,8 @@ def test_columns_of_no_known_program_need_a_unit_and_a_direction(tmp_path):
         (DICE + "\n1,2,0,inf,0,0,0\n", "line 8: DISPLACEMENT_Y is not a finite number: 'inf'"),
         (DICE + "\n1,2,0\n", "line 8: the line has 3 values for 7 columns"),
         ("x1,x2,u1,u2\n1,2,0,0\n", "no column step"),
+        ("step,x1,x2,u1,u2\n1.5,1,2,0,0\n", "must be whole"),
+        ("x [px],y [px],u [mm],v [mm]\n1,2,0,0\n", "is in mm and px, not in one unit"),
         ("step,x1,x2,u1,u2,u2\n1,1,2,0,0,0\n", "two columns u2"),
         ("a,b\n1,2\n", "no line names columns"),
     ],
