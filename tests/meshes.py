@@ -3,7 +3,7 @@
 import meshio
 import numpy as np
 
-__all__ = ["write_bar", "write_plate", "write_triangles"]
+__all__ = ["write_bar", "write_deck", "write_plate", "write_triangles"]
 
 GMSH_TYPES = {"line": 1, "triangle": 2, "quad": 3}
 
@@ -120,14 +120,7 @@ def write_plate(path, count=12, hole=((4, 4), (8, 8)), turned=False, version=4):
     ]
     names = {"soft": (1, 2), "stiff": (2, 2), "pull": (3, 1), "cavity": (4, 1), "seam": (5, 1)}
     if path.suffix == ".inp":
-        sets = {
-            name: [
-                np.arange(len(of_block) if k == number else 0)
-                for k, (_, of_block) in enumerate(blocks, 1)
-            ]
-            for name, (number, _) in names.items()
-        }
-        meshio.write(path, meshio.Mesh(points, blocks, cell_sets=sets))
+        write_deck(path, points, blocks, {name: number - 1 for name, (number, _) in names.items()})
     elif version == 2:
         numbers = [np.full(len(of_block), number) for number, (_, of_block) in enumerate(blocks, 1)]
         data = {"gmsh:physical": numbers, "gmsh:geometrical": numbers}
@@ -141,6 +134,23 @@ def write_plate(path, count=12, hole=((4, 4), (8, 8)), turned=False, version=4):
     else:
         path.write_text("\n".join(_gmsh_lines(points, blocks, names)) + "\n")
     return path
+
+
+DECK_TYPES = {"line": "T3D2", "triangle": "CPS3", "quad": "CPS4", "hexahedron": "C3D8"}
+
+
+def write_deck(path, points, blocks, names):
+    """An Abaqus deck whose block number k has the element set of the name that names gives k."""
+    of = {number: name for name, number in names.items()}
+    lines = ["*NODE"]
+    lines += [f"{k}, " + ", ".join(map(repr, place)) for k, place in enumerate(points.tolist(), 1)]
+    label = 0
+    for number, (kind, cells) in enumerate(blocks):
+        lines.append(f"*ELEMENT, TYPE={DECK_TYPES[kind]}, ELSET={of.get(number, f'block{number}')}")
+        for cell in cells:
+            label += 1
+            lines.append(", ".join(map(str, [label, *(corner + 1 for corner in cell)])))
+    path.write_text("\n".join(lines) + "\n")
 
 
 def _gmsh_lines(points, blocks, names):

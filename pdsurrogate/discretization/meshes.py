@@ -8,11 +8,13 @@ import numpy as np
 
 from ..body.cell_mesh import among, outward
 from ..body.surface import IN_PLANE
+from ..decks import files_of
 from ..ranks.share import connected
 from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
-from .mesh_files import MeshFile, read_mesh
+from .mesh_files import read_mesh
+from .mesh_groups import MeshFile
 
 
 def mesh_of(mesh: Mesh) -> MeshFile:
@@ -28,8 +30,12 @@ def mesh_of(mesh: Mesh) -> MeshFile:
     path = Path(mesh.file)
     if not path.is_file():
         raise ValueError(f"body.file: the file {mesh.file} does not exist")
-    state = path.stat()
-    return read_mesh(mesh.file, mesh.dimension, state.st_mtime_ns, state.st_size)
+    try:
+        states = [each.stat() for each in files_of(path)]
+    except ValueError as error:
+        raise ValueError(f"body.file: cannot read {mesh.file}: {error}") from None
+    state = tuple((each.st_mtime_ns, each.st_size) for each in states)
+    return read_mesh(mesh.file, mesh.dimension, mesh.parts, state)
 
 
 def boundary_of_mesh(

@@ -13,7 +13,7 @@ from ..scenes.loading import Prescribed
 from ..scenes.model import EDGES
 from ..scenes.regions import RegionReference, edge_names
 from ..scenes.shapes import Outline, Shape
-from .mesh_files import MeshFile
+from .mesh_groups import MeshFile
 from .meshes import mesh_of
 
 LEAST_RADIUS = 2.0

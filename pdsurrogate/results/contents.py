@@ -4,11 +4,11 @@ results of other runs.
 
 import hashlib
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from ..decks import files_of
 from ..forces import ForceModel
 from ..forces.identity import digest_of_model
 from ..scenes import Mesh, Scene, SceneError
@@ -91,13 +91,16 @@ def differences_between(there: dict[str, Any], now: dict[str, Any]) -> str:
 
 
 def digest_of_mesh(mesh: Mesh) -> str:
-    """Return the SHA-256 digest of the file of a mesh; raise SceneError if the file cannot be
-    read.
+    """Return the SHA-256 digest of the file of a mesh with those that it includes; raise
+    SceneError if one cannot be read.
     """
     try:
-        return hashlib.sha256(Path(mesh.file).read_bytes()).hexdigest()
-    except OSError as error:
-        raise SceneError(f"body.file: cannot read {mesh.file}: {error.strerror}") from None
+        return hashlib.sha256(
+            b"".join(path.read_bytes() for path in files_of(mesh.file))
+        ).hexdigest()
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise SceneError(f"body.file: cannot read {mesh.file}: {reason}") from None
 
 
 def _dump(scene: Scene) -> dict[str, Any]:

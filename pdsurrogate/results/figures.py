@@ -1,6 +1,6 @@
 """Figures of deformed bodies, of solids from outside, and of curves."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from ..body.cell_mesh import CellMesh
+from ..body.cell_mesh import CellMesh, among
 from .files import replacing
 
 Moved = list[tuple[CellMesh, np.ndarray]]
@@ -241,7 +242,8 @@ def contour_figure(
         for axis, (cells, way), value, title in zip(axes.flat, moved, values, titles, strict=True):
             axis.set_title(title)
             if not flat:
-                draw_outside(axis, cells, cells.nodes + way, colors.to_rgba(value), box, places)
+                of_sides = colors.to_rgba(value)[cells.outer_sides[1]]
+                draw_outside(axis, cells, cells.nodes + way, of_sides, box, places)
                 continue
             draw_cells(axis, cells, way, value, limits)
             axis.add_collection(LineCollection(cells.nodes[cells.outer_sides[0]], **AT_REST))
@@ -263,22 +265,81 @@ def draw_outside(
     axes,
     cells: CellMesh,
     nodes: np.ndarray,
-    of_cells: np.ndarray,
+    of_sides: np.ndarray,
     box: np.ndarray,
     places: Sequence[str],
 ) -> None:
     """Draw the outer sides of the cells of a solid in three-dimensional axes.
 
-    `nodes` are the deformed nodes, shape (k, 3), `of_cells` the colors of the cells (RGBA), shape
-    (n, 4), `box` the lower and upper corner of the part of space in view, shape (2, 3), and
+    `nodes` are the deformed nodes, shape (k, 3), `of_sides` the colors of the outer sides (RGBA),
+    shape (s, 4), `box` the lower and upper corner of the part of space in view, shape (2, 3), and
     `places` the labels of the axes.
     """
-    corners, owners = cells.outer_sides
     style = {"edgecolors": (0, 0, 0, 0.3), "linewidths": 0.2}
-    sides = Poly3DCollection(nodes[corners], facecolors=of_cells[owners], **style)
+    sides = Poly3DCollection(nodes[cells.outer_sides[0]], facecolors=of_sides, **style)
     axes.add_collection3d(sides)
     axes.set(xlim=box[:, 0], ylim=box[:, 1], zlim=box[:, 2])
     axes.set(xlabel=places[0], ylabel=places[1], zlabel=places[2])
     axes.set(proj_type="ortho", aspect="equal")
     axes.view_init(ELEVATION, AZIMUTH)
     axes.locator_params(nbins=3)
+
+
+def groups_figure(
+    cells: CellMesh,
+    cell_groups: Mapping[str, np.ndarray],
+    side_groups: Mapping[str, np.ndarray],
+    places: Sequence[str] = PLACES,
+) -> Figure:
+    """Return a figure of a mesh whose groups have colors; smaller groups cover greater ones.
+
+    Parameters
+    ----------
+    cells : CellMesh
+        Cells of the mesh.
+    cell_groups : mapping of str to ndarray of int
+        Numbers of the cells in each group of cells.
+    side_groups : mapping of str to ndarray of int, shape (l, 2) or (l, 4)
+        Nodes of the sides of cells in each group of sides; in three dimensions those on the
+        boundary are drawn.
+    places : sequence of str
+        Labels of the axes.
+    """
+    by_size = [
+        sorted((name for name in of if len(of[name])), key=lambda name: -len(of[name]))
+        for of in (cell_groups, side_groups)
+    ]
+    names = dict.fromkeys(by_size[0] + by_size[1])
+    wheel = matplotlib.colormaps["tab20" if len(names) > 10 else "tab10"]
+    color = {name: wheel(number % wheel.N) for number, name in enumerate(names)}
+    of_cells = np.full((len(cells), 4), (0.85, 0.85, 0.85, 1.0))
+    for name in by_size[0]:
+        of_cells[cell_groups[name]] = color[name]
+    box = np.array([cells.nodes.min(axis=0), cells.nodes.max(axis=0)])
+    flat = cells.dimension == 2
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=tuple(PAGE + 1), layout="constrained")
+        axis = figure.subplots(subplot_kw={} if flat else {"projection": "3d"})
+        if flat:
+            thin = {"edgecolors": "0.5", "linewidths": 0.2}
+            axis.add_collection(
+                PolyCollection(polygons_of(cells, 0 * cells.nodes), facecolors=of_cells, **thin)
+            )
+            for name in by_size[1]:
+                wide = {"colors": [color[name]], "linewidths": 2.5}
+                axis.add_collection(LineCollection(cells.nodes[side_groups[name]], **wide))
+            axis.set(aspect="equal", xlabel=places[0], ylabel=places[1])
+            axis.autoscale_view()
+        else:
+            corners, owners = cells.outer_sides
+            of_sides = of_cells[owners]
+            for name in by_size[1]:
+                of_sides[among(corners, side_groups[name])] = color[name]
+            draw_outside(axis, cells, cells.nodes, of_sides, box, places)
+        handles = [
+            Line2D([], [], color=color[name], linewidth=6 if name in cell_groups else 2, label=name)
+            for name in names
+        ]
+        if handles:
+            figure.legend(handles=handles, loc="outside right upper")
+        return figure

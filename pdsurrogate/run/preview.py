@@ -226,7 +226,8 @@ def _in_space(axes, problem: Problem, marks: list[_Mark], colors: np.ndarray) ->
     low = nodes.min(axis=0)
     high = nodes.max(axis=0)
     places = [scene.units.label(place, "length") for place in figures.PLACES]
-    figures.draw_outside(axes, body.cells, nodes, colors, np.array([low, high]), places)
+    of_sides = colors[body.cells.outer_sides[1]]
+    figures.draw_outside(axes, body.cells, nodes, of_sides, np.array([low, high]), places)
     for mark in marks:
         if mark.arrow is not None:
             axes.quiver(

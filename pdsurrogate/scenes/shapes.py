@@ -419,6 +419,9 @@ class Mesh(StrictModel):
         Path of the mesh file; in a scene file relative to the folder of that file.
     dimension : {2, 3}
         2 for triangles and quadrilaterals, of unit thickness; 3 for tetrahedra and hexahedra.
+    parts : list of str, optional
+        Groups of cells that make up the body: physical groups, element sets, or instances of the
+        parts of a deck. By default all cells.
 
     Examples
     --------
@@ -430,6 +433,7 @@ class Mesh(StrictModel):
     shape: Literal["mesh"] = "mesh"
     file: Annotated[str, Field(min_length=1)]
     dimension: Literal[2, 3] = 2
+    parts: Annotated[tuple[str, ...] | None, Field(min_length=1)] = None
 
 
 ENDS = 1e-9

@@ -1,0 +1,362 @@
+"""Abaqus and CalculiX decks (.inp): nodes, elements and sets of all instances of parts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+KINDS = {
+    "C3D": {4: "tetra", 8: "hexahedron", 10: "tetra10", 20: "hexahedron20", 27: "hexahedron27"}
+    | {5: "pyramid", 6: "wedge", 13: "pyramid13", 15: "wedge15"},
+    "T3D": {2: "line", 3: "line3"},
+    "S": {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"},
+}
+KINDS |= {"T2D": KINDS["T3D"]}
+KINDS |= dict.fromkeys(("CPS", "CPE", "CPEG", "CAX", "M3D", "SFM3D", "STRI"), KINDS["S"])
+"""Names in meshio of cells, by the first letters of an element's type and its number of nodes,
+which follows them in the type. Manuals of Abaqus and of CalculiX 2.20.
+"""
+
+TYPE = re.compile(rf"({'|'.join(KINDS)})([0-9]+)([A-Z]\w*)?")
+"""Types of elements that are read: letters after the number tell the integration and unknowns."""
+
+GENERATORS = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "PARAMETER")
+"""Keywords that make or move nodes and elements other than by a list of them."""
+
+
+class Block(NamedTuple):
+    """A keyword of a deck, in capitals and without blanks, its options, and its lines of data."""
+
+    keyword: str
+    options: dict[str, str]
+    rows: list[str]
+
+
+class Elements(NamedTuple):
+    """Elements of one type: the type, its name in meshio ("" for one that is not read), numbers of
+    the elements over the deck, and their nodes.
+    """
+
+    type: str
+    kind: str
+    numbers: np.ndarray
+    nodes: np.ndarray
+
+
+@dataclass
+class Sets:
+    """Elements, nodes, and sides of elements (rows of an element and its face, both from 0) in
+    each set, by its name in capitals; `names` has the names as they were first written, without
+    those that Abaqus/CAE makes for itself.
+    """
+
+    elements: dict[str, np.ndarray] = field(default_factory=dict)
+    nodes: dict[str, np.ndarray] = field(default_factory=dict)
+    sides: dict[str, np.ndarray] = field(default_factory=dict)
+    names: dict[str, str] = field(default_factory=dict)
+
+    def add(self, kind: str, name: str, members: np.ndarray, internal: bool = False) -> None:
+        """Add members to a set: blocks of one name add up, as in Abaqus and CalculiX."""
+        of_kind = getattr(self, kind)
+        before = of_kind.get(name.upper(), members[:0])
+        of_kind[name.upper()] = np.unique(np.concatenate([before, members]), axis=0)
+        if not internal:
+            self.names.setdefault(name.upper(), name)
+
+
+@dataclass
+class Deck:
+    """Contents of a deck: places of nodes, elements by type, sets, and the numbers of the elements
+    of every instance of a part.
+    """
+
+    places: list[np.ndarray] = field(default_factory=list)
+    elements: list[Elements] = field(default_factory=list)
+    sets: Sets = field(default_factory=Sets)
+    instances: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def points(self) -> np.ndarray:
+        """Places of all nodes, shape (k, d)."""
+        return np.concatenate(self.places) if self.places else np.zeros((0, 3))
+
+    def nodes_of(self, elements: np.ndarray) -> np.ndarray:
+        """Return the nodes of elements."""
+        nodes = [each.nodes[np.isin(each.numbers, elements)].ravel() for each in self.elements]
+        return np.unique(np.concatenate(nodes))
+
+
+class _Scope:
+    """Numbers of nodes and elements within an instance of a part, or of the model."""
+
+    def __init__(self, deck: Deck, sets: Sets):
+        self.deck = deck
+        self.sets = sets
+        self.nodes: dict[int, int] = {}
+        self.elements: dict[int, int] = {}
+        self.inner: dict[str, _Scope] = {}
+
+    def read(self, blocks: list[Block], placing: Iterable[str] = ()) -> None:
+        """Read the nodes, then the elements, then the sets of some blocks."""
+        for block in blocks:
+            if block.keyword == "NODE":
+                self._read_nodes(block, [_numbers(row) for row in placing])
+        found = [
+            self._read_elements(block) if block.keyword == "ELEMENT" else () for block in blocks
+        ]
+        for (keyword, options, rows), members in zip(blocks, found, strict=True):
+            internal = "INTERNAL" in options
+            owner = self._inner(options["INSTANCE"]) if "INSTANCE" in options else self
+            rows = [_entries(row) for row in rows]
+            if keyword == "NODE" and "NSET" in options:
+                nodes = [self.nodes[int(row[0])] for row in rows if row]
+                self.sets.add("nodes", options["NSET"], np.array(nodes, dtype=int))
+            elif keyword == "ELEMENT" and "ELSET" in options:
+                self.sets.add("elements", options["ELSET"], np.array(members, dtype=int))
+            elif keyword in ("ELSET", "NSET") and keyword in options:
+                kind = "elements" if keyword == "ELSET" else "nodes"
+                if keyword == "NSET" and "ELSET" in options:
+                    chosen = self.deck.nodes_of(owner.members("elements", options["ELSET"]))
+                elif "GENERATE" in options:
+                    chosen = owner.between(kind, rows)
+                else:
+                    chosen = owner.several(kind, [entry for row in rows for entry in row if entry])
+                self.sets.add(kind, options[keyword], chosen, internal)
+            elif keyword == "SURFACE" and options.get("TYPE", "ELEMENT").upper() == "NODE":
+                chosen = self.several("nodes", [row[0] for row in rows if row])
+                self.sets.add("nodes", options["NAME"], chosen, internal)
+            elif keyword == "SURFACE" and all(
+                len(row) > 1 and re.fullmatch("S[1-6]", row[1].upper()) for row in rows if row
+            ):
+                for entry, face, *_ in filter(None, rows):
+                    members = self.members("elements", entry)
+                    sides = np.column_stack([members, np.full(len(members), int(face[1]) - 1)])
+                    self.sets.add("sides", options["NAME"], sides.astype(int), internal)
+
+    def _inner(self, name: str) -> _Scope:
+        if name.upper() not in self.inner:
+            raise ValueError(f"there is no instance {name}")
+        return self.inner[name.upper()]
+
+    def members(self, kind: str, entry: str) -> np.ndarray:
+        """Return the elements or nodes that an entry of a set stands for: a number, or the name of
+        a set above it, both maybe after the name of an instance.
+
+        Numbers that no element or node has are left out, as Abaqus does.
+        """
+        if entry.isdigit():
+            number = getattr(self, kind).get(int(entry))
+            return np.array([] if number is None else [number], dtype=int)
+        if entry.upper() in getattr(self.sets, kind):
+            return getattr(self.sets, kind)[entry.upper()]
+        for name, scope in self.inner.items():
+            if entry.upper().startswith(name + "."):
+                return scope.members(kind, entry[len(name) + 1 :])
+        raise ValueError(f"{entry!r} in a set of {kind} is neither a number nor a set above it")
+
+    def several(self, kind: str, entries: list[str]) -> np.ndarray:
+        """Return the elements or nodes of all entries of a set."""
+        return np.concatenate([np.arange(0), *(self.members(kind, entry) for entry in entries)])
+
+    def between(self, kind: str, rows: list[list[str]]) -> np.ndarray:
+        """Return the elements or nodes of rows of a first, a last number and a step."""
+        known = np.array(list(getattr(self, kind).items()), dtype=int).reshape(-1, 2)
+        chosen = np.zeros(len(known), dtype=bool)
+        for first, last, *step in ([int(entry) for entry in row if entry] for row in rows if row):
+            beyond = known[:, 0] - first
+            chosen |= (beyond >= 0) & (known[:, 0] <= last) & (beyond % (step or [1])[0] == 0)
+        return known[chosen, 1]
+
+    def _read_nodes(self, block: Block, placing: list[list[float]]) -> None:
+        if block.options.get("SYSTEM", "R").upper() != "R":
+            raise ValueError("*NODE with polar coordinates (SYSTEM) is not read")
+        begin = sum(map(len, self.deck.places))
+        rows = [entries for row in block.rows if (entries := _entries(row))]
+        places = np.array([(_numbers(",".join(row[1:4])) + [0.0] * 3)[:3] for row in rows])
+        for shift in placing[:1]:
+            places = places + shift[:3]
+        for start, end, angle in ((row[:3], row[3:6], row[6]) for row in placing[1:2]):
+            axis = np.subtract(end, start)
+            turn = scipy.spatial.transform.Rotation.from_rotvec(
+                np.radians(angle) * axis / np.linalg.norm(axis)
+            )
+            places = turn.apply(places - start) + start
+        self.deck.places.append(places.reshape(-1, 3))
+        self.nodes |= {int(row[0]): begin + number for number, row in enumerate(rows)}
+
+    def _read_elements(self, block: Block) -> np.ndarray:
+        """Add the elements of a block to the deck; return their numbers."""
+        name = block.options.get("TYPE", "").upper()
+        known = TYPE.fullmatch(name)
+        count = int(known[2]) if known else 0
+        kind = KINDS[known[1]].get(count, "") if known else ""
+        rows = [row.strip() for row in block.rows if row.strip()]
+        # A line that ends with a comma goes on in the next one.
+        begins = np.array([True, *(not row.endswith(",") for row in rows[:-1])])[: len(rows)]
+        lines = [[int(entry) for entry in _entries(row) if entry] for row in rows]
+        records = np.split(np.arange(len(rows)), np.flatnonzero(begins)[1:]) if rows else []
+        given = [[number for line in record for number in lines[line]] for record in records]
+        if kind:
+            # Some programs end every line with a comma.
+            split = []
+            for record in given:
+                if len(record) % (count + 1):
+                    raise ValueError(
+                        f"element {record[0]} has {len(record) - 1} nodes; one of type {name} has"
+                        f" {count}"
+                    )
+                split += [record[k : k + count + 1] for k in range(0, len(record), count + 1)]
+            given = split
+        begin = sum(len(each.numbers) for each in self.deck.elements)
+        numbers = np.arange(begin, begin + len(given))
+        labels = dict(zip((record[0] for record in given), numbers.tolist(), strict=True))
+        again = [label for label in labels if label in self.elements]
+        if len(labels) < len(given) or again:
+            raise ValueError("two elements have one number, so that its sets are ambiguous")
+        self.elements |= labels
+        try:
+            nodes = [[self.nodes[node] for node in record[1:]] for record in given if kind]
+        except KeyError as error:
+            raise ValueError(f"an element has the node {error}, which has no place") from None
+        self.deck.elements.append(
+            Elements(name, kind, numbers, np.array(nodes, dtype=int).reshape(len(given), -1))
+        )
+        return numbers
+
+
+def read_deck(file: str | Path) -> Deck:
+    """Return the contents of a deck and the files that it includes.
+
+    Raises
+    ------
+    ValueError
+        If the deck contradicts itself, or makes nodes or elements in a way that is not read.
+    """
+    model: list[Block] = []
+    parts: dict[str, list[Block]] = {}
+    instances: list[tuple[str, str, list[str], list[Block]]] = []
+    current = model
+    for block in _blocks(Path(file), Path(file).parent, ()):
+        name = block.options.get("NAME", "")
+        if block.keyword in GENERATORS:
+            raise ValueError(
+                f"*{block.keyword} is not read: write the deck with all its nodes and elements"
+            )
+        if block.keyword == "PART":
+            current = parts[name.upper()] = []
+        elif block.keyword == "INSTANCE":
+            current = []
+            instances.append((name, block.options.get("PART", ""), block.rows, current))
+        elif block.keyword in ("ENDPART", "ENDINSTANCE"):
+            current = model
+        else:
+            current.append(block)
+    deck = Deck()
+    whole = _Scope(deck, deck.sets)
+    # Without an assembly every part is there once, where it was drawn.
+    for name, part, placing, own in instances or [(name, name, [], []) for name in parts]:
+        if part.upper() not in parts:
+            raise ValueError(f"instance {name} is one of part {part!r}, which is not there")
+        scope = whole.inner[name.upper()] = _Scope(deck, Sets())
+        scope.read(parts[part.upper()] + own, placing)
+        deck.instances[name] = np.fromiter(scope.elements.values(), dtype=int)
+    whole.read(model)
+    for name, scope in zip(deck.instances, whole.inner.values(), strict=True):
+        alone = len(deck.instances) == 1
+        taken = set(deck.sets.names)
+        for key, said in scope.sets.names.items():
+            new = said if alone and key not in taken else f"{name}.{said}"
+            for kind in ("elements", "nodes", "sides"):
+                if key in getattr(scope.sets, kind):
+                    deck.sets.add(kind, new, getattr(scope.sets, kind)[key])
+    if len(deck.instances) > 1:
+        for name, elements in deck.instances.items():
+            if name.upper() not in deck.sets.names:
+                deck.sets.add("elements", name, elements)
+    return deck
+
+
+def _entries(row: str) -> list[str]:
+    """Return the entries of a line of data without blanks and quotes; none of an empty line."""
+    return [entry.strip().strip('"') for entry in row.split(",")] if row.strip() else []
+
+
+def _numbers(row: str) -> list[float]:
+    """Return the numbers of a line of data, 0 for an empty entry; exponents may be Fortran's D."""
+    return [float(entry.upper().replace("D", "E") or 0) for entry in _entries(row)]
+
+
+def _blocks(path: Path, home: Path, above: tuple[Path, ...]) -> Iterator[Block]:
+    """Yield the keywords of a deck, those of included files in their place.
+
+    Files are looked for in the folder `home` of the deck, then beside the file that includes them,
+    one of `above`.
+    """
+    keyword = ""
+    options: dict[str, str] = {}
+    rows: list[str] = []
+    head = ""
+    for line in [*path.read_text("utf-8", errors="replace").splitlines(), "*"]:
+        if line.startswith("**"):
+            continue
+        if head.endswith(","):
+            head += line.strip()
+        elif line.startswith("*"):
+            if keyword == "INCLUDE":
+                inner = _included(options, path, home)
+                if any(inner.samefile(each) for each in (*above, path)):
+                    raise ValueError(f"{inner.name} includes itself")
+                yield from _blocks(inner, home, (*above, path))
+            elif keyword:
+                yield Block(keyword, options, rows)
+            head = line.strip()
+            rows = []
+        else:
+            rows.append(line)
+            continue
+        words = [part.strip() for part in head[1:].split(",")]
+        keyword = words[0].upper().replace(" ", "")
+        pairs = (part.partition("=") for part in words[1:])
+        options = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
+
+
+def _included(options: dict[str, str], path: Path, home: Path) -> Path:
+    """Return the path of the file that an *INCLUDE with some options in the file `path` names."""
+    name = options.get("INPUT", "").replace("\\", "/")
+    for folder in (home, path.parent):
+        if (folder / name).is_file():
+            return folder / name
+    raise ValueError(f"the included file {name} is not in {home or '.'}")
+
+
+def files_of(file: str | Path) -> list[Path]:
+    """Return the files of a mesh: itself, and those that it includes if it is a deck.
+
+    Raises
+    ------
+    ValueError
+        If an included file is not there.
+    """
+    files = [Path(file)]
+    if files[0].suffix.lower() == ".inp":
+        for each in files:
+            further = _includes(each, files[0].parent, each.stat().st_mtime_ns)
+            files += [path for path in further if path not in files]
+    return files
+
+
+@lru_cache(maxsize=8)
+def _includes(path: Path, home: Path, _changed: int) -> tuple[Path, ...]:
+    """Return the files that a file of a deck names, which is read again once it has changed."""
+    return tuple(
+        _included({"INPUT": line.partition("=")[2].strip().strip('"')}, path, home)
+        for line in path.read_text("utf-8", errors="replace").splitlines()
+        if line[:8].upper() == "*INCLUDE"
+    )

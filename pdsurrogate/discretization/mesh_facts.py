@@ -1,0 +1,114 @@
+"""What a mesh file holds, told before a scene uses it: elements, groups, and what was left out."""
+
+from __future__ import annotations
+
+import warnings
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..body.cell_mesh import among
+from ..scenes import Mesh
+from .mesh_files import contents_of, kinds_of, read_mesh
+from .mesh_groups import MeshFile
+from .meshes import mesh_of
+
+
+@dataclass(frozen=True)
+class MeshFacts:
+    """What a mesh file holds.
+
+    Attributes
+    ----------
+    form : str
+        Form of the file.
+    elements : mapping of str to int
+        Counts of all elements of the file, by type.
+    mesh : MeshFile
+        Cells and groups of the body.
+    remarks : tuple of str
+        What was left out, repaired or assumed.
+    """
+
+    form: str
+    elements: dict[str, int]
+    mesh: MeshFile
+    remarks: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Return the facts of the body: dimension, cells, nodes, size (area or volume), the corners
+        of the bounding box and the spacing of points.
+        """
+        cells = self.mesh.cells
+        used = cells.nodes[np.unique(np.concatenate([block.ravel() for block in cells.blocks]))]
+        volume = float(self.mesh.centroids[1].sum())
+        return {
+            "dimension": cells.dimension,
+            "cells": len(cells),
+            "nodes": len(used),
+            "volume" if cells.dimension == 3 else "area": volume,
+            "lower": used.min(axis=0).tolist(),
+            "upper": used.max(axis=0).tolist(),
+            "spacing": (volume / len(cells)) ** (1 / cells.dimension),
+        }
+
+    def groups(self) -> list[dict[str, Any]]:
+        """Return a row for each group: its name, whether it lists cells or sides of cells, and
+        counts of its cells (points of the body), of its sides, and of the nodes of what it lists.
+        """
+        mesh = self.mesh
+        faces = mesh.cells.faces[0]
+        rows = []
+        for name, members in mesh.groups_of_cells().items():
+            if name in mesh.side_groups:
+                sides = faces[among(faces, mesh.side_groups[name])]
+                counts = {"sides": len(sides), "nodes": len(np.unique(sides))}
+            else:
+                chosen = np.isin(np.arange(len(mesh.cells)), members)
+                counts = {"sides": 0, "nodes": len(mesh.cells.only(chosen)[1])}
+            of = "sides" if name in mesh.side_groups else "cells"
+            rows.append({"group": name, "lists": of, "cells": len(members), **counts})
+        return rows
+
+
+def describe_mesh(file: str | Path, parts: tuple[str, ...] | None = None) -> MeshFacts:
+    """Return what a mesh file holds, for a body of its cells of the highest dimension.
+
+    Parameters
+    ----------
+    file : str or Path
+        Mesh file.
+    parts : tuple of str, optional
+        Groups of cells that make up the body, by default all cells.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, or makes no body.
+    """
+    path = Path(file)
+    if not path.is_file():
+        raise ValueError(f"the file {file} does not exist")
+    contents = contents_of(str(path))
+    kinds = kinds_of(contents)
+    solid = any(kind.startswith(("tetra", "hexa", "wedge", "pyramid")) for kind in kinds)
+    elements: Counter[str] = Counter()
+    for each in contents.elements:
+        elements[each.type or each.kind] += len(each.numbers)
+    read_mesh.cache_clear()  # a file that is read again tells its remarks again
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        mesh = mesh_of(Mesh(file=str(path), dimension=3 if solid else 2, parts=parts))
+    remarks = tuple(str(each.message).removeprefix("body.file: ") for each in told)
+    return MeshFacts(_form(path), dict(elements), mesh, remarks)
+
+
+def _form(path: Path) -> str:
+    """Return the form of a mesh file in words."""
+    if path.suffix.lower() == ".inp":
+        return "Abaqus or CalculiX deck"
+    head = path.read_bytes()[:40].split()
+    return f"gmsh {head[1].decode()}" if head[:1] == [b"$MeshFormat"] else f"{path.suffix} file"

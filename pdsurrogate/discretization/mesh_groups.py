@@ -1,0 +1,184 @@
+"""Contents of a mesh file as a body has them: cells and groups of cells or of their sides."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..body import CellMesh
+from ..body.cell_mesh import FACES, among
+from ..decks import Deck, Elements
+from .mesh_cells import CELL_TYPES, centroids, corners_of, kind_of
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """Contents of a mesh file.
+
+    Attributes
+    ----------
+    cells : CellMesh
+        Triangles and quadrilaterals, counter-clockwise, or tetrahedra and hexahedra; nodes at one
+        place are one.
+    cell_groups : mapping of str to ndarray of int
+        Numbers of the cells in each physical group or element set of cells, and each instance of
+        a part.
+    side_groups : mapping of str to ndarray of int, shape (l, 2) or (l, 4)
+        Nodes of the lines (in three dimensions faces) in each physical group of lines (faces),
+        surface, and set of nodes; a triangle repeats its last node.
+    """
+
+    cells: CellMesh
+    cell_groups: dict[str, np.ndarray]
+    side_groups: dict[str, np.ndarray]
+
+    def corners(self) -> list[np.ndarray]:
+        """Return the positions of the corners of the cells, an array of shape (n, corners, d)
+        for every block of `cells`.
+        """
+        return [self.cells.nodes[block] for block in self.cells.blocks]
+
+    @cached_property
+    def centroids(self) -> tuple[np.ndarray, np.ndarray]:
+        """Centroids (n, d) and volumes (n,) of all cells."""
+        points, volumes = zip(*map(centroids, self.corners()), strict=True)
+        return np.concatenate(points), np.concatenate(volumes)
+
+    def groups_of_cells(self) -> dict[str, np.ndarray]:
+        """Return the numbers of the cells in every physical group; a group of lines or faces
+        contains the cells that have them as sides.
+        """
+        corners, owners = self.cells.sides() if self.side_groups else ((), ())
+        return dict(self.cell_groups) | {
+            name: np.unique(owners[among(corners, members)])
+            for name, members in self.side_groups.items()
+        }
+
+
+def side_of(points: np.ndarray, elements: Elements) -> np.ndarray:
+    """Return the corners of elements that are lines or faces, a triangle with its last twice."""
+    nodes = elements.nodes
+    if elements.kind != "line3":
+        return nodes[:, {"l": [0, 1], "t": [0, 1, 2, 2], "q": [0, 1, 2, 3]}[elements.kind[0]]]
+    # The ends are farthest apart: programs write the middle second or last.
+    pairs = nodes[:, [[0, 1], [0, 2], [1, 2]]]
+    lengths = np.linalg.norm(points[pairs[..., 1]] - points[pairs[..., 0]], axis=-1)
+    return pairs[np.arange(len(nodes)), lengths.argmax(axis=1)]
+
+
+def with_groups(
+    mesh: CellMesh, contents: Deck, of_cell: np.ndarray, of_node: np.ndarray
+) -> MeshFile:
+    """Return a mesh with the groups of its file, whose cells and nodes have the numbers `of_cell`
+    and `of_node` in the mesh.
+
+    Sets of one name and of different kinds are one if they have the same cells; else the kind
+    follows each of their names.
+    """
+    sets = contents.sets
+    files = {word: MeshFile(mesh, {}, {}) for word in ("ELSET", "SURFACE", "NSET")}
+    for key, name in sets.names.items():
+        cells = []
+        sides = []
+        faces = []
+        begin = 0
+        members = sets.elements.get(key, np.arange(0))
+        of_surface = sets.sides.get(key, np.zeros((0, 2), dtype=int))
+        for each in contents.elements:
+            first = each.numbers[0] if len(each.numbers) else 0
+            kind = kind_of(each.kind)
+            chosen = np.isin(each.numbers, members)
+            if kind in CELL_TYPES[mesh.dimension]:
+                cells.append(of_cell[begin + np.flatnonzero(chosen)])
+                begin += len(chosen)
+                rows, numbers = of_surface[np.isin(of_surface[:, 0], each.numbers)].T
+                corners = np.array(FACES[mesh.dimension, corners_of(kind)])[numbers]
+                faces.append(each.nodes[(rows - first)[:, None], corners])
+            elif kind.startswith("line" if mesh.dimension == 2 else CELL_TYPES[2]):
+                sides.append(side_of(contents.points, each)[chosen])
+        if any(map(len, cells)):
+            files["ELSET"].cell_groups[name] = np.unique(np.concatenate(cells))
+        elif any(map(len, sides)):
+            files["ELSET"].side_groups[name] = of_node[np.concatenate(sides)]
+        if key in sets.sides:
+            files["SURFACE"].side_groups[name] = of_node[np.concatenate(faces)]
+        if key in sets.nodes:
+            kind, found = _of_nodes(mesh, of_node[sets.nodes[key]])
+            getattr(files["NSET"], kind)[name] = found
+    points = {word: file.groups_of_cells() for word, file in files.items()}
+    merged = MeshFile(mesh, {}, {})
+    for name in sets.names.values():
+        words = [word for word in files if name in points[word]]
+        words = [word for word in words if len(points[word][name])] or words[:1]
+        same = all(np.array_equal(points[word][name], points[words[0]][name]) for word in words)
+        if same:
+            # Sides say also where loads act.
+            words = sorted(words, key=lambda word: name not in files[word].side_groups)[:1]
+        for word in words:
+            label = name if same else f"{name} ({word})"
+            for kind in ("cell_groups", "side_groups"):
+                if name in getattr(files[word], kind):
+                    getattr(merged, kind)[label] = getattr(files[word], kind)[name]
+    return merged
+
+
+def _of_nodes(mesh: CellMesh, chosen: np.ndarray) -> tuple[str, np.ndarray]:
+    """Return the cells or else the sides, with the name of the kind of their groups, all of whose
+    corners are among chosen nodes, if these are all of the corners among them; else no side.
+    """
+    inside = np.zeros(len(mesh.nodes), dtype=bool)
+    inside[chosen] = True
+    used = np.zeros_like(inside)
+    for block in mesh.blocks:
+        used[block] = True
+    inside &= used  # middles of edges and reference points are not
+
+    def whole(*lists: np.ndarray) -> list[np.ndarray] | None:
+        """Lists of flags of the rows with all nodes inside, if these have all nodes inside."""
+        flags = [inside[rows].all(axis=1) for rows in lists]
+        had = np.zeros_like(inside)
+        for rows, flag in zip(lists, flags, strict=True):
+            had[rows[flag]] = True
+        return flags if inside.any() and (had == inside).all() else None
+
+    if flags := whole(*mesh.blocks):
+        return "cell_groups", np.flatnonzero(np.concatenate(flags))
+    for sides in (mesh.outer_sides[0], mesh.sides()[0]):
+        if flags := whole(sides):
+            return "side_groups", sides[flags[0]]
+    return "side_groups", mesh.sides()[0][:0]
+
+
+def parts_of(
+    file: str, mesh: MeshFile, instances: tuple[str, ...], parts: tuple[str, ...] | None
+) -> MeshFile:
+    """Return the mesh of those groups of cells alone that a scene names, by default of all cells;
+    warn if a deck then has several instances of parts.
+    """
+    groups = mesh.cell_groups
+    if parts is None:
+        if len(instances) > 1:
+            counts = ", ".join(f"{name} ({len(groups.get(name, ()))})" for name in instances)
+            warnings.warn(
+                f"body.file: the body has the cells of all parts of {file}: {counts}; parts ="
+                f' ["{instances[0]}"] takes one, and parts that touch are bonded',
+                stacklevel=5,
+            )
+        return mesh
+    if missing := [name for name in parts if name not in groups]:
+        raise ValueError(
+            f"body.parts: {file} has no cells in a group {missing[0]!r}; it has"
+            f" {', '.join(groups) or 'no groups of cells'}"
+        )
+    kept = np.zeros(len(mesh.cells), dtype=bool)
+    kept[np.concatenate([groups[name] for name in parts])] = True
+    number = np.cumsum(kept) - 1
+    rest = {name: number[members[kept[members]]] for name, members in groups.items()}
+    return MeshFile(
+        CellMesh.of_mesh(mesh.cells.nodes, mesh.cells.blocks, kept),
+        {name: members for name, members in rest.items() if len(members)},
+        mesh.side_groups,
+    )
