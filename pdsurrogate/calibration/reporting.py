@@ -276,6 +276,19 @@ def _worst(model: SceneRegressor, X: np.ndarray, columns: Sequence[str]) -> dict
     return {"step": int(step), "measured": what, "standard_deviations": float(off[row])}
 
 
+def measured_fields(
+    X: np.ndarray, y: np.ndarray, d: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the steps (m,), places (m, d) and displacements (m, d) among measurements, NaN for
+    components that were not measured.
+    """
+    here = X[:, 1] > 0
+    rows, at = np.unique(X[here][:, [0, *range(2, 2 + d)]], axis=0, return_inverse=True)
+    moved = np.full((len(rows), d), np.nan)
+    moved[at.ravel(), X[here, 1].astype(int) - 1] = y[here]
+    return rows[:, 0], rows[:, 1:], moved
+
+
 def _steps(
     model: SceneRegressor, X: np.ndarray, y: np.ndarray, here: np.ndarray
 ) -> list[tuple[float, float, float]]:
