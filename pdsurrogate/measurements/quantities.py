@@ -227,11 +227,12 @@ def heading_and_unit(text: str) -> tuple[str, str | None]:
         r"(.*?)\s*[(\[{<]([^()\[\]]*)[)\]}>]",
         r"(.*\S)\s+in\s+(\S+)",
         r"(.*\S)\s*/\s*(\S+)",
-        r"(.*[^\s,])\s*,\s*(\S*[^\W\d]\S*)",
-        r"(.+)_(\S*[^\W\d]\S*)",
-        r"(.*\S)\s+(\S*[^\W\d]\S*)",
+        r"(.*[^\s,_])\s*[\s,_]_?\s*(\S*[^\W\d]\S*)",
     ):
-        if (found := re.fullmatch(pattern, text)) and unit_in(found[2]) is not None:
+        found = re.fullmatch(pattern, text)
+        # Behind a blank or the like, only words that follow a quantity are units.
+        trusted = found and ("_" not in pattern or found_in({**KINDS, **FACTS}, found[1]))
+        if found and trusted and unit_in(found[2]) is not None:
             return found[1].rstrip("_"), found[2].strip()
     return text, None
 

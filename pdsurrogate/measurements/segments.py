@@ -83,7 +83,8 @@ def segments(rows: list[Row]) -> tuple[list[Segment], list[Row]]:
             wrong = min((words - texts) or (numbers & texts))
             raise ValueError(f"line {row.number}: {row.text(wrong)!r} is no number")
         elif (found and not above and numbers and words <= texts and not numbers & texts) or (
-            len(numbers) > 1 and words <= texts | _text_columns(above, words, numbers)
+            (len(numbers) > 1 and words <= texts | _text_columns(above, words, numbers))
+            or (_under_headings(row, above) and numbers and not words)
         ):
             found.append(Segment(above, [row]))
             above, texts, going = [], words, True
@@ -92,6 +93,12 @@ def segments(rows: list[Row]) -> tuple[list[Segment], list[Row]]:
         if cells:
             above.append(row)
     return found, above
+
+
+def _under_headings(row: Row, above: list[Row]) -> bool:
+    """Whether a row has as many cells as a row of text above it, two at least."""
+    texts = above and all(isinstance(cell, str) for cell in above[-1].cells)
+    return bool(texts) and len(row.cells) == len(above[-1].cells) > 1
 
 
 def _text_columns(above: list[Row], words: set[int], numbers: set[int]) -> set[int]:
@@ -128,7 +135,7 @@ def take_headings(segment: Segment, before: Segment | None) -> None:
         for row in above[:-3:-1]
         if not any(isinstance(cell, float) for cell in row.cells)
         and len({*columns} & row.filled.keys()) >= max(2, len(columns) / 2)
-        and (len(row.cells) > columns[-1] or any(map(kind_of, map(str, row.cells))))
+        and (len(row.cells) > min(columns[-1], 2) or any(map(kind_of, map(str, row.cells))))
     ]
     head = max(
         wide,
