@@ -53,7 +53,7 @@ KINDS = {
     "temperature": r"temp|温度",
     "specimen": r"specimen|sample|probe|[ée]prouvette|probeta|muestra|试样|样品|試験片",
     "weight": r"^weight$",
-    "force or stress": r"\bp\b",
+    "force or stress": r"\bp ?[12]?\b",
 }  # fmt: skip
 """Words and symbols of headings as regular expressions; the first kind that is found counts."""
 
@@ -259,6 +259,8 @@ def quantities_of(heading: str, unit: str | None) -> tuple[str, ...]:
         meant = (f"lateral-{kind}",)
     elif kind in ("strain", "stress") and re.search(TRUE, words):
         meant = (f"true-{kind}",)
+    elif kind == "force or stress" and words.endswith("2"):
+        meant = ("lateral-stress",)
     elif kind == "stress" and re.search(r"\b(sigma|σ)\b", words):
         meant = ("nominal-stress", "true-stress")
     else:
