@@ -195,15 +195,20 @@ def _tell_of_others(file: str, contents: Deck, mesh: CellMesh, of_node: np.ndarr
     """Warn of elements of a deck that are left out: all but cells, and the elements by which gmsh
     lists sides of cells.
     """
-    told: Counter[str] = Counter()
-    sides = None
-    for each in contents.elements:
-        if not each.type or kind_of(each.kind) in CELL_TYPES[mesh.dimension]:
-            continue
+    flat = mesh.dimension == 2
+    others = [
+        each
+        for each in contents.elements
+        if each.type and kind_of(each.kind) not in CELL_TYPES[mesh.dimension]
+    ]
+    told = Counter({each.type: 0 for each in others})
+    for each in others:
         told[each.type] += len(each.numbers)
-        if each.type.startswith("T3D" if mesh.dimension == 2 else ("CPS", "M3D9")):
-            sides = mesh.sides()[0] if sides is None else sides
-            told[each.type] -= int(among(of_node[side_of(contents.points, each)], sides).sum())
+    listed = [each for each in others if each.type.startswith("T3D" if flat else ("CPS", "M3D9"))]
+    if listed:
+        sides = [of_node[side_of(contents.points, each)] for each in listed]
+        types = np.repeat([each.type for each in listed], [len(each) for each in sides])
+        told.subtract(types[among(np.concatenate(sides), mesh.sides()[0])].tolist())
     if +told:
         counts = ", ".join(f"{count} {name}" for name, count in (+told).items())
         warnings.warn(
