@@ -6,9 +6,11 @@ from typing import Annotated
 from typer import Argument, Option
 
 from ..results import Result, figures, load_result
-from ..results.drawings import SHOWN_SHARE, html_page
+from ..results.drawings import SHOWN_SHARE
 from ..results.files import write_text
 from ..results.folder import RUNNING
+from ..results.page import MOST_OUTPUTS, html_page
+from ..results.places import MEASURED, read_measured
 from ..results.tables import column_unit, columns_of
 from ..scenes.model import with_unit
 from .command import PictureFolder, check_folder
@@ -51,9 +53,18 @@ def show(
     html: Annotated[
         Path | None,
         Option(
-            metavar="FILE", help="Write one HTML page with all outputs, curves and tables instead."
+            metavar="FILE",
+            help="Write one HTML page instead: fields to explore in a browser, curves, tables.",
         ),
     ] = None,
+    outputs: Annotated[
+        int,
+        Option(
+            metavar="N",
+            min=1,
+            help="Greatest number of outputs on the page; with fewer of them more fields fit.",
+        ),
+    ] = MOST_OUTPUTS,
 ) -> None:
     """Print the history of saved results, and write pictures of fields or an HTML page."""
     with bad_input(OSError):
@@ -65,6 +76,7 @@ def show(
                 " overwritten; choose another name"
             )
         result = load_result(folder)
+        measured = read_measured(folder / MEASURED, result.scene.dimension)
     pictures = pictures or Path()
     level = -1 if level is None else level
     check_folder(pictures if html is None else html.parent)
@@ -77,7 +89,7 @@ def show(
         )
     if html is not None:
         with Bar(result.scene.name), writing(html):
-            write_text(html, html_page(result, field or ()))
+            write_text(html, html_page(result, field or (), outputs, measured))
         note(f"Wrote {html}")
     elif not result.states:
         why = (

@@ -1,6 +1,8 @@
 """What programs for image correlation write into tables: columns, units, directions."""
 
+import tomllib
 from dataclasses import dataclass
+from importlib import resources
 
 import numpy as np
 
@@ -30,90 +32,25 @@ class Dialect:
         Further columns by which the program is known.
     deformed : bool
         Whether places are those of the deformed body.
+    refused : str
+        Why displacements of this form cannot be used; empty if they can.
+    said : str
+        What is assumed, or what decides the direction if it must be told.
     """
 
     form: str
-    places: tuple[str, ...]
-    displacements: tuple[str, ...]
-    unit: str | None
-    down: str | None
+    places: tuple[str, ...] = ()
+    displacements: tuple[str, ...] = ()
+    unit: str | None = None
+    down: str | None = None
     lost: tuple[str, ...] = ()
     zeros: bool = False
     deviation: str = ""
     image: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     deformed: bool = False
-
-
-XYZ, UVW = ("X", "Y", "Z"), ("U", "V", "W")
-xyz, uvw = ("x", "y", "z"), ("u", "v", "w")  # fmt: skip
-VIC = {"lost": ("sigma",), "zeros": True, "deviation": "sigma"}
-DICE = {"lost": ("SIGMA", "MATCH"), "deviation": "SIGMA"}
-MATCHID = tuple(f"disp.{name}" for name in ("Horizontal Displacement U", "Vertical Displacement V"))
-PIXELS = ("Coordinates.Image X", "Coordinates.Image Y")
-
-OWN = Dialect("pdsurrogate", ("x1", "x2", "x3"), ("u1", "u2", "u3"), "", "")
-
-DIALECTS = (
-    OWN,
-    Dialect(
-        "DICe, stereo",
-        tuple(f"MODEL_COORDINATES_{axis}" for axis in XYZ),
-        tuple(f"MODEL_DISPLACEMENT_{axis}" for axis in XYZ),
-        None,
-        None,
-        ("SIGMA", "MATCH"),
-    ),
-    Dialect(
-        "DICe",
-        ("COORDINATE_X", "COORDINATE_Y"),
-        ("DISPLACEMENT_X", "DISPLACEMENT_Y"),
-        "px",
-        "yv",
-        **DICE,
-    ),
-    Dialect(
-        "al-dic-3d",
-        ("X_mm", "Y_mm", "Z_mm"),
-        UVW,
-        "mm",
-        "yzvw",
-        deformed=True,
-    ),
-    Dialect("al-dic", ("x_px", "y_px"), ("disp_u", "disp_v"), "px", "y"),
-    Dialect("VIC-2D, calibrated", ("x_c", "y_c"), ("u_c", "v_c"), "mm", "", image=xyz[:2], **VIC),
-    Dialect("VIC-3D", XYZ, UVW, "mm", "", image=xyz[:2], needs=("sigma",), **VIC),
-    Dialect("VIC", xyz[:2], uvw[:2], "px", "yv", needs=("sigma",), **VIC),
-    Dialect("ARAMIS", ("x_undef", "y_undef", "z_undef"), uvw, "mm", ""),
-    Dialect(
-        "MatchID",
-        tuple(f"coor.{axis}" for axis in XYZ),
-        (*MATCHID, "disp.Out-Of-Plane: W"),
-        "mm",
-        "yzvw",
-        deviation="stats.Sigma",
-        image=PIXELS,
-    ),
-    Dialect("MatchID", PIXELS, MATCHID, "px", "yv", deviation="stats.Sigma"),
-    Dialect(
-        "MatchID 2023", xyz, uvw, "mm", "yzvw", image=("x_pic", "y_pic"), needs=("x_pic", "y_pic")
-    ),
-    Dialect(
-        "sun-dic",
-        tuple(f"{axis} Coord" for axis in XYZ),
-        tuple(f"{axis} Disp" for axis in XYZ),
-        "px",
-        "yv",
-    ),
-    Dialect("columns x, y, u, v of no known program", xyz, uvw, None, None),
-    Dialect("columns X, Y, U, V of no known program", XYZ, UVW, None, None),
-)
-"""Dialects in the order in which they are sought: the first one whose columns a table has is its
-own.
-"""
-
-STEPS = ("step", "FRAME", "frame", "Frame", "stage", "Stage", "image", "Image")
-"""Columns that number the images."""
+    refused: str = ""
+    said: str = ""
 
 
 @dataclass(frozen=True)
@@ -123,7 +60,7 @@ class Rows:
     """
 
     dialect: Dialect
-    unit: str
+    unit: str | None
     image: np.ndarray
     places: np.ndarray
     displacements: np.ndarray
@@ -132,3 +69,21 @@ class Rows:
     numbered: bool = False
     subset: float | None = None
     notes: tuple[str, ...] = ()
+
+
+_FILE = tomllib.loads(resources.files(__package__).joinpath("dialects.toml").read_text("utf-8"))
+
+DIALECTS = {
+    form: Dialect(
+        form, **{key: tuple(one) if type(one) is list else one for key, one in keys.items()}
+    )
+    for form, keys in _FILE["dialects"].items()
+}
+"""Dialects by name, in the order in which they are sought: a table is of the first one whose
+columns it has.
+"""
+
+OWN = DIALECTS["pdsurrogate"]
+
+EXPORTS: dict[str, str] = _FILE["exports"]
+"""What to export in the place of files that are not read, by their endings."""

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from ..arguments import check_path
-from .dialects import OWN, Dialect
+from .dialects import EXPORTS, OWN, Dialect, Rows
 from .field import MeasuredField
-from .field_tables import form_of, rows_of_table
+from .field_arrays import READERS, rows_of_arrays
+from .field_tables import headings_of, rows_of_table
 
 
 def read_fields(
@@ -53,55 +54,61 @@ def read_fields(
         raise ValueError("there is no file of a field")
     for path in paths:
         check_path(path, "field")
-    files = _in_order([Path(path) for path in paths])
-    parts = [rows_of_table(file, unit, dimension) for file in files]
-    first = parts[0]
-    for file, part in zip(files, parts, strict=True):
-        if (part.dialect, part.unit, part.numbered) != (first.dialect, first.unit, first.numbered):
-            raise ValueError(f"{file} and {files[0]} are of different forms")
-    notes = [note for part in parts for note in part.notes]
-    if not first.numbered:  # images of one file follow those of the file before
-        ends = np.cumsum([part.image.max() for part in parts])
-        parts = [
-            replace(part, image=part.image + end - part.image.max())
-            for part, end in zip(parts, ends, strict=True)
-        ]
-        if len(parts) > 1:
-            notes.insert(0, f"images in the order {', '.join(file.name for file in files)}")
-    image, places, displacements, deviation, lost = (
-        np.concatenate([vars(part)[name] for part in parts])
-        for name in ("image", "places", "displacements", "deviation", "lost")
-    )
-    lost = lost | np.isnan(places).any(axis=1) | np.isnan(displacements).any(axis=1)
-    if lost.all():
-        raise ValueError(f"{files[0]}: all points are lost")
-    if first.dialect.down is None and up is None:
-        raise ValueError(
-            f"{files[0]}: {first.dialect.form}: whether y and v are counted upward or downward is"
-            " not known; state it: --up or --down, up=True or up=False"
+    files = sorted(map(Path, paths), key=_numbers)
+    read = [_rows(file, unit, dimension) for file in files]
+    first = read[0]
+    where = f"{files[0]}: {first.dialect.form}"
+    if len({(one.dialect.form, one.dialect.down, one.unit, one.numbered) for one in read}) > 1:
+        raise ValueError(f"{where}: {', '.join(map(str, files[1:]))} are not all of this form")
+    notes = [note for part in read for note in part.notes]
+    if not first.numbered and len(files) > 1:
+        keys = [_numbers(file) for file in files]
+        if len({*keys}) < len(files) or len({*map(len, keys)}) > 1:
+            raise ValueError(
+                f"{where}: the numbers in the names {', '.join(file.name for file in files)} give"
+                " no order of the images: name the files as frame_1, frame_2, ..."
+            )
+        notes.append(
+            f"images by the numbers in the names of files, {files[0].name} to {files[-1].name}"
         )
-    signs = _signs(first.dialect, up, files[0])
-    kept = ~lost
-    if first.dialect.deformed:
+    starts = np.cumsum([0, *(part.image.max() for part in read)]) * (not first.numbered)
+    image = np.concatenate(
+        [part.image + start for part, start in zip(read, starts[:-1], strict=True)]
+    )
+    places, displacements, deviation, lost = (
+        np.concatenate([vars(part)[name] for part in read])
+        for name in ("places", "displacements", "deviation", "lost")
+    )
+    if (image % 1 != 0).any():
+        raise ValueError(f"{where}: the numbers of images must be whole")
+    lost |= np.isnan(places + displacements).any(axis=1)
+    if lost.all():
+        raise ValueError(f"{where}: all points are lost")
+    places[lost] = displacements[lost] = np.nan
+    signs = _signs(first.dialect, up, where)
+    if first.dialect.down is not None and first.dialect.said:
+        notes.append(first.dialect.said)
+    if first.dialect.deformed or _places_move(image, places, displacements):
         places = places - displacements
         notes.append("places are those of the deformed body: displacements are subtracted")
     step = image
+    kept = ~lost
     if first.dialect is not OWN:
-        names, step = np.unique(image, return_inverse=True)
-        at_rest = not displacements[kept & (step == 0)].any()
-        if at_rest and len(names) > 1:
+        numbers, step = np.unique(image, return_inverse=True)
+        smallest = 1e-6 * np.ptp(places[kept], axis=0).max()  # rounding, not measured
+        if np.any(np.abs(displacements[kept & (step == 0)]) > smallest) or len(numbers) == 1:
+            step = step + 1
+        else:
             notes.append("the first image, without displacements, is the reference image")
             kept &= step > 0
-            lost &= step > 0
-        step = step + (not at_rest or len(names) == 1)
     return MeasuredField(
         first.dialect.form,
-        first.unit,
+        str(first.unit),
         step[kept].astype(int),
         places[kept] * signs[0, :dimension],
         displacements[kept] * signs[1, :dimension],
-        deviation[kept],
-        int(lost.sum()),
+        np.where(deviation > 0, deviation, np.nan)[kept],
+        int(lost[step > 0].sum()),
         first.subset,
         tuple(dict.fromkeys(notes)),
     )
@@ -109,32 +116,67 @@ def read_fields(
 
 def is_field(path: str | Path) -> str | None:
     """Return the form of a file of displacements, such as "DICe"; None for any other file."""
-    return form_of(Path(path))
+    path = Path(path)
+    ending = path.suffix.lower()
+    try:
+        if ending in EXPORTS:
+            return EXPORTS[ending].partition(":")[0]
+        if ending in READERS:
+            return rows_of_arrays(path).dialect.form
+        found = headings_of(path)
+    except (OSError, ValueError):
+        return None
+    return found.dialects[0].form if found else None
 
 
-def _in_order(files: list[Path]) -> list[Path]:
-    """Return files in the order of the numbers in their names; raise ValueError if there is no
-    such order.
-    """
-    keys = [tuple(map(int, re.findall(r"\d+", file.stem))) for file in files]
-    if len({*keys}) < len(files) or len({*map(len, keys)}) > 1:
+def _rows(file: Path, unit: str | None, dimension: int) -> Rows:
+    """Return the rows of a file, in a unit that is known."""
+    if file.suffix.lower() not in (*READERS, *EXPORTS):
+        found = rows_of_table(file, unit, dimension)
+    elif dimension != 2:
+        raise ValueError(f"{file}: places of solids are read from tables alone")
+    else:
+        found = rows_of_arrays(file)
+    if unit is not None and found.unit not in (None, unit):
+        raise ValueError(f"{file}: {found.dialect.form} is in {found.unit}, not in {unit}")
+    if (stated := found.unit if found.unit is not None else unit) is None:
         raise ValueError(
-            f"the numbers in the names {', '.join(file.name for file in files)} give no order of"
-            " the images: name the files as frame_1, frame_2, ..."
+            f"{file}: {found.dialect.form}: the file states no unit of places and displacements;"
+            " state it: --unit px, --unit mm"
         )
-    return [files[place] for place in sorted(range(len(files)), key=keys.__getitem__)]
+    return replace(found, unit=stated)
 
 
-def _signs(dialect: Dialect, up: bool | None, file: Path) -> np.ndarray:
+def _places_move(image: np.ndarray, places: np.ndarray, displacements: np.ndarray) -> bool:
+    """Whether places move from the first image to the last as their displacements do, in rows of
+    the same points.
+    """
+    first, last = image == image.min(), image == image.max()
+    if first.sum() != last.sum() or first.sum() < 3:
+        return False
+    moved, by = (part[last] - part[first] for part in (places, displacements))
+    off = moved - by  # of rounded numbers
+    return bool(np.nansum(off**2) < 0.01 * np.nansum(moved**2))
+
+
+def _numbers(file: Path) -> tuple[int, ...]:
+    """Return the numbers in the name of a file."""
+    return tuple(map(int, re.findall(r"\d+", file.stem)))
+
+
+def _signs(dialect: Dialect, up: bool | None, where: str) -> np.ndarray:
     """Return the signs of places and displacements, (2, 3), that turn them upward."""
     down = dialect.down
+    if down is None and up is None:
+        raise ValueError(
+            f"{where}: whether y and v are counted upward or downward is not known{dialect.said};"
+            " state it: --up or --down, up=True or up=False"
+        )
     if up is not None and (down is None or up == ("y" in down)):
-        if dialect.unit == "px":
+        if down is not None and dialect.unit == "px":
             raise ValueError(
-                f"{file}: {dialect.form} counts y {'downward' if up else 'upward'} from the first"
-                f" row of pixels; leave {'--up' if up else '--down'} out"
+                f"{where} counts y {'downward' if up else 'upward'} from the first row of pixels;"
+                f" leave {'--up' if up else '--down'} out"
             )
         down = "" if up else "yzvw"
-    return np.array(
-        [[-1.0 if axis in (down or "") else 1.0 for axis in row] for row in ("xyz", "uvw")]
-    )
+    return np.array([[1.0 - 2 * (axis in str(down)) for axis in row] for row in ("xyz", "uvw")])

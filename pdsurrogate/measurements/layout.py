@@ -13,10 +13,9 @@ from .quantities import (
     MODES,
     STATISTICS,
     found_in,
-    is_nominal,
     quantities_of,
 )
-from .segments import TEXT, Segment, facts_of, filled, lines_of, segments, take_headings, text_at
+from .segments import TEXT, Segment, facts_of, lines_of, segments, take_headings
 from .table import Block, Column
 from .text import Row
 
@@ -57,7 +56,7 @@ def groups(segment: Segment) -> list[list[int]]:
 def title_at(segment: Segment, place: int) -> str:
     """Return the title of a column: the last entry of the row of titles up to it."""
     for row in segment.titles:
-        entries = [text_at(row, one) for one in filled(row) if one <= place]
+        entries = [row.text(one) for one in row.filled if one <= place]
         if entries:
             return entries[-1].rstrip(": ")
     return ""
@@ -111,15 +110,15 @@ def _specimens(segment: Segment) -> list[tuple[str, dict[str, str]]]:
     measures = _measures(segment)
     return [
         (
-            text_at(row, segment.columns[0]),
+            row.text(segment.columns[0]),
             {
-                name: f"{text_at(row, place)} {segment.headings[place][1] or ''}".strip()
+                name: f"{row.text(place)} {segment.headings[place][1] or ''}".strip()
                 for place, name in measures.items()
-                if place in filled(row)
+                if place in row.filled
             },
         )
         for row in segment.rows
-        if measures and not re.search(STATISTICS, text_at(row, segment.columns[0]).lower())
+        if measures and not re.search(STATISTICS, row.text(segment.columns[0]).lower())
     ]
 
 
@@ -137,16 +136,16 @@ def with_specimens(found: Found) -> list[Block]:
 
 def block(segment: Segment, places: list[int], title: str, facts: dict[str, str]) -> Block:
     """Return the columns at some places as a block, without rows that are empty there."""
-    rows = [row for row in segment.rows if {*places} & filled(row).keys()]
+    rows = [row for row in segment.rows if {*places} & row.filled.keys()]
     columns = []
     for place in places:
         heading, unit = segment.headings[place]
-        cells = [filled(row).get(place, np.nan) for row in rows]
+        cells = [row.filled.get(place, np.nan) for row in rows]
         texts = any(isinstance(cell, str) for cell in cells)
         quantities = quantities_of(heading, unit)
         if texts and not {*quantities} <= {*TEXT, "cycle"}:
             quantities = ()
-        values = np.array([text_at(row, place) for row in rows] if texts else cells)
+        values = np.array([row.text(place) for row in rows] if texts else cells)
         columns.append(Column(heading, unit, quantities, values))
     meant = {one for column in columns for one in column.quantities}
     mode = next(
@@ -154,22 +153,8 @@ def block(segment: Segment, places: list[int], title: str, facts: dict[str, str]
     )
     return Block(
         title or facts.get("specimen", ""),
-        tuple(_beside_true(column, meant) for column in columns),
+        tuple(columns),
         np.array([row.number for row in rows]),
         "biaxial" if "lateral-stress" in meant else mode,
         dict(facts),
     )
-
-
-def _beside_true(column: Column, meant: set[str]) -> Column:
-    """Return a column that is ambiguous if it says neither true nor nominal and its partner is
-    true.
-    """
-    for plain_one, true, partner in (
-        ("nominal-stress", "true-stress", "true-strain"),
-        ("engineering-strain", "true-strain", "true-stress"),
-    ):
-        alone = column.quantities == (plain_one,) and partner in meant and true not in meant
-        if alone and not is_nominal(column.heading):
-            return dataclasses.replace(column, quantities=(plain_one, true))
-    return column

@@ -63,7 +63,7 @@ STATISTICS = (
 )
 """Words before the statistics of specimens."""
 
-LATERAL = r"lateral|trans|quer|横|幅|(lambda|lam|λ)[ _]?([2y]|lat)"
+LATERAL = r"lateral|trans|quer|横|(?<!振)幅|(lambda|lam|λ)[ _]?([2y]|lat)"
 TRUE = r"true|wahr|vrai|verdader|\breal|真|log|hencky|cauchy"
 NOMINAL = r"nomin|engin|tech|nenn|conven|ing[ée]n|工程|名义|公称"
 
@@ -76,15 +76,20 @@ MEANINGS = {
 }
 """Quantities of a kind, where they are not the kind itself; a symbol may have several."""
 
+COUNTED = ("mode", "specimen", "weight", "cycle")
+"""Kinds whose units say nothing."""
+
 FACTS = {
-    "gauge length": r"gau?ge ?length|messlänge|meßlänge|einspannlänge|longueur"
-    r" (initiale|utile|de r)|longitud (inicial|calibrada|de ref)|标距|標点|grip (sep|dist)|\bl0\b",
-    "width": r"width|breite|largeur|ancho|anchura|宽度|幅|\bb0\b",
+    "gauge length": r"gau?ge ?length|messlänge|meßlänge|longueur (initiale|utile|de r)"
+    r"|longitud (inicial|calibrada|de ref)|标距|標点|\bl0\b",
+    "width": r"width|breite|largeur|ancho|anchura|宽度|(?<!振)幅|\bb0\b",
     "thickness": r"thick|dicke|[ée]paisseur|espesor|grosor|厚|\ba0\b",
     "diameter": r"diamet|durchmesser|diam[èe]t|di[áa]met|直径|\bd0\b",
     "area": r"\barea|querschnitt|section|secci|[áa]rea|截面|面积|断面積|\bs0\b",
-    "length": r"^(specimen )?(length|länge|longueur|longitud|长度|長さ)$",
-    "specimen": rf"{KINDS['specimen']}.*|^name$|bezeichnung|label|名称",
+    "length": r"^(specimen )?(length|länge|longueur|longitud|长度|長さ)$"
+    r"|einspannlänge|grip (sep|dist)",
+    "specimen": rf"({KINDS['specimen']}) ?(label|name|id|n[or°]?\.?|number|nummer|编号|番号)?$"
+    r"|^name$|bezeichnung|label|名称",
 }  # fmt: skip
 """Words for entries above a table."""
 
@@ -222,54 +227,38 @@ def heading_and_unit(text: str) -> tuple[str, str | None]:
         r"(.*?)\s*[(\[{<]([^()\[\]]*)[)\]}>]",
         r"(.*\S)\s+in\s+(\S+)",
         r"(.*\S)\s*/\s*(\S+)",
-        r"(.*[^\s,])\s*,\s*(\S*[^\W\d]\S*)",
-        r"(.+)_(\S*[^\W\d]\S*)",
-        r"(.*\S)\s+(\S*[^\W\d]\S*)",
+        r"(.*[^\s,_])\s*[\s,_]_?\s*(\S*[^\W\d]\S*)",
     ):
-        if (found := re.fullmatch(pattern, text)) and unit_in(found[2]) is not None:
+        found = re.fullmatch(pattern, text)
+        # Behind a blank or the like, only words that follow a quantity are units.
+        trusted = found and ("_" not in pattern or found_in({**KINDS, **FACTS}, found[1]))
+        if found and trusted and unit_in(found[2]) is not None:
             return found[1].rstrip("_"), found[2].strip()
     return text, None
 
 
 def quantities_of(heading: str, unit: str | None) -> tuple[str, ...]:
-    """Return the quantities that a heading and a unit may mean.
-
-    Raises
-    ------
-    ValueError
-        If the heading names a quantity that has no such unit.
-    """
+    """Return the quantities that a heading and a unit may mean; none if they contradict."""
     outside = re.sub(r"\(.*?\)|\[.*?\]", "", heading) or heading
     kind = found_in(KINDS, outside) or found_in(KINDS, heading)
-    known = None if unit is None else unit_in(unit)
-    dimension = [one for one in SI if known is not None and fits(known, one)]
-    if kind is None:
-        only = (
-            {"N": "force", "s": "time", "K": "temperature"}.get(SI.get(*dimension[:1], ""))
-            if (dimension and not heading)
-            else None
-        )
-        return (only,) if only else ()
-    meant = MEANINGS.get(kind, (kind,))
     words = plain(heading).lower()
-    if kind in ("strain", "stress", "stretch") and re.search(LATERAL, words):
+    if kind is None:
+        meant: tuple[str, ...] = () if heading else ("force", "time", "temperature")
+    elif kind in ("strain", "stress", "stretch") and re.search(LATERAL, words):
         meant = (f"lateral-{kind}",)
     elif kind in ("strain", "stress") and re.search(TRUE, words):
         meant = (f"true-{kind}",)
     elif kind == "stress" and re.search(r"\b(sigma|σ)\b", words):
         meant = ("nominal-stress", "true-stress")
-    if known is None or not meant:
-        return meant
+    else:
+        meant = MEANINGS.get(kind, (kind,))
+    known = unit_in(unit) if unit else None
+    if known is None:
+        return meant if heading else ()
     if kind == "stretch" and known == "%":
         return ("stretch", "engineering-strain")
-    if meant == ("engineering-strain",) and fits(known, "extension"):
+    if kind == "strain" and fits(known, "extension"):
         return ("extension",)
-    if meant == ("extension",) and not dimension:
+    if kind == "extension" and fits(known, "stretch"):
         return ("engineering-strain",)
-    chosen = tuple(one for one in meant if fits(known, one))
-    if not chosen and kind not in ("mode", "specimen", "weight", "cycle"):
-        raise ValueError(
-            f"column {heading!r} is in {unit}, which is no unit of {' or '.join(meant)}: name"
-            " what it is, such as columns={'force': '" + heading + "'} (--column force=...)"
-        )
-    return chosen
+    return tuple(one for one in meant if kind in COUNTED or fits(known, one))

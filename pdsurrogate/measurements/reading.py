@@ -8,7 +8,7 @@ from pathlib import Path
 from ..arguments import check_path, suggestion
 from .decks import is_deck, tests_of
 from .layout import Found, read_rows, with_specimens
-from .quantities import SI, fits, plain, unit_in
+from .quantities import SI, fits, plain, quantities_of, unit_in
 from .table import QUANTITIES, Block, Column, TableFile
 from .text import Row, decimal_sign, decode, rows_of, value
 
@@ -104,12 +104,28 @@ def read_tables(
         raise ValueError(f"cannot read {path}: {error.strerror}") from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+    for column in (one for block in blocks for one in block.columns):
+        _check_unit(path, column)
     understood = tuple(one for one in blocks if MEASURED & _meant(one))
     unknown = [str(one.lines[0]) for one in blocks if not MEASURED & _meant(one)]
     if understood and unknown:
         note = f"tables of which no column is understood, from lines {', '.join(unknown)}"
         return dataclasses.replace(found, blocks=understood, notes=(*found.notes, note))
     return dataclasses.replace(found, blocks=blocks)
+
+
+def _check_unit(path: Path, column: Column) -> None:
+    """Raise ValueError for a column whose heading and unit contradict each other."""
+    heading, unit = column.heading, column.unit
+    meant = quantities_of(heading, None)
+    if unit_in(unit or "") is None or column.quantities or not meant:
+        return
+    if not quantities_of(heading, unit):
+        raise ValueError(
+            f"{path}: column {heading!r} is in {unit}, which is no unit of {' or '.join(meant)}:"
+            f" name what it is, such as columns={{'force': {heading!r}}} (--column"
+            f" force={heading})"
+        )
 
 
 def _meant(block: Block) -> set[str]:

@@ -19,7 +19,7 @@ from .quantities import (
     unit_in,
     within_brackets,
 )
-from .text import MISSING, NUMBER, Row, value
+from .text import Row, value
 
 TEXT = ("mode", "specimen")
 """Quantities whose cells are text."""
@@ -37,7 +37,7 @@ class Segment:
     @property
     def columns(self) -> list[int]:
         """Places of columns that have cells."""
-        return sorted({place for row in self.rows for place in filled(row)})
+        return sorted({place for row in self.rows for place in row.filled})
 
     @property
     def lines(self) -> str:
@@ -49,21 +49,6 @@ def lines_of(rows: list[Row]) -> str:
     """Return the first and last line of rows, for messages."""
     first, last = rows[0].number, rows[-1].number
     return f"line {first}" if first == last else f"lines {first} to {last}"
-
-
-def filled(row: Row) -> dict[int, float | str]:
-    """Return the cells of a row that have a value, by their places."""
-    return {
-        place: cell
-        for place, cell in enumerate(row.cells)
-        if not isinstance(cell, str) or cell.lower() not in MISSING
-    }
-
-
-def text_at(row: Row, place: int) -> str:
-    """Return a cell as text, empty beyond the end."""
-    cell = row.cells[place] if place < len(row.cells) else ""
-    return cell if isinstance(cell, str) else f"{cell:.12g}"
 
 
 def kind_of(heading: str) -> str | None:
@@ -84,7 +69,7 @@ def segments(rows: list[Row]) -> tuple[list[Segment], list[Row]]:
     texts: set[int] = set()
     going = False  # whether the row before was one of a table, apart from comments
     for row in rows:
-        cells = filled(row)
+        cells = row.filled
         words = {place for place, cell in cells.items() if isinstance(cell, str)}
         numbers = cells.keys() - words
         if row.comment and going and not facts_of([row]):
@@ -94,11 +79,12 @@ def segments(rows: list[Row]) -> tuple[list[Segment], list[Row]]:
         elif going and numbers and words <= texts and not numbers & texts:
             found[-1].rows.append(row)
             continue
-        elif going and numbers and re.match(r"[+-]?[.,]?\d", text_at(row, min(cells))):
+        elif going and numbers and re.match(r"[+-]?[.,]?\d", row.text(min(cells))):
             wrong = min((words - texts) or (numbers & texts))
-            raise ValueError(f"line {row.number}: {text_at(row, wrong)!r} is no number")
+            raise ValueError(f"line {row.number}: {row.text(wrong)!r} is no number")
         elif (found and not above and numbers and words <= texts and not numbers & texts) or (
-            len(numbers) > 1 and words <= texts | _text_columns(above, words, numbers)
+            (len(numbers) > 1 and words <= texts | _text_columns(above, words, numbers))
+            or (_under_headings(row, above) and numbers and not words)
         ):
             found.append(Segment(above, [row]))
             above, texts, going = [], words, True
@@ -109,17 +95,23 @@ def segments(rows: list[Row]) -> tuple[list[Segment], list[Row]]:
     return found, above
 
 
+def _under_headings(row: Row, above: list[Row]) -> bool:
+    """Whether a row has as many cells as a row of text above it, two at least."""
+    texts = above and all(isinstance(cell, str) for cell in above[-1].cells)
+    return bool(texts) and len(row.cells) == len(above[-1].cells) > 1
+
+
 def _text_columns(above: list[Row], words: set[int], numbers: set[int]) -> set[int]:
     """Return which places of text are columns by the row above: those of modes and specimens,
     and others if they are fewer than the numbers, which have headings.
     """
     if not above or any(isinstance(cell, float) for cell in above[-1].cells):
         return set()
-    few = len(words) < len(numbers) and all(text_at(above[-1], place) for place in numbers)
+    few = len(words) < len(numbers) and all(above[-1].text(place) for place in numbers)
     return {
         place
         for place in words
-        if few or any(kind_of(text_at(row, place)) in TEXT for row in above[-2:])
+        if few or any(kind_of(row.text(place)) in TEXT for row in above[-2:])
     }
 
 
@@ -137,19 +129,24 @@ def take_headings(segment: Segment, before: Segment | None) -> None:
     units: dict[int, str] = {}
     if above and _are_units(above[-1], columns):
         last = above.pop()
-        units = {place: within_brackets(text_at(last, place)) for place in columns}
+        units = {place: within_brackets(last.text(place)) for place in columns}
     wide = [
         row
         for row in above[:-3:-1]
         if not any(isinstance(cell, float) for cell in row.cells)
-        and len({*columns} & filled(row).keys()) >= max(2, len(columns) / 2)
+        and len({*columns} & row.filled.keys()) >= max(2, len(columns) / 2)
+        and (len(row.cells) > min(columns[-1], 2) or any(map(kind_of, map(str, row.cells))))
     ]
     head = max(
         wide,
-        key=lambda row: sum(kind_of(text_at(row, place)) is not None for place in filled(row)),
+        key=lambda row: sum(kind_of(row.text(place)) is not None for place in row.filled),
         default=Row(0, []),
     )
     if not wide and not units and before and before.columns == columns:
+        one = above[-1] if above else segment.rows[0]
+        alone = before.rows[-1].number + 1 == one.number == segment.rows[0].number - 1
+        if alone and len(one.filled) == len(columns) and not {*facts_of([one])} & {*FACTS}:
+            raise ValueError(f"line {one.number}: {one.text(0)!r} is no number")
         segment.headings = before.headings
         if above and _is_title(above[-1]):
             segment.titles = [above.pop()]
@@ -166,10 +163,10 @@ def take_headings(segment: Segment, before: Segment | None) -> None:
     segment.titles += [
         row
         for row in above[::-1]
-        if len(cells := filled(row)) == 1 and kind_of(text_at(row, *cells)) == "specimen"
+        if len(cells := row.filled) == 1 and kind_of(row.text(*cells)) == "specimen"
     ]
     for place in columns:
-        heading, unit = heading_and_unit(text_at(head, place))
+        heading, unit = heading_and_unit(head.text(place))
         segment.headings[place] = (heading, units.get(place) or unit)
 
 
@@ -177,9 +174,9 @@ def _is_title(row: Row) -> bool:
     """Whether a row above headings has titles: one entry alone, or several that are apart or
     alike.
     """
-    cells = filled(row)
+    cells = row.filled
     if len(cells) == 1:
-        text = text_at(row, *cells)
+        text = row.text(*cells)
         said = kind_of(text) == "specimen" or found_in(MODES, text)
         return not facts_of([row]) and bool(said or not row.comment)
     texts = all(isinstance(cell, str) for cell in cells.values())
@@ -189,7 +186,7 @@ def _is_title(row: Row) -> bool:
 
 def _are_units(row: Row, columns: list[int]) -> bool:
     """Whether half of the cells of a row, at least, are units, and some have a dimension."""
-    cells = [text_at(row, place) for place in columns]
+    cells = [row.text(place) for place in columns]
     known = [unit_in(cell) for cell in cells if cell]
     return any(known) and 2 * (len(known) - known.count(None)) >= len(known)
 
@@ -200,10 +197,10 @@ def facts_of(rows: list[Row], sign: str = ".") -> dict[str, str]:
     """
     facts: dict[str, str] = {}
     for row in rows:
-        cells = [text_at(row, place) for place in filled(row)]
+        cells = [row.text(place) for place in row.filled]
         if len(cells) == 1:
             entry = re.match(r"(.*?\S)\s*(?:[:=]\s*|\t+|\s{2,})(\S.*)", cells[0])
-            loose = re.match(rf"(\D*[^\d\W])\s+({NUMBER.pattern}.*)", cells[0])
+            loose = re.match(r"(\D*[^\d\W])\s+([+-]?[\d.,].*)", cells[0])
             if not entry and loose and found_in(FACTS, loose[1]) in LENGTHS:
                 entry = loose
             cells = [entry[1], entry[2]] if entry else []
@@ -216,7 +213,9 @@ def facts_of(rows: list[Row], sign: str = ".") -> dict[str, str]:
             cells = cells[taken:]
             amount, *rest = entry.split(" ", 1)
             known = found_in(FACTS, name)
-            if known in LENGTHS and isinstance(number := value(amount, sign), float):
-                entry = " ".join([f"{number:.12g}", *rest])
+            if known in LENGTHS:
+                number = value(amount, sign)
+                known = known if isinstance(number, float) else None
+                entry = " ".join([f"{number:.12g}", *rest]) if known else entry
             facts.setdefault(known or name, f"{entry} {unit}" if unit else entry)
     return facts

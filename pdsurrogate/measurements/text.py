@@ -4,11 +4,12 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Iterable
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 from .quantities import FACTS, KINDS, plain
 
-ENCODINGS = ["cp1252", "gb18030", "cp932", "euc_jp"]
+ENCODINGS = ["cp1252", "gb18030", "cp932", "euc_jp", "latin_1"]
 """Encodings of machines, beside UTF-8 and UTF-16."""
 
 MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
@@ -17,24 +18,50 @@ MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-
 SEPARATORS = ("\t", ";", ",", "|", " ")
 
 SAMPLE = 2000
-"""Lines by which the separator is found."""
+"""Lines by which the separator and the decimal sign are found."""
 
-NUMBER = re.compile(
-    r"[+-]?(?:\d{1,3}(?P<group>[.,'\u2019\u00a0\u202f])\d{3}(?:(?P=group)\d{3})*"
-    r"(?:(?!(?P=group))[.,]\d*)?|\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
-)
-"""A number with either decimal sign, and groups of thousands."""
+GROUPS = r"'\u2019\u00a0\u202f"
+"""Signs between thousands, beside the point or comma that is not the decimal sign."""
+
+NUMBERS = {
+    sign: re.compile(
+        rf"[+-]?(?:\d{{1,3}}(?P<group>[{other}{GROUPS}])\d{{3}}(?:(?P=group)\d{{3}})*|\d+"
+        rf"|(?=[{sign}]\d))(?:[{sign}]\d*)?(?:[eE][+-]?\d+)?"
+    )
+    for sign, other in (".,", ",.")
+}
+"""Numbers by their decimal sign."""
+
+PLAIN = {
+    sign: str.maketrans(",", ".", other + "'\u2019\u00a0\u202f") for sign, other in (".,", ",.")
+}
+"""What makes them numbers of Python."""
 
 MISSING = {"", "-", "--", "---", "n/a", "na", "nan", "null", "#n/a", "*", "*****"}
 """Cells without a value, in small letters."""
 
 
-class Row(NamedTuple):
-    """A line of a file: its number from 1, and numbers and text; "" is an empty cell."""
+@dataclass
+class Row:
+    """A line of a file: its number from 1, and numbers and text."""
 
     number: int
     cells: list[float | str]
     comment: bool = False
+
+    @cached_property
+    def filled(self) -> dict[int, float | str]:
+        """The cells that have a value, by their places."""
+        return {
+            place: cell
+            for place, cell in enumerate(self.cells)
+            if not isinstance(cell, str) or cell.lower() not in MISSING
+        }
+
+    def text(self, place: int) -> str:
+        """Return a cell as text, empty beyond the end."""
+        cell = self.cells[place] if place < len(self.cells) else ""
+        return cell if isinstance(cell, str) else f"{cell:.12g}"
 
 
 def decode(data: bytes) -> tuple[str, str] | None:
@@ -76,7 +103,7 @@ def _known_words(text: str) -> int:
 
 def numeric(cell: str) -> bool:
     """Whether a cell is a number with either decimal sign."""
-    return NUMBER.fullmatch(cell) is not None
+    return any(pattern.fullmatch(cell) for pattern in NUMBERS.values())
 
 
 def split(lines: list[str], separator: str) -> list[list[str]]:
@@ -106,7 +133,7 @@ def rows_of(text: str) -> tuple[list[Row], str, str]:
     lines = [line.strip("\ufeff\x1a") for line in text.splitlines()]
     if any(len(line) > csv.field_size_limit() for line in lines):
         raise ValueError("a line is too long for a table")
-    marks = [re.match(r"\s*(#+|//|\*\*)\s?", line) for line in lines]
+    marks = [re.match(r"\s*(#+|//|\*\*|sep=)\s?", line) for line in lines]
     bare = [line[mark.end() :] if mark else line for line, mark in zip(lines, marks, strict=True)]
     body = [line for line, mark in zip(lines, marks, strict=True) if line.strip() and not mark]
     middle = max(0, len(body) - SAMPLE) // 2
@@ -121,7 +148,7 @@ def rows_of(text: str) -> tuple[list[Row], str, str]:
     cells = split(bare, separator)
     if separator == " ":
         cells = _words(bare, cells)
-    sign = decimal_sign([row for row, mark in zip(cells, marks, strict=True) if not mark])
+    sign = decimal_sign([row for row, mark in zip(cells, marks, strict=True) if not mark][:SAMPLE])
     rows = [
         Row(number, [value(cell, sign) for cell in row], mark is not None)
         for number, (row, mark) in enumerate(zip(cells, marks, strict=True), start=1)
@@ -185,7 +212,4 @@ def _signs(cells: Iterable[str]) -> tuple[dict[str, str], str]:
 
 def value(cell: str, sign: str) -> float | str:
     """Return the number in a cell, or its text."""
-    if not numeric(cell):
-        return cell
-    digits = re.sub(rf"[^-+\deE{sign}]", "", cell)
-    return float(digits.replace(sign, "."))
+    return float(cell.translate(PLAIN[sign])) if NUMBERS[sign].fullmatch(cell) else cell

@@ -1,24 +1,14 @@
-"""Drawings of a `Result`: pictures of its states, curves, and a page of HTML that needs no other
-file.
-"""
+"""Drawings of a `Result`: pictures of its states, and curves."""
 
-import base64
-import io
-import json
 from collections.abc import Iterable, Sequence
-from html import escape
 from pathlib import Path
-from string import Template
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..html_tables import html_facts
-from ..progress import event
 from . import figures
-from .contents import leaves_of
 from .measures import greatest_of, label_of, scalars_of
-from .tables import columns_of, facts, html_history, kind_of
+from .tables import columns_of, kind_of
 
 SHOWN_SHARE = 1e-3
 """Size of a force component, divided by that of the greatest component, above which it is drawn or
@@ -26,24 +16,8 @@ printed. Chosen: smaller ones may be residuals, which an equilibrium leaves up t
 the forces that drive the body.
 """
 
-PAGE = Path(__file__).with_name("page.html")
-"""Path of the template that `html_page` fills in."""
-
 MOST_PANELS = 4
 """Greatest number of states in a figure of a run."""
-
-MOST_OUTPUTS = 40
-"""Greatest number of states on a page of HTML; from a longer run, states are chosen evenly. Chosen:
-the page holds a picture of every field in every state, so that its size grows with both.
-"""
-
-MOST_ROWS = 200
-"""Greatest number of rows of a run's history on a page of HTML; of a longer one every second, third
-or further row is shown. Chosen: the table stays readable, and ``history.csv`` has all rows.
-"""
-
-USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
-"""Fields that a page of HTML shows by default, as far as the last state has them."""
 
 
 def states_figure(
@@ -127,13 +101,15 @@ def loading_figure(result) -> Figure:
     scene = result.scene
     if not scene.stretched:
         moves = scene.obstacles or any(any(e.displacement) or e.rotation for e in scene.prescribed)
-        return _figure_of(result, *(("force", "force") if moves else ("length", "displacement")))
+        return columns_figure(
+            result, *(("force", "force") if moves else ("length", "displacement"))
+        )
     known = [level for level in result.levels if "nominal_stress_reference" in level]
     references = [(level["stretch"], level["nominal_stress_reference"]) for level in known]
-    return _figure_of(result, "stress", "nominal stress", references)
+    return columns_figure(result, "stress", "nominal stress", references)
 
 
-def _figure_of(
+def columns_figure(
     result, kind: str, what: str, references: Sequence[tuple[float, float]] = ()
 ) -> Figure:
     """Return a figure of the columns of the history whose unit is of a kind, over the stretch, the
@@ -180,68 +156,3 @@ def save_drawings(result, folder: Path) -> None:
         figures.save(loading_figure(result), folder / f"{name}-loading.png")
     if not result.states.in_pieces:
         figures.save(whole_figure(result), folder / f"{name}.png")
-
-
-def html_page(result, fields: Sequence[str] = ()) -> str:
-    """Return a page in HTML that shows a result: pictures of fields at the outputs, curves, tables,
-    and versions of the software.
-
-    Parameters
-    ----------
-    result : Result
-    fields : sequence of str
-        Fields as for `Result.plot`; by default displacement, von Mises stress, greatest principal
-        stretch and damage, as far as the result has these fields.
-
-    Raises
-    ------
-    ValueError
-        If the result has no such field.
-    """
-    count = len(result.states)
-    shown = _spread(count, MOST_OUTPUTS)
-    known = result.field_names() if shown else ()
-    chosen = (list(fields) or [name for name in USUAL if name in known]) if shown else []
-    pictures = {field: [] for field in chosen}
-    for field, uris in pictures.items():
-        drawn = {}
-        for number in shown:
-            state = result.states[number][1]
-            # A run in dynamics has fields that its states in equilibrium lack.
-            if field not in known or field in state:
-                drawn[number] = scalars_of(state, field), greatest_of(state, field)
-        limits = _limits_of(drawn.values())
-        for number in shown:
-            uris.append(_uri(result.plot(field, number, limits)) if number in drawn else "")
-            event("drawing", sum(map(len, pictures.values())), len(chosen) * len(shown))
-    titles = [title_of(result, number) for number in shown]
-    labels = {field: label_of(field, result.scene.units) for field in chosen}
-    curves = {"loading": loading_figure(result)} if result.history else {}
-    if "energy" in map(kind_of, columns_of(result.history)):
-        curves["energy"] = _figure_of(result, "energy", "energy")
-    origin = {key: result.summary.get(key, {}) for key in ("provenance", "digests")}
-    history = result.history[:: max(1, -(-len(result.history) // MOST_ROWS))]
-    return Template(PAGE.read_text("utf-8")).substitute(
-        title=escape(f"{result.summary['scene']}, {result.summary['force']}"),
-        options="".join(f"<option>{escape(field)}</option>" for field in chosen),
-        last=max(len(shown) - 1, 0),
-        hidden="" if shown and chosen else "hidden",
-        left_out=f"<p>{len(shown)} of {count} outputs are shown.</p>" if len(shown) < count else "",
-        curves="".join(
-            f'<figure><img alt="{what}" src="{_uri(one)}"></figure>' for what, one in curves.items()
-        ),
-        summary=facts(result),
-        history=html_history(history, result.scene.units),
-        scene=result.scene._repr_html_(),
-        versions=html_facts("Where it comes from", leaves_of(origin)),
-        data=json.dumps({"pictures": pictures, "titles": titles, "labels": labels}).replace(
-            "</", "<\\/"
-        ),
-    )
-
-
-def _uri(figure) -> str:
-    """Return a figure as a data URI that holds a PNG picture."""
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=110)
-    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()

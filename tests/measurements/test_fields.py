@@ -2,8 +2,11 @@
 the form of each program, has its places, displacements and lost points again.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from pdsurrogate.measurements import is_field, read_fields
 
@@ -51,7 +54,8 @@ def al_dic(path):
 
 def matchid(path):
     rows = [
-        (*x, *(X * UP), 0.3, *(U * UP), 0.0) for x, X, U in zip(PIXELS, MM, MM_MOVED, strict=True)
+        (*x, *((X + U) * UP), 0.3, *(U * UP), 0.0)
+        for x, X, U in zip(PIXELS, MM, MM_MOVED, strict=True)
     ]
     heading = (
         "Coordinates.Image X [Pixel],Coordinates.Image Y [Pixel],coor.X [mm],coor.Y [mm],"
@@ -87,7 +91,21 @@ def sun_dic(path):
     )
 
 
-@pytest.mark.parametrize("program", [dice, vic_3d, al_dic, matchid, aramis, al_dic_3d, sun_dic])
+def gom(path):
+    rows = [(*(X + U), 0.3, *U, 0) for X, U in zip(MM, MM_MOVED, strict=True)]
+    heading = "# a\n# b\nx,y,z,displacement_x,displacement_y,displacement_z"
+    return write(path, heading, [*rows, (7, 1, 2, "", "", "")])
+
+
+def davis(path):
+    rows = [(*X, 0.3, *U, 0) for X, U in zip(MM, MM_MOVED, strict=True)]
+    heading = "x [mm];y [mm];z [mm];X-displacement [mm];Y-displacement [mm];Z-displacement [mm]"
+    return write(path, heading, [*rows, (7, 1, 2, "", "", "")], ";")
+
+
+@pytest.mark.parametrize(
+    "program", [dice, vic_3d, al_dic, matchid, aramis, al_dic_3d, sun_dic, gom, davis]
+)
 def test_an_affine_motion_is_read_from_the_form_of_each_program(program, tmp_path):
     path = program(tmp_path / "file_3.csv")
     field = read_fields(path)
@@ -96,6 +114,65 @@ def test_an_affine_motion_is_read_from_the_form_of_each_program(program, tmp_pat
     np.testing.assert_allclose(field.displacements, MOVED * UP if pixels else MM_MOVED, atol=1e-9)
     assert (field.lost, field.step.tolist()) == (1, [1] * 6)
     assert is_field(path) == field.form
+
+
+def ncorr(path):
+    """Displacements on a grid of every tenth pixel, zero outside the region and at lost points."""
+    u, v = np.zeros((2, 8, 6))
+    for (x, y), moved in zip(PIXELS, MOVED, strict=True):
+        u[int(y) // 10, int(x) // 10], v[int(y) // 10, int(x) // 10] = 0.1 * moved
+    later = u.copy()
+    later[7, 0] = 1.0
+    images = [{"plot_u_ref_formatted": one, "plot_v_ref_formatted": v} for one in (u, later)]
+    info = {"spacing": 9, "radius": 15, "pixtounits": 0.1, "units": "mm"}
+    savemat(path, {"data_dic_save": {"displacements": images, "dispinfo": info}})
+    return path
+
+
+def test_ncorr_marks_points_by_zeros(tmp_path):
+    field = read_fields(ncorr(tmp_path / "fields.mat"))
+    first = field.step == 1
+    np.testing.assert_allclose(field.places[first], 0.1 * PIXELS * UP)
+    np.testing.assert_allclose(field.displacements[first], MM_MOVED)
+    assert (field.unit, field.lost, len(field.step)) == ("mm", 1, 13)
+    assert field.subset == pytest.approx(3.1)
+    (tmp_path / "raw.mat").write_bytes(b"MATLAB 7.3 MAT-file" + bytes(105) + b"\x00\x02IM")
+    with pytest.raises(ValueError, match="rmfield"):
+        read_fields(tmp_path / "raw.mat")
+
+
+DATA = Path(__file__).parents[1] / "data" / "fields"
+TRUE = np.array([[0.020, 0.010], [-0.015, -0.008]]), np.array([1.3, -0.7])  # y downward
+
+
+@pytest.mark.parametrize(
+    ("files", "options", "scales", "bottom"),
+    [
+        (["al-dic_frame_2.csv", "al-dic_frame_3.csv"], {}, [1, 2], 0),
+        (["al-dic.npz"], {}, [1, 2], 0),
+        (["al-dic.mat"], {}, [1, 2], 0),
+        (["sun-dic_0.csv", "sun-dic_1.csv"], {}, [1, 2], 0),
+        (["py3dic.dic"], {}, [1, 2], 0),
+        (["pyxel_1.vtu", "pyxel_2.vtu"], {"unit": "px"}, [1, 2], 0),
+        (["muDIC_list.npz"], {"up": False}, [0.5, 1], 0),
+        (["muDIC_folder.npz"], {"up": True}, [0.5, 1], 179),  # the lowest row of pixels is 0
+    ],
+    ids=lambda one: one[0] if isinstance(one, list) and isinstance(one[0], str) else "",
+)
+def test_files_that_programs_wrote_have_the_motion_of_the_images(files, options, scales, bottom):
+    field = read_fields(*(DATA / name for name in files), **options)
+    assert (field.unit, field.lost) == ("px", 0)
+    assert sorted(set(field.step)) == [1, 2]
+    pixels = (field.places - [0, bottom]) * UP
+    scale = np.array(scales)[field.step - 1, None]
+    true = scale * (pixels @ TRUE[0].T + TRUE[1]) * UP
+    assert np.abs(field.displacements - true).max() < 0.3
+    assert np.sqrt(((field.displacements - true) ** 2).mean()) < 0.08
+    assert is_field(DATA / files[0]) == field.form
+
+
+def test_al_dic_states_the_width_of_a_subset_in_its_mat_file():
+    assert read_fields(DATA / "al-dic.mat").subset == 20
 
 
 def test_sigma_of_a_match_is_a_deviation_in_the_unit_of_the_displacements(tmp_path):
@@ -109,15 +186,19 @@ def test_sigma_of_a_match_is_a_deviation_in_the_unit_of_the_displacements(tmp_pa
 def test_files_are_images_in_the_order_of_their_numbers(tmp_path):
     heading = "node_id,x_px,y_px,disp_u,disp_v"
     files = [
-        write(tmp_path / f"frame_{k}.csv", heading, [(0, 5, 6, 0.1 * k, 0.2 * k)])
-        for k in (0, 2, 10)
+        write(
+            tmp_path / f"frame_{k:.0f}.csv",
+            heading,
+            [(0, 5, 6, 0.1 * k, 0.2 * k), (1, 7, 6, 0.1 * k, 0.2 * k)],
+        )
+        for k in (1e-12, 2, 10)
     ]
     field = read_fields(files[2], files[0], files[1])
-    assert field.step.tolist() == [1, 2]
-    assert field.displacements[:, 0] == pytest.approx([0.2, 1.0])
-    assert any("frame_0.csv, frame_2.csv, frame_10.csv" in note for note in field.notes)
+    assert field.step.tolist() == [1, 1, 2, 2]
+    assert field.displacements[:, 0] == pytest.approx([0.2, 0.2, 1.0, 1.0])
+    assert any("frame_0.csv to frame_10.csv" in note for note in field.notes)
     with pytest.raises(ValueError, match="give no order"):
-        read_fields(files[0], files[0].rename(tmp_path / "frame_00.csv"))
+        read_fields(files[1], write(tmp_path / "frame_02.csv", heading, [(0, 5, 6, 1, 1)]))
 
 
 def test_rows_of_a_table_with_steps_are_numbered_by_them(tmp_path):
@@ -125,6 +206,23 @@ def test_rows_of_a_table_with_steps_are_numbered_by_them(tmp_path):
     field = read_fields(path)
     assert (field.step.tolist(), field.unit, field.lost) == ([3, 7], "", 0)
     assert field.places.tolist() == [[0, 0], [1, 2]]
+
+
+def test_places_of_solids_have_three_coordinates(tmp_path):
+    path = write(tmp_path / "F.csv", "step,x1,x2,x3,u1,u2,u3", [(1, 1, 2, 3, 0.1, 0.2, 0.3)])
+    field = read_fields(path, dimension=3)
+    assert (field.places.tolist(), field.displacements.tolist()) == ([[1, 2, 3]], [[0.1, 0.2, 0.3]])
+    field = read_fields(al_dic_3d(tmp_path / "a.csv"), dimension=3)  # Z away from the camera
+    assert field.places[:, 2].tolist() == [-500] * 6
+    with pytest.raises(ValueError, match="no column x3"):
+        read_fields(write(tmp_path / "F.csv", "step,x1,x2,u1,u2", [(1, 1, 2, 0, 0)]), dimension=3)
+    with pytest.raises(ValueError, match="tables alone"):
+        read_fields(DATA / "al-dic.npz", dimension=3)
+
+
+def test_a_deviation_of_zero_is_none(tmp_path):
+    path = write(tmp_path / "a.txt", DICE, [(1, 2, 0.1, 0.2, 0, 0, 0)])
+    assert np.isnan(read_fields(path).deviation).all()
 
 
 def test_headings_again_begin_the_next_image(tmp_path):
@@ -150,10 +248,12 @@ def test_columns_of_no_known_program_need_a_unit_and_a_direction(tmp_path):
         (DICE.replace("false", "true") + "\n1,2,0,0,0,0,0\n", "fixed pixels"),
         (DICE + "\n", "no rows"),
         (DICE + "\n1,2,0,0,-1,0,0\n", "all points are lost"),
-        (DICE + "\n1,2,0,a,0,0,0\n", "line 8: DISPLACEMENT_Y is not a number: 'a'"),
-        (DICE + "\n1,2,0,inf,0,0,0\n", "line 8: DISPLACEMENT_Y must be finite"),
+        (DICE + "\n1,2,0,a,0,0,0\n", "line 8: DISPLACEMENT_Y is not a finite number: 'a'"),
+        (DICE + "\n1,2,0,inf,0,0,0\n", "line 8: DISPLACEMENT_Y is not a finite number: 'inf'"),
         (DICE + "\n1,2,0\n", "line 8: the line has 3 values for 7 columns"),
         ("x1,x2,u1,u2\n1,2,0,0\n", "no column step"),
+        ("step,x1,x2,u1,u2\n1.5,1,2,0,0\n", "must be whole"),
+        ("x [px],y [px],u [mm],v [mm]\n1,2,0,0\n", "is in mm and px, not in one unit"),
         ("step,x1,x2,u1,u2,u2\n1,1,2,0,0,0\n", "two columns u2"),
         ("a,b\n1,2\n", "no line names columns"),
     ],
@@ -163,6 +263,34 @@ def test_a_file_that_is_no_field_is_refused_with_the_cause(text, message, tmp_pa
     path.write_text(text)
     with pytest.raises(ValueError, match=message):
         read_fields(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("a.sdic", "getDisplacements"), ("a.pyv", "can run code"), ("a.npz", "at fixed pixels")],
+)
+def test_a_file_that_is_not_read_says_what_to_export(name, message, tmp_path):
+    if name == "a.npz":
+        np.savez(tmp_path / name, u=np.zeros((2, 3, 3)), v=np.zeros((2, 3, 3)))
+    with pytest.raises(ValueError, match=message):
+        read_fields(tmp_path / name)
+
+
+def test_places_that_move_with_the_points_are_those_of_the_deformed_body(tmp_path):
+    rows = [
+        (step, *(x + step * u).round(2), *(step * u))
+        for step in (1, 2)
+        for x, u in zip(MM, MM_MOVED, strict=True)
+    ]
+    field = read_fields(write(tmp_path / "F.csv", "step,x1,x2,u1,u2", rows))
+    np.testing.assert_allclose(field.places, np.vstack([MM, MM]), atol=0.006)
+    assert "deformed body" in field.notes[0]
+
+
+def test_py3dic_tables_are_refused_for_the_list_of_points(tmp_path):
+    path = write(tmp_path / "a.csv", "index,pos_x,pos_y,disp_x,disp_y", [(0, 1, 2, 0.1, 0.2)])
+    with pytest.raises(ValueError, match="give its result"):
+        read_fields(path, unit="px")
 
 
 def test_a_direction_that_contradicts_the_program_is_refused(tmp_path):

@@ -246,6 +246,7 @@ REFUSED = {
     "commas for everything": (b"Strain,Stress\n0,5,1,5\n0,6,1,6\n", "4 values for 2 columns"),
     "a cell": (b"Strain,Stress\n0.5,1.5\n0.6,1.6x\n0.7,1.7\n", "line 3: '1.6x' is no number"),
     "a first cell": (b"Strain,Stress\n0.5,1.5\n0.6x,1.6\n0.7,1.7\n", "line 3: '0.6x' is no"),
+    "a first word": (b"Strain,Stress\n0.5,1.5\nx0.6,1.6\n0.7,1.7\n", "line 3: 'x0.6' is no number"),
     "stress in newtons": (b"Strain,Stress (N)\n0.5,1.5\n0.6,1.6\n", "'Stress' is in N, which"),
     "time in millimetres": (b"Time (mm),Load\n0.5,1.5\n0.6,1.6\n", "'Time' is in mm"),
     "deck with text": (b"*Uniaxial test data\n0.1, 0.1\n0.2, x\n", "line 3: '0.2, x' has a cell"),
@@ -311,12 +312,11 @@ def test_columns_and_units_that_the_file_does_not_have_are_refused(options, mess
         read_tables(MACHINES / "decimal-comma.txt", **options)
 
 
-def test_a_bare_stress_beside_a_true_strain_is_ambiguous(tmp_path):
+def test_a_column_whose_unit_contradicts_its_heading_is_what_the_user_says(tmp_path):
     path = tmp_path / "table.csv"
-    path.write_text("True strain,Stress (MPa)\n0,0\n0.1,0.2\n")
-    assert read_tables(path).blocks[0].columns[1].quantities == ("nominal-stress", "true-stress")
-    path.write_text("True strain,Engineering stress (MPa)\n0,0\n0.1,0.2\n")
-    assert read_tables(path).blocks[0].columns[1].quantities == ("nominal-stress",)
+    path.write_text("sep=,\nStrain,Stress (N)\n0,0\n0.1,0.2\n")
+    (block,) = read_tables(path, columns={"force": "Stress"}).blocks
+    assert meaning(block) == "engineering-strain/ force/N"
 
 
 def test_decks_have_lateral_strains_and_keywords_of_any_case(tmp_path):

@@ -1,10 +1,6 @@
-"""What is drawn of a saved run and of a scene before it runs, and the page of HTML in a browser."""
+"""What is drawn of a saved run and of a scene before it runs."""
 
 import json
-import os
-import re
-import shutil
-import subprocess
 
 import numpy as np
 import pytest
@@ -13,14 +9,7 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
-from pdsurrogate.cli.show import MARK
 from pdsurrogate.results import figures
-from pdsurrogate.results.drawings import html_page
-
-BROWSER = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))),
-    None,
-)
 
 
 def invoke(*arguments):
@@ -138,91 +127,3 @@ def test_a_scene_is_drawn_before_it_is_run(name, tmp_path, monkeypatch):
     }
     assert len(colors) == len(figure.legends[0].get_patches())
     assert len(np.unique((picture * 50).round() @ [1, 100, 10_000])) > len(colors)
-
-
-@pytest.fixture(scope="module")
-def page(folder):
-    return html_page(pds.load_result(folder), ["displacement", "stress_11"])
-
-
-def test_the_page_holds_everything_and_fetches_nothing(page):
-    data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
-    assert MARK in page.encode()  # by which it may be replaced
-    assert list(data["pictures"]) == ["displacement", "stress_11"]
-    assert all(
-        picture.startswith("data:image/png;base64,")
-        for pictures in data["pictures"].values()
-        for picture in pictures
-    )
-    assert data["titles"] == ["stretch 1.2", "stretch 1.5"]
-    assert not re.search(r"""(src|href)=["']?(?!data:)\w""", page)
-    assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)
-    for words in (
-        "neo-hookean@2",
-        pds.__version__,
-        "strain_energy [kPa cm^2]",
-        "digests.neo-hookean@2",
-        "stretches",
-    ):
-        assert words in page
-
-
-def test_a_page_of_a_run_without_outputs_has_no_pictures(folder, tmp_path):
-    bare = shutil.copytree(folder, tmp_path / "bare")
-    for path in (*bare.glob("*.pvd"), *bare.glob("*.vtu")):
-        path.unlink()
-    page = html_page(pds.load_result(bare), ["stress_11"])
-    data = re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1]
-    assert json.loads(data) == {"pictures": {}, "titles": [], "labels": {}}
-
-
-def test_a_file_that_is_no_page_is_not_replaced(folder, tmp_path):
-    (tmp_path / "mine.html").write_text("mine")
-    done = invoke("show", folder, "--html", tmp_path / "mine.html")
-    assert done.exit_code == 2
-    assert "was not written by pdsurrogate show and would be overwritten" in done.stderr
-    assert (tmp_path / "mine.html").read_text() == "mine"
-
-
-def dom(page, tmp_path):
-    """The document of a page after its scripts have run, in a browser that reaches no network."""
-    path = tmp_path / "page.html"
-    path.write_text(page)
-    options = [
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--proxy-server=127.0.0.1:9",
-        f"--user-data-dir={tmp_path / 'profile'}",
-    ]
-    command = [BROWSER, *options, "--virtual-time-budget=2000", "--dump-dom", path.as_uri()]
-    return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-        env={**os.environ, "HOME": str(tmp_path)},
-    ).stdout
-
-
-@pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on this machine")
-def test_the_slider_of_the_page_shows_the_outputs_in_a_browser(page, tmp_path):
-    data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
-
-    def shown(document):
-        picture = re.search(r'<img id="picture"[^>]*>', document)[0]
-        return (
-            re.search(r'src="([^"]*)"', picture)[1],
-            re.search(r'<output id="title">([^<]*)<', document)[1],
-        )
-
-    assert shown(dom(page, tmp_path)) == (data["pictures"]["displacement"][1], "stretch 1.5")
-    moved = """<script>
-    output.value = 0; output.dispatchEvent(new Event("input"));
-    field.value = "stress_11"; field.dispatchEvent(new Event("change"));
-    </script></body>"""
-    assert shown(dom(page.replace("</body>", moved), tmp_path)) == (
-        data["pictures"]["stress_11"][0],
-        "stretch 1.2",
-    )
