@@ -19,7 +19,7 @@ KINDS = {
     "S": {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"},
 }
 KINDS |= {"T2D": KINDS["T3D"]}
-KINDS |= dict.fromkeys(("CPS", "CPE", "CPEG", "CAX", "M3D", "SFM3D", "STRI"), KINDS["S"])
+KINDS |= dict.fromkeys(("CPS", "CPE", "CPEG", "CAX", "M3D", "SFM3D", "STRI", "R3D"), KINDS["S"])
 """Names in meshio of cells, by the first letters of an element's type and its number of nodes,
 which follows them in the type. Manuals of Abaqus and of CalculiX 2.20.
 """

@@ -95,12 +95,15 @@ def read_fields(
     kept = ~lost
     if first.dialect is not OWN:
         numbers, step = np.unique(image, return_inverse=True)
-        smallest = 1e-6 * np.ptp(places[kept], axis=0).max()  # rounding, not measured
-        if np.any(np.abs(displacements[kept & (step == 0)]) > smallest) or len(numbers) == 1:
-            step = step + 1
-        else:
+        if first.numbered:
+            notes.append(f"images by their numbers, {numbers[0]:g} to {numbers[-1]:g}")
+        size = np.abs(displacements[kept & (step == 0)]).max(initial=0.0)
+        rounding = 1e-6 * np.ptp(places[kept], axis=0).max()
+        if len(numbers) > 1 and (kept & (step == 0)).any() and size <= rounding:
             notes.append("the first image, without displacements, is the reference image")
             kept &= step > 0
+        else:
+            step = step + 1
     return MeasuredField(
         first.dialect.form,
         str(first.unit),

@@ -53,7 +53,7 @@ KINDS = {
     "temperature": r"temp|温度",
     "specimen": r"specimen|sample|probe|[ée]prouvette|probeta|muestra|试样|样品|試験片",
     "weight": r"^weight$",
-    "force or stress": r"\bp\b",
+    "force or stress": r"\bp ?[12]?\b",
 }  # fmt: skip
 """Words and symbols of headings as regular expressions; the first kind that is found counts."""
 
@@ -213,6 +213,17 @@ def to_si(values: np.ndarray, unit: str | None, quantity: str) -> np.ndarray:
     return _registry().Quantity(np.asarray(values, dtype=float), known).to(wanted).magnitude
 
 
+@cache
+def factor(unit: str, to: str) -> float:
+    """Return the factor that converts numbers in one unit to another of the same kind; raise
+    ValueError for an unknown unit, and one of another kind.
+    """
+    known, one = unit_in(unit), _registry().Quantity
+    if known is None or one(1.0, known).dimensionality != one(1.0, unit_in(to)).dimensionality:
+        raise ValueError(f"{unit} is no unit like {to}")
+    return float((one(1.0, known) / one(1.0, unit_in(to))).to("").magnitude)
+
+
 def _examples(quantity: str) -> list[str]:
     """Units of a quantity among `UNITS`."""
     return [one for one in UNITS if fits(str(unit_in(one)), quantity)]
@@ -248,6 +259,8 @@ def quantities_of(heading: str, unit: str | None) -> tuple[str, ...]:
         meant = (f"lateral-{kind}",)
     elif kind in ("strain", "stress") and re.search(TRUE, words):
         meant = (f"true-{kind}",)
+    elif kind == "force or stress" and words.endswith("2"):
+        meant = ("lateral-stress",)
     elif kind == "stress" and re.search(r"\b(sigma|σ)\b", words):
         meant = ("nominal-stress", "true-stress")
     else:

@@ -25,6 +25,10 @@ TEXT = ("mode", "specimen")
 """Quantities whose cells are text."""
 
 
+ENTRY = re.compile(r"(.*?\S)\s*(?:[:=]\s*|\t+|\s{2,})(\S.*)")
+"""Name and value of an entry in one cell."""
+
+
 @dataclasses.dataclass
 class Segment:
     """A table: rows before it that are no numbers, its rows, and what is found in them."""
@@ -79,7 +83,11 @@ def segments(rows: list[Row]) -> tuple[list[Segment], list[Row]]:
         elif going and numbers and words <= texts and not numbers & texts:
             found[-1].rows.append(row)
             continue
-        elif going and numbers and re.match(r"[+-]?[.,]?\d", row.text(min(cells))):
+        elif (
+            going
+            and numbers
+            and ((texts and texts < words) or re.match(r"[+-]?[.,]?\d", row.text(min(cells))))
+        ):
             wrong = min((words - texts) or (numbers & texts))
             raise ValueError(f"line {row.number}: {row.text(wrong)!r} is no number")
         elif (found and not above and numbers and words <= texts and not numbers & texts) or (
@@ -198,12 +206,12 @@ def facts_of(rows: list[Row], sign: str = ".") -> dict[str, str]:
     facts: dict[str, str] = {}
     for row in rows:
         cells = [row.text(place) for place in row.filled]
-        if len(cells) == 1:
-            entry = re.match(r"(.*?\S)\s*(?:[:=]\s*|\t+|\s{2,})(\S.*)", cells[0])
+        entries = [ENTRY.fullmatch(cell) for cell in cells]
+        if len(cells) == 1 and not entries[0]:
             loose = re.match(r"(\D*[^\d\W])\s+([+-]?[\d.,].*)", cells[0])
-            if not entry and loose and found_in(FACTS, loose[1]) in LENGTHS:
-                entry = loose
-            cells = [entry[1], entry[2]] if entry else []
+            entries = [loose if loose and found_in(FACTS, loose[1]) in LENGTHS else None]
+        if all(entries):
+            cells = [part for entry in entries if entry for part in entry.groups()]
         while len(cells) > 1 and not re.search(STATISTICS, cells[0].lower()):
             (name, unit), entry = heading_and_unit(cells[0].rstrip(":= ")), plain(cells[1])
             if isinstance(value(name, sign), float):

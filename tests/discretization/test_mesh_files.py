@@ -187,7 +187,7 @@ def test_types_of_elements(tmp_path, kind, nodes):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("*ELEMENT, TYPE=CAX4H\n1, 1, 2, 12, 11\n", "CAX4H elements, and axisymmetric bodies"),
+        ("*ELEMENT, TYPE=CAX4H\n1, 1, 2, 12, 11\n", "CAX4H elements: axisymmetric bodies"),
         ("*ELEMENT, TYPE=CPS4\n1, 1, 2, 12, 11, 5\n", "element 1 has 5 nodes; one of type CPS4"),
         ("*ELEMENT, TYPE=CPS4\n1, 1, 2, 12\n", "element 1 has 3 nodes; one of type CPS4 has 4"),
         ("*ELEMENT, TYPE=CPS4\n1, 1, 2, 12, 99\n", "an element has the node 99, which has no"),

@@ -201,6 +201,14 @@ def test_files_are_images_in_the_order_of_their_numbers(tmp_path):
         read_fields(files[1], write(tmp_path / "frame_02.csv", heading, [(0, 5, 6, 1, 1)]))
 
 
+def test_a_first_image_without_any_point_keeps_its_number(tmp_path):
+    rows = [(10, 1, 2, 0, 0, -1), (20, 1, 2, 0.1, 0, 0.01), (20, 1, 3, 0.1, 0, 0.01)]
+    heading = "FRAME,COORDINATE_X,COORDINATE_Y,DISPLACEMENT_X,DISPLACEMENT_Y,SIGMA"
+    field = read_fields(write(tmp_path / "a.txt", heading, rows))
+    assert (field.step.tolist(), field.lost) == ([2, 2], 1)
+    assert field.notes == ("images by their numbers, 10 to 20",)
+
+
 def test_rows_of_a_table_with_steps_are_numbered_by_them(tmp_path):
     path = write(tmp_path / "F.csv", "step,x1,x2,u1,u2", [(3, 0, 0, 0, 0), (7, 1, 2, 0.1, 0.2)])
     field = read_fields(path)
