@@ -296,7 +296,7 @@ def test_columns_and_units_of_the_user_are_honored():
         ({"columns": {"force": "Last"}}, "no column Last; there are Zeit, Standardweg, Standard"),
         ({"columns": {"force": "9"}}, "there is no column 9"),
         ({"columns": {"forces": "Zeit"}}, "no quantity forces; did you mean"),
-        ({"columns": {"force": "Dehnung"}}, "Dehnung is in %, no unit of force"),
+        ({"columns": {"force": "Dehnung"}}, "Dehnung is in %, which is no unit of force"),
         ({"units": {"stress": "MPa"}}, "no column of stress; there are Zeit"),
         ({"units": {"force": "mm"}}, "mm is no unit like N"),
         ({"units": {"force": "stones"}}, "stones is no unit like N; known are N, kN"),
