@@ -11,7 +11,7 @@ from typer import Argument, Option
 
 from ..artifacts.places import new_artifact, next_version
 from ..calibration import SceneRegressor, reporting
-from ..calibration.measured import DISPLACEMENTS, FORCES
+from ..calibration.measured import DISPLACEMENTS, FORCE, FORCES, with_law
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
 from ..learning.fitting import TooInexact
@@ -19,11 +19,16 @@ from ..learning.settings import FitSettings
 from ..materials import Polyconvex
 from ..results import figures
 from ..results.files import write_json
+from ..results.places import MEASURED, write_measured
+from ..run.simulate import simulate
 from ..scenes import load_scene
 from ..scenes.reading import parse_change
 from .command import SCENE_HELP, Overwrite, SetScene, check_folder
 from .identify import BulkModulus, Terms, print_parameters
 from .terminal import FAILED, Bar, bad_input, note, print_json, print_rows, warn, writing
+
+RUN = "calibration-run"
+"""Folder, within that of a calibration, of the run with the fitted law and the measured fields."""
 
 FIELDS_HELP = (
     "CSV file of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3)."
@@ -137,6 +142,11 @@ def calibrate(
         )
         for which, drawn in reporting.figures(model, X, y, [*outputs]).items():
             figures.save(drawn, folder / f"calibration-{which}.png")
+        if fields is not None:  # for `show --html`, which shows both
+            simulate(with_law(test, model.law_), FORCE, folder=folder / RUN, overwrite=True)
+            write_measured(
+                folder / RUN / MEASURED, *reporting.measured_fields(X, y, test.dimension)
+            )
     print_json({"artifact": str(path), **found, "seconds": seconds})
     note(f"Wrote {path}, and the report in {folder}")
 

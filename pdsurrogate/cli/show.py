@@ -10,6 +10,7 @@ from ..results.drawings import SHOWN_SHARE
 from ..results.files import write_text
 from ..results.folder import RUNNING
 from ..results.page import MOST_OUTPUTS, html_page
+from ..results.places import MEASURED, read_measured
 from ..results.tables import column_unit, columns_of
 from ..scenes.model import with_unit
 from .command import PictureFolder, check_folder
@@ -75,6 +76,7 @@ def show(
                 " overwritten; choose another name"
             )
         result = load_result(folder)
+        measured = read_measured(folder / MEASURED, result.scene.dimension)
     pictures = pictures or Path()
     level = -1 if level is None else level
     check_folder(pictures if html is None else html.parent)
@@ -87,7 +89,7 @@ def show(
         )
     if html is not None:
         with Bar(result.scene.name), writing(html):
-            write_text(html, html_page(result, field or (), outputs))
+            write_text(html, html_page(result, field or (), outputs, measured))
         note(f"Wrote {html}")
     elif not result.states:
         why = (

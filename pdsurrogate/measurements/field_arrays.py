@@ -29,8 +29,9 @@ def _rows(
 def _al_dic(found: dict) -> Rows:
     """Return the rows of arrays of al-dic, (nodes, images) or of one image."""
     u = np.stack([found[name].reshape(len(found[name]), -1).T for name in ("disp_u", "disp_v")], -1)
-    scale = float(found["DICpara"]["um2px"]) if "DICpara" in found else 1.0
-    return _rows("al-dic, arrays", found["coordinates"], u / scale)
+    settings = found.get("DICpara", {"um2px": 1.0, "winsize": None})
+    u /= settings["um2px"]
+    return _rows("al-dic, arrays", found["coordinates"], u, subset=settings["winsize"])
 
 
 def _npz(path: Path) -> Rows:

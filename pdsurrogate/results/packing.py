@@ -8,12 +8,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 
 from ..body import CellMesh
+from ..body.cell_mesh import CORNERS
 from ..progress import event
 from ..scenes import Units
 from .figures import limits_of
 from .measures import greatest_of, label_of, scalars_of
+from .places import cells_at, displacements_at
 from .states import Fields
 
 USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
@@ -157,16 +160,72 @@ def body_of(
         event("packing", done, len(shown))
     for name, entry in entries.items():
         _limit(entry, greatest[name])
-    d = cells.dimension
-    places = fields["position"][:, :d] if kept is None else fields["position"][kept, :d]
     numbers = np.arange(len(cells)) if kept is None else np.flatnonzero(kept)
+    places = fields["position"][numbers, : cells.dimension]
+    return _body(pieces, places, numbers, box, states, entries)
+
+
+def _body(pieces: Pieces, places, numbers, box, states, entries) -> dict[str, Any]:
     return {
-        "dimension": d,
+        "dimension": places.shape[1],
         "box": [np.min(box, axis=0).tolist(), np.max(box, axis=0).tolist()],
         "places": pieces.add(places.astype("<f4")),
         "numbers": pieces.add(numbers.astype("<i4")),
         "states": states,
         "fields": entries,
+    }
+
+
+def measured_bodies(
+    result, measured: np.ndarray, shown: Sequence[int], pieces: Pieces
+) -> dict[str, Any]:
+    """Return entries as of `body_of` for measured displacements and their differences from those of
+    a result, on a square or a cube around every place; none if no step is shown.
+
+    `measured` has the columns step (step k is output k - 1), places and displacements.
+    """
+    d = result.scene.dimension
+    units = result.scene.units
+    places, at = np.unique(measured[:, 1 : 1 + d], axis=0, return_inverse=True)
+    number = cells_at(result.cells(-1)[0], result.field("position")[:, :d], places)
+    # The distance from neighbors along the axes of a grid.
+    beside = scipy.spatial.cKDTree(places).query(places, k=min(2 * d + 1, len(places)))[0]
+    corners = places[:, None] + (CORNERS[d] - 0.5) * np.median(beside[:, 1:].mean(axis=1))
+    corners = corners.reshape(-1, d)
+    cells = CellMesh(corners, (np.arange(len(corners)).reshape(-1, 2**d),))
+    names = ["displacement", *(f"displacement_{axis}" for axis in range(1, d + 1))]
+    kinds = {
+        kind: {name: _described(name, units) for name in names}
+        for kind in ("measured", "difference")
+    }
+    states = []
+    for output in shown:
+        rows = measured[:, 0] == output + 1
+        moved = np.full(places.shape, np.nan)
+        moved[at.ravel()[rows]] = measured[rows, 1 + d :]
+        fields = result.states[output][1]
+        simulated = displacements_at(fields, number, places)
+        around = displacements_at(fields, number.repeat(2**d), corners)
+        strained = np.nan_to_num(around - simulated.repeat(2**d, axis=0))
+        there = np.nan_to_num(moved).repeat(2**d, axis=0) + strained
+        states.append(_frame(pieces, cells, there) | {"lines": None})
+        off = moved - simulated
+        for entries, vectors in zip(kinds.values(), (moved, off), strict=True):
+            columns = [np.linalg.norm(vectors, axis=1), *vectors.T]
+            for entry, values in zip(entries.values(), columns, strict=True):
+                known = np.isfinite(values).any()
+                entry["parts"].append(pieces.add_coded(values) if known else None)
+    if not any(kinds["difference"]["displacement"]["parts"]):
+        return {}
+    box = [places.min(axis=0), places.max(axis=0)]
+    for kind, entries in kinds.items():
+        for entry in entries.values():
+            entry["symbol"] += f" {kind}"
+            _limit(entry, 0.0)
+    numbers = np.arange(len(places))
+    return {
+        kind: _body(pieces, places, numbers, box, states, entries) | {"point": "place"}
+        for kind, entries in kinds.items()
     }
 
 

@@ -26,7 +26,7 @@ from .drawings import (
     title_of,
 )
 from .figures import DIVERGING, SEQUENTIAL
-from .packing import USUAL, Pieces, packed
+from .packing import USUAL, Pieces, measured_bodies, packed
 from .tables import column_title, columns_of, facts, html_history, kind_of
 
 PAGE = Path(__file__).with_name("page.html")
@@ -53,7 +53,12 @@ MAPS = (SEQUENTIAL, DIVERGING, "cividis", "inferno", "turbo", "gray")
 """Color maps of the viewer."""
 
 
-def html_page(result, fields: Sequence[str] = (), most_outputs: int = MOST_OUTPUTS) -> str:
+def html_page(
+    result,
+    fields: Sequence[str] = (),
+    most_outputs: int = MOST_OUTPUTS,
+    measured: np.ndarray | None = None,
+) -> str:
     """Return a page in HTML that shows a result: fields at the outputs in a viewer, pictures,
     curves, tables, and versions of the software.
 
@@ -66,6 +71,9 @@ def html_page(result, fields: Sequence[str] = (), most_outputs: int = MOST_OUTPU
         damage, as far as the result has these fields.
     most_outputs : int
         Greatest number of outputs in the viewer.
+    measured : ndarray, shape (m, 1 + 2 d), optional
+        Measured displacements: step (step k is the k-th output), undeformed places and
+        displacements in the frame and the unit of the scene.
 
     Raises
     ------
@@ -99,13 +107,25 @@ def html_page(result, fields: Sequence[str] = (), most_outputs: int = MOST_OUTPU
     }
     data = {"name": result.scene.name, "maps": _maps(), "history": _history(result)}
     left = MOST_CHARACTERS - sum(map(len, parts.values())) - len(_json(data)) - 100_000
+    if known and measured is not None:
+        steps = [number for number in range(len(result.states)) if number + 1 in measured[:, 0]]
+        measured_bodies(result, measured, steps, needed := Pieces())
+        if needed.size > left / 2:
+            raise ValueError(
+                f"{len(measured)} measured displacements take more than half of the page: leave out"
+                " some"
+            )
+        left -= needed.size
     body, shown, pieces, told = (
         packed(result, chosen, most_outputs, left) if known else (None, [], Pieces(), [])
     )
+    bodies = {"simulated": body} if body else {}
+    if body and measured is not None:
+        bodies |= measured_bodies(result, measured, shown, pieces)
     moments = [result.states.moments[number] for number in shown]
     columns = ("stretch", "t", "time")
     data |= {
-        "bodies": {"simulated": body} if body else {},
+        "bodies": bodies,
         "pieces": pieces.listed,
         "length": result.scene.units.length or "",
         "outputs": [title_of(result, number) for number in shown],

@@ -18,6 +18,7 @@ from pdsurrogate.cli import app
 from pdsurrogate.cli.show import MARK
 from pdsurrogate.results.packing import packed
 from pdsurrogate.results.page import MOST_CHARACTERS, VIEWER, html_page
+from pdsurrogate.results.places import MEASURED, write_measured
 
 BROWSER = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))),
@@ -258,6 +259,43 @@ def test_without_webgl_the_page_shows_its_pictures(page, tmp_path):
     assert re.search(r'<section id="viewer" hidden', document)
     assert re.search(r'<p id="why">This browser cannot run the viewer', document)
     assert re.search(r'<details id="drawn" open', document)
+
+
+@pytest.fixture(scope="module")
+def measured(folder, tmp_path_factory):
+    """A copy of a run with a field measured at two thirds of its points at the second output."""
+    copy = shutil.copytree(folder, tmp_path_factory.mktemp("measured") / "out")
+    result = pds.load_result(folder)
+    places = result.field("position")[::3, :2] + 0.01
+    moved = np.column_stack([0.5 * places[:, 0], -0.1 * places[:, 1]])
+    write_measured(copy / MEASURED, np.full(len(places), 2), places, moved)
+    return copy, places
+
+
+def test_measured_displacements_are_beside_the_simulated_ones(measured, tmp_path):
+    folder, places = measured
+    done = CliRunner().invoke(app, ["show", str(folder), "--html", str(tmp_path / "page.html")])
+    assert done.exit_code == 0, done.output
+    data = data_of((tmp_path / "page.html").read_text())
+    assert list(data["bodies"]) == ["simulated", "measured", "difference"]
+    body = data["bodies"]["measured"]
+    order = np.lexsort(places.T[::-1])
+    found = array_of(data["pieces"][body["places"]])
+    np.testing.assert_array_equal(found, places[order].astype("f4"))
+    # The sheet contracts to its middle at 0.5 in the homogeneous state of its exact solution.
+    level = pds.load_result(folder).levels[1]
+    simulated = -level["greatest_lateral_displacement_reference"] * (2 * places[order, 1] - 1)
+    given = -0.1 * places[order, 1]
+    for name, expected in (("measured", given), ("difference", given - simulated)):
+        entry = data["bodies"][name]["fields"]["displacement_2"]
+        assert entry["parts"][0] is None
+        number, low, high = entry["parts"][1]
+        values = low + array_of(data["pieces"][number]) / 65534 * (high - low)
+        np.testing.assert_allclose(values, expected, atol=2e-4)
+    (folder / MEASURED).write_text("step,x1,x2\n1,2,3\n")
+    done = CliRunner().invoke(app, ["show", str(folder), "--html", str(tmp_path / "page.html")])
+    assert done.exit_code == 2
+    assert "each row needs numbers in the columns step, x1, x2, u1, u2" in done.stderr
 
 
 @NEEDS_BROWSER

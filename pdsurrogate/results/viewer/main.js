@@ -294,7 +294,7 @@ function resize() {
 
 // Look at the whole body, in all outputs, from the front right or along an axis.
 function fit(axis = null) {
-  const [low, high] = body.box.map((corner) => new Vector3(...corner));
+  const [low, high] = data.bodies.simulated.box.map((corner) => new Vector3(...corner));
   const middle = low.clone().add(high).multiplyScalar(0.5);
   const radius = low.distanceTo(high) / 2 || 1;
   const flat = body.dimension === 2;
