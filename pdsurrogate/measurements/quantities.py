@@ -213,6 +213,16 @@ def to_si(values: np.ndarray, unit: str | None, quantity: str) -> np.ndarray:
     return _registry().Quantity(np.asarray(values, dtype=float), known).to(wanted).magnitude
 
 
+def converted(values: np.ndarray | float, unit: str, wanted: str):
+    """Return values in another unit; both may be products, such as "kPa cm^2"."""
+    import pint
+
+    try:
+        return values * _registry().parse_expression(unit).to(wanted).magnitude
+    except (pint.PintError, AttributeError, TypeError):
+        raise ValueError(f"{unit} is no unit that can be converted to {wanted}") from None
+
+
 def _examples(quantity: str) -> list[str]:
     """Units of a quantity among `UNITS`."""
     return [one for one in UNITS if fits(str(unit_in(one)), quantity)]
