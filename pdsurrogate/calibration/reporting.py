@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..identification import MODES
-from ..identification.data import number_in, read_table
 from ..identification.reporting import parameters_of, plain
+from ..measurements import read_tables
 from ..results.figures import DIVERGING, STYLE
 from ..results.places import columns_of_measured
 from ..results.tables import column_name
@@ -67,7 +67,7 @@ def output_of(column: str) -> str | None:
 def read_columns(
     path: Path, columns: tuple[str, ...], others: Callable[[str], object] = lambda name: False
 ) -> tuple[np.ndarray, list[str], list[str]]:
-    """Return columns of numbers from a CSV file with a line of headings, (n, columns), the place of
+    """Return columns of numbers from a table with a line of headings, (n, columns), the place of
     each row, and the names of the columns.
 
     They are those of `columns`, and then further ones that `others` chooses by their names, where
@@ -76,37 +76,31 @@ def read_columns(
     Raises
     ------
     ValueError
-        If the file cannot be read, lacks a column, has it twice or has no rows, or a row has more
-        or fewer entries than there are columns, or one that is no finite number; the message names
-        the line.
+        If the file cannot be read (`read_tables`), lacks a column or has it twice, or an entry is
+        no finite number; the message names the line.
     """
-    try:
-        given, rows = read_table(path, str(path))
-    except OSError as error:
-        raise ValueError(f"cannot read {path}: {error.strerror}") from None
-    names = [column_name(name.strip()) for name in given]
-    if missing := [name for name in columns if name not in names]:
-        found = f"there is no {missing[0]} among {', '.join(names) or 'none'}"
-        raise ValueError(
-            f"{path}: the columns, separated by commas, must be {', '.join(columns)}; {found}"
-        )
-    chosen = [
-        *columns,
-        *(name for name in dict.fromkeys(names) if name not in columns and others(name)),
-    ]
-    if twice := [name for name in chosen if names.count(name) > 1]:
-        raise ValueError(f"{path}: there are two columns {twice[0]}")
-    keys = [given[names.index(name)] for name in chosen]
-    found = [
-        [
-            np.nan if name not in columns and not row[key].strip() else number_in(row, key, where)
-            for name, key in zip(chosen, keys, strict=True)
+    blocks = read_tables(path).blocks
+    tables = [{column_name(one.heading): one.values for one in block.columns} for block in blocks]
+    lines = np.concatenate([block.lines for block in blocks])
+    if len({*lines}) < len(lines):
+        twice = [name for name in tables[1] if name in tables[0]]
+        raise ValueError(f"{path}: there are two columns {twice[-1]}")
+    if any([*table] != [*tables[0]] for table in tables):
+        raise ValueError(f"{path}: there are several tables, of which one is needed")
+    table = {name: np.concatenate([one[name] for one in tables]) for name in tables[0]}
+    if missing := [name for name in columns if name not in table]:
+        found = f"there is no {missing[0]} among {', '.join(table)}"
+        raise ValueError(f"{path}: the columns must be {', '.join(columns)}; {found}")
+    names = [*columns, *(name for name in table if name not in columns and others(name))]
+    places = [f"{path}, line {line}" for line in lines]
+    for name in names:
+        wrong = [
+            isinstance(one, str) or (name in columns and not np.isfinite(one))
+            for one in table[name]
         ]
-        for where, row in rows
-    ]
-    if not found:
-        raise ValueError(f"{path}: there are no rows")
-    return np.array(found), [where for where, _ in rows], chosen
+        if any(wrong):
+            raise ValueError(f"{places[wrong.index(True)]}: {name} is not a number")
+    return np.array([table[name] for name in names], dtype=float).T, places, names
 
 
 def _check_rows(scene: Scene, found: np.ndarray, places: list[str]) -> None:

@@ -2,15 +2,16 @@
 the table of a testing machine.
 """
 
-import re
 from pathlib import Path
 
 import numpy as np
 
-from ..measurements.quantities import converted
+from ..measurements.quantities import factor
+from ..measurements.readings import amount_in
 from ..results import Result
 from ..results.files import replacing
 from ..results.places import pixel_grid, write_columns
+from ..scenes.pulled import pulled_force
 
 
 def check_new(option: str, path: Path | None, *endings: str) -> None:
@@ -35,7 +36,7 @@ def write_grid(
     length = result.scene.units.length
     if length is None:
         raise ValueError("--pixels-per: the scene does not name its unit of length (units.length)")
-    pixels = pixels_per[1] * converted(1.0, length, pixels_per[0])
+    pixels = pixels_per[1] / factor(pixels_per[0], length)
     grid = pixel_grid(result, pixels, origin, fields)
     if path.suffix == ".npz":
         with replacing(path) as temporary:
@@ -53,24 +54,21 @@ def write_machine(path: Path, result: Result, thickness: str | None) -> None:
 
     `thickness` of a sheet has a unit, such as "2mm".
     """
-    from ..calibration.measured import pulled  # which loads scikit-learn
-
     units = result.scene.units
-    key, sign = pulled(result.scene)
+    key, sign = pulled_force(result.scene)
     name, axis = key.removeprefix("forces.").rsplit(".", 1)
     component = int(axis) + 1
-    if (force := units.force) is None:
+    if units.length is None or units.stress is None:
         raise ValueError("--machine: the scene does not name its units of length and stress")
-    if result.scene.dimension == 2:
-        found = re.fullmatch(r"([\d.]*\d)\s*([a-z]+)", thickness or "")
-        if found is None:
-            raise ValueError(
-                f"--machine: forces of a sheet are those per thickness: give --thickness 2mm, a"
-                f" length with its unit, not {thickness or 'none'}"
-            )
-        force = f"{found[1]} {found[2]} {force}"
-    elif thickness is not None:
-        raise ValueError("--thickness: a solid has none")
+    length = factor(units.length, "m")
+    if (result.scene.dimension == 2) == (thickness is None):
+        raise ValueError(
+            "--thickness: a solid has none"
+            if thickness
+            else "--machine: forces of a sheet are those per thickness: give --thickness 2mm"
+        )
+    thick = amount_in(thickness, "m", "thickness") if thickness else length
+    newtons = factor(units.stress, "Pa") * length * thick
 
     def column(key: str) -> np.ndarray:
         return np.array([0.0, *(row.get(key, 0.0) for row in result.history)])
@@ -79,11 +77,10 @@ def write_machine(path: Path, result: Result, thickness: str | None) -> None:
     for grip in result.scene.grips:  # the other one may move as well
         if grip.edge != name:
             moved = moved - column(f"displacement_{grip.edge}_{component}")
-    load = column(f"force_{name}_{component}")
     table = {
-        "Extension (mm)": sign * converted(moved, units.length, "mm"),
-        "Load (N)": sign * converted(load, force, "N"),
+        "Extension (mm)": sign * 1000 * length * moved,
+        "Load (N)": sign * newtons * column(f"force_{name}_{component}"),
     }
     if any("time" in row for row in result.history):
-        table = {"Time (s)": converted(column("time"), units.time or "s", "s"), **table}
+        table = {"Time (s)": factor(units.time or "s", "s") * column("time"), **table}
     write_columns(path, table)

@@ -43,6 +43,7 @@ def show(
     folder: Annotated[
         Path, Argument(metavar="DIR", help="Folder with results of a run (its --out DIR).")
     ],
+    *,
     field: Annotated[list[str] | None, Option(metavar="FIELD", help=FIELD_HELP)] = None,
     level: Annotated[
         int | None,

@@ -95,11 +95,15 @@ def read_fields(
     kept = ~lost
     if first.dialect is not OWN:
         numbers, step = np.unique(image, return_inverse=True)
-        if displacements[kept & (step == 0)].any() or len(numbers) == 1:
-            step = step + 1
-        else:
+        if first.numbered:
+            notes.append(f"images by their numbers, {numbers[0]:g} to {numbers[-1]:g}")
+        size = np.abs(displacements[kept & (step == 0)]).max(initial=0.0)
+        rounding = 1e-6 * np.ptp(places[kept], axis=0).max()
+        if len(numbers) > 1 and (kept & (step == 0)).any() and size <= rounding:
             notes.append("the first image, without displacements, is the reference image")
             kept &= step > 0
+        else:
+            step = step + 1
     return MeasuredField(
         first.dialect.form,
         str(first.unit),
@@ -154,8 +158,8 @@ def _places_move(image: np.ndarray, places: np.ndarray, displacements: np.ndarra
     if first.sum() != last.sum() or first.sum() < 3:
         return False
     moved, by = (part[last] - part[first] for part in (places, displacements))
-    off, size = (np.fmax.reduce(np.abs(part), axis=None) for part in (moved - by, by))
-    return bool(off < 1e-3 * size)
+    off = moved - by  # of rounded numbers
+    return bool(np.nansum(off**2) < 0.01 * np.nansum(moved**2))
 
 
 def _numbers(file: Path) -> tuple[int, ...]:

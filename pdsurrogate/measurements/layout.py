@@ -82,7 +82,8 @@ def read_rows(rows: list[Row], found: Found, sheet: str = "", sign: str = ".") -
         ):
             found.specimens += _specimens(segment)
             general |= facts
-            found.notes.append(f"{sheet} {segment.lines}: results, which are not read".strip())
+            what = "sizes of specimens" if _measures(segment) else "results, which are not read"
+            found.notes.append(f"{sheet} {segment.lines}: {what}".strip())
             continue
         before = segment
         stated = {*facts} & {*GEOMETRY}

@@ -53,7 +53,7 @@ KINDS = {
     "temperature": r"temp|温度",
     "specimen": r"specimen|sample|probe|[ée]prouvette|probeta|muestra|试样|样品|試験片",
     "weight": r"^weight$",
-    "force or stress": r"\bp\b",
+    "force or stress": r"\bp ?[12]?\b",
 }  # fmt: skip
 """Words and symbols of headings as regular expressions; the first kind that is found counts."""
 
@@ -213,14 +213,15 @@ def to_si(values: np.ndarray, unit: str | None, quantity: str) -> np.ndarray:
     return _registry().Quantity(np.asarray(values, dtype=float), known).to(wanted).magnitude
 
 
-def converted(values: np.ndarray | float, unit: str, wanted: str):
-    """Return values in another unit; both may be products, such as "kPa cm^2"."""
-    import pint
-
-    try:
-        return values * _registry().parse_expression(unit).to(wanted).magnitude
-    except (pint.PintError, AttributeError, TypeError):
-        raise ValueError(f"{unit} is no unit that can be converted to {wanted}") from None
+@cache
+def factor(unit: str, to: str) -> float:
+    """Return the factor that converts numbers in one unit to another of the same kind; raise
+    ValueError for an unknown unit, and one of another kind.
+    """
+    known, one = unit_in(unit), _registry().Quantity
+    if known is None or one(1.0, known).dimensionality != one(1.0, unit_in(to)).dimensionality:
+        raise ValueError(f"{unit} is no unit like {to}")
+    return float((one(1.0, known) / one(1.0, unit_in(to))).to("").magnitude)
 
 
 def _examples(quantity: str) -> list[str]:
@@ -237,11 +238,12 @@ def heading_and_unit(text: str) -> tuple[str, str | None]:
         r"(.*?)\s*[(\[{<]([^()\[\]]*)[)\]}>]",
         r"(.*\S)\s+in\s+(\S+)",
         r"(.*\S)\s*/\s*(\S+)",
-        r"(.*[^\s,])\s*,\s*(\S*[^\W\d]\S*)",
-        r"(.+)_(\S*[^\W\d]\S*)",
-        r"(.*\S)\s+(\S*[^\W\d]\S*)",
+        r"(.*[^\s,_])\s*[\s,_]_?\s*(\S*[^\W\d]\S*)",
     ):
-        if (found := re.fullmatch(pattern, text)) and unit_in(found[2]) is not None:
+        found = re.fullmatch(pattern, text)
+        # Behind a blank or the like, only words that follow a quantity are units.
+        trusted = found and ("_" not in pattern or found_in({**KINDS, **FACTS}, found[1]))
+        if found and trusted and unit_in(found[2]) is not None:
             return found[1].rstrip("_"), found[2].strip()
     return text, None
 
@@ -257,6 +259,8 @@ def quantities_of(heading: str, unit: str | None) -> tuple[str, ...]:
         meant = (f"lateral-{kind}",)
     elif kind in ("strain", "stress") and re.search(TRUE, words):
         meant = (f"true-{kind}",)
+    elif kind == "force or stress" and words.endswith("2"):
+        meant = ("lateral-stress",)
     elif kind == "stress" and re.search(r"\b(sigma|σ)\b", words):
         meant = ("nominal-stress", "true-stress")
     else:

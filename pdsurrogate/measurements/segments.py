@@ -25,6 +25,10 @@ TEXT = ("mode", "specimen")
 """Quantities whose cells are text."""
 
 
+ENTRY = re.compile(r"(.*?\S)\s*(?:[:=]\s*|\t+|\s{2,})(\S.*)")
+"""Name and value of an entry in one cell."""
+
+
 @dataclasses.dataclass
 class Segment:
     """A table: rows before it that are no numbers, its rows, and what is found in them."""
@@ -79,11 +83,16 @@ def segments(rows: list[Row]) -> tuple[list[Segment], list[Row]]:
         elif going and numbers and words <= texts and not numbers & texts:
             found[-1].rows.append(row)
             continue
-        elif going and numbers and re.match(r"[+-]?[.,]?\d", row.text(min(cells))):
+        elif (
+            going
+            and numbers
+            and ((texts and texts < words) or re.match(r"[+-]?[.,]?\d", row.text(min(cells))))
+        ):
             wrong = min((words - texts) or (numbers & texts))
             raise ValueError(f"line {row.number}: {row.text(wrong)!r} is no number")
         elif (found and not above and numbers and words <= texts and not numbers & texts) or (
-            len(numbers) > 1 and words <= texts | _text_columns(above, words, numbers)
+            (len(numbers) > 1 and words <= texts | _text_columns(above, words, numbers))
+            or (_under_headings(row, above) and numbers and not words)
         ):
             found.append(Segment(above, [row]))
             above, texts, going = [], words, True
@@ -92,6 +101,12 @@ def segments(rows: list[Row]) -> tuple[list[Segment], list[Row]]:
         if cells:
             above.append(row)
     return found, above
+
+
+def _under_headings(row: Row, above: list[Row]) -> bool:
+    """Whether a row has as many cells as a row of text above it, two at least."""
+    texts = above and all(isinstance(cell, str) for cell in above[-1].cells)
+    return bool(texts) and len(row.cells) == len(above[-1].cells) > 1
 
 
 def _text_columns(above: list[Row], words: set[int], numbers: set[int]) -> set[int]:
@@ -128,7 +143,7 @@ def take_headings(segment: Segment, before: Segment | None) -> None:
         for row in above[:-3:-1]
         if not any(isinstance(cell, float) for cell in row.cells)
         and len({*columns} & row.filled.keys()) >= max(2, len(columns) / 2)
-        and (len(row.cells) > columns[-1] or any(map(kind_of, map(str, row.cells))))
+        and (len(row.cells) > min(columns[-1], 2) or any(map(kind_of, map(str, row.cells))))
     ]
     head = max(
         wide,
@@ -191,12 +206,12 @@ def facts_of(rows: list[Row], sign: str = ".") -> dict[str, str]:
     facts: dict[str, str] = {}
     for row in rows:
         cells = [row.text(place) for place in row.filled]
-        if len(cells) == 1:
-            entry = re.match(r"(.*?\S)\s*(?:[:=]\s*|\t+|\s{2,})(\S.*)", cells[0])
+        entries = [ENTRY.fullmatch(cell) for cell in cells]
+        if len(cells) == 1 and not entries[0]:
             loose = re.match(r"(\D*[^\d\W])\s+([+-]?[\d.,].*)", cells[0])
-            if not entry and loose and found_in(FACTS, loose[1]) in LENGTHS:
-                entry = loose
-            cells = [entry[1], entry[2]] if entry else []
+            entries = [loose if loose and found_in(FACTS, loose[1]) in LENGTHS else None]
+        if all(entries):
+            cells = [part for entry in entries if entry for part in entry.groups()]
         while len(cells) > 1 and not re.search(STATISTICS, cells[0].lower()):
             (name, unit), entry = heading_and_unit(cells[0].rstrip(":= ")), plain(cells[1])
             if isinstance(value(name, sign), float):

