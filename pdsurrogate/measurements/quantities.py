@@ -6,8 +6,6 @@ import re
 import unicodedata
 from functools import cache
 
-import numpy as np
-
 SI = {
     "time": "s",
     "force": "N",
@@ -43,11 +41,11 @@ KINDS = {
     r"|延伸比|伸[長張]比|\b(lambda|lam|λ)[ _]?([1-3xy]|lat)?\b",
     "volume-ratio": r"volum|体积|体積",
     "elongation": r"elongat|[ée]longation|allongement|alargamiento|elongaci|verformung|伸び|变形",
-    "strain": r"strain|dehnung|d[ée]formation|deformaci|应变|ひずみ|歪|伸长率|伸び率"
+    "strain": r"strain|dehnung|d[ée]form|deformaci|应变|ひずみ|歪|伸长率|伸び率"
     r"|\b(eps|epsilon|ε)\b",
     "force": r"force|load|kraft|charge|effort|fuerza|carga|载荷|负荷|荷重|試験力|试验力|力|\bf\b",
-    "extension": r"extens|displac|stroke|position|crosshead|weg\b|travers|längenänd|d[ée]plac"
-    r"|course|desplaz|位移|伸长|行程|変位|ストローク|\b(disp|dl|δl|u)\b",
+    "extension": r"extens|displac|stroke|position|crosshead|travel|weg\b|travers|längenänd"
+    r"|d[ée]plac|course|desplaz|位移|伸长|行程|変位|ストローク|\b(disp|dl|δl|u)\b",
     "time": r"time|zeit|temps|tiempo|时间|時間|\bt\b",
     "cycle": r"cycle|count|zykl|ciclo|循环|サイクル",
     "temperature": r"temp|温度",
@@ -73,8 +71,12 @@ MEANINGS = {
     "elongation": ("extension", "engineering-strain"),
     "force or stress": ("force", "nominal-stress"),
     "no measurement": (),
+    "None": (),
 }
 """Quantities of a kind, where they are not the kind itself; a symbol may have several."""
+
+MECHANICAL = {"stress", "stretch", "volume-ratio", "elongation", "strain", "force", "extension"}
+"""Kinds that make a table one of a test."""
 
 COUNTED = ("mode", "specimen", "weight", "cycle")
 """Kinds whose units say nothing."""
@@ -86,7 +88,7 @@ FACTS = {
     "thickness": r"thick|dicke|[ée]paisseur|espesor|grosor|厚|\ba0\b",
     "diameter": r"diamet|durchmesser|diam[èe]t|di[áa]met|直径|\bd0\b",
     "area": r"\barea|querschnitt|section|secci|[áa]rea|截面|面积|断面積|\bs0\b",
-    "length": r"^(specimen )?(length|länge|longueur|longitud|长度|長さ)$"
+    "length": r"(^|: )(specimen )?(length|länge|longueur|longitud|长度|長さ)$"
     r"|einspannlänge|grip (sep|dist)",
     "specimen": rf"({KINDS['specimen']}) ?(label|name|id|n[or°]?\.?|number|nummer|编号|番号)?$"
     r"|^name$|bezeichnung|label|名称",
@@ -103,6 +105,7 @@ MODES = {
     "pure-shear": r"pure.?shear|planar|reine.? (scher|schub)|cisaillement pur|(cizall|cort)\w* pur"
     r"|纯剪|平面拉伸|純せん断",
     "equibiaxial": r"bi-?ax|zweiachs|双轴|二軸|equi-?bi",
+    "volumetric": r"^volumetric test",
     "uniaxial": r"uni-?ax|einachs|zugversuch|zugprüfung|tensile test|tension test|(essai|ensayo) de"
     r" trac|单轴|単軸|一軸|拉伸试验|引張試験",
 }  # fmt: skip
@@ -121,7 +124,7 @@ def is_nominal(heading: str) -> bool:
 
 def found_in(table: dict[str, str], text: str) -> str | None:
     """Return the first key of a table of words whose expression is found in a text."""
-    words = re.sub("_", " ", plain(text).lower())
+    words = plain(text).lower().replace("_", " ")
     return next((key for key, words_of in table.items() if re.search(words_of, words)), None)
 
 
@@ -180,39 +183,6 @@ def fits(unit: str, quantity: str) -> bool:
     return dimension == _registry().parse_units(SI.get(quantity, "")).dimensionality
 
 
-def to_si(values: np.ndarray, unit: str | None, quantity: str) -> np.ndarray:
-    """Return values in the SI unit of a quantity: s, N, m, Pa, K or a number.
-
-    Parameters
-    ----------
-    values : ndarray
-    unit : str, optional
-        Unit as the file has it, such as "kgf/cm2" or "%"; None for a number.
-    quantity : str
-        Member of `QUANTITIES`.
-
-    Raises
-    ------
-    ValueError
-        If the unit is unknown, missing, or not one of the quantity.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pdsurrogate.measurements.quantities import to_si
-    >>> to_si(np.array([50.0]), "%", "engineering-strain")
-    array([0.5])
-    """
-    known = unit_in(unit or "-")
-    wanted = SI.get(quantity, "")
-    if known is None or not fits(known, quantity):
-        raise ValueError(
-            f"{quantity} needs a unit such as {', '.join(_examples(quantity))}, not"
-            f" {unit or 'none'}"
-        )
-    return _registry().Quantity(np.asarray(values, dtype=float), known).to(wanted).magnitude
-
-
 @cache
 def factor(unit: str, to: str) -> float:
     """Return the factor that converts numbers in one unit to another of the same kind; raise
@@ -220,13 +190,8 @@ def factor(unit: str, to: str) -> float:
     """
     known, one = unit_in(unit), _registry().Quantity
     if known is None or one(1.0, known).dimensionality != one(1.0, unit_in(to)).dimensionality:
-        raise ValueError(f"{unit} is no unit like {to}")
+        raise ValueError(f"{unit} is no unit like {to}; known are {', '.join(UNITS)}")
     return float((one(1.0, known) / one(1.0, unit_in(to))).to("").magnitude)
-
-
-def _examples(quantity: str) -> list[str]:
-    """Units of a quantity among `UNITS`."""
-    return [one for one in UNITS if fits(str(unit_in(one)), quantity)]
 
 
 def heading_and_unit(text: str) -> tuple[str, str | None]:
@@ -253,9 +218,8 @@ def quantities_of(heading: str, unit: str | None) -> tuple[str, ...]:
     outside = re.sub(r"\(.*?\)|\[.*?\]", "", heading) or heading
     kind = found_in(KINDS, outside) or found_in(KINDS, heading)
     words = plain(heading).lower()
-    if kind is None:
-        meant: tuple[str, ...] = () if heading else ("force", "time", "temperature")
-    elif kind in ("strain", "stress", "stretch") and re.search(LATERAL, words):
+    meant = MEANINGS.get(str(kind), (str(kind),))
+    if kind in ("strain", "stress", "stretch") and re.search(LATERAL, words):
         meant = (f"lateral-{kind}",)
     elif kind in ("strain", "stress") and re.search(TRUE, words):
         meant = (f"true-{kind}",)
@@ -263,11 +227,9 @@ def quantities_of(heading: str, unit: str | None) -> tuple[str, ...]:
         meant = ("lateral-stress",)
     elif kind == "stress" and re.search(r"\b(sigma|σ)\b", words):
         meant = ("nominal-stress", "true-stress")
-    else:
-        meant = MEANINGS.get(kind, (kind,))
     known = unit_in(unit) if unit else None
-    if known is None:
-        return meant if heading else ()
+    if known is None or not meant:
+        return meant
     if kind == "stretch" and known == "%":
         return ("stretch", "engineering-strain")
     if kind == "strain" and fits(known, "extension"):
