@@ -21,7 +21,6 @@ from .identify import (
     DATA_HELP,
     BulkModulus,
     BulkRatio,
-    Loading,
     Terms,
     print_by_mode,
     print_identified,
@@ -61,7 +60,6 @@ def fit(
     free: Annotated[
         bool, Option("--free", help="With --data: identify a polyconvex energy instead of a law.")
     ] = False,
-    loading: Loading = False,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
     force_fit: Annotated[
@@ -93,8 +91,8 @@ def fit(
     law = law or "neo-hookean"
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
-        if bulk or force_fit or free or loading:
-            options = "--free, --loading, --bulk-modulus, --bulk-ratio and --force-fit"
+        if bulk or force_fit or free:
+            options = "--free, --bulk-modulus, --bulk-ratio and --force-fit"
             raise ValueError(f"{options} need --data; without data, set parameters with --set")
         tests = None
         report = None
@@ -107,7 +105,6 @@ def fit(
             )
         with Bar(f"Fitting {'an energy' if free else law} to {data}"):
             rows = load_test_data(data)
-            rows = rows.loading() if loading else rows
             model = reporting.fitted(rows, None if free else law, terms or N_TERMS, bulk)
             report = reporting.examined(model, rows)
         tests = (rows, model)

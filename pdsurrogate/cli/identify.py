@@ -40,12 +40,6 @@ Terms = Annotated[
 ]
 
 
-Loading = Annotated[
-    bool,
-    Option("--loading", help="Take the rows of first loading only, without those of unloading."),
-]
-
-
 def identify(
     data: Annotated[Path, Argument(metavar="DATA", help=DATA_HELP)],
     *,
@@ -56,7 +50,6 @@ def identify(
     stretch: Annotated[
         float | None, Option("--up-to", help="Leave out rows with a greater stretch.")
     ] = None,
-    loading: Loading = False,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
     hold_out: Annotated[
@@ -79,8 +72,6 @@ def identify(
     terms = terms or N_TERMS
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     check_folder(folder, "identify.json", overwrite)
-    if loading:
-        rows = rows.loading()
     if stretch is not None:
         rows = rows.up_to(stretch)
     with Bar(rows.name):

@@ -1,15 +1,17 @@
 """Test data of rubber: nominal stress against stretch, in the modes of loading of laboratories."""
 
-import csv
+import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from ..arguments import check_path, suggestion
+from ..measurements import MechanicalTests, read_tests
+from ..measurements.specimens import BIAXIAL
 
 MODES: dict[str, Callable] = {
     "uniaxial": lambda stretch: stretch**-0.5,
@@ -18,16 +20,11 @@ MODES: dict[str, Callable] = {
 }
 """Lateral stretch of incompressible rubber as a function of the stretch, by mode of loading."""
 
-BIAXIAL = "biaxial"
-"""Mode of loading of biaxial tests, for which a file states two stretches and the stress along
-each of them.
-"""
 
-CURVES = ("mode", "stretch", "nominal_stress")
-GRID = ("stretch", "lateral_stretch", "nominal_stress", "lateral_stress")
-"""Columns of the two kinds of test data files, without the optional ``weight``: `CURVES` of tests
-in the modes of loading `MODES`, and `GRID` of biaxial tests.
-"""
+class TestDataWarning(UserWarning):
+    """Warning that test data, or a fit to test data, look wrong, or that something was assumed."""
+
+    __test__ = False
 
 
 @dataclass(frozen=True)
@@ -47,6 +44,8 @@ class TestData:
     row : ndarray of int, shape (n,), optional
         Numbers of the rows in the file, from 1, without header and comments; by default from 1 to
         n.
+    tests : MechanicalTests, optional
+        What the rows were chosen from: specimens with all of their rows, cycles, times and breaks.
     """
 
     __test__ = False  # not a test case, whatever pytest thinks of the name
@@ -57,6 +56,7 @@ class TestData:
     nominal_stress: np.ndarray
     weight: np.ndarray
     row: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+    tests: MechanicalTests | None = None
 
     def __post_init__(self) -> None:
         if not len(self.row):
@@ -64,6 +64,11 @@ class TestData:
 
     def __len__(self) -> int:
         return len(self.nominal_stress)
+
+    @property
+    def unit(self) -> str | None:
+        """Unit of the stresses, None if it is not stated."""
+        return self.tests.unit if self.tests else None
 
     @property
     def modes(self) -> list[str]:
@@ -90,27 +95,6 @@ class TestData:
             raise ValueError(f"{self.name}: all rows have stretches above {stretch:g}")
         return self.where(chosen)
 
-    def loading(self) -> Self:
-        """Return the rows of first loading: without those in which the strain of a mode is less
-        than before, see `unloading`.
-        """
-        return self.where(~self.unloading)
-
-    @property
-    def unloading(self) -> np.ndarray:
-        """Mask of the rows, shape (n,), in which the strain is less than in an earlier row of the
-        mode; none if strains only fall.
-
-        Rows of biaxial tests are none, as their order says nothing.
-        """
-        found = np.zeros(len(self), dtype=bool)
-        strain = np.abs(np.log(self.stretches[:, 0]))
-        for mode in set(self.modes) - {BIAXIAL}:
-            rows = np.flatnonzero(self.mode == mode)
-            greatest = np.maximum.accumulate(strain[rows])
-            found[rows] = (strain[rows] < greatest) & (greatest[-1] > greatest[0])
-        return found
-
     def where(self, rows: np.ndarray) -> Self:
         """Return the given rows: a mask of shape (n,), or their indices in the order wanted."""
         return type(self)(
@@ -120,6 +104,7 @@ class TestData:
             self.nominal_stress[rows],
             self.weight[rows],
             self.row[rows],
+            self.tests,
         )
 
     def row_in_words(self, number: int) -> str:
@@ -182,20 +167,22 @@ def test_data_names() -> list[str]:
     )
 
 
-setattr(test_data_names, "__test__", False)  # noqa: B010
+def load_test_data(*references: str | Path, **stated: Any) -> TestData:
+    """Return test data by name (``treloar``, ``kawabata``), or from files of testing machines,
+    workbooks, decks or plain tables.
 
-
-def load_test_data(reference: str | Path) -> TestData:
-    """Return test data by name (``treloar``, ``kawabata``), or from a CSV file.
-
-    A file has the columns ``mode`` (uniaxial, equibiaxial or pure-shear), ``stretch`` and
-    ``nominal_stress``; or ``stretch``, ``lateral_stretch``, ``nominal_stress`` and
-    ``lateral_stress``; both kinds may have a ``weight``. Lines that begin with # are comments.
+    Columns ``mode`` (uniaxial, equibiaxial or pure-shear), ``stretch`` and ``nominal_stress``, or
+    ``stretch``, ``lateral_stretch``, ``nominal_stress`` and ``lateral_stress``, both with an
+    optional ``weight``, need nothing else; of other tables the user states what they leave open.
+    Of a test that unloads the first loading is taken, unless ``branch`` says otherwise.
 
     Parameters
     ----------
-    reference : str or path
-        Name of the shipped data, or path of a CSV file.
+    *references : str or path
+        Name of shipped data, or paths of files, whose rows make one data set.
+    **stated
+        What the files leave open, such as ``mode="uniaxial"``, ``gauge_length="25 mm"``,
+        ``area="12 mm2"``: arguments of `pdsurrogate.measurements.read_tests`.
 
     Returns
     -------
@@ -204,7 +191,13 @@ def load_test_data(reference: str | Path) -> TestData:
     Raises
     ------
     ValueError
-        If the file cannot be read, or a row is invalid; the message names the row.
+        If a file cannot be read, leaves something open, contradicts what is stated, or a row is
+        invalid; the message says what to state.
+
+    Warns
+    -----
+    TestDataWarning
+        Of everything that was assumed or left out.
 
     See Also
     --------
@@ -218,97 +211,56 @@ def load_test_data(reference: str | Path) -> TestData:
     >>> data.up_to(3.0).stretches.shape[1]
     2
     """
-    check_path(reference, "test data")
-    name = str(reference)
-    included = name in test_data_names()
-    file = resources.files(__package__) / f"{name}.csv" if included else Path(reference)
-    try:
-        columns, rows = read_table(file, name)
-    except OSError as error:
+    for reference in references:
+        check_path(reference, "test data")
+    names = test_data_names()
+    if any(str(reference) in names for reference in references):
+        if len(references) > 1 or stated:
+            raise ValueError(f"{references[0]} is complete: give no other files, and state nothing")
+        file = Path(str(resources.files(__package__) / f"{references[0]}.csv"))
+        tests = read_tests(file, units={"stress": "MPa"})
+        return test_data_of(replace(tests, name=str(references[0])))
+    if missing := [one for one in references if not Path(one).exists()]:
         raise ValueError(
-            f"cannot read test data {name}: {error.strerror};"
-            f" {suggestion(name, test_data_names(), 'included are')}"
-        ) from None
-    if twice := [column for column in columns if columns.count(column) > 1]:
-        raise ValueError(f"{name}: the file has the column {min(twice)} more than once")
-    kind = next((kind for kind in (CURVES, GRID) if set(columns) - {"weight"} == set(kind)), None)
-    if kind is None:
-        raise ValueError(
-            f"{name}: columns must be {', '.join(CURVES)}, or {', '.join(GRID)} and weight, not"
-            f" {', '.join(sorted(columns))}"
+            f"cannot read test data {missing[0]}: there is no such file;"
+            f" {suggestion(str(missing[0]), names, 'included are')}"
         )
+    tests = read_tests(*references, **stated)
+    for text in tests.assumed:
+        warnings.warn(text, TestDataWarning, stacklevel=2)
+    return test_data_of(tests)
+
+
+def test_data_of(tests: MechanicalTests) -> TestData:
+    """Return the rows that were chosen of mechanical tests as test data; raise ValueError for what
+    is still missing, and for tests without rows.
+    """
+    if tests.missing:
+        raise ValueError("; ".join(tests.missing))
     found: list[tuple] = []
-    for place, (where, cells) in enumerate(rows, start=1):
-        found += [(*one, place) for one in _rows(cells, kind, where)]
+    for specimen in tests.specimens:
+        weights = np.where(np.isfinite(specimen.weight), specimen.weight, 1.0)
+        if not np.isfinite(specimen.weight).any() and specimen.mode in tests.scatter:
+            weights = tests.scatter[specimen.mode].weights(specimen.nominal_stress)
+        for place in np.flatnonzero(specimen.chosen):
+            row, first, weight = specimen.row[place], specimen.stretch[place], weights[place]
+            if not 0 < weight < np.inf:
+                raise ValueError(f"{tests.name}, row {row}: weight must be positive")
+            along = specimen.nominal_stress[place]
+            if specimen.mode == BIAXIAL:
+                second, across = specimen.lateral_stretch[place], specimen.lateral_stress[place]
+                found.append((BIAXIAL, first, second, along, weight, row))
+                found.append((BIAXIAL, second, first, across, weight, row))
+            else:
+                second = MODES[specimen.mode](first)
+                found.append((specimen.mode, first, second, along, weight, row))
     if not found:
-        raise ValueError(f"{name}: there are no rows")
-    mode, *first_second, stress, weight, row = map(np.array, zip(*found, strict=True))
-    return TestData(name, mode, np.stack(first_second, axis=1), stress, weight, row)
+        raise ValueError(f"{tests.name}: there are no rows")
+    found.sort(key=lambda one: one[-1])
+    mode, first, second, stress, weight, row = (np.array(one) for one in zip(*found, strict=True))
+    stretches = np.stack([first, second], axis=1)
+    return TestData(tests.name, mode, stretches, stress, weight, row, tests)
 
 
-def read_table(file, name: str) -> tuple[list[str], list[tuple[str, dict[str, str]]]]:
-    """Return the columns of a CSV file, and its rows by column with their places for messages;
-    raise ValueError for text that is not UTF-8, and for lines of another length.
-
-    Lines that begin with # are comments.
-    """
-    try:
-        text = file.read_text("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ValueError(f"cannot read {name}: it is not UTF-8 text") from None
-    reader = csv.reader(
-        "" if line.isspace() or line.lstrip().startswith("#") else line
-        for line in text.splitlines()
-    )
-    (_, columns), *rows = [(reader.line_num, row) for row in reader if row] or [(0, [])]
-    found = []
-    for number, values in rows:
-        where = f"{name}, line {number}"
-        if len(values) != len(columns):
-            raise ValueError(
-                f"{where}: the line has {len(values)} values for {len(columns)} columns; decimals"
-                " have points, not commas"
-            )
-        found.append((where, dict(zip(columns, values, strict=True))))
-    return columns, found
-
-
-def number_in(row: dict[str, str], key: str, where: str) -> float:
-    """Return the number in a column of a row; raise ValueError for text or a number that is not
-    finite.
-    """
-    try:
-        found = float(row[key])
-    except ValueError:
-        raise ValueError(f"{where}: {key} is not a number: {row[key]!r}") from None
-    if not np.isfinite(found):
-        raise ValueError(f"{where}: {key} must be finite")
-    return found
-
-
-def _rows(row, kind, where):
-    """Return tuples (mode, stretch, lateral stretch, stress, weight) for a row of a file: one for
-    each stress.
-
-    `kind` is `CURVES` or `GRID`, and `where` names the row in the message of the ValueError that an
-    invalid row raises.
-    """
-    numbers = {}
-    for key in row.keys() - {"mode"}:
-        numbers[key] = number_in(row, key, where)
-        if "stress" not in key and numbers[key] <= 0:
-            hint = "; a stretch is 1 + strain" if "stretch" in key else ""
-            raise ValueError(f"{where}: {key} must be positive, not {numbers[key]:g}{hint}")
-    first = numbers["stretch"]
-    stress = numbers["nominal_stress"]
-    weight = numbers.get("weight", 1.0)
-    if kind is GRID:
-        second = numbers["lateral_stretch"]
-        return [
-            (BIAXIAL, first, second, stress, weight),
-            (BIAXIAL, second, first, numbers["lateral_stress"], weight),
-        ]
-    mode = row["mode"].strip()
-    if mode not in MODES:
-        raise ValueError(f"{where}: unknown mode {mode!r}; there are {', '.join(MODES)}")
-    return [(mode, first, float(MODES[mode](np.float64(first))), stress, weight)]
+for _ in (test_data_names, test_data_of):
+    setattr(_, "__test__", False)  # noqa: B010

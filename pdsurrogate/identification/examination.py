@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..materials.dictionary import Term
+from ..measurements.branches import branches, records
 from .averaging import columns_of, isochoric, nonnegative
-from .data import BIAXIAL, MODES, TestData
+from .data import BIAXIAL, MODES, TestData, TestDataWarning
 from .stress_regressor import StressRegressor
 
 NOISE = 0.01
@@ -84,12 +85,6 @@ REWEIGHTINGS = 12
 """Number of fits in a robust regression by iterative reweighting: the weights of outliers settle
 within a few.
 """
-
-
-class TestDataWarning(UserWarning):
-    """Warning that test data, or a fit to test data, look wrong."""
-
-    __test__ = False
 
 
 @dataclass(frozen=True)
@@ -312,7 +307,7 @@ STRAINS = "the stretches, {:g} to {:g}, look like strains{}; a stretch is 1 + st
 HYSTERESIS = (
     "{} of {} rows are of unloading or of loading again, with other stresses than those of first"
     " loading (hysteresis), which no elastic law describes; take the loading branch alone"
-    " (--loading, TestData.loading)"
+    " (--branch loading)"
 )
 """Words of remarks for faults in the data of a mode that a change may mend (`_changes`)."""
 
@@ -376,10 +371,7 @@ def _changes(data: TestData) -> list[_Change]:
             replace(data, stretches=stretches),
             enough=1.0 if first.max() > MOST_STRETCH else None,
         )
-    turned = data.unloading
-    turned &= np.isin(
-        data.mode, [mode for mode in data.modes if turned[data.mode == mode].sum() > MOST_ROWS]
-    )
+    turned = ~_first_loading(data)
     if turned.any():
         modes = sorted({*data.mode[turned].tolist()})
         add(
@@ -388,6 +380,23 @@ def _changes(data: TestData) -> list[_Change]:
             data.where(~turned),
         )
     return sorted(found, key=lambda one: one.size)
+
+
+def _first_loading(data: TestData) -> np.ndarray:
+    """Return a mask of the rows of first loading, shape (n,): in biaxial tests, whose order says
+    nothing, all of them.
+    """
+    first = np.ones(len(data), dtype=bool)
+    for mode in set(data.modes) - {BIAXIAL}:
+        rows = np.flatnonzero(data.mode == mode)
+        stretch = data.stretches[rows, 0]
+        untimed = np.full(len(rows), np.nan)
+        record = records(stretch, untimed)
+        for number in range(record[-1] + 1):
+            part = rows[record == number]
+            branch, cycle = branches(data.stretches[part, 0], untimed[: len(part)], 0.0)
+            first[part] = (branch == "loading") & (cycle == 1)
+    return first
 
 
 def _columns(data: TestData) -> np.ndarray:

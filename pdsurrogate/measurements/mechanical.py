@@ -1,132 +1,299 @@
-"""Mechanical tests from tables of machines: stretch and nominal stress of each specimen."""
+"""Mechanical tests from tables of machines: stretch and nominal stress of every specimen."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-MODES = "uniaxial", "equibiaxial", "pure-shear"
-"""Modes of loading, in which one stretch and one stress describe a test."""
+from ..arguments import suggestion
+from .branches import branches, break_row, energy_lost, records, stretch_at_zero
+from .quantities import factor
+from .reading import read_tables
+from .readings import UNITS, Readings
+from .specimens import BIAXIAL, MODES, AtBreak, Facts, MechanicalTests, Specimen
+from .table import Block, TableFile
+
+OWN = "table of this project"
+"""Form of tables whose documented unit is that of their stresses."""
+
+BRANCHES = "loading", "unloading", "all"
 
 
-@dataclass(frozen=True)
-class Facts:
-    """What a user states of tests beside what their files state themselves.
+def read_tests(*files: str | Path, **stated: Any) -> MechanicalTests:
+    r"""Return the tests in files of testing machines, workbooks, decks or plain tables.
 
-    Attributes
+    Force and extension become nominal stress and stretch by the geometry that a file or the user
+    states; strains and stresses of any kind are converted. Columns that say the same must agree.
+
+    Parameters
     ----------
-    mode : str, optional
-        Mode of loading: "uniaxial", "equibiaxial" or "pure-shear".
-    gauge_length, area, width, thickness, diameter : str, optional
-        Of the undeformed specimen, with units: "25 mm", "12mm2".
-    columns : mapping, optional
-        Column of a quantity (`pdsurrogate.measurements.table.QUANTITIES`, "strain" or "stress") by
-        its heading or its number from 1: ``{"force": "Kraft", "stress": 2}``.
-    units : mapping, optional
-        Unit of a quantity whose column has none: ``{"stress": "kPa"}``.
-    strain, stress : str, optional
-        "engineering" or "true", where headings do not say which.
-    branch : str or int, optional
-        "loading" (default: the first loading), "unloading", "all", or the number of a cycle.
-    zero : str, optional
-        "shift" (default) moves the stretch at zero force to 1 where it is not, "keep" does not.
-    stress_unit : str, optional
-        Unit of the stresses of the result; by default MPa, or that of the files where they state
-        none.
+    *files : str or path
+    **stated
+        Fields of `Facts`: ``mode="uniaxial"``, ``gauge_length="25 mm"``, ``area="12 mm2"``,
+        ``columns={"force": "Kraft"}``, ``units={"stress": "kPa"}``, ``strain="true"``,
+        ``branch="all"`` and others; for every file.
+
+    Returns
+    -------
+    MechanicalTests
+        Its `missing` says what is still to be stated; stresses are in MPa, or in
+        ``stress_unit``, or as they are where neither file nor user states a unit.
+
+    Raises
+    ------
+    ValueError
+        If a file cannot be read, what is stated contradicts a file or is not needed, or columns
+        contradict each other; the message shows both values.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from pdsurrogate.measurements import read_tests
+    >>> _ = Path("test.csv").write_text("Load (N),Extension (mm)\n0,0\n3,5\n6,10\n9,15\n12,25\n")
+    >>> tests = read_tests("test.csv", mode="uniaxial", gauge_length="25 mm", area="12 mm2")
+    >>> tests.specimens[0].stretch.max(), tests.specimens[0].nominal_stress.max(), tests.unit
+    (2.0, 1.0, 'MPa')
     """
-
-    mode: str | None = None
-    gauge_length: str | None = None
-    area: str | None = None
-    width: str | None = None
-    thickness: str | None = None
-    diameter: str | None = None
-    columns: Mapping[str, str | int] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-    strain: str | None = None
-    stress: str | None = None
-    branch: str | int | None = None
-    zero: str | None = None
-    stress_unit: str | None = None
-
-
-@dataclass(frozen=True)
-class AtBreak:
-    """State in which a specimen broke.
-
-    Attributes
-    ----------
-    stretch, nominal_stress : float
-    work : float
-        Work per undeformed volume up to the break, in the unit of the stress.
-    """
-
-    stretch: float
-    nominal_stress: float
-    work: float
+    try:
+        facts = Facts(**stated)
+    except TypeError:
+        known = list(Facts.__dataclass_fields__)
+        wrong = next(name for name in stated if name not in known)
+        raise TypeError(f"there is no fact {wrong}; {suggestion(wrong, known)}") from None
+    _check(facts)
+    parts, used = [], set()
+    for file in files:
+        found = read_tables(file, columns=facts.columns, units=facts.units)
+        parts.append(_tests(found, facts, used))
+    if idle := facts.unused(used):
+        raise ValueError(
+            f"{', '.join(map(str, files))}: {idle} is stated, but no table needs it: leave it out"
+        )
+    return join_tests(", ".join(Path(file).name for file in files), *parts)
 
 
-@dataclass(frozen=True)
-class Specimen:
-    """Rows of one specimen in one mode of loading, in the order of the file.
-
-    Attributes
-    ----------
-    name : str
-    mode : str
-        One of `MODES`, or "biaxial" with two stretches and two stresses.
-    row : ndarray of int, shape (n,)
-        Numbers of the rows among those of all tables that were read, from 1.
-    stretch, nominal_stress : ndarray, shape (n,)
-    lateral_stretch, lateral_stress, time, weight : ndarray, shape (n,)
-        NaN where the file does not have them.
-    cycle : ndarray of int, shape (n,)
-        Number of the cycle, from 1.
-    branch : ndarray of str, shape (n,)
-        "loading", "unloading", "hold" or "broken" (after the break).
-    chosen : ndarray of bool, shape (n,)
-        Rows of the branch that was asked for.
-    at_break : AtBreak, optional
-        None if the specimen did not break.
-    """
-
-    name: str
-    mode: str
-    row: np.ndarray
-    stretch: np.ndarray
-    nominal_stress: np.ndarray
-    lateral_stretch: np.ndarray
-    lateral_stress: np.ndarray
-    time: np.ndarray
-    weight: np.ndarray
-    cycle: np.ndarray
-    branch: np.ndarray
-    chosen: np.ndarray
-    at_break: AtBreak | None = None
+def join_tests(name: str, *parts: MechanicalTests) -> MechanicalTests:
+    """Return the tests of several files as one; raise ValueError if only some state a unit."""
+    units = {part.unit for part in parts if part.specimens}
+    if len(units) > 1:
+        words = ", ".join(f"{part.name}: {part.unit or 'none'}" for part in parts)
+        raise ValueError(
+            f"the units of stress differ ({words}): state that of the others (--unit stress=MPa)"
+        )
+    rows, specimens = 0, []
+    for part in parts:
+        specimens += [replace(one, row=one.row + rows) for one in part.specimens]
+        rows += part.rows
+    together = MechanicalTests(name, tuple(specimens), next(iter(units), None))
+    scatter = [
+        f"{name}, {mode}: rows have weights of 1/variance; the specimens scatter by"
+        f" {100 * found.weights(np.array(found.greatest)) ** -0.5 / found.greatest:.2g} % at the"
+        " greatest stress"
+        for mode, found in together.scatter.items()
+    ]
+    return replace(
+        together,
+        assumed=(*(text for part in parts for text in part.assumed), *scatter),
+        missing=tuple(text for part in parts for text in part.missing),
+        ranges=tuple(row for part in parts for row in part.ranges),
+        rows=rows,
+    )
 
 
-@dataclass(frozen=True)
-class MechanicalTests:
-    """Tests that were read from files of machines (`read_tests`).
+def _check(facts: Facts) -> None:
+    """Raise ValueError for facts that no test has."""
+    for value, known, what in (
+        (facts.mode, MODES, "mode"),
+        (facts.strain, ("engineering", "true"), "strain"),
+        (facts.stress, ("engineering", "true"), "stress"),
+        (facts.zero, ("shift", "keep"), "zero"),
+    ):
+        if value is not None and value not in known:
+            raise ValueError(f"unknown {what} {value!r}; {suggestion(str(value), known)}")
+    branch = facts.branch
+    if not (branch is None or branch in BRANCHES or str(branch).isdigit()):
+        raise ValueError(
+            f"branch must be {', '.join(BRANCHES)} or the number of a cycle, not {branch!r}"
+        )
 
-    Attributes
-    ----------
-    name : str
-    specimens : tuple of Specimen
-    unit : str or None
-        Unit of the stresses, None if neither file nor user states one.
-    assumed : tuple of str
-        Everything that was assumed or left out, a sentence each.
-    missing : tuple of str
-        What is needed before tables are tests, each with the option that states it; the tables
-        have no specimens.
-    ranges : tuple of dict
-        Least and greatest values of every column that was understood, with units (mm, N, s, MPa).
-    """
 
-    name: str
-    specimens: tuple[Specimen, ...] = ()
-    unit: str | None = None
-    assumed: tuple[str, ...] = ()
-    missing: tuple[str, ...] = ()
-    ranges: tuple[dict, ...] = ()
+def _tests(file: TableFile, facts: Facts, used: set[str]) -> MechanicalTests:
+    """Return the tests of one file, with the names of the `facts` that were needed in `used`."""
+    name = file.path.name
+    specimens: list[Specimen] = []
+    assumed = [f"{name}: {note}" for note in file.notes]
+    missing: list[str] = []
+    ranges: list[dict] = []
+    units, rows = set(), 0
+    for block in file.blocks:
+        where = f"{name}, {block.title}" if block.title and len(file.blocks) > 1 else name
+        readings = Readings(block, facts, where)
+        found = _specimens(readings, rows)
+        ranges += _ranges(block, where)
+        used |= readings.used
+        assumed += [f"{where}: {text}" for text in readings.assumed]
+        missing += [f"{where}: {text}" for text in readings.missing]
+        if found and not readings.missing:
+            specimens += found
+            units.add(readings.unit)
+        rows += len(block.lines)
+    if len(units) > 1:
+        raise ValueError(f"{name}: only some tables state the unit of stress: --unit stress=MPa")
+    unit = next(iter(units), None)
+    if specimens and unit is None and file.form != OWN:
+        assumed.append(f"{name}: no unit of stress is stated; stresses stay as they are (--unit)")
+    return MechanicalTests(
+        name, tuple(specimens), unit, tuple(assumed), tuple(missing), tuple(ranges), rows
+    )
+
+
+def _specimens(readings: Readings, before: int) -> list[Specimen]:
+    """Return the specimens of a table after `before` rows of other tables."""
+    modes, found_values = readings.modes(), readings.stretch_and_stress()
+    if found_values is None or modes is None:
+        return []
+    stretch, stress = found_values
+    known = np.isfinite(stretch) & np.isfinite(stress)
+    if not known.all():
+        readings.assumed.append(f"{(~known).sum()} rows without both numbers are left out")
+    if (stretch[known] <= 0).any():
+        line = readings.block.lines[known][stretch[known] <= 0][0]
+        raise ValueError(
+            f"{readings.where}, line {line}: stretch must be positive, not"
+            f" {stretch[known].min():g}; a stretch is 1 + strain"
+        )
+    time, groups = readings.numbers("time"), readings.text("specimen")
+    keys = [f"{mode}\n{group}" for mode, group in zip(modes, groups, strict=True)]
+    found = []
+    for key in dict.fromkeys(keys):
+        rows = np.flatnonzero((np.array(keys) == key) & known)
+        mode, group = key.split("\n")
+        if not len(rows):
+            continue
+        series = np.zeros(len(rows), dtype=int)
+        if mode != BIAXIAL:
+            series = records(stretch[rows], time[rows])
+        if series.any():
+            readings.assumed.append(
+                f"{mode}: rows begin again at small stretches {series.max()} times: each part is"
+                " taken as a specimen of its own"
+            )
+        for number in range(series.max() + 1):
+            part = rows[series == number]
+            title = " ".join(
+                filter(None, (readings.block.title, group, f"{number + 1}" * bool(series.any())))
+            )
+            found.append(_specimen(readings, title, mode, part, before, stretch, stress))
+    return found
+
+
+def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
+    """Return rows of a table as a specimen, its branches recognized."""
+    stretch, stress = stretch[rows], stress[rows]
+    time = readings.numbers("time")[rows]
+    branch = np.full(len(rows), "loading", dtype="<U9")
+    cycle, end, at_break = np.ones(len(rows), dtype=int), len(rows), None
+    lost, zero = None, 1.0
+    if mode != BIAXIAL:
+        peak = break_row(stretch, stress)
+        end = len(rows) if peak is None else peak + 1
+        branch[end:] = "broken"
+        branch[:end], cycle[:end] = branches(stretch[:end], time[:end], readings.resolution)
+        cycle[end:] = cycle[end - 1]
+        lost = energy_lost(stretch[:end], stress[:end], branch[:end], cycle[:end])
+        first = (cycle == cycle[0]) & (branch == "loading")
+        zero = stretch_at_zero(stretch[first], stress[first], mode)
+        if zero != 1.0:
+            stretch = _shifted(readings, stretch, zero)
+        if peak is not None:
+            last = (cycle == cycle[peak]) & (np.arange(len(rows)) <= peak) & (branch != "unloading")
+            at_break = AtBreak(
+                float(stretch[peak]),
+                float(stress[peak]),
+                float(np.trapezoid(stress[last], stretch[last])),
+            )
+    own = readings.numbers("cycle")[rows]
+    cycle = own.astype(int) if np.isfinite(own).all() else cycle
+    wanted = readings.facts.branch
+    if wanted == "all":
+        chosen = branch != "broken"
+    elif wanted in (None, "loading", "unloading"):
+        chosen = (branch == (wanted or "loading")) & (cycle == cycle[0])
+    else:
+        chosen = (cycle == int(wanted)) & (branch != "broken")
+    if zero != 1.0 and readings.facts.zero != "keep":  # rows of slack say nothing
+        chosen &= (stretch - 1) * np.sign(stretch[np.abs(stress).argmax()] - 1) >= 0
+    _tell(readings, title or mode, branch, cycle, chosen, lost, at_break)
+    across = readings.numbers("lateral-stress")[rows]
+    wanted_unit = readings.facts.stress_unit
+    return Specimen(
+        title or readings.where,
+        mode,
+        rows + 1 + before,
+        stretch,
+        stress,
+        readings.lateral()[rows],
+        across * factor("MPa", wanted_unit) if wanted_unit else across,
+        time,
+        readings.numbers("weight")[rows],
+        cycle,
+        branch,
+        chosen,
+        at_break,
+    )
+
+
+def _shifted(readings: Readings, stretch: np.ndarray, zero: float) -> np.ndarray:
+    """Return stretches that are 1 at zero force, unless the user keeps them, and say the shift."""
+    cause = "slack" if (zero - 1) * (np.median(stretch) - 1) > 0 else "a preload"
+    text = f"the stretch at zero force is {zero:.4g} ({cause})"
+    if readings.facts.zero == "keep":
+        readings.assumed.append(f"{text}, and stays as it is")
+        return stretch
+    readings.assumed.append(f"{text}: {1 - zero:+.4g} is added to all stretches (--zero keep)")
+    return stretch - (zero - 1)
+
+
+def _tell(readings, name, branch, cycle, chosen, lost, at_break) -> None:
+    """Say where a specimen breaks, how much energy it loses, and which rows are left out."""
+    if at_break is not None:
+        readings.assumed.append(
+            f"{name} breaks at a stretch of {at_break.stretch:.4g} and a nominal stress of"
+            f" {at_break.nominal_stress:.4g}; {(branch == 'broken').sum()} rows after it are left"
+            " out"
+        )
+    if lost is not None:
+        readings.assumed.append(
+            f"{name}: hysteresis, {100 * lost:.1f} % of the work of the first loading is lost on"
+            f" unloading ({cycle.max()} cycles)"
+        )
+    left = ~chosen & (branch != "broken")
+    kinds = [
+        f"{number} of {kind}"
+        for kind in ("loading", "unloading", "hold")
+        if (number := int((left & (branch == kind)).sum()))
+    ]
+    if kinds:
+        readings.assumed.append(
+            f"{name}: {chosen.sum()} of {len(chosen)} rows are taken"
+            f" ({readings.facts.branch or 'the first loading'}); left out: {', '.join(kinds)}"
+            " (--branch all takes them)"
+        )
+
+
+def _ranges(block: Block, where: str) -> list[dict]:
+    """Return the least and greatest value of each column of numbers, with quantity and unit."""
+    rows = []
+    for column in block.columns:
+        if column.values.dtype.kind != "f" or not np.isfinite(column.values).any():
+            continue
+        quantity = column.quantities[0] if column.quantities else None
+        known = quantity is not None and column.unit is not None and quantity != "temperature"
+        unit = UNITS.get(quantity or "", "1") if known else column.unit or ""
+        size = factor(column.unit, unit) if known else 1.0
+        span = float(np.nanmin(column.values) * size), float(np.nanmax(column.values) * size)
+        words = {"table": where, "column": column.heading}
+        words["quantity"] = " or ".join(column.quantities)
+        rows.append({**words, "least": span[0], "greatest": span[1], "unit": unit})
+    return rows

@@ -213,6 +213,17 @@ def to_si(values: np.ndarray, unit: str | None, quantity: str) -> np.ndarray:
     return _registry().Quantity(np.asarray(values, dtype=float), known).to(wanted).magnitude
 
 
+@cache
+def factor(unit: str, to: str) -> float:
+    """Return the factor that converts numbers in one unit to another of the same kind; raise
+    ValueError for an unknown unit, and one of another kind.
+    """
+    known, one = unit_in(unit), _registry().Quantity
+    if known is None or one(1.0, known).dimensionality != one(1.0, unit_in(to)).dimensionality:
+        raise ValueError(f"{unit} is no unit like {to}")
+    return float((one(1.0, known) / one(1.0, unit_in(to))).to("").magnitude)
+
+
 def _examples(quantity: str) -> list[str]:
     """Units of a quantity among `UNITS`."""
     return [one for one in UNITS if fits(str(unit_in(one)), quantity)]

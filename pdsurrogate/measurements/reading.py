@@ -8,7 +8,7 @@ from pathlib import Path
 from ..arguments import check_path, suggestion
 from .decks import is_deck, tests_of
 from .layout import Found, read_rows, with_specimens
-from .quantities import SI, fits, plain, quantities_of, unit_in
+from .quantities import SI, factor, fits, plain, quantities_of, unit_in
 from .table import QUANTITIES, Block, Column, TableFile
 from .text import Row, decimal_sign, decode, rows_of, value
 
@@ -293,6 +293,13 @@ def _with_units(blocks: tuple[Block, ...], units: Mapping[str, str]) -> tuple[Bl
             )
         if not any(meant & {*column.quantities} for block in blocks for column in block.columns):
             raise ValueError(f"there is no column of {quantity}; there are {_headings(blocks)}")
+        for column in (one for block in blocks for one in block.columns):
+            own = unit_in(column.unit) if column.unit and meant & {*column.quantities} else None
+            if own is not None and factor(own, known) != 1.0:
+                raise ValueError(
+                    f"{unit} is stated for {quantity}, but the file says that {column.heading} is"
+                    f" in {column.unit}"
+                )
         blocks = tuple(
             dataclasses.replace(
                 block,

@@ -79,7 +79,11 @@ def segments(rows: list[Row]) -> tuple[list[Segment], list[Row]]:
         elif going and numbers and words <= texts and not numbers & texts:
             found[-1].rows.append(row)
             continue
-        elif going and numbers and re.match(r"[+-]?[.,]?\d", row.text(min(cells))):
+        elif (
+            going
+            and numbers
+            and ((texts and texts < words) or re.match(r"[+-]?[.,]?\d", row.text(min(cells))))
+        ):
             wrong = min((words - texts) or (numbers & texts))
             raise ValueError(f"line {row.number}: {row.text(wrong)!r} is no number")
         elif (found and not above and numbers and words <= texts and not numbers & texts) or (

@@ -1,0 +1,186 @@
+"""Course of a mechanical test: the break, loading and unloading, holds and cycles, hysteresis, and
+the stretch at zero force.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+LEAST = 0.01
+"""Fraction of the range of strain by which it must turn back to be of another branch. Chosen: the
+scatter of stresses in any laboratory, which a smaller reversal does not exceed.
+"""
+
+SETTLED = 0.1
+"""Fraction of the duration of a branch during which the strain stands still in a hold."""
+
+FALLEN = ((1.0, 0.8), (0.98, 0.5), (0.8, 0.1))
+"""Break: the stress falls from its peak to at most the second fraction while the strain is still
+above the first one. Elastic unloading, also of filled rubber, keeps more stress; relaxation in a
+hold does not stretch further, and takes less than half.
+"""
+
+UNORDERED = 4.0
+"""Least mean number of rows of a branch: rows that turn more often are in no order."""
+
+
+def strain_of(stretch: np.ndarray) -> np.ndarray:
+    """Return the size of the logarithmic strain, in tension and in compression."""
+    return np.abs(np.log(stretch))
+
+
+def break_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:
+    """Return the last row before the specimen breaks, that of the peak of the stress; None if it
+    does not break.
+    """
+    strain, size = strain_of(stretch), np.abs(stress)
+    peak = int(size.argmax())
+    after = slice(peak + 1, None)
+    if not size[after].size or strain[peak] == 0:
+        return None
+    share, rest = strain[after] / strain[peak], size[after] / size[peak]
+    broken = any(((share > least) & (rest <= most)).any() for least, most in FALLEN)
+    # A camera or clip that loses the specimen jumps back at once, and no load ever returns.
+    lost = peak > 0 and rest[0] <= FALLEN[-1][1] and bool((rest <= 2 * FALLEN[-1][1]).all())
+    return peak if broken or lost else None
+
+
+def records(stretch: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return the number of the record, from 0, of every row: rows that jump back to the start and
+    load again are of a further specimen, unless time goes on.
+    """
+    strain = strain_of(stretch)
+    span = np.ptp(strain)
+    jumps = (np.diff(strain) < -0.5 * span) & ~(np.diff(time) > 0)
+    for row in np.flatnonzero(jumps):
+        rising = np.diff(strain[row + 1 : row + 4])
+        jumps[row] = len(rising) == 2 and bool((rising > LEAST * span).all())
+    return np.r_[0, np.cumsum(jumps)]
+
+
+def turning_points(stretch: np.ndarray, least: float) -> list[int]:
+    """Return the rows at which the stretch turns by more than `least`, with the first and last."""
+    found, low, high, rising = [0], 0, 0, None
+    for row, value in enumerate(stretch.tolist()):
+        high = row if value > stretch[high] else high
+        low = row if value < stretch[low] else low
+        if rising is not False and stretch[high] - value > least:
+            found += [] if rising is None else [high]
+            rising, low = False, row
+        elif rising is not True and value - stretch[low] > least:
+            found += [] if rising is None else [low]
+            rising, high = True, row
+    return [*found, len(stretch) - 1]
+
+
+def branches(
+    stretch: np.ndarray, time: np.ndarray, resolution: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return branch ("loading", "unloading" or "hold") and cycle, from 1, of every row of a
+    specimen up to its break; rows in no order are all of loading.
+    """
+    least = max(LEAST * float(np.ptp(stretch)), 2.5 * resolution)
+    turns = turning_points(stretch, least)
+    branch, cycle = np.full(len(stretch), "loading", dtype="<U9"), np.ones(len(stretch), dtype=int)
+    timed = bool((np.diff(time) > 0).any())
+
+    def crosses(first: int, last: int) -> bool:
+        """Whether rows go from tension to compression or back."""
+        ends = stretch[[first, last]] - 1
+        return bool(ends.prod() < 0 and (np.abs(ends) > least).all())
+
+    listed = len(turns) == 2 and (not timed or crosses(*turns))
+    if listed or (len(stretch) - 1 < UNORDERED * (len(turns) - 1) and len(turns) > 3):
+        return branch, cycle
+    clock = time if timed and (np.diff(time) >= 0).all() else np.arange(len(stretch), dtype=float)
+    number = 1
+    for first, last in pairwise(turns):
+        rows = np.arange(first + (first > 0), last + 1)
+        back = np.full(len(rows), abs(stretch[last] - 1) < abs(stretch[first] - 1))
+        if crosses(first, last):
+            back = (stretch[rows] - 1) * (stretch[first] - 1) > 0
+        branch[rows[back]] = "unloading"
+        cycle[rows] = number
+        if first > 0 and not back.all():
+            number += 1
+            cycle[rows[~back]] = number
+        travel = abs(stretch[last] - stretch[first])
+        share = max(SETTLED, 3 * least / travel) if travel > 0 else SETTLED
+        for hold in _holds(stretch, clock, first, last, least, share):
+            branch[hold] = "hold"
+    return branch, cycle
+
+
+def _holds(stretch, clock, first, last, least, share):
+    """Yield the slices of rows first to last in which the stretch stays within `least` for more
+    than a share of their duration.
+    """
+    whole, start, end = clock[last] - clock[first], first, first
+    while start < last:
+        end = max(end, start)
+        while end < last and abs(stretch[end + 1] - stretch[start]) <= least:
+            end += 1
+        if end - start >= 3 and clock[end] - clock[start] > share * whole:
+            middle = np.median(stretch[start : end + 1])
+            while abs(stretch[start] - middle) > least / 4:
+                start += 1
+            yield slice(start + 1, end + 1)
+            start = end
+        start += 1
+
+
+def energy_lost(stretch: np.ndarray, stress: np.ndarray, branch, cycle) -> float | None:
+    """Return the energy lost in the first cycle relative to the work of its loading, over the
+    stretches of both branches; None if there is no unloading.
+    """
+    first = cycle == 1
+    up, down = first & (branch == "loading"), first & (branch == "unloading")
+    if up.sum() < 2 or not down.any():
+        return None
+    down[np.flatnonzero(up)[-1]] = True
+    curves = []
+    for rows in (up, down):
+        order = np.argsort(stretch[rows], kind="stable")
+        curves.append((stretch[rows][order], stress[rows][order]))
+    least, most = (pick(c[0][end] for c in curves) for pick, end in ((max, 0), (min, -1)))
+    places = np.linspace(least, most, 201)
+    loaded, unloaded = (np.interp(places, *curve) for curve in curves)
+    return float((loaded - unloaded).sum() / loaded.sum()) if loaded.sum() else None
+
+
+def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float:
+    """Return the stretch at zero force of a first loading: 1 unless the rows show slack (no force
+    at first) or a preload (force at a stretch of 1).
+
+    The rows up to a strain of 0.5 are fitted by Mooney's law, which describes any rubber there,
+    with a shift of the stretch.
+    """
+    start = stretch[np.abs(stress).argmin()]
+    some = (np.abs(stretch - start) <= 0.5) & (np.abs(stress) > 0.005 * np.abs(stress).max())
+    reach = min(1.0, float(np.abs(stretch - start).max()))
+    if some.sum() < 5 or not reach > 0:
+        return 1.0
+    power = {"uniaxial": -2.0, "equibiaxial": -5.0, "pure-shear": -3.0}[mode]
+
+    def misfit(shift: float) -> tuple[float, float]:
+        x = stretch[some] - shift
+        first = x - x**power
+        second = first * (x**2 if mode == "equibiaxial" else 1 / x if mode == "uniaxial" else 1)
+        columns = np.stack([first, second], axis=1)
+        weights = np.linalg.lstsq(columns, stress[some], rcond=None)[0]
+        slope = (1 - power) * weights.sum()
+        return float(((columns @ weights - stress[some]) ** 2).mean()), float(slope)
+
+    shifts = np.linspace(-0.3, 0.3, 601) * reach
+    shifts = shifts[stretch[some].min() - shifts > 0.1]
+    best = min(shifts.tolist(), key=lambda one: misfit(one)[0])
+    (error, slope), (unshifted, _) = misfit(best), misfit(0.0)
+    if abs(best) < 0.01 * reach or unshifted < 16 * error:
+        return 1.0
+    moved = np.sign(stretch[np.abs(stress).argmax()] - start) * (stretch - 1)
+    size, slack = np.abs(stress), abs(best)
+    if best * np.sign(stretch[np.abs(stress).argmax()] - start) > 0:
+        shown = (moved > slack / 2) & (size < slope * slack / 4)
+    else:
+        shown = (np.abs(moved) < slack / 4) & (size > slope * slack / 2)
+    return 1.0 + best if shown.any() else 1.0
