@@ -19,7 +19,7 @@ KINDS = {
     "S": {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"},
 }
 KINDS |= {"T2D": KINDS["T3D"]}
-KINDS |= dict.fromkeys(("CPS", "CPE", "CPEG", "CAX", "M3D", "SFM3D", "STRI"), KINDS["S"])
+KINDS |= dict.fromkeys(("CPS", "CPE", "CPEG", "CAX", "M3D", "SFM3D", "STRI", "R3D"), KINDS["S"])
 """Names in meshio of cells, by the first letters of an element's type and its number of nodes,
 which follows them in the type. Manuals of Abaqus and of CalculiX 2.20.
 """
@@ -105,22 +105,25 @@ class _Scope:
 
     def read(self, blocks: list[Block], placing: Iterable[str] = ()) -> None:
         """Read the nodes, then the elements, then the sets of some blocks."""
-        for block in blocks:
-            if block.keyword == "NODE":
-                self._read_nodes(block, [_numbers(row) for row in placing])
-        found = [
-            self._read_elements(block) if block.keyword == "ELEMENT" else () for block in blocks
+        shifts = [_numbers(_entries(row)) for row in placing]
+        labels = [
+            self._read_nodes(block, shifts) if block.keyword == "NODE" else [] for block in blocks
         ]
-        for (keyword, options, rows), members in zip(blocks, found, strict=True):
+        found = [
+            self._read_elements(block) if block.keyword == "ELEMENT" else [] for block in blocks
+        ]
+        for (keyword, options, data), nodes, elements in zip(blocks, labels, found, strict=True):
             internal = "INTERNAL" in options
-            owner = self._inner(options["INSTANCE"]) if "INSTANCE" in options else self
-            rows = [_entries(row) for row in rows]
-            if keyword == "NODE" and "NSET" in options:
-                nodes = [self.nodes[int(row[0])] for row in rows if row]
-                self.sets.add("nodes", options["NSET"], np.array(nodes, dtype=int))
-            elif keyword == "ELEMENT" and "ELSET" in options:
-                self.sets.add("elements", options["ELSET"], np.array(members, dtype=int))
-            elif keyword in ("ELSET", "NSET") and keyword in options:
+            owner = self._inner(options.get("INSTANCE"))
+            if keyword in ("NODE", "ELEMENT"):
+                if "NSET" in options:
+                    members = np.array([self.nodes[label] for label in nodes], dtype=int)
+                    self.sets.add("nodes", options["NSET"], members)
+                if "ELSET" in options:
+                    self.sets.add("elements", options["ELSET"], np.array(elements, dtype=int))
+                continue
+            rows = [_entries(row) for row in data if row]
+            if keyword in ("ELSET", "NSET") and keyword in options:
                 kind = "elements" if keyword == "ELSET" else "nodes"
                 if keyword == "NSET" and "ELSET" in options:
                     chosen = self.deck.nodes_of(owner.members("elements", options["ELSET"]))
@@ -130,17 +133,22 @@ class _Scope:
                     chosen = owner.several(kind, [entry for row in rows for entry in row if entry])
                 self.sets.add(kind, options[keyword], chosen, internal)
             elif keyword == "SURFACE" and options.get("TYPE", "ELEMENT").upper() == "NODE":
-                chosen = self.several("nodes", [row[0] for row in rows if row])
+                chosen = self.several("nodes", [row[0] for row in rows])
                 self.sets.add("nodes", options["NAME"], chosen, internal)
             elif keyword == "SURFACE" and all(
-                len(row) > 1 and re.fullmatch("S[1-6]", row[1].upper()) for row in rows if row
+                len(row) > 1 and re.fullmatch("S[1-6]", row[1].upper()) for row in rows
             ):
-                for entry, face, *_ in filter(None, rows):
+                for entry, face, *_ in rows:
                     members = self.members("elements", entry)
                     sides = np.column_stack([members, np.full(len(members), int(face[1]) - 1)])
                     self.sets.add("sides", options["NAME"], sides.astype(int), internal)
 
-    def _inner(self, name: str) -> _Scope:
+    def _inner(self, name: str | None) -> _Scope:
+        """Return the scope of an instance, or this one in a deck without instances, which may
+        still name those that it was made of.
+        """
+        if name is None or not self.inner:
+            return self
         if name.upper() not in self.inner:
             raise ValueError(f"there is no instance {name}")
         return self.inner[name.upper()]
@@ -169,17 +177,19 @@ class _Scope:
         """Return the elements or nodes of rows of a first, a last number and a step."""
         known = np.array(list(getattr(self, kind).items()), dtype=int).reshape(-1, 2)
         chosen = np.zeros(len(known), dtype=bool)
-        for first, last, *step in ([int(entry) for entry in row if entry] for row in rows if row):
+        for first, last, *step in ([int(entry) for entry in row if entry] for row in rows):
             beyond = known[:, 0] - first
             chosen |= (beyond >= 0) & (known[:, 0] <= last) & (beyond % (step or [1])[0] == 0)
         return known[chosen, 1]
 
-    def _read_nodes(self, block: Block, placing: list[list[float]]) -> None:
+    def _read_nodes(self, block: Block, placing: list[list[float]]) -> list[int]:
+        """Add the nodes of a block to the deck, shifted and turned; return their numbers."""
         if block.options.get("SYSTEM", "R").upper() != "R":
             raise ValueError("*NODE with polar coordinates (SYSTEM) is not read")
         begin = sum(map(len, self.deck.places))
-        rows = [entries for row in block.rows if (entries := _entries(row))]
-        places = np.array([(_numbers(",".join(row[1:4])) + [0.0] * 3)[:3] for row in rows])
+        rows = [_entries(row) for row in block.rows if row]
+        labels = [int(row[0]) for row in rows]
+        places = np.array([(_numbers(row[1:4]) + [0.0] * 3)[:3] for row in rows])
         for shift in placing[:1]:
             places = places + shift[:3]
         for start, end, angle in ((row[:3], row[3:6], row[6]) for row in placing[1:2]):
@@ -189,7 +199,8 @@ class _Scope:
             )
             places = turn.apply(places - start) + start
         self.deck.places.append(places.reshape(-1, 3))
-        self.nodes |= {int(row[0]): begin + number for number, row in enumerate(rows)}
+        self.nodes |= {label: begin + number for number, label in enumerate(labels)}
+        return labels
 
     def _read_elements(self, block: Block) -> np.ndarray:
         """Add the elements of a block to the deck; return their numbers."""
@@ -197,36 +208,40 @@ class _Scope:
         known = TYPE.fullmatch(name)
         count = int(known[2]) if known else 0
         kind = KINDS[known[1]].get(count, "") if known else ""
-        rows = [row.strip() for row in block.rows if row.strip()]
-        # A line that ends with a comma goes on in the next one.
-        begins = np.array([True, *(not row.endswith(",") for row in rows[:-1])])[: len(rows)]
-        lines = [[int(entry) for entry in _entries(row) if entry] for row in rows]
-        records = np.split(np.arange(len(rows)), np.flatnonzero(begins)[1:]) if rows else []
-        given = [[number for line in record for number in lines[line]] for record in records]
-        if kind:
-            # Some programs end every line with a comma.
-            split = []
-            for record in given:
-                if len(record) % (count + 1):
-                    raise ValueError(
-                        f"element {record[0]} has {len(record) - 1} nodes; one of type {name} has"
-                        f" {count}"
-                    )
-                split += [record[k : k + count + 1] for k in range(0, len(record), count + 1)]
-            given = split
+        rows = [row for row in block.rows if row]
+        goes_on = np.array([row.endswith(",") for row in rows], dtype=bool)
+        begins = np.flatnonzero(~np.append(False, goes_on[:-1])[: len(rows)])
+        if kind and rows:
+            counts = np.array([row.count(",") for row in rows]) + ~goes_on
+            sizes = np.add.reduceat(counts, begins)
+            # Some programs end every line with a comma, also where no line goes on.
+            for wrong in np.flatnonzero(sizes % (count + 1))[:1]:
+                has = sizes[wrong] if sizes[wrong] <= 28 else counts[begins[wrong]]
+                raise ValueError(
+                    f"element {rows[begins[wrong]].split(',')[0]} has {has - 1} nodes; one of type"
+                    f" {name} has {count}"
+                )
+            flat = [int(entry) for row in rows for entry in row.strip(",").split(",")]
+            given = np.array(flat).reshape(-1, count + 1)
+        else:
+            given = np.array([[int(rows[line].split(",")[0])] for line in begins]).reshape(-1, 1)
         begin = sum(len(each.numbers) for each in self.deck.elements)
         numbers = np.arange(begin, begin + len(given))
-        labels = dict(zip((record[0] for record in given), numbers.tolist(), strict=True))
-        again = [label for label in labels if label in self.elements]
-        if len(labels) < len(given) or again:
+        labels = dict(zip(given[:, 0].tolist(), numbers.tolist(), strict=True))
+        if len(labels) < len(given) or labels.keys() & self.elements.keys():
             raise ValueError("two elements have one number, so that its sets are ambiguous")
         self.elements |= labels
         try:
-            nodes = [[self.nodes[node] for node in record[1:]] for record in given if kind]
+            nodes = [self.nodes[node] for node in given[:, 1:].ravel().tolist()]
         except KeyError as error:
             raise ValueError(f"an element has the node {error}, which has no place") from None
         self.deck.elements.append(
-            Elements(name, kind, numbers, np.array(nodes, dtype=int).reshape(len(given), -1))
+            Elements(
+                name,
+                kind,
+                numbers,
+                np.array(nodes, dtype=int).reshape(len(given), given.shape[1] - 1),
+            )
         )
         return numbers
 
@@ -241,7 +256,7 @@ def read_deck(file: str | Path) -> Deck:
     """
     model: list[Block] = []
     parts: dict[str, list[Block]] = {}
-    instances: list[tuple[str, str, list[str], list[Block]]] = []
+    instances: list[tuple[Block, list[Block]]] = []
     current = model
     for block in _blocks(Path(file), Path(file).parent, ()):
         name = block.options.get("NAME", "")
@@ -253,7 +268,7 @@ def read_deck(file: str | Path) -> Deck:
             current = parts[name.upper()] = []
         elif block.keyword == "INSTANCE":
             current = []
-            instances.append((name, block.options.get("PART", ""), block.rows, current))
+            instances.append((block, current))
         elif block.keyword in ("ENDPART", "ENDINSTANCE"):
             current = model
         else:
@@ -261,12 +276,21 @@ def read_deck(file: str | Path) -> Deck:
     deck = Deck()
     whole = _Scope(deck, deck.sets)
     # Without an assembly every part is there once, where it was drawn.
-    for name, part, placing, own in instances or [(name, name, [], []) for name in parts]:
+    for block, own in instances or [
+        (Block("INSTANCE", {"NAME": name, "PART": name}, []), []) for name in parts
+    ]:
+        name = block.options.get("NAME", "")
+        part = block.options.get("PART", "")
         if part.upper() not in parts:
             raise ValueError(f"instance {name} is one of part {part!r}, which is not there")
         scope = whole.inner[name.upper()] = _Scope(deck, Sets())
-        scope.read(parts[part.upper()] + own, placing)
+        scope.read(parts[part.upper()] + own, block.rows)
         deck.instances[name] = np.fromiter(scope.elements.values(), dtype=int)
+        if "ELSET" in block.options:
+            deck.sets.add("elements", block.options["ELSET"], deck.instances[name])
+        if "NSET" in block.options:
+            nodes = np.fromiter(scope.nodes.values(), dtype=int)
+            deck.sets.add("nodes", block.options["NSET"], nodes)
     whole.read(model)
     for name, scope in zip(deck.instances, whole.inner.values(), strict=True):
         alone = len(deck.instances) == 1
@@ -284,13 +308,13 @@ def read_deck(file: str | Path) -> Deck:
 
 
 def _entries(row: str) -> list[str]:
-    """Return the entries of a line of data without blanks and quotes; none of an empty line."""
-    return [entry.strip().strip('"') for entry in row.split(",")] if row.strip() else []
+    """Return the entries of a line of data without blanks and quotes."""
+    return [entry.strip(' "') for entry in row.split(",")]
 
 
-def _numbers(row: str) -> list[float]:
-    """Return the numbers of a line of data, 0 for an empty entry; exponents may be Fortran's D."""
-    return [float(entry.upper().replace("D", "E") or 0) for entry in _entries(row)]
+def _numbers(entries: list[str]) -> list[float]:
+    """Return numbers, 0 for an empty entry; exponents may be Fortran's D."""
+    return [float(entry.upper().replace("D", "E") or 0) for entry in entries]
 
 
 def _blocks(path: Path, home: Path, above: tuple[Path, ...]) -> Iterator[Block]:
@@ -303,11 +327,11 @@ def _blocks(path: Path, home: Path, above: tuple[Path, ...]) -> Iterator[Block]:
     options: dict[str, str] = {}
     rows: list[str] = []
     head = ""
-    for line in [*path.read_text("utf-8", errors="replace").splitlines(), "*"]:
+    for line in map(str.strip, [*path.read_text("utf-8", errors="replace").splitlines(), "*"]):
         if line.startswith("**"):
             continue
         if head.endswith(","):
-            head += line.strip()
+            head += line
         elif line.startswith("*"):
             if keyword == "INCLUDE":
                 inner = _included(options, path, home)
@@ -316,7 +340,7 @@ def _blocks(path: Path, home: Path, above: tuple[Path, ...]) -> Iterator[Block]:
                 yield from _blocks(inner, home, (*above, path))
             elif keyword:
                 yield Block(keyword, options, rows)
-            head = line.strip()
+            head = line
             rows = []
         else:
             rows.append(line)
@@ -358,5 +382,5 @@ def _includes(path: Path, home: Path, _changed: int) -> tuple[Path, ...]:
     return tuple(
         _included({"INPUT": line.partition("=")[2].strip().strip('"')}, path, home)
         for line in path.read_text("utf-8", errors="replace").splitlines()
-        if line[:8].upper() == "*INCLUDE"
+        if line.strip()[:8].upper() == "*INCLUDE"
     )

@@ -252,6 +252,28 @@ FORMS = {
         "Displacement_(mm),Force_(kN),Extensometer\n" + lines(LENGTH, FORCE, STRAIN),
         [("extension/mm force/kN extension/", rounded(LENGTH, FORCE, STRAIN), {})],
     ),
+    "two directions": (
+        "utf-8",
+        "# width = 4 mm, thickness = 1.5 mm\nlambda1,lambda2,P1 (MPa),P2 (MPa)\n1,1,0,0\n"
+        "1.1,1.05,0.2,\u22120.1\n",
+        [
+            (
+                "stretch/ lateral-stretch/ nominal-stress/MPa lateral-stress/MPa",
+                np.array([[1, 1, 0, 0], [1.1, 1.05, 0.2, -0.1]]),
+                {"width": "4 mm", "thickness": "1.5 mm"},
+            )
+        ],
+    ),
+    "sizes of specimens": (
+        "utf-8",
+        "Specimen,Width (mm),Thickness (mm),Gauge length (mm)\nS1,6,2,25\nS2,6.1,2.1,25\n\n"
+        "S1,,S2,\nStrain,Stress (MPa),Strain,Stress (MPa)\n"
+        + lines(STRAIN, STRESS, STRAIN, SECOND),
+        [
+            ("engineering-strain/ nominal-stress/MPa", TWO, {"width": "6 mm"}),
+            ("engineering-strain/ nominal-stress/MPa", OTHER, {"width": "6.1 mm"}),
+        ],
+    ),
     "own curves": (
         "utf-8",
         "# tests.csv\nmode,stretch,nominal_stress,weight\nuniaxial,1.1,0.2,1\n\n# planar ones\n"

@@ -16,7 +16,6 @@ from ..measurements import read_tables
 from ..results.figures import DIVERGING, STYLE
 from ..results.tables import column_name
 from ..scenes import Scene
-from .csv_rows import number_in, read_table
 from .regressor import SceneRegressor
 
 STRETCHES = {

@@ -26,6 +26,11 @@ to its cells.
 """
 
 
+LISTING = ("CPS", "M3D9", "CAX", "R3D")
+"""First letters of the types of elements by which gmsh (4.15.2) and meshio (5.3.5) list faces of
+solids in decks.
+"""
+
 CURVED = 1e-3
 """Distance of the middle of an edge from the line between its ends, in lengths of the edge, above
 which a warning tells that the edge is curved. Chosen: a straight edge then changes the area of a
@@ -172,12 +177,12 @@ def _check_kinds(file: str, contents: Deck, dimension: int) -> None:
             f"body.file: {file} has {', '.join(refused)} cells; use only"
             f" {' and '.join(CELL_TYPES[dimension])}{advice}"
         )
-    around = sorted({each.type for each in contents.elements if each.type.startswith("CAX")})
+    around = {each.type for each in contents.elements if each.type.startswith(("CAX", "R3D"))}
     if dimension == 2 and around:
         raise ValueError(
-            f"body.file: {file} has {', '.join(around)} elements, and axisymmetric bodies are not"
-            " computed: mesh a sector of the solid (if meshio wrote the deck, every quadrilateral"
-            " is a CAX4P: name it CPS4)"
+            f"body.file: {file} has {', '.join(sorted(around))} elements: axisymmetric bodies (CAX)"
+            " and rigid ones (R3D) are not computed; mesh a sector of the solid (if meshio wrote"
+            " the deck, which calls quadrilaterals CAX4P and triangles R3D3, name them CPS4, CPS3)"
         )
     if not kinds & set(CELL_TYPES[dimension]):
         words, flat = (
@@ -195,15 +200,20 @@ def _tell_of_others(file: str, contents: Deck, mesh: CellMesh, of_node: np.ndarr
     """Warn of elements of a deck that are left out: all but cells, and the elements by which gmsh
     lists sides of cells.
     """
-    told: Counter[str] = Counter()
-    sides = None
-    for each in contents.elements:
-        if not each.type or kind_of(each.kind) in CELL_TYPES[mesh.dimension]:
-            continue
+    flat = mesh.dimension == 2
+    others = [
+        each
+        for each in contents.elements
+        if each.type and kind_of(each.kind) not in CELL_TYPES[mesh.dimension]
+    ]
+    told = Counter({each.type: 0 for each in others})
+    for each in others:
         told[each.type] += len(each.numbers)
-        if each.type.startswith("T3D" if mesh.dimension == 2 else ("CPS", "M3D9")):
-            sides = mesh.sides()[0] if sides is None else sides
-            told[each.type] -= int(among(of_node[side_of(contents.points, each)], sides).sum())
+    listed = [each for each in others if each.type.startswith("T3D" if flat else LISTING)]
+    if listed:
+        sides = [of_node[side_of(contents.points, each)] for each in listed]
+        types = np.repeat([each.type for each in listed], [len(each) for each in sides])
+        told.subtract(types[among(np.concatenate(sides), mesh.sides()[0])].tolist())
     if +told:
         counts = ", ".join(f"{count} {name}" for name, count in (+told).items())
         warnings.warn(

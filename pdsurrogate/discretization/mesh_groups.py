@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from ..body import CellMesh
-from ..body.cell_mesh import FACES, among
+from ..body.cell_mesh import FACES, side_numbers
 from ..decks import Deck, Elements
 from .mesh_cells import CELL_TYPES, centroids, corners_of, kind_of
 
@@ -51,10 +52,16 @@ class MeshFile:
         """Return the numbers of the cells in every physical group; a group of lines or faces
         contains the cells that have them as sides.
         """
-        corners, owners = self.cells.sides() if self.side_groups else ((), ())
-        return dict(self.cell_groups) | {
-            name: np.unique(owners[among(corners, members)])
-            for name, members in self.side_groups.items()
+        if not self.side_groups:
+            return dict(self.cell_groups)
+        corners, owners = self.cells.sides()
+        lists = [corners, *self.side_groups.values()]
+        numbers = np.split(
+            side_numbers(np.concatenate(lists)), np.cumsum([len(each) for each in lists])[:-1]
+        )
+        return self.cell_groups | {
+            name: np.unique(owners[np.isin(numbers[0], members)])
+            for name, members in zip(self.side_groups, numbers[1:], strict=True)
         }
 
 
@@ -108,12 +115,18 @@ def with_groups(
         if key in sets.nodes:
             kind, found = _of_nodes(mesh, of_node[sets.nodes[key]])
             getattr(files["NSET"], kind)[name] = found
-    points = {word: file.groups_of_cells() for word, file in files.items()}
+    of_word = {word: {**file.cell_groups, **file.side_groups} for word, file in files.items()}
+    times = Counter(name for of in of_word.values() for name in of)
+    several = [name for name in times if times[name] > 1]
+    points = {word: file.groups_of_cells() if several else {} for word, file in files.items()}
     merged = MeshFile(mesh, {}, {})
     for name in sets.names.values():
-        words = [word for word in files if name in points[word]]
-        words = [word for word in words if len(points[word][name])] or words[:1]
-        same = all(np.array_equal(points[word][name], points[words[0]][name]) for word in words)
+        words = [word for word in files if name in of_word[word]]
+        same = len(words) == 1
+        if name in several:
+            words = [word for word in words if len(points[word][name])] or words[:1]
+            first = points[words[0]][name]
+            same = all(np.array_equal(points[word][name], first) for word in words)
         if same:
             # Sides say also where loads act.
             words = sorted(words, key=lambda word: name not in files[word].side_groups)[:1]

@@ -10,12 +10,15 @@ from .quantities import (
     GEOMETRY,
     KINDS,
     LENGTHS,
+    MECHANICAL,
     MODES,
     STATISTICS,
+    fits,
     found_in,
     quantities_of,
+    unit_in,
 )
-from .segments import TEXT, Segment, facts_of, lines_of, segments, take_headings
+from .segments import TEXT, Segment, facts_of, kind_of, lines_of, segments, take_headings
 from .table import Block, Column
 from .text import Row
 
@@ -77,26 +80,43 @@ def read_rows(rows: list[Row], found: Found, sheet: str = "", sign: str = ".") -
         take_headings(segment, before)
         facts = facts_of(segment.above, sign)
         kinds = {found_in(KINDS, heading) for heading, _ in segment.headings.values()}
-        if not kinds - {"no measurement", "specimen", None} and (
-            "no measurement" in kinds or _measures(segment)
-        ):
+        if not kinds & MECHANICAL and ("no measurement" in kinds or _measures(segment)):
             found.specimens += _specimens(segment)
             general |= facts
-            found.notes.append(f"{sheet} {segment.lines}: results, which are not read".strip())
+            what = "sizes of specimens" if _measures(segment) else "results, which are not read"
+            found.notes.append(f"{sheet} {segment.lines}: {what}".strip())
             continue
-        before = segment
+        if before and _goes_on(segment, before, facts, general):
+            before.rows += segment.rows
+            found.blocks.pop()
+        else:
+            before = segment
         stated = {*facts} & {*GEOMETRY}
         general = {name: one for name, one in general.items() if not stated or name not in LENGTHS}
         general |= facts
-        split = groups(segment)
+        split = groups(before)
         for places in split:
-            title = title_at(segment, places[-1] if len(split) > 1 else places[0])
-            found.blocks.append(block(segment, places, title or sheet, general))
+            title = title_at(before, places[-1] if len(split) > 1 else places[0])
+            found.blocks.append(block(before, places, title or sheet, general))
     last = facts_of(after, sign)
     if not tables:
         found.general |= last
     elif after:
         found.notes.append(f"{sheet} {lines_of(after)} after the tables: not read".strip())
+
+
+def _goes_on(segment: Segment, before: Segment, facts: dict, general: dict) -> bool:
+    """Whether a table continues the one before: of the same specimen, at later times."""
+    same = segment.headings == before.headings and len(groups(segment)) == 1
+    if not same or segment.titles or facts.get("specimen") != general.get("specimen"):
+        return False
+    times = [place for place, head in segment.headings.items() if quantities_of(*head) == ("time",)]
+    rows = (before.rows[-1], segment.rows[0])
+    last, first = ([row.filled.get(place) for place in times] for row in rows)
+    return bool(times) and all(
+        isinstance(old, float) and isinstance(new, float) and new > old
+        for old, new in zip(last, first, strict=True)
+    )
 
 
 def _measures(segment: Segment) -> dict[int, str]:
@@ -108,9 +128,11 @@ def _measures(segment: Segment) -> dict[int, str]:
 def _specimens(segment: Segment) -> list[tuple[str, dict[str, str]]]:
     """Return the names of specimens and their facts, of a table with a line for each."""
     measures = _measures(segment)
+    names = [place for place, (head, _) in segment.headings.items() if kind_of(head) == "specimen"]
+    name = (names or segment.columns)[0]
     return [
         (
-            row.text(segment.columns[0]),
+            row.text(name),
             {
                 name: f"{row.text(place)} {segment.headings[place][1] or ''}".strip()
                 for place, name in measures.items()
@@ -118,7 +140,7 @@ def _specimens(segment: Segment) -> list[tuple[str, dict[str, str]]]:
             },
         )
         for row in segment.rows
-        if measures and not re.search(STATISTICS, row.text(segment.columns[0]).lower())
+        if measures and not re.search(STATISTICS, row.text(name).lower())
     ]
 
 
@@ -148,6 +170,15 @@ def block(segment: Segment, places: list[int], title: str, facts: dict[str, str]
         values = np.array([row.text(place) for row in rows] if texts else cells)
         columns.append(Column(heading, unit, quantities, values))
     meant = {one for column in columns for one in column.quantities}
+    for quantity in {"force", "time"} - meant:  # a unit says it where no heading does
+        unknown = [
+            place
+            for place, one in enumerate(columns)
+            if kind_of(one.heading) is None and one.unit and (known := unit_in(one.unit))
+            if known and fits(known, quantity)
+        ]
+        if len(unknown) == 1:
+            columns[unknown[0]] = dataclasses.replace(columns[unknown[0]], quantities=(quantity,))
     mode = next(
         (mode for text in (title, *facts.values()) if (mode := found_in(MODES, text))), None
     )

@@ -43,17 +43,17 @@ KINDS = {
     r"|延伸比|伸[長張]比|\b(lambda|lam|λ)[ _]?([1-3xy]|lat)?\b",
     "volume-ratio": r"volum|体积|体積",
     "elongation": r"elongat|[ée]longation|allongement|alargamiento|elongaci|verformung|伸び|变形",
-    "strain": r"strain|dehnung|d[ée]formation|deformaci|应变|ひずみ|歪|伸长率|伸び率"
+    "strain": r"strain|dehnung|d[ée]form|deformaci|应变|ひずみ|歪|伸长率|伸び率"
     r"|\b(eps|epsilon|ε)\b",
     "force": r"force|load|kraft|charge|effort|fuerza|carga|载荷|负荷|荷重|試験力|试验力|力|\bf\b",
-    "extension": r"extens|displac|stroke|position|crosshead|weg\b|travers|längenänd|d[ée]plac"
-    r"|course|desplaz|位移|伸长|行程|変位|ストローク|\b(disp|dl|δl|u)\b",
+    "extension": r"extens|displac|stroke|position|crosshead|travel|weg\b|travers|längenänd"
+    r"|d[ée]plac|course|desplaz|位移|伸长|行程|変位|ストローク|\b(disp|dl|δl|u)\b",
     "time": r"time|zeit|temps|tiempo|时间|時間|\bt\b",
     "cycle": r"cycle|count|zykl|ciclo|循环|サイクル",
     "temperature": r"temp|温度",
     "specimen": r"specimen|sample|probe|[ée]prouvette|probeta|muestra|试样|样品|試験片",
     "weight": r"^weight$",
-    "force or stress": r"\bp\b",
+    "force or stress": r"\bp ?[12]?\b",
 }  # fmt: skip
 """Words and symbols of headings as regular expressions; the first kind that is found counts."""
 
@@ -73,8 +73,12 @@ MEANINGS = {
     "elongation": ("extension", "engineering-strain"),
     "force or stress": ("force", "nominal-stress"),
     "no measurement": (),
+    "None": (),
 }
 """Quantities of a kind, where they are not the kind itself; a symbol may have several."""
+
+MECHANICAL = {"stress", "stretch", "volume-ratio", "elongation", "strain", "force", "extension"}
+"""Kinds that make a table one of a test."""
 
 COUNTED = ("mode", "specimen", "weight", "cycle")
 """Kinds whose units say nothing."""
@@ -86,7 +90,7 @@ FACTS = {
     "thickness": r"thick|dicke|[ée]paisseur|espesor|grosor|厚|\ba0\b",
     "diameter": r"diamet|durchmesser|diam[èe]t|di[áa]met|直径|\bd0\b",
     "area": r"\barea|querschnitt|section|secci|[áa]rea|截面|面积|断面積|\bs0\b",
-    "length": r"^(specimen )?(length|länge|longueur|longitud|长度|長さ)$"
+    "length": r"(^|: )(specimen )?(length|länge|longueur|longitud|长度|長さ)$"
     r"|einspannlänge|grip (sep|dist)",
     "specimen": rf"({KINDS['specimen']}) ?(label|name|id|n[or°]?\.?|number|nummer|编号|番号)?$"
     r"|^name$|bezeichnung|label|名称",
@@ -121,7 +125,7 @@ def is_nominal(heading: str) -> bool:
 
 def found_in(table: dict[str, str], text: str) -> str | None:
     """Return the first key of a table of words whose expression is found in a text."""
-    words = re.sub("_", " ", plain(text).lower())
+    words = plain(text).lower().replace("_", " ")
     return next((key for key, words_of in table.items() if re.search(words_of, words)), None)
 
 
@@ -253,19 +257,18 @@ def quantities_of(heading: str, unit: str | None) -> tuple[str, ...]:
     outside = re.sub(r"\(.*?\)|\[.*?\]", "", heading) or heading
     kind = found_in(KINDS, outside) or found_in(KINDS, heading)
     words = plain(heading).lower()
-    if kind is None:
-        meant: tuple[str, ...] = () if heading else ("force", "time", "temperature")
-    elif kind in ("strain", "stress", "stretch") and re.search(LATERAL, words):
+    meant = MEANINGS.get(str(kind), (str(kind),))
+    if kind in ("strain", "stress", "stretch") and re.search(LATERAL, words):
         meant = (f"lateral-{kind}",)
     elif kind in ("strain", "stress") and re.search(TRUE, words):
         meant = (f"true-{kind}",)
+    elif kind == "force or stress" and words.endswith("2"):
+        meant = ("lateral-stress",)
     elif kind == "stress" and re.search(r"\b(sigma|σ)\b", words):
         meant = ("nominal-stress", "true-stress")
-    else:
-        meant = MEANINGS.get(kind, (kind,))
     known = unit_in(unit) if unit else None
-    if known is None:
-        return meant if heading else ()
+    if known is None or not meant:
+        return meant
     if kind == "stretch" and known == "%":
         return ("stretch", "engineering-strain")
     if kind == "strain" and fits(known, "extension"):

@@ -25,6 +25,10 @@ TEXT = ("mode", "specimen")
 """Quantities whose cells are text."""
 
 
+ENTRY = re.compile(r"(.*?\S)\s*(?:[:=]\s*|\t+|\s{2,})(\S.*)")
+"""Name and value of an entry in one cell."""
+
+
 @dataclasses.dataclass
 class Segment:
     """A table: rows before it that are no numbers, its rows, and what is found in them."""
@@ -152,7 +156,7 @@ def take_headings(segment: Segment, before: Segment | None) -> None:
         if alone and len(one.filled) == len(columns) and not {*facts_of([one])} & {*FACTS}:
             raise ValueError(f"line {one.number}: {one.text(0)!r} is no number")
         segment.headings = before.headings
-        if above and _is_title(above[-1]):
+        if above and _is_title(above[-1], columns):
             segment.titles = [above.pop()]
         return
     if wide and len(head.cells) <= columns[-1]:
@@ -162,7 +166,7 @@ def take_headings(segment: Segment, before: Segment | None) -> None:
         )
     if wide:
         del above[above.index(head) :]
-    while above and len(segment.titles) < 2 and _is_title(above[-1]):
+    while above and len(segment.titles) < 2 and _is_title(above[-1], columns):
         segment.titles.append(above.pop())
     segment.titles += [
         row
@@ -174,18 +178,21 @@ def take_headings(segment: Segment, before: Segment | None) -> None:
         segment.headings[place] = (heading, units.get(place) or unit)
 
 
-def _is_title(row: Row) -> bool:
-    """Whether a row above headings has titles: one entry alone, or several that are apart or
-    alike.
+def _is_title(row: Row, columns: list[int]) -> bool:
+    """Whether a row above headings has titles: one entry alone, or several that are apart,
+    repeated, or specimens.
     """
     cells = row.filled
     if len(cells) == 1:
         text = row.text(*cells)
         said = kind_of(text) == "specimen" or found_in(MODES, text)
-        return not facts_of([row]) and bool(said or not row.comment)
-    texts = all(isinstance(cell, str) for cell in cells.values())
-    apart = min(np.diff(sorted(cells))) > 1
-    return texts and (apart or all(kind_of(str(cell)) == "specimen" for cell in cells.values()))
+        alone = not row.comment and (len(row.cells) == 1 or len(row.cells) > columns[-1])
+        return not facts_of([row]) and bool(said or alone)
+    texts = [cell for cell in cells.values() if isinstance(cell, str)]
+    apart = min(np.diff(sorted(cells))) > 1 or 2 * len({*texts}) <= len(texts)
+    return len(texts) == len(cells) and (
+        apart or all(kind_of(text) == "specimen" for text in texts)
+    )
 
 
 def _are_units(row: Row, columns: list[int]) -> bool:
@@ -202,12 +209,12 @@ def facts_of(rows: list[Row], sign: str = ".") -> dict[str, str]:
     facts: dict[str, str] = {}
     for row in rows:
         cells = [row.text(place) for place in row.filled]
-        if len(cells) == 1:
-            entry = re.match(r"(.*?\S)\s*(?:[:=]\s*|\t+|\s{2,})(\S.*)", cells[0])
+        entries = [ENTRY.fullmatch(cell) for cell in cells]
+        if len(cells) == 1 and not entries[0]:
             loose = re.match(r"(\D*[^\d\W])\s+([+-]?[\d.,].*)", cells[0])
-            if not entry and loose and found_in(FACTS, loose[1]) in LENGTHS:
-                entry = loose
-            cells = [entry[1], entry[2]] if entry else []
+            entries = [loose if loose and found_in(FACTS, loose[1]) in LENGTHS else None]
+        if all(entries):
+            cells = [part for entry in entries if entry for part in entry.groups()]
         while len(cells) > 1 and not re.search(STATISTICS, cells[0].lower()):
             (name, unit), entry = heading_and_unit(cells[0].rstrip(":= ")), plain(cells[1])
             if isinstance(value(name, sign), float):
@@ -215,11 +222,11 @@ def facts_of(rows: list[Row], sign: str = ".") -> dict[str, str]:
             taken = 3 if len(cells) > 2 and unit_in(cells[2]) else 2
             unit = within_brackets(cells[2]) if taken == 3 else unit
             cells = cells[taken:]
-            amount, *rest = entry.split(" ", 1)
             known = found_in(FACTS, name)
             if known in LENGTHS:
-                number = value(amount, sign)
-                known = known if isinstance(number, float) else None
-                entry = " ".join([f"{number:.12g}", *rest]) if known else entry
+                amount, _, stated = entry.partition(" ")
+                number, unit = value(amount, sign), stated or unit
+                right = isinstance(number, float) and unit_in(unit or "") and "inal" not in name
+                known, entry = (known, f"{number:.12g}") if right else (None, amount)
             facts.setdefault(known or name, f"{entry} {unit}" if unit else entry)
     return facts

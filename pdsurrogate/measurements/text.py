@@ -25,7 +25,7 @@ GROUPS = r"'\u2019\u00a0\u202f"
 
 NUMBERS = {
     sign: re.compile(
-        rf"[+-]?(?:\d{{1,3}}(?P<group>[{other}{GROUPS}])\d{{3}}(?:(?P=group)\d{{3}})*|\d+"
+        rf"[+\u2212-]?(?:\d{{1,3}}(?P<group>[{other}{GROUPS}])\d{{3}}(?:(?P=group)\d{{3}})*|\d+"
         rf"|(?=[{sign}]\d))(?:[{sign}]\d*)?(?:[eE][+-]?\d+)?"
     )
     for sign, other in (".,", ",.")
@@ -33,7 +33,8 @@ NUMBERS = {
 """Numbers by their decimal sign."""
 
 PLAIN = {
-    sign: str.maketrans(",", ".", other + "'\u2019\u00a0\u202f") for sign, other in (".,", ",.")
+    sign: str.maketrans(",\u2212", ".-", other + "'\u2019\u00a0\u202f")
+    for sign, other in (".,", ",.")
 }
 """What makes them numbers of Python."""
 
@@ -93,7 +94,7 @@ def decode(data: bytes) -> tuple[str, str] | None:
 def _known_words(text: str) -> int:
     """Number of words with other letters than those of English that `KINDS` and `FACTS` know."""
     words = plain(text[:20000]).lower()
-    return sum(
+    return len(re.findall("m²|µm|°C", text)) + sum(
         not found[0].isascii()
         for table in (KINDS, FACTS)
         for pattern in table.values()
