@@ -238,7 +238,7 @@ class Readings:
         option = f"--{name.replace(' ', '-')}"
         stated = self.facts.sizes().get(name)
         found = [
-            _number_in(text, to, what)
+            number_in(text, to, what)
             for text, what in ((stated, option), (self.block.facts.get(name), f"the file's {name}"))
             if text is not None
         ]
@@ -369,9 +369,10 @@ def _in_units(column: Column, quantity: str) -> np.ndarray:
     return column.values * factor(column.unit, UNITS.get(quantity, "1"))
 
 
-def _number_in(text: str, to: str, what: str) -> float:
+def number_in(text: str, to: str, what: str) -> float:
     """Return a positive number with its unit, such as "25 mm", in a unit."""
-    found = re.fullmatch(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*(\S.*?)\s*", str(text))
+    number = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+    found = re.fullmatch(rf"\s*({number})\s*([^\d\s.].*?)\s*", str(text))
     if not found:
         raise ValueError(f"{what} must be a number with its unit, such as '12 {to}', not {text!r}")
     try:
