@@ -2,8 +2,7 @@
 
 from .fields import is_field, read_fields
 from .mechanical import read_tests
-from .quantities import to_si
 from .reading import read_tables
 from .specimens import MechanicalTests
 
-__all__ = ["MechanicalTests", "is_field", "read_fields", "read_tables", "read_tests", "to_si"]
+__all__ = ["MechanicalTests", "is_field", "read_fields", "read_tables", "read_tests"]

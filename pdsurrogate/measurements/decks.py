@@ -5,76 +5,55 @@ like: the stress comes first, then the nominal strain.
 import re
 from collections import Counter
 
-import numpy as np
+from .text import Row, value
 
-from .layout import Found
-from .table import Block, Column
+CURVE = ["nominal stress", "nominal strain", "lateral strain", "temperature"]
 
 TESTS = {
-    "uniaxial": ("uniaxial", "nominal-stress", "engineering-strain", "lateral-strain"),
-    "biaxial": ("equibiaxial", "nominal-stress", "engineering-strain", "lateral-strain"),
-    "planar": ("pure-shear", "nominal-stress", "engineering-strain", "lateral-strain"),
-    "volumetric": ("volumetric", "pressure", "volume-ratio"),
+    "uniaxial": CURVE,
+    "biaxial": CURVE,
+    "planar": CURVE,
+    "volumetric": ["pressure", "volume ratio", "temperature"],
 }
-"""Mode and columns of a test by its keyword; what follows in a line is a temperature."""
+"""Columns of tests by their keywords."""
 
-KEYWORD = re.compile(r"\s*\*\s*(\w+)\s+test\s+data\b(.*)", re.IGNORECASE)
+KEYWORD = re.compile(r"\s*\*\s*((\w+)\s+test\s+data)\b", re.IGNORECASE)
 
 
 def is_deck(text: str) -> bool:
     """Whether a text has test data by keywords."""
     return any(
-        (found := KEYWORD.match(line)) and found[1].lower() in TESTS for line in text.splitlines()
+        (found := KEYWORD.match(line)) and found[2].lower() in TESTS for line in text.splitlines()
     )
 
 
-def tests_of(text: str) -> Found:
-    """Return the tests of a deck, and a note that counts the keywords that are skipped.
+def rows_of_deck(text: str) -> tuple[list[Row], list[str]]:
+    """Return the tests of a deck as rows with titles and headings, and a note that counts the
+    keywords that are skipped.
 
     Raises
     ------
     ValueError
-        If a line of a test has a cell that is no number, or another number of cells.
+        If a line of a test has fewer than two cells, or one that is no number.
     """
-    tests: list[tuple[str, dict[int, list[float]]]] = []
+    rows: list[Row] = []
     skipped: Counter = Counter()
-    rows: dict[int, list[float]] | None = None
+    heading = None
     for number, line in enumerate(text.splitlines(), start=1):
-        if not line.strip() or line.lstrip().startswith("**"):
-            continue
-        if line.lstrip().startswith("*"):
+        cells = [value(cell.strip(), ".") for cell in line.strip(" ,").split(",")]
+        if line.lstrip().startswith("*") and not line.lstrip().startswith("**"):
             found = KEYWORD.match(line)
-            rows = None
-            if found and found[1].lower() in TESTS:
-                rows = {}
-                tests.append((found[1].lower(), rows))
+            heading = TESTS.get(found[2].lower()) if found else None
+            if found and heading:
+                rows += [Row(number, [found[1].lower()]), Row(number, [*heading])]
             else:
-                skipped[line.split(",")[0].strip().upper()] += 1
-        elif rows is not None:
-            try:
-                cells = [float(cell) for cell in line.strip().rstrip(",").split(",")]
-            except ValueError:
+                skipped[str(cells[0]).upper()] += 1
+        elif heading and line.strip() and not line.lstrip().startswith("**"):
+            if len(cells) < 2 or any(isinstance(cell, str) for cell in cells):
                 raise ValueError(
-                    f"line {number}: {line.strip()!r} has a cell that is no number"
-                ) from None
-            if len(cells) < 2 or (rows and len(cells) != len(next(iter(rows.values())))):
-                raise ValueError(
-                    f"line {number} has {len(cells)} numbers: a stress, a strain and at most a"
-                    " lateral strain and a temperature, as many as the line before"
+                    f"line {number}: {line.strip()!r} is no row of {', '.join(heading[:2])} and at"
+                    f" most {' and '.join(heading[2:])}"
                 )
-            rows[number] = cells
+            rows.append(Row(number, cells))
     words = ", ".join(f"{count} {keyword}" for keyword, count in skipped.items())
-    notes = [f"keywords that are not read: {words}"] if words else []
-    return Found([_block(keyword, rows) for keyword, rows in tests if rows], notes=notes)
-
-
-def _block(keyword: str, rows: dict[int, list[float]]) -> Block:
-    """Return a test as a block."""
-    mode, *names = TESTS[keyword]
-    values = np.array(list(rows.values())).T
-    names = [*names, *["temperature"] * len(values)][: len(values)]
-    columns = [
-        Column(name.replace("-", " "), None, () if name == "pressure" else (name,), column)
-        for name, column in zip(names, values, strict=True)
-    ]
-    return Block(f"{keyword} test data", tuple(columns), np.array(list(rows)), mode)
+    return rows, [f"keywords that are not read: {words}"] if words else []

@@ -6,8 +6,6 @@ import re
 import unicodedata
 from functools import cache
 
-import numpy as np
-
 SI = {
     "time": "s",
     "force": "N",
@@ -107,6 +105,7 @@ MODES = {
     "pure-shear": r"pure.?shear|planar|reine.? (scher|schub)|cisaillement pur|(cizall|cort)\w* pur"
     r"|纯剪|平面拉伸|純せん断",
     "equibiaxial": r"bi-?ax|zweiachs|双轴|二軸|equi-?bi",
+    "volumetric": r"^volumetric test",
     "uniaxial": r"uni-?ax|einachs|zugversuch|zugprüfung|tensile test|tension test|(essai|ensayo) de"
     r" trac|单轴|単軸|一軸|拉伸试验|引張試験",
 }  # fmt: skip
@@ -184,39 +183,6 @@ def fits(unit: str, quantity: str) -> bool:
     return dimension == _registry().parse_units(SI.get(quantity, "")).dimensionality
 
 
-def to_si(values: np.ndarray, unit: str | None, quantity: str) -> np.ndarray:
-    """Return values in the SI unit of a quantity: s, N, m, Pa, K or a number.
-
-    Parameters
-    ----------
-    values : ndarray
-    unit : str, optional
-        Unit as the file has it, such as "kgf/cm2" or "%"; None for a number.
-    quantity : str
-        Member of `QUANTITIES`.
-
-    Raises
-    ------
-    ValueError
-        If the unit is unknown, missing, or not one of the quantity.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pdsurrogate.measurements.quantities import to_si
-    >>> to_si(np.array([50.0]), "%", "engineering-strain")
-    array([0.5])
-    """
-    known = unit_in(unit or "-")
-    wanted = SI.get(quantity, "")
-    if known is None or not fits(known, quantity):
-        raise ValueError(
-            f"{quantity} needs a unit such as {', '.join(_examples(quantity))}, not"
-            f" {unit or 'none'}"
-        )
-    return _registry().Quantity(np.asarray(values, dtype=float), known).to(wanted).magnitude
-
-
 @cache
 def factor(unit: str, to: str) -> float:
     """Return the factor that converts numbers in one unit to another of the same kind; raise
@@ -224,13 +190,8 @@ def factor(unit: str, to: str) -> float:
     """
     known, one = unit_in(unit), _registry().Quantity
     if known is None or one(1.0, known).dimensionality != one(1.0, unit_in(to)).dimensionality:
-        raise ValueError(f"{unit} is no unit like {to}")
+        raise ValueError(f"{unit} is no unit like {to}; known are {', '.join(UNITS)}")
     return float((one(1.0, known) / one(1.0, unit_in(to))).to("").magnitude)
-
-
-def _examples(quantity: str) -> list[str]:
-    """Units of a quantity among `UNITS`."""
-    return [one for one in UNITS if fits(str(unit_in(one)), quantity)]
 
 
 def heading_and_unit(text: str) -> tuple[str, str | None]:

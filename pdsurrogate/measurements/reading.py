@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..arguments import check_path, suggestion
-from .decks import is_deck, tests_of
+from .decks import is_deck, rows_of_deck
 from .layout import Found, read_rows, with_specimens
 from .quantities import SI, factor, fits, plain, quantities_of, unit_in
 from .table import QUANTITIES, Block, Column, TableFile
@@ -71,7 +71,7 @@ def read_tables(
         Headings by quantity, such as ``{"force": "Kraft"}``, in place of what the headings say; a
         number, from 1, names a column by its place.
     units : dict of str to str, optional
-        Units by quantity, such as ``{"stress": "kPa"}``, in place of those of the file.
+        Units by quantity, such as ``{"stress": "kPa"}``, where the file has none.
 
     Returns
     -------
@@ -140,30 +140,24 @@ def _read(path: Path) -> TableFile:
     data = path.read_bytes()
     if not data.strip():
         raise ValueError(f"the file is empty; {NEEDED}")
-    if what := next(
-        (what for mark, what in BINARY.items() if data.lstrip().startswith(mark)), None
-    ):
-        raise ValueError(f"this is {what}; {NEEDED}")
+    for mark, what in BINARY.items():
+        if data.lstrip().startswith(mark):
+            raise ValueError(f"this is {what}; {NEEDED}")
     if data.startswith(WORKBOOKS):
         return _whole(path, "workbook", "", "", "", _workbook(path))
     decoded = decode(data)
     if decoded is None:
         raise ValueError(f"this is a binary file; {NEEDED}")
     text, encoding = decoded
+    found, form, separator, sign = Found(), "Abaqus test data", ",", "."
     if is_deck(text):
-        return _whole(path, "Abaqus test data", encoding, ",", ".", tests_of(text))
-    rows, separator, sign = rows_of(text)
-    found = Found()
+        rows, found.notes = rows_of_deck(text)
+    else:
+        rows, separator, sign = rows_of(text)
+        flags = re.IGNORECASE | re.MULTILINE
+        forms = [form for form, words in FORMS.items() if re.search(words, text[:5000], flags)]
+        form = [*forms, "plain columns"][0]
     read_rows(rows, found, sign=sign)
-    head = text[:5000]
-    form = next(
-        (
-            form
-            for form, words in FORMS.items()
-            if re.search(words, head, re.IGNORECASE | re.MULTILINE)
-        ),
-        "plain columns",
-    )
     return _whole(path, form, encoding, separator, sign, found)
 
 
@@ -211,9 +205,9 @@ def _workbook(path: Path) -> Found:
     return found
 
 
-def _named(quantity: str, known: tuple[str, ...]) -> None:
+def _named(quantity: str) -> None:
     """Raise ValueError for a name that is no quantity."""
-    if quantity not in known:
+    if quantity not in (known := (*QUANTITIES, *FAMILIES)):
         raise ValueError(f"there is no quantity {quantity}; {suggestion(quantity, known)}")
 
 
@@ -230,53 +224,50 @@ def _headings(blocks: tuple[Block, ...]) -> str:
 def _with_columns(blocks: tuple[Block, ...], columns: Mapping[str, str | int]) -> tuple[Block, ...]:
     """Return tables whose columns mean what the user says."""
     for quantity, name in columns.items():
-        _named(quantity, (*QUANTITIES, *FAMILIES))
-        chosen = [_places(block, str(name)) for block in blocks]
-        if not any(chosen):
+        _named(quantity)
+        places = [_place(block, plain(str(name)).lower()) for block in blocks]
+        if not any(place is not None for place in places):
             raise ValueError(f"there is no column {name}; there are {_headings(blocks)}")
-        if several := [places for places in chosen if len(places) > 1]:
-            numbers = " or ".join(str(place + 1) for place in several[0])
-            raise ValueError(f"there are several columns {name}: give the number, {numbers}")
         blocks = tuple(
-            dataclasses.replace(
-                block,
-                columns=tuple(
-                    _meaning(column, FAMILIES.get(quantity, quantity), place in places)
-                    for place, column in enumerate(block.columns)
-                ),
-            )
-            if places
-            else block
-            for block, places in zip(blocks, chosen, strict=True)
+            block if place is None else _meaning(block, place, FAMILIES.get(quantity, quantity))
+            for block, place in zip(blocks, places, strict=True)
         )
     return blocks
 
 
-def _places(block: Block, name: str) -> list[int]:
-    """Return the places of the columns with a heading, or a number from 1."""
-    heads = [plain(column.heading).lower() for column in block.columns]
-    wanted = plain(name).lower()
+def _place(block: Block, name: str) -> int | None:
+    """Return the place of the column with a heading, or a number from 1; None if there is none."""
+    heads = [(plain(column.heading).lower(), column.unit or "") for column in block.columns]
     found = [
         place
-        for place, column in enumerate(block.columns)
-        if wanted in (heads[place], f"{heads[place]} ({(column.unit or '').lower()})")
+        for place, (head, unit) in enumerate(heads)
+        if name in (head, f"{head} ({unit.lower()})")
     ]
-    if not found and wanted.isdigit() and 1 <= int(wanted) <= len(heads):
-        return [int(wanted) - 1]
-    return found
+    if len(found) > 1:
+        numbers = " or ".join(str(place + 1) for place in found)
+        raise ValueError(f"there are several columns {name}: give the number, {numbers}")
+    number = int(name) if name.isdigit() else 0
+    return found[0] if found else number - 1 if 0 < number <= len(heads) else None
 
 
-def _meaning(column: Column, quantity: str, named: bool) -> Column:
-    """Return a column that means `quantity` if it is the named one, and else does not."""
-    if not named:
-        others = tuple(one for one in column.quantities if one != quantity)
-        return dataclasses.replace(column, quantities=others)
-    unit = unit_in(column.unit) if column.unit else None
+def _meaning(block: Block, place: int, quantity: str) -> Block:
+    """Return a table in which the column at a place alone means a quantity."""
+    named = block.columns[place]
+    unit = unit_in(named.unit or "")
     if unit is not None and not fits(unit, quantity):
         raise ValueError(
-            f"column {column.heading} is in {column.unit}, which is no unit of {quantity}"
+            f"column {named.heading} is in {named.unit}, which is no unit of {quantity}"
         )
-    return dataclasses.replace(column, quantities=(quantity,))
+    columns = tuple(
+        dataclasses.replace(
+            column,
+            quantities=(quantity,)
+            if column is named
+            else tuple(one for one in column.quantities if one != quantity),
+        )
+        for column in block.columns
+    )
+    return dataclasses.replace(block, columns=columns)
 
 
 def _with_units(blocks: tuple[Block, ...], units: Mapping[str, str]) -> tuple[Block, ...]:
@@ -284,30 +275,24 @@ def _with_units(blocks: tuple[Block, ...], units: Mapping[str, str]) -> tuple[Bl
     strains.
     """
     for quantity, unit in units.items():
-        _named(quantity, (*QUANTITIES, *FAMILIES))
+        _named(quantity)
         meant = {one for one in QUANTITIES if one == quantity or one.endswith(f"-{quantity}")}
-        known = unit_in(unit)
-        if known is None or not fits(known, next(iter(meant))):
-            raise ValueError(
-                f"{unit} is no unit of {quantity}; {SI.get(next(iter(meant)), '%')} is"
-            )
-        if not any(meant & {*column.quantities} for block in blocks for column in block.columns):
+        factor(unit, SI.get(next(iter(meant)), "1"))  # refuses units of another kind
+        columns = [one for block in blocks for one in block.columns if meant & {*one.quantities}]
+        if not columns:
             raise ValueError(f"there is no column of {quantity}; there are {_headings(blocks)}")
-        for column in (one for block in blocks for one in block.columns):
-            own = unit_in(column.unit) if column.unit and meant & {*column.quantities} else None
-            if own is not None and factor(own, known) != 1.0:
+        for one in columns:
+            if unit_in(one.unit or "") is not None and factor(str(one.unit), unit) != 1.0:
                 raise ValueError(
-                    f"{unit} is stated for {quantity}, but the file says that {column.heading} is"
-                    f" in {column.unit}"
+                    f"{unit} is stated for {quantity}, but the file says that {one.heading} is in"
+                    f" {one.unit}"
                 )
         blocks = tuple(
             dataclasses.replace(
                 block,
                 columns=tuple(
-                    dataclasses.replace(column, unit=unit)
-                    if meant & {*column.quantities}
-                    else column
-                    for column in block.columns
+                    dataclasses.replace(one, unit=unit) if meant & {*one.quantities} else one
+                    for one in block.columns
                 ),
             )
             for block in blocks
