@@ -18,7 +18,7 @@ from ..body.cell_mesh import among, side_numbers
 from ..decks import Deck, Elements, read_deck
 from .chains import ROUNDING, same_places
 from .mesh_cells import CELL_TYPES, EDGES, corners_of, kind_of, upright, volumes_of
-from .mesh_groups import MeshFile, parts_of, side_of, with_groups
+from .mesh_groups import MeshFile, only, side_of, with_groups
 
 BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
 """First letters of meshio's names of points, edges and faces, which a mesh may list in addition
@@ -77,19 +77,15 @@ def _of_meshio(file: str) -> Deck:
     groups = contents.sets.elements
     # Files of gmsh's version 2 have no sets, but a group of every cell, which they list once for
     # each of its groups.
-    numbers = read.cell_data.get("gmsh:physical")
-    if numbers is not None:
+    if "gmsh:physical" in read.cell_data:
         _check_names(file)
+        numbers = np.concatenate(read.cell_data["gmsh:physical"])
+        dimensions = np.repeat(
+            *zip(*((block.dim, len(block)) for block in read.cells), strict=True)
+        )
         for name, entry in read.field_data.items():
-            if np.size(entry) == 2 and name not in read.cell_sets:
-                groups[name] = np.flatnonzero(
-                    np.concatenate(
-                        [
-                            (of == entry[0]) & (block.dim == entry[1])
-                            for of, block in zip(numbers, read.cells, strict=True)
-                        ]
-                    )
-                )
+            if np.size(entry) == 2:
+                groups[name] = np.flatnonzero((numbers == entry[0]) & (dimensions == entry[1]))
     begins = np.cumsum([0, *(len(block.data) for block in read.cells)])
     for name, given in read.cell_sets.items():
         # gmsh:bounding_entities is no group: it has signed numbers of entities.
@@ -126,7 +122,7 @@ def read_mesh(
     """Return the contents of a mesh file, read again if times of change or sizes of its files are
     others; for the errors see `mesh_of`.
     """
-    contents = contents_of(file)
+    contents = only(file, contents_of(file), parts, BESIDE_CELLS[dimension])
     points = contents.points
     _check_kinds(file, contents, dimension)
     cells = []
@@ -148,7 +144,6 @@ def read_mesh(
     cells, of_cell = _each_once(CellMesh(points, tuple(of_node[block] for block in cells)))
     mesh = with_groups(cells, contents, of_cell, of_node)
     _tell_of_others(file, contents, cells, of_node)
-    mesh = parts_of(file, mesh, tuple(contents.instances), parts)
     return replace(mesh, cells=_righted(file, mesh.cells))
 
 

@@ -210,7 +210,12 @@ def changes_of_volume(data: TestData) -> list[str]:
     size = np.abs(data.nominal_stress)
     for along, across in (pairs, pairs[::-1]):
         free[along] |= (data.mode[along] == BIAXIAL) & (size[across] <= NEAR_REST * size[along])
-    volume = data.stretches[:, 0] * data.stretches[:, 1] ** 2
+    measured = {} if data.tests is None else data.tests.lateral_stretches
+    across = [
+        measured.get(row, assumed)
+        for row, assumed in zip(data.row.tolist(), data.stretches[:, 1].tolist(), strict=True)
+    ]
+    volume = data.stretches[:, 0] * np.array(across) ** 2
     off = np.where(free, np.abs(np.log(volume)), 0.0)
     if not off.max() > CHANGED_VOLUME:
         return []
@@ -260,6 +265,11 @@ def suspicions(data: TestData) -> list[str]:
         predicted = explained[0].predicted
     mended = {one.mode: one.words for one in reversed(explained)}  # the best change of each mode
     remarks = [f"{mode}: {words}" for mode, words in mended.items()]
+    remarks += [
+        f"{mode}: there is one row only, which shows no curve"
+        for mode in data.modes
+        if (data.mode == mode).sum() == 1
+    ]
     known = np.isin(best.mode, list(mended)) | ("all modes" in mended)
     standing = np.abs(_standing(best, predicted))
     rows = [
@@ -272,9 +282,10 @@ def suspicions(data: TestData) -> list[str]:
             " changes, are not described"
         )
         return [*remarks, f"{together}: check that all stresses {checks}"]
+    turned = ~_first_loading(best)
     return remarks + [
         f"{best.row_in_words(row)} deviates by {standing[row]:.0f} standard deviations from the"
-        " other rows"
+        f" other rows{', and is not of first loading' * bool(turned[row])}"
         for row in rows
     ]
 
@@ -304,6 +315,11 @@ CAUCHY = (
     " stresses"
 )
 STRAINS = "the stretches, {:g} to {:g}, look like strains{}; a stretch is 1 + strain{}"
+FOAM = (
+    "the stresses of compression grow less than at constant volume, and are those of a material"
+    " that hardly widens (R. Hill 1978): it is compressible, such as a foam, and these are laws of"
+    " rubber"
+)
 HYSTERESIS = (
     "{} of {} rows are of unloading or of loading again, with other stresses than those of first"
     " loading (hysteresis), which no elastic law describes; take the loading branch alone"
@@ -336,8 +352,14 @@ def _changes(data: TestData) -> list[_Change]:
     first = data.stretches[:, 0]
     found = []
 
-    def add(mode: str, words: str, mended: TestData, enough: float | None = None) -> None:
-        predicted = _robust(mended)
+    def add(
+        mode: str,
+        words: str,
+        mended: TestData,
+        enough: float | None = None,
+        columns: np.ndarray | None = None,
+    ) -> None:
+        predicted = _robust(mended, columns)
         found.append(_Change(_size(mended, predicted), mode, words, mended, predicted, enough))
 
     for mode in data.modes:
@@ -371,6 +393,10 @@ def _changes(data: TestData) -> list[_Change]:
             replace(data, stretches=stretches),
             enough=1.0 if first.max() > MOST_STRETCH else None,
         )
+    if data.modes == ["uniaxial"] and (first < 1).all():
+        powers = np.array(POWERS, dtype=float)
+        freely = (first[:, None] ** (powers - 1) - 1 / first[:, None]) / powers
+        add("uniaxial", FOAM, data, columns=freely)
     turned = ~_first_loading(data)
     if turned.any():
         modes = sorted({*data.mode[turned].tolist()})
@@ -406,11 +432,11 @@ def _columns(data: TestData) -> np.ndarray:
     return columns_of(isochoric(data.stretches, np.ones(len(data))), data.stretches[:, 0], TERMS)
 
 
-def _robust(data: TestData) -> np.ndarray:
-    """Return the stresses of the energy terms `TERMS` fitted to measured ones, with little
-    weight on outliers.
+def _robust(data: TestData, columns: np.ndarray | None = None) -> np.ndarray:
+    """Return the stresses of the energy terms `TERMS`, or of other columns, fitted to measured
+    ones, with little weight on outliers.
     """
-    columns = _columns(data)
+    columns = _columns(data) if columns is None else columns
     stress = data.nominal_stress
     size = np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300
     weight = np.ones(len(data))

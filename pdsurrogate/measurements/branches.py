@@ -14,7 +14,7 @@ scatter of stresses in any laboratory, which a smaller reversal does not exceed.
 SETTLED = 0.1
 """Fraction of the duration of a branch during which the strain stands still in a hold."""
 
-FALLEN = ((1.0, 0.8), (0.98, 0.5), (0.8, 0.1))
+FALLEN = ((1 + LEAST, 0.8), (0.98, 0.5), (0.8, 0.1))
 """Break: the stress falls from its peak to at most the second fraction while the strain is still
 above the first one. Elastic unloading, also of filled rubber, keeps more stress; relaxation in a
 hold does not stretch further, and takes less than half.
@@ -38,7 +38,8 @@ def break_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:
     after = slice(peak + 1, None)
     if not size[after].size or strain[peak] == 0:
         return None
-    share, rest = strain[after] / strain[peak], size[after] / size[peak]
+    same = np.sign(stretch[after] - 1) == np.sign(stretch[peak] - 1)
+    share, rest = same * strain[after] / strain[peak], size[after] / size[peak]
     broken = any(((share > least) & (rest <= most)).any() for least, most in FALLEN)
     # A camera or clip that loses the specimen jumps back at once, and no load ever returns.
     lost = peak > 0 and rest[0] <= FALLEN[-1][1] and bool((rest <= 2 * FALLEN[-1][1]).all())
@@ -51,6 +52,8 @@ def records(stretch: np.ndarray, time: np.ndarray) -> np.ndarray:
     """
     strain = strain_of(stretch)
     span = np.ptp(strain)
+    if unordered(turning_points(stretch, LEAST * float(np.ptp(stretch)))):
+        return np.zeros(len(stretch), dtype=int)
     jumps = (np.diff(strain) < -0.5 * span) & ~(np.diff(time) > 0)
     for row in np.flatnonzero(jumps):
         rising = np.diff(strain[row + 1 : row + 4])
@@ -73,6 +76,11 @@ def turning_points(stretch: np.ndarray, least: float) -> list[int]:
     return [*found, len(stretch) - 1]
 
 
+def unordered(turns: list[int]) -> bool:
+    """Whether rows that turn at some of them are in no order."""
+    return len(turns) > 3 and turns[-1] < UNORDERED * (len(turns) - 1)
+
+
 def branches(
     stretch: np.ndarray, time: np.ndarray, resolution: float
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -90,10 +98,10 @@ def branches(
         return bool(ends.prod() < 0 and (np.abs(ends) > least).all())
 
     listed = len(turns) == 2 and (not timed or crosses(*turns))
-    if listed or (len(stretch) - 1 < UNORDERED * (len(turns) - 1) and len(turns) > 3):
+    if listed or unordered(turns):
         return branch, cycle
     clock = time if timed and (np.diff(time) >= 0).all() else np.arange(len(stretch), dtype=float)
-    number = 1
+    number, holds = 1, []
     for first, last in pairwise(turns):
         rows = np.arange(first + (first > 0), last + 1)
         back = np.full(len(rows), abs(stretch[last] - 1) < abs(stretch[first] - 1))
@@ -106,27 +114,29 @@ def branches(
             cycle[rows[~back]] = number
         travel = abs(stretch[last] - stretch[first])
         share = max(SETTLED, 3 * least / travel) if travel > 0 else SETTLED
-        for hold in _holds(stretch, clock, first, last, least, share):
-            branch[hold] = "hold"
+        holds += _holds(stretch, clock, first, last, least, share)
+    for hold in holds:
+        branch[hold] = "hold"
     return branch, cycle
 
 
-def _holds(stretch, clock, first, last, least, share):
-    """Yield the slices of rows first to last in which the stretch stays within `least` for more
-    than a share of their duration.
+def _holds(stretch, clock, first, last, least, share) -> list[slice]:
+    """Return slices that begin in rows first to last, in which the stretch stays within `least` for
+    more than a share of their duration.
     """
-    whole, start, end = clock[last] - clock[first], first, first
+    found, whole, start, end = [], clock[last] - clock[first], first, first
     while start < last:
         end = max(end, start)
-        while end < last and abs(stretch[end + 1] - stretch[start]) <= least:
+        while end + 1 < len(stretch) and abs(stretch[end + 1] - stretch[start]) <= least:
             end += 1
         if end - start >= 3 and clock[end] - clock[start] > share * whole:
             middle = np.median(stretch[start : end + 1])
             while abs(stretch[start] - middle) > least / 4:
                 start += 1
-            yield slice(start + 1, end + 1)
+            found.append(slice(start + 1, end + 1))
             start = end
         start += 1
+    return found
 
 
 def energy_lost(stretch: np.ndarray, stress: np.ndarray, branch, cycle) -> float | None:

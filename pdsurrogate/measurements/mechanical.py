@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import suggestion
-from .branches import branches, break_row, energy_lost, records, stretch_at_zero
+from .branches import LEAST, branches, break_row, energy_lost, records, stretch_at_zero
 from .quantities import factor
 from .reading import read_tables
 from .readings import UNITS, Readings
@@ -190,6 +190,7 @@ def _specimens(readings: Readings, before: int) -> list[Specimen]:
 
 def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
     """Return rows of a table as a specimen, its branches recognized."""
+    lateral = readings.lateral(stretch)[rows]
     stretch, stress = stretch[rows], stress[rows]
     time = readings.numbers("time")[rows]
     branch = np.full(len(rows), "loading", dtype="<U9")
@@ -224,6 +225,10 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
         chosen = (cycle == int(wanted)) & (branch != "broken")
     if zero != 1.0 and readings.facts.zero != "keep":  # rows of slack say nothing
         chosen &= (stretch - 1) * np.sign(stretch[np.abs(stress).argmax()] - 1) >= 0
+    if not chosen.any():
+        readings.missing.append(
+            f"{title or mode}: no rows of --branch {wanted}; there are {cycle.max()} cycles"
+        )
     _tell(readings, title or mode, branch, cycle, chosen, lost, at_break)
     across = readings.numbers("lateral-stress")[rows]
     wanted_unit = readings.facts.stress_unit
@@ -233,7 +238,7 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
         rows + 1 + before,
         stretch,
         stress,
-        readings.lateral()[rows],
+        lateral,
         across * factor("MPa", wanted_unit) if wanted_unit else across,
         time,
         readings.numbers("weight")[rows],
@@ -263,10 +268,10 @@ def _tell(readings, name, branch, cycle, chosen, lost, at_break) -> None:
             f" {at_break.nominal_stress:.4g}; {(branch == 'broken').sum()} rows after it are left"
             " out"
         )
-    if lost is not None:
+    if lost is not None and lost > LEAST:
         readings.assumed.append(
-            f"{name}: hysteresis, {100 * lost:.1f} % of the work of the first loading is lost on"
-            f" unloading ({cycle.max()} cycles)"
+            f"{name}: hysteresis: {100 * lost:.1f} % of the work of the first loading is lost on"
+            " unloading"
         )
     left = ~chosen & (branch != "broken")
     kinds = [

@@ -56,6 +56,11 @@ class Reading:
         span = f"{np.nanmin(self.values):.4g} to {np.nanmax(self.values):.4g}"
         return f"{self.column.heading!r} as {self.quantity} ({kind} {span})"
 
+    @property
+    def option(self) -> str:
+        """What names this reading after --column."""
+        return f"{self.quantity}={self.column.heading!r}"
+
     def agrees(self, other: "Reading") -> bool:
         """Whether another reading gives the same numbers."""
         least = AGREE * np.nanmax(np.abs(self.values - self.values[0]))
@@ -134,15 +139,16 @@ class Readings:
         strain = None if self.missing else self._chosen("strain", strains, stresses)
         if strain is None:
             return None
-        stresses = [
-            [
-                replace(one, values=one.values / strain.values)
-                if one.quantity == "true-stress"
-                else one
-                for one in options
+        with np.errstate(divide="ignore", invalid="ignore"):
+            stresses = [
+                [
+                    replace(one, values=one.values / strain.values)
+                    if one.quantity == "true-stress"
+                    else one
+                    for one in options
+                ]
+                for options in stresses
             ]
-            for options in stresses
-        ]
         stress = self._chosen("stress", stresses, strains)
         if stress is None or not self._possible(strain, stress):
             return None
@@ -160,10 +166,14 @@ class Readings:
         self.resolution = _last_digit(strain.column.values) / max(float(span), 1e-9)
         return strain.values, stress.values * (factor("MPa", wanted) if wanted else 1.0)
 
-    def lateral(self) -> np.ndarray:
-        """Return the stretches across the load that the table has, else NaN."""
+    def lateral(self, stretch: np.ndarray) -> np.ndarray:
+        """Return the stretches across the load that the table has, also by its volume ratios, else
+        NaN.
+        """
         found = self.numbers("lateral-stretch")
-        return np.where(np.isfinite(found), found, 1 + self.numbers("lateral-strain"))
+        found = np.where(np.isfinite(found), found, 1 + self.numbers("lateral-strain"))
+        by_volume = np.sqrt(self.numbers("volume-ratio") / stretch)
+        return np.where(np.isfinite(found), found, by_volume)
 
     def _alternatives(self, group: str) -> list[list[Reading]]:
         """Return the readings of each column that may give the stretch, or the nominal stress."""
@@ -209,7 +219,8 @@ class Readings:
         )
         if squeezed and quantity != "stretch" and np.nanmax(values) > -np.nanmin(values):
             values = -values
-            self.assumed.append(f"{column.heading!r} is positive in compression")
+            if (text := f"{column.heading!r} is positive in compression") not in self.assumed:
+                self.assumed.append(text)
         if quantity == "extension":
             gauge = self._size("gauge length", "mm")
             if gauge is None and (gauge := self._size("length", "mm")):
@@ -286,8 +297,8 @@ class Readings:
                 pick = options[0]
                 if not certain:
                     self.missing.append(
-                        f"{' or '.join(map(str, options))}: --column QUANTITY="
-                        f"{pick.column.heading} says which"
+                        f"{' or '.join(map(str, options))}: --column {options[0].option} or"
+                        f" --column {options[1].option} says which"
                     )
                     return None
             else:
@@ -297,14 +308,14 @@ class Readings:
                         f"{options[0]}, or {options[1]}: --{group} engineering|true says which"
                     )
                     return None
-                self.assumed.append(f"{pick}; {options[1]} with --{group} true")
+                self.assumed.append(f"{pick} is assumed; --{group} true takes {options[1]}")
             certain.append(pick)
         certain.sort(key=lambda one: SOURCES[group].index(one.quantity))
         for other in certain[1:]:
             if not certain[0].agrees(other):
                 raise ValueError(
                     f"{self.where}: {certain[0]} contradicts {other}: correct what is stated, or"
-                    f" name the right one (--column {other.quantity}={other.column.heading!r})"
+                    f" name the right one: --column {certain[0].option} or --column {other.option}"
                 )
         return certain[0]
 
@@ -371,8 +382,7 @@ def _in_units(column: Column, quantity: str) -> np.ndarray:
 
 def number_in(text: str, to: str, what: str) -> float:
     """Return a positive number with its unit, such as "25 mm", in a unit."""
-    number = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-    found = re.fullmatch(rf"\s*({number})\s*([^\d\s.].*?)\s*", str(text))
+    found = re.fullmatch(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*([^\d\s].*?)\s*", str(text))
     if not found:
         raise ValueError(f"{what} must be a number with its unit, such as '12 {to}', not {text!r}")
     try:

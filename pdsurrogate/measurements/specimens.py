@@ -162,6 +162,17 @@ class MechanicalTests:
     rows: int = 0
 
     @property
+    def lateral_stretches(self) -> dict[int, float]:
+        """Measured lateral stretches of uniaxial tests by the number of their row."""
+        return {
+            int(row): float(lateral)
+            for one in self.specimens
+            if one.mode == "uniaxial"
+            for row, lateral in zip(one.row, one.lateral_stretch, strict=True)
+            if np.isfinite(lateral)
+        }
+
+    @property
     def scatter(self) -> dict[str, "Scatter"]:
         """Scatter of the stresses by mode, for modes with several specimens that differ."""
         found = {}

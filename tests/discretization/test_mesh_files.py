@@ -146,6 +146,15 @@ def test_sets_of_a_deck_as_abaqus_and_calculix_define_them(tmp_path, text, expec
     assert found.keys() - expected <= {"a"}
 
 
+def test_sets_of_a_deck_are_those_of_calculix():
+    """CalculiX 2.20 ran this deck; what it printed of each set had these elements and nodes."""
+    deck = read_deck(MESHES / "sets.inp")
+    printed = {"STIFF": [1, 4], "SOFT": [1, 2, 3], "ODD": [1, 3], "LATER": [1, 2, 3]}
+    assert {name: (deck.sets.elements[name] + 1).tolist() for name in printed} == printed
+    assert (deck.sets.nodes["LEFT"] + 1).tolist() == [1, 6, 11, 16]
+    assert len(deck.sets.nodes["EVERY"]) == 20
+
+
 def test_sets_of_sides_are_sides(tmp_path):
     """Loads act on them, and not on the other sides of their cells."""
     text = f"{STRIP}{FOUR}*SURFACE, NAME=s\n1, S4\n*ELSET, ELSET=n\n1\n*NSET, NSET=n\n1, 11\n"
@@ -241,8 +250,8 @@ def test_instances_of_a_part(tmp_path):
     """The second is shifted by 5 along x1, then turned by a right angle about the line x1 = 5."""
     mesh, told = mesh_of_text(tmp_path, CUBE + ASSEMBLY, 3)
     assert told == [
-        f"body.file: the body has the cells of all parts of {tmp_path / 'deck.inp'}: one (1), two"
-        ' (1); parts = ["one"] takes one, and parts that touch are bonded'
+        f"body.file: the body has the elements of all parts of {tmp_path / 'deck.inp'}: one (1),"
+        ' two (1); parts = ["one"] takes one, and parts that touch are bonded'
     ]
     assert cells_of(mesh) == {
         **{"second": [1], "ends": [0], "both": [0, 1], "one.rubber": [0], "two.rubber": [1]},
@@ -253,14 +262,15 @@ def test_instances_of_a_part(tmp_path):
     assert not told
     np.testing.assert_allclose(alone.centroids[0], [[4.5, 1, 0.5]], atol=1e-12)
     assert cells_of(alone) == {
-        "second": [0],
-        "ends": [],
-        "both": [0],
-        "two.rubber": [0],
-        "two": [0],
+        **{"second": [0], "both": [0], "two.rubber": [0], "two": [0], "ends": []}
     }
-    with pytest.raises(ValueError, match=r"^body\.parts: .* no cells in a group 'three'; it"):
+    with pytest.raises(ValueError, match=r"^body\.parts: .* no elements in 'three'; it has sec"):
         mesh_of_text(tmp_path, CUBE + ASSEMBLY, 3, ("three",))
+    wedge = CUBE.replace("cube", "wedge").replace("C3D8R", "C3D6").replace(", 7, 8\n*END", "\n*END")
+    beside = ASSEMBLY.replace("PART=Cube", "PART=wedge")
+    with pytest.raises(ValueError, match="has wedge cells; use only tetra and hexahedron"):
+        mesh_of_text(tmp_path, CUBE + wedge + beside, 3)
+    assert len(mesh_of_text(tmp_path, CUBE + wedge + beside, 3, ("two",))[0].cells) == 1
     once, told = mesh_of_text(tmp_path, CUBE, 3)
     assert not told
     assert cells_of(once) == {"rubber": [0]}

@@ -3,6 +3,7 @@ rows, and not nothing.
 """
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,7 +88,7 @@ def test_hysteresis_is_named_and_the_loading_branch_taken(cycle, tmp_path):
         " those of first loading (hysteresis), which no elastic law describes; take the loading"
         " branch alone (--branch loading)"
     )
-    with pytest.warns(TestDataWarning, match=r"hysteresis, 2\d\.\d % of the work"):
+    with pytest.warns(TestDataWarning, match=r"hysteresis: 2\d\.\d % of the work"):
         loading = pds.load_test_data(written(cycle, tmp_path))
     assert loading.row.tolist() == [*range(1, 21)]
     model = pds.identification.LawRegressor("gent").fit(loading.stretches, loading.nominal_stress)
@@ -160,3 +161,49 @@ def test_a_foam_is_named_where_its_lateral_stretches_are_known():
         "volume" in text
         for text in examine(regressor.fit(rubber.stretches, rubber.nominal_stress), rubber).refusals
     )
+
+
+@pytest.mark.parametrize("alpha", [2.0, 8.0])
+def test_a_foam_is_named_in_compression_alone(alpha):
+    """Hill's foam of Poisson's ratio 0; no law of rubber follows it, and rubber is let alone."""
+    stretch = np.linspace(0.98, 0.4, 25)
+    data = curve(stretch)
+    assert not suspicions(data)
+    noise = 1 + 0.005 * np.random.default_rng(0).standard_normal(25)
+    stress = 0.1 / alpha * (stretch ** (alpha - 1) - 1 / stretch) * noise
+    (said,) = suspicions(replace(data, nominal_stress=stress))
+    assert "it is compressible, such as a foam, and these are laws of rubber" in said
+
+
+@pytest.mark.parametrize(
+    ("column", "values"),
+    [("lateral_stretch", lambda stretch: stretch**-0.1), ("volume ratio", lambda x: x**0.8)],
+)
+def test_a_foam_is_named_where_its_file_has_lateral_stretches(tmp_path, column, values):
+    stretch = np.linspace(1.05, 2.0, 12)
+    rows = zip(stretch, values(stretch), 0.05 * (stretch - 1 / stretch), strict=True)
+    lines = [",".join(f"{one:.5g}" for one in row) for row in rows]
+    path = tmp_path / "foam.csv"
+    path.write_text("\n".join([f"stretch,{column},nominal_stress", *lines]) + "\n")
+    data = pds.load_test_data(path, mode="uniaxial")
+    with pytest.raises(ValueError, match="change the volume by 74 %: the material is compressible"):
+        pds.fit_to_tests(pds.identification.LawRegressor("mooney-rivlin"), data)
+
+
+def test_a_row_of_unloading_alone_and_a_peak_that_is_twice(cycle, tmp_path):
+    up = cycle.where(np.arange(len(cycle)) < 20)
+    both = np.r_[np.arange(20), 19, np.arange(20, 39)]  # the row of the peak twice
+    (said,) = suspicions(cycle.where(both))
+    assert "20 of 40 rows are of unloading" in said
+    alone = cycle.where(np.r_[np.arange(20), 30])  # one row of unloading
+    (said,) = suspicions(alone)
+    assert said.endswith("from the other rows, and is not of first loading")
+    for data in (cycle.where(both), alone):
+        with pytest.warns(TestDataWarning, match=r"20 of \d+ rows are taken"):
+            loading = pds.load_test_data(written(data, tmp_path))
+        np.testing.assert_allclose(loading.stretches, up.stretches, rtol=1e-5)
+
+
+def test_a_mode_of_one_row_is_named():
+    one = curve([1.5])
+    assert suspicions(one)[0] == "uniaxial: there is one row only, which shows no curve"

@@ -1,0 +1,311 @@
+"""Mechanical tests from files of machines: the law that made them is found again, and what is
+ambiguous, contradictory or broken is named.
+"""
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pdsurrogate as pds
+from pdsurrogate.identification import TestDataWarning
+from pdsurrogate.measurements import read_tests
+
+MACHINES = Path(__file__).parents[1] / "data" / "machines"
+TRUTH = json.loads((MACHINES / "TRUTH.json").read_text("utf-8"))
+
+GEOMETRY = {"mode": "uniaxial", "gauge_length": "25 mm", "area": "12 mm2"}
+UNIAXIAL = {"mode": "uniaxial"}
+STATED = {
+    "bluehill-raw.csv": GEOMETRY,
+    "bluehill-inch-pound.csv": GEOMETRY,
+    "bluehill-chinese.csv": GEOMETRY,
+    "cycle-in-kN.csv": GEOMETRY,
+    "stretch-stress.csv": UNIAXIAL | {"units": {"stress": "MPa"}},
+    "stress-first.txt": UNIAXIAL
+    | {"columns": {"stress": 1, "stretch": 2}, "units": {"stress": "MPa"}},
+    "decimal-comma.txt": {},
+    "abaqus-test-data.inp": {},
+    "workbook.xlsx": {},
+}
+"""What the truth says that a file needs."""
+
+
+def gent(stretch, shear_modulus=0.6, limit=40.0):
+    """Nominal stress of Gent's law in uniaxial tension at constant volume."""
+    first = stretch**2 + 2 / stretch - 3
+    return shear_modulus * limit / (limit - first) * (stretch - stretch**-2)
+
+
+def table(folder, **columns):
+    """Write columns to a file, whose path is returned; a heading has its unit after a blank."""
+    heads = [name.replace("__", " ") for name in columns]
+    rows = zip(*columns.values(), strict=True)
+    path = folder / "test.csv"
+    lines = [";".join(f"{value:.6g}" for value in row) for row in rows]
+    path.write_text("\n".join([";".join(heads), *lines]) + "\n")
+    return path
+
+
+def machine(folder, stretch, stress, time=None):
+    """Write a file with force and extension of a specimen of 25 mm and 12 mm2."""
+    stretch = np.asarray(stretch, dtype=float)
+    time = np.arange(len(stretch)) if time is None else time
+    return table(folder, Time__s=time, Extension__mm=(stretch - 1) * 25, Load__N=stress * 12)
+
+
+@pytest.mark.parametrize("name", TRUTH)
+def test_the_law_of_every_file_is_found_again(name):
+    if name.endswith("xlsx"):
+        pytest.importorskip("python_calamine")
+    warnings.simplefilter("ignore", TestDataWarning)
+    data = pds.load_test_data(MACHINES / name, **STATED.get(name, UNIAXIAL))
+    assert data.unit == (None if name.endswith("inp") else "MPa")
+    modes = TRUTH[name].get("modes", TRUTH[name].get("mode")).split(", ")
+    assert sorted(data.modes) == sorted(modes)
+    model = pds.identification.LawRegressor("gent")
+    model.fit(data.stretches, data.nominal_stress, data.balanced_weights())
+    found = dict(zip(model.parameter_names_, model.parameters_, strict=True))
+    assert found["shear_modulus"] == pytest.approx(TRUTH[name]["shear_modulus_MPa"], rel=0.01)
+    assert found["chain_limit"] == pytest.approx(TRUTH[name]["chain_limit"], rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("name", "stated", "message"),
+    [
+        (
+            "bluehill-geometry.csv",
+            {"area": "12 cm2"},
+            "1200 mm2 by area, 12 mm2 by width",
+        ),
+        ("bluehill-geometry.csv", {"area": "12 mm"}, "mm is no unit like mm2"),
+        ("bluehill-geometry.csv", {"gauge_length": "25"}, "must be a number with its unit"),
+        (
+            "bluehill-geometry.csv",
+            {"gauge_length": "50 mm"},
+            r"stretch 1 to 4\) contradicts 'Extension' as extension \(stretch 1 to 2.5\)",
+        ),
+        ("bluehill-geometry.csv", {"strain": "true"}, r"20.09\) contradicts .* \(stretch 1 to 4\)"),
+        ("bluehill-geometry.csv", {"stress": "true"}, r"0.8938\) contradicts .* 0 to 3.575\)"),
+        ("semicolons-and-notes.csv", {"strain": "true"}, "--strain is stated, but no table needs"),
+        ("strain-percent.csv", {"gauge_length": "25 mm"}, "--gauge-length is stated, but no table"),
+        ("strain-percent.csv", {"units": {"strain": "mm/mm"}}, "the file says that Strain is in %"),
+        ("strain-percent.csv", {"columns": {"stress": "Strain"}}, "no unit of nominal-stress"),
+        ("strain-percent.csv", {"columns": {"force": "Kraft"}}, "there is no column Kraft"),
+        ("stretch-stress.csv", {"units": {"stretch": "%"}}, r"'Stretch' .* is 0.01 without stress"),
+        ("stretch-stress.csv", {"stress_unit": "kPa"}, "the unit of 'Stress': --unit stress=kPa"),
+        ("workbook.xlsx", {}, "the file says pure-shear, not --mode uniaxial"),
+        ("cycle-in-kN.csv", {"gauge_length": "25 mm", "thickness": "2 mm"}, "the undeformed area"),
+        ("cycle-in-kN.csv", GEOMETRY | {"branch": 2}, "no rows of --branch 2; there are 1 cycles"),
+        ("strain-percent.csv", {"mode": "torsion"}, "unknown mode 'torsion'"),
+        ("strain-percent.csv", {"branch": "up"}, "the number of a cycle, not 'up'"),
+    ],
+)
+def test_what_is_stated_wrongly_is_refused_with_its_cause(name, stated, message):
+    if name.endswith("xlsx"):
+        pytest.importorskip("python_calamine")
+    warnings.simplefilter("ignore", TestDataWarning)
+    with pytest.raises(ValueError, match=message):
+        pds.load_test_data(MACHINES / name, **UNIAXIAL | stated)
+
+
+def test_facts_that_do_not_exist_are_refused():
+    with pytest.raises(TypeError, match="no fact gauge; there are mode, gauge_length"):
+        read_tests(MACHINES / "lambda-P.csv", gauge="25 mm")
+
+
+@pytest.mark.parametrize(
+    ("name", "stated", "needed"),
+    [
+        ("bluehill-raw.csv", {}, ["--mode", "--gauge-length", "--area"]),
+        ("stress-first.txt", UNIAXIAL, ["--column stretch=2 --column stress=1", "stress=2"]),
+        ("lambda-P.csv", {}, ["--mode uniaxial|equibiaxial|pure-shear"]),
+    ],
+)
+def test_what_is_missing_is_asked_for_with_its_option(name, stated, needed):
+    tests = read_tests(MACHINES / name, **stated)
+    assert not tests.specimens
+    for words in needed:
+        assert words in "; ".join(tests.missing)
+    assert {row["unit"] for row in tests.ranges} <= {"s", "mm", "N", "MPa", ""}
+
+
+STRETCH = np.linspace(1, 4, 61)
+
+
+@pytest.mark.parametrize(
+    ("columns", "asked", "answer"),
+    [
+        (
+            {"Strain": STRETCH, "Stress__MPa": gent(STRETCH)},
+            r"stretch 2 to 5\), or as a stretch of 1 to 4",
+            {"columns": {"stretch": "Strain"}},
+        ),
+        (
+            {"Stretch": STRETCH - 1, "Stress__MPa": gent(STRETCH)},
+            "is 0 without stress; as a strain it gives a stretch of 1 to 4",
+            {"columns": {"strain": "Stretch"}},
+        ),
+        (
+            {"Strain": 100 * (STRETCH - 1), "Stress__MPa": gent(STRETCH)},
+            r"stretch 1 to 301\), or in per cent to a stretch of 4",
+            {"units": {"strain": "%"}},
+        ),
+        (
+            {"True strain": np.log(STRETCH), "Stress__MPa": gent(STRETCH) * STRETCH},
+            r"0 to 14.26\), or 'Stress' as true-stress \(nominal stress 0 to 3.566",
+            {"stress": "true"},
+        ),
+    ],
+)
+def test_two_readings_are_shown_with_the_option_for_each(tmp_path, columns, asked, answer):
+    path = table(tmp_path, **columns)
+    with pytest.raises(ValueError, match=asked):
+        pds.load_test_data(path, **UNIAXIAL)
+    with pytest.warns(TestDataWarning):
+        data = pds.load_test_data(path, **UNIAXIAL, **answer)
+    np.testing.assert_allclose(data.stretches[:, 0], STRETCH, rtol=1e-5)
+    np.testing.assert_allclose(data.nominal_stress, gent(STRETCH), rtol=2e-5, atol=1e-6)
+
+
+def test_branches_cycles_and_holds_are_those_of_the_program(tmp_path):
+    """Two cycles with a hold at the first peak, sampled finely, with noise of 0.01 mm."""
+    program = [
+        ("loading", 1, np.linspace(1, 2, 200, endpoint=False)),
+        ("hold", 1, np.full(100, 2.0)),
+        ("unloading", 1, np.linspace(2, 1, 200, endpoint=False)),
+        ("loading", 2, np.linspace(1, 2.5, 300, endpoint=False)),
+        ("unloading", 2, np.linspace(2.5, 1, 300)),
+    ]
+    branch = np.concatenate([[name] * len(part) for name, _, part in program])
+    cycle = np.concatenate([[number] * len(part) for _, number, part in program])
+    stretch = np.concatenate([part for *_, part in program])
+    softer = np.where(branch == "unloading", 0.8, 1.0)
+    noise = np.random.default_rng(0).normal(0, 0.0004, len(stretch))
+    path = machine(tmp_path, stretch + noise, gent(stretch) * softer)
+    (found,) = read_tests(path, **GEOMETRY).specimens
+    # A turn is known to a few rows.
+    assert (found.branch != branch).sum() <= 12
+    assert (found.cycle != cycle).sum() <= 6
+    assert found.time[-1] == len(stretch) - 1
+    assert abs(int(found.chosen.sum()) - 200) <= 4
+    assert ((branch == "loading") & (cycle == 1))[found.chosen].mean() > 0.98
+    for wanted, rows in (("all", 1100), (2, 600), ("unloading", 200)):
+        (part,) = read_tests(path, **GEOMETRY, branch=wanted).specimens
+        assert abs(int(part.chosen.sum()) - rows) <= 12
+    (said,) = [text for text in read_tests(path, **GEOMETRY).assumed if "hysteresis" in text]
+    # 20 % less stress on the way back, over the same stretches
+    assert float(said.split("hysteresis: ")[1].split(" %")[0]) == pytest.approx(20, abs=1)
+
+
+LONG = np.linspace(1, 5, 401)
+
+
+@pytest.mark.parametrize(
+    ("stretch", "stress"),
+    [
+        (np.linspace(5.01, 5.1, 10), np.full(10, 0.02)),  # the load drops
+        (np.full(10, 1.2), np.full(10, 0.02)),  # the clip of the extensometer jumps back
+        (np.linspace(5.01, 5.2, 20), gent(5.0) * np.linspace(0.98, 0.3, 20)),  # a slow tear
+    ],
+)
+def test_the_break_is_recorded_and_what_follows_left_out(tmp_path, stretch, stress):
+    path = machine(tmp_path, np.r_[LONG, stretch], np.r_[gent(LONG), stress])
+    tests = read_tests(path, **GEOMETRY)
+    (found,) = tests.specimens
+    assert found.chosen.sum() == len(LONG)
+    assert (found.branch == "broken").sum() == len(stretch)
+    # Energy of Gent's law at a stretch of 5.
+    energy = -0.3 * 40 * np.log(1 - (25 + 0.4 - 3) / 40)
+    broken = found.at_break
+    assert broken.stretch == pytest.approx(5.0, rel=1e-5)
+    assert broken.nominal_stress == pytest.approx(gent(5.0), rel=1e-5)
+    assert broken.work == pytest.approx(energy, rel=1e-3)
+    assert "breaks at a stretch of 5" in " ".join(tests.assumed)
+
+
+def test_elastic_unloading_and_lists_of_any_order_do_not_break(tmp_path):
+    limited = np.linspace(1, 6.2, 80)  # near the limit of Gent's law, whose stress falls fast
+    there_and_back = np.r_[limited, limited[-2::-1]]
+    both_sides = np.linspace(0.5, 3.0, 60)
+    shuffled = np.random.default_rng(1).permutation(both_sides)
+    for stretch, rows in ((there_and_back, 80), (both_sides, 60), (shuffled, 60)):
+        (found,) = read_tests(
+            table(tmp_path, stretch=stretch, nominal_stress=gent(stretch)), **UNIAXIAL
+        ).specimens
+        assert found.at_break is None
+        assert found.chosen.sum() == rows
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_slack_and_preload_are_said_and_shifted(tmp_path, seed):
+    noise = 1 + 0.003 * np.random.default_rng(seed).standard_normal(200)
+    stretch = np.linspace(1, 4, 121)
+    slack = np.r_[np.linspace(1, 1.04, 9)[:-1], stretch + 0.04]
+    force = np.r_[np.zeros(8), gent(stretch) * noise[:121]]
+    loaded = stretch[stretch > 1.03]
+    for shown, stress, zero, word in (
+        (slack, force, 1.04, "slack"),
+        (loaded - loaded[0] + 1, gent(loaded) * noise[: len(loaded)], 2 - loaded[0], "preload"),
+    ):
+        path = machine(tmp_path, shown, stress)
+        tests = read_tests(path, **GEOMETRY)
+        (said,) = [text for text in tests.assumed if "zero force" in text]
+        assert word in said
+        assert float(said.split(" is ")[1].split(" ")[0]) == pytest.approx(zero, abs=0.003)
+        (found,) = tests.specimens
+        law = gent(found.stretch[found.chosen])
+        assert np.abs(found.nominal_stress[found.chosen] - law).max() < 0.02 * law.max()
+        (kept,) = read_tests(path, **GEOMETRY, zero="keep").specimens
+        np.testing.assert_allclose(kept.stretch, shown, rtol=1e-5)
+
+
+def test_numbers_that_are_positive_in_compression_are_turned(tmp_path):
+    stretch = np.linspace(1, 0.5, 40)
+    path = table(
+        tmp_path,
+        **{"Compressive strain": 1 - stretch, "Compressive stress__MPa": -gent(stretch)},
+    )
+    tests = read_tests(path, **UNIAXIAL)
+    np.testing.assert_allclose(tests.specimens[0].stretch, stretch, rtol=1e-5)
+    np.testing.assert_allclose(tests.specimens[0].nominal_stress, gent(stretch), atol=1e-5)
+    assert "'Compressive stress' is positive in compression" in " ".join(tests.assumed)
+
+
+def test_specimens_have_weights_by_their_scatter_and_means_at_break(tmp_path):
+    stretch = np.linspace(1, 4, 61)
+    shares = (0.95, 1.0, 1.05)
+    paths = []
+    for number, share in enumerate(shares):
+        (folder := tmp_path / str(number)).mkdir()
+        paths.append(machine(folder, np.r_[stretch, 4.01], np.r_[share * gent(stretch), 0.01]))
+    tests = read_tests(*paths, **GEOMETRY)
+    assert [len(one.stretch) for one in tests.specimens] == [62, 62, 62]
+    broken = tests.at_break["uniaxial"]
+    assert broken["specimens"] == 3
+    mean, deviation = broken["nominal_stress"]
+    assert mean == pytest.approx(gent(4.0), rel=1e-5)
+    assert deviation == pytest.approx(0.05 * gent(4.0), rel=1e-4)
+    with pytest.warns(TestDataWarning, match="the specimens scatter by 5 % at the greatest stress"):
+        data = pds.load_test_data(*paths, **GEOMETRY)
+    assert len(data) == 183
+    last = np.isclose(data.stretches[:, 0], 4.0)
+    np.testing.assert_allclose(
+        data.weight[last], (0.05 * np.array(shares) * gent(4.0)) ** -2.0, rtol=1e-3
+    )
+
+
+def test_several_files_make_one_data_set_and_units_must_agree(tmp_path):
+    files = [MACHINES / "lambda-P.csv", MACHINES / "strain-percent.csv"]
+    with pytest.warns(TestDataWarning):
+        data = pds.load_test_data(*files, **UNIAXIAL)
+    assert (len(data), data.unit, data.row[-1]) == (122, "MPa", 122)
+    with pytest.raises(ValueError, match=r"units of stress differ .*stretch-stress.csv: none"):
+        pds.load_test_data(MACHINES / "stretch-stress.csv", *files, **UNIAXIAL)
+    with pytest.raises(ValueError, match="treloar is complete"):
+        pds.load_test_data("treloar", **UNIAXIAL)
+    with pytest.warns(TestDataWarning):
+        kilopascals = pds.load_test_data(*files, **UNIAXIAL, stress_unit="kPa")
+    np.testing.assert_allclose(kilopascals.nominal_stress, 1000 * data.nominal_stress, rtol=1e-12)
