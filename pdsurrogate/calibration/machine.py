@@ -8,7 +8,7 @@ import numpy as np
 
 from ..measurements import read_tables
 from ..measurements.quantities import factor
-from ..measurements.readings import number_in
+from ..measurements.readings import amount_in
 from ..measurements.table import Block, Column
 from ..problem.program import stages_of
 from ..results.tables import column_name
@@ -54,7 +54,7 @@ def machine_forces(
                 raise ValueError(
                     "forces of a sheet are per thickness: state it, as --thickness 2mm"
                 )
-            size /= number_in(thickness, "m", "the thickness") / length
+            size /= amount_in(thickness, "m", "the thickness") / length
         elif "thickness" in stated:
             raise ValueError("--thickness is for sheets, and this scene has a solid")
     except ValueError as error:

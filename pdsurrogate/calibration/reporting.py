@@ -16,6 +16,7 @@ from ..identification.campaign import option_of
 from ..identification.reporting import parameters_of, plain
 from ..measurements import read_tables
 from ..results.figures import DIVERGING, STYLE
+from ..results.places import columns_of_measured
 from ..results.tables import column_name
 from ..scenes import Scene
 from .machine import is_machine, machine_forces
@@ -285,17 +286,16 @@ def _worst(model: SceneRegressor, X: np.ndarray, columns: Sequence[str]) -> dict
     return {"step": int(step), "measured": what, "standard_deviations": float(off[row])}
 
 
-def measured_fields(
-    X: np.ndarray, y: np.ndarray, d: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the steps (m,), places (m, d) and displacements (m, d) among measurements, NaN for
+def measured_fields(X: np.ndarray, y: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the displacements among measurements by columns as of `columns_of_measured`, NaN for
     components that were not measured.
     """
+    d = X.shape[1] - 2
     here = X[:, 1] > 0
     rows, at = np.unique(X[here][:, [0, *range(2, 2 + d)]], axis=0, return_inverse=True)
     moved = np.full((len(rows), d), np.nan)
     moved[at.ravel(), X[here, 1].astype(int) - 1] = y[here]
-    return rows[:, 0], rows[:, 1:], moved
+    return dict(zip(columns_of_measured(d), [*rows.T, *moved.T], strict=True))
 
 
 def _steps(

@@ -20,7 +20,7 @@ from ..learning.settings import FitSettings
 from ..materials import Polyconvex
 from ..results import figures
 from ..results.files import write_json
-from ..results.places import MEASURED, write_measured
+from ..results.places import MEASURED, write_columns
 from ..run.simulate import simulate
 from ..scenes import load_scene
 from ..scenes.reading import parse_change
@@ -159,9 +159,7 @@ def calibrate(
             figures.save(drawn, folder / f"calibration-{which}.png")
         if fields is not None:  # for `show --html`, which shows both
             simulate(with_law(test, model.law_), FORCE, folder=folder / RUN, overwrite=True)
-            write_measured(
-                folder / RUN / MEASURED, *reporting.measured_fields(X, y, test.dimension)
-            )
+            write_columns(folder / RUN / MEASURED, reporting.measured_fields(X, y))
     print_json({"artifact": str(path), **found, "seconds": seconds})
     note(f"Wrote {path}, and the report in {folder}")
 

@@ -171,7 +171,8 @@ def take_headings(segment: Segment, before: Segment | None) -> None:
     segment.titles += [
         row
         for row in above[::-1]
-        if len(cells := row.filled) == 1 and kind_of(row.text(*cells)) == "specimen"
+        if len(row.filled) == 1 and kind_of(row.text(*row.filled)) == "specimen"
+        if not facts_of([row])
     ]
     for place in columns:
         heading, unit = heading_and_unit(head.text(place))
