@@ -12,7 +12,7 @@ import pdsurrogate as pds
 from pdsurrogate.decks import read_deck
 from pdsurrogate.discretization.mesh_facts import describe_mesh
 from pdsurrogate.discretization.mesh_files import read_mesh
-from pdsurrogate.results import figures
+from pdsurrogate.results import figures, measured
 from pdsurrogate.results.contents import digest_of_mesh
 
 MESHES = Path(__file__).parents[1] / "data" / "meshes"
@@ -353,7 +353,7 @@ def test_a_stiff_part_given_by_two_blocks_of_elements_is_stiff_in_both(tmp_path)
 def test_the_figure_of_a_mesh_names_its_groups(name, tmp_path):
     facts = describe_mesh(MESHES / name)
     mesh = facts.mesh
-    figure = figures.groups_figure(mesh.cells, mesh.cell_groups, mesh.side_groups)
+    figure = measured.mesh_figure(mesh.cells, mesh.cell_groups, mesh.side_groups, name)
     labels = {text.get_text() for text in figure.legends[0].get_texts()}
     covered = {f"{group} (covered)" for group in ("all", "Volume2", "both")}
     groups = {row["group"] for row in facts.groups()}
