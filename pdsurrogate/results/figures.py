@@ -309,12 +309,15 @@ def groups_figure(
         sorted((name for name in of if len(of[name])), key=lambda name: -len(of[name]))
         for of in (cell_groups, side_groups)
     ]
-    names = dict.fromkeys(by_size[0] + by_size[1])
+    names = by_size[0] + by_size[1]
     wheel = matplotlib.colormaps["tab20" if len(names) > 10 else "tab10"]
-    color = {name: wheel(number % wheel.N) for number, name in enumerate(names)}
-    of_cells = np.full((len(cells), 4), (0.85, 0.85, 0.85, 1.0))
-    for name in by_size[0]:
-        of_cells[cell_groups[name]] = color[name]
+    # The last color is that of cells without a group.
+    colors = np.array(
+        [*(wheel(number % wheel.N) for number in range(len(names))), [0.85] * 3 + [1]]
+    )
+    shown = np.full(len(cells), len(names))
+    for number, name in enumerate(by_size[0]):
+        shown[cell_groups[name]] = number
     box = np.array([cells.nodes.min(axis=0), cells.nodes.max(axis=0)])
     flat = cells.dimension == 2
     with matplotlib.rc_context(STYLE):
@@ -323,22 +326,27 @@ def groups_figure(
         if flat:
             thin = {"edgecolors": "0.5", "linewidths": 0.2}
             axis.add_collection(
-                PolyCollection(polygons_of(cells, 0 * cells.nodes), facecolors=of_cells, **thin)
+                PolyCollection(
+                    polygons_of(cells, 0 * cells.nodes), facecolors=colors[shown], **thin
+                )
             )
-            for name in by_size[1]:
-                wide = {"colors": [color[name]], "linewidths": 2.5}
+            for number, name in enumerate(by_size[1], len(by_size[0])):
+                wide = {"colors": colors[[number]], "linewidths": 2.5}
                 axis.add_collection(LineCollection(cells.nodes[side_groups[name]], **wide))
+                shown = np.append(shown, number)
             axis.set(aspect="equal", xlabel=places[0], ylabel=places[1])
             axis.autoscale_view()
         else:
             corners, owners = cells.outer_sides
-            of_sides = of_cells[owners]
-            for name in by_size[1]:
-                of_sides[among(corners, side_groups[name])] = color[name]
-            draw_outside(axis, cells, cells.nodes, of_sides, box, places)
+            shown = shown[owners]
+            for number, name in enumerate(by_size[1], len(by_size[0])):
+                shown[among(corners, side_groups[name])] = number
+            draw_outside(axis, cells, cells.nodes, colors[shown], box, places)
         handles = [
-            Line2D([], [], color=color[name], linewidth=6 if name in cell_groups else 2, label=name)
-            for name in names
+            Line2D([], [], color=colors[number], linewidth=6, label=name)
+            if number in shown
+            else Line2D([], [], color="none", label=f"{name} (covered)")
+            for number, name in enumerate(names)
         ]
         if handles:
             figure.legend(handles=handles, loc="outside right upper")
