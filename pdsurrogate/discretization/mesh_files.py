@@ -17,7 +17,7 @@ from ..body import CellMesh
 from ..body.cell_mesh import among, side_numbers
 from ..decks import Deck, Elements, read_deck
 from .chains import ROUNDING, same_places
-from .mesh_cells import CELL_TYPES, EDGES, corners_of, kind_of, upright, volumes_of
+from .mesh_cells import CELL_TYPES, EDGES, SHAPES, corners_of, kind_of, upright, volumes_of
 from .mesh_groups import MeshFile, only, side_of, with_groups
 
 BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
@@ -35,6 +35,11 @@ CURVED = 1e-3
 """Distance of the middle of an edge from the line between its ends, in lengths of the edge, above
 which a warning tells that the edge is curved. Chosen: a straight edge then changes the area of a
 cell by less than a thousandth.
+"""
+
+NEAR = 1e-3
+"""Distance in lengths of the shortest edge of a cell below which nodes are one. Chosen: no cell
+loses an edge, and parts that touch meet in spite of the noise of CAD programs.
 """
 
 FLAT = 1e-3
@@ -140,7 +145,12 @@ def read_mesh(
     if dimension == 2 and points.shape[1] == 3:
         points = _flattened(file, points, cells)
     # Nodes at one place are one: scenes state cracks as precuts, and bonds need no common nodes.
-    of_node = same_places(points, ROUNDING * np.ptp(points, axis=0).max())
+    shortest = min(
+        np.linalg.norm(np.diff(points[block[:, edges]], axis=2), axis=-1).min(initial=np.inf)
+        for block in cells
+        for edges in [np.array(EDGES[SHAPES[dimension, block.shape[1]]])]
+    )
+    of_node = same_places(points, max(ROUNDING * np.ptp(points, axis=0).max(), NEAR * shortest))
     cells, of_cell = _each_once(CellMesh(points, tuple(of_node[block] for block in cells)))
     mesh = with_groups(cells, contents, of_cell, of_node)
     _tell_of_others(file, contents, cells, of_node)

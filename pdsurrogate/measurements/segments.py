@@ -43,11 +43,6 @@ class Segment:
         """Places of columns that have cells."""
         return sorted({place for row in self.rows for place in row.filled})
 
-    @property
-    def lines(self) -> str:
-        """Its lines, for messages."""
-        return lines_of(self.rows)
-
 
 def lines_of(rows: list[Row]) -> str:
     """Return the first and last line of rows, for messages."""
@@ -171,7 +166,8 @@ def take_headings(segment: Segment, before: Segment | None) -> None:
     segment.titles += [
         row
         for row in above[::-1]
-        if len(cells := row.filled) == 1 and kind_of(row.text(*cells)) == "specimen"
+        if len(row.filled) == 1 and kind_of(row.text(*row.filled)) == "specimen"
+        if not facts_of([row])
     ]
     for place in columns:
         heading, unit = heading_and_unit(head.text(place))
