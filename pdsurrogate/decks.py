@@ -175,12 +175,16 @@ class _Scope:
 
     def between(self, kind: str, rows: list[list[str]]) -> np.ndarray:
         """Return the elements or nodes of rows of a first, a last number and a step."""
-        known = np.array(list(getattr(self, kind).items()), dtype=int).reshape(-1, 2)
-        chosen = np.zeros(len(known), dtype=bool)
-        for first, last, *step in ([int(entry) for entry in row if entry] for row in rows):
-            beyond = known[:, 0] - first
-            chosen |= (beyond >= 0) & (known[:, 0] <= last) & (beyond % (step or [1])[0] == 0)
-        return known[chosen, 1]
+        known = getattr(self, kind).items()
+        return np.array(
+            [
+                number
+                for first, last, *step in ([int(entry) for entry in row if entry] for row in rows)
+                for label, number in known
+                if first <= label <= last and (label - first) % (step or [1])[0] == 0
+            ],
+            dtype=int,
+        )
 
     def _read_nodes(self, block: Block, placing: list[list[float]]) -> list[int]:
         """Add the nodes of a block to the deck, shifted and turned; return their numbers."""

@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from pdsurrogate.artifacts import card, load_card, load_surrogate
 from pdsurrogate.cli import app
 from pdsurrogate.forces import FORCES
+from pdsurrogate.identification import campaign
 from pdsurrogate.learning.settings import FitSettings
 from pdsurrogate.materials import LAWS, PLANES
 from pdsurrogate.results.files import write_text
@@ -79,6 +80,7 @@ TABLES = {
         "fit": description.Fit,
         "fit.settings": FitSettings,
     },
+    "tests.md": {"campaign": campaign.Campaign, "test": campaign.CampaignTest},
     "card.md": {
         "card": card.Card,
         "material": card.Material,
@@ -86,6 +88,7 @@ TABLES = {
         "training": card.TrainingEntries,
         "training.identification": card.IdentificationEntries,
         "training.identification.covariance": card.CovarianceEntries,
+        "training.identification.at_break": card.BreakEntries,
         "domain": card.DomainSpec,
         "errors": card.ReportsEntries,
         "errors.report": card.ReportEntries,
@@ -96,7 +99,7 @@ TABLES = {
 }
 """Models whose keys are on each page, by the names of their tables."""
 
-WHOLE = ("scene", "study", "card")
+WHOLE = ("scene", "study", "campaign", "card")
 """Tables of whole files, whose keys have no table before them."""
 
 PLAIN = ("features", "training", "errors")

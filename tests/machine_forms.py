@@ -90,6 +90,35 @@ FORMS = {
         ),
         [(RAW, THREE, {"Test File Name": "rubber.tst"})] * 2,
     ),
+    "MTS in pieces": (
+        "cp1252",
+        "".join(
+            f"Data Header:\tTime: {17 * (1 + number)} s\nStation Name: 858.cfg\n"
+            "Force\tDisplacement\tRunning Time\tCount\nN\tmm\ts\tsegments\n"
+            + lines(FORCE, LENGTH, TIME + 50 * number, TIME, separator="\t")
+            for number in (0, 1)
+        ),
+        [
+            (
+                "force/N extension/mm time/s cycle/segments",
+                np.vstack([rounded(FORCE, LENGTH, TIME + 50 * number, TIME) for number in (0, 1)]),
+                {},
+            )
+        ],
+    ),
+    "entries that are no sizes": (
+        "utf-8",
+        'Lab Section Number,"10"\nDiameter,6.97,mm\nFinal Diameter,6.20,mm\nWidth,6\n'
+        'Notes During Test,""\n\nHora,Siła,Przemieszczenie\n(s),(N),(mm)\n'
+        + lines(TIME, FORCE, LENGTH),
+        [
+            (
+                "time/s force/N /mm",
+                rounded(TIME, FORCE, LENGTH),
+                {"area": None, "diameter": "6.97 mm", "width": None, "Width": "6"},
+            )
+        ],
+    ),
     "TestWorks": (
         "cp1252",
         "Specimen 3\nTime ,Crosshead ,Load \ns ,mm ,lbf \n" + lines(TIME, LENGTH, FORCE),

@@ -19,7 +19,7 @@ ALLOWED = {room: set(re.findall(r"`(\w+)`", imports)) for room, imports in ROWS}
 TRAINING = ("sklearn", "skorch", "torch", "dask", "distributed")
 ROOMS_WITH_TRAINING = {"learning", "identification", "calibration", "testing"}
 COMMANDS_WITH_TRAINING = {
-    f"pdsurrogate.cli.{name}" for name in ("calibrate", "evaluate", "fit", "identify")
+    f"pdsurrogate.cli.{name}" for name in ("calibrate", "data", "evaluate", "fit", "identify")
 }
 
 

@@ -216,6 +216,27 @@ class CovarianceEntries(StrictModel):
     values: tuple[tuple[Finite, ...], ...]
 
 
+class BreakEntries(StrictModel):
+    """States in which specimens broke, in one mode of loading.
+
+    Parameters
+    ----------
+    specimens : int
+        Number of specimens that broke.
+    stretch : pair of float
+        Mean and standard deviation (null for one specimen) of the stretch. Unit: none.
+    nominal_stress : pair of float
+        The same of the nominal stress. Unit: stress.
+    work : pair of float
+        The same of the work per undeformed volume up to the break. Unit: stress.
+    """
+
+    specimens: Annotated[int, Field(strict=True, gt=0)]
+    stretch: tuple[Positive, Share | None]
+    nominal_stress: tuple[Finite, Share | None]
+    work: tuple[Finite, Share | None]
+
+
 class IdentificationEntries(StrictModel):
     """Identification of the law from test data.
 
@@ -227,6 +248,10 @@ class IdentificationEntries(StrictModel):
         Name and parameters of the identified law, equal to ``material.trained_with``.
     covariance : CovarianceEntries, optional
         Covariance of the law; none if the data do not determine all of its parameters.
+    stress_unit : str, optional
+        Unit of the stresses and moduli, if the test data state it.
+    at_break : dict of BreakEntries, optional
+        Stretch, stress and work at break by mode of loading, if specimens broke.
     **extra_data
         Results of the identification, as `pdsurrogate.identification.report` gives them; they
         inform people.
@@ -237,6 +262,8 @@ class IdentificationEntries(StrictModel):
     data: str
     law: dict[str, Any]
     covariance: CovarianceEntries | None = None
+    stress_unit: str | None = None
+    at_break: dict[str, BreakEntries] | None = None
 
 
 class TrainingEntries(StrictModel):

@@ -13,7 +13,9 @@ from .card import NOTED, Card
 from .store import law_of, load_card, load_surrogate
 
 DATA_OF_THE_PACKAGE = ("treloar", "kawabata")
-"""Names of the test data that are shipped with the package; their stresses are in MPa."""
+"""Names of the test data that are shipped with the package; their stresses are in MPa, which cards
+of earlier versions do not state.
+"""
 
 PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6}
 """Units of stress in pascals, to convert moduli from test data to the unit of a scene."""
@@ -25,8 +27,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     An exact force model leaves the scene as it is. With an artifact, a built-in scene with its
     default material takes the law on the artifact's card, with these moduli:
 
-    * moduli identified from the package's own test data are converted from MPa to the scene's unit
-      of stress;
+    * moduli identified from test data with a unit are converted to the scene's unit of stress;
     * other identified or user-given moduli are taken as numbers in the scene's unit of stress;
     * moduli left at the law's defaults have no unit, and are scaled so that the shear modulus is
       that of the scene.
@@ -110,9 +111,10 @@ def material_on(card: Card, scene: Scene) -> Law:
             if scene.material is None
             else law.scaled(scene.law().shear_modulus / law.shear_modulus)
         )
-    data = (card.training.get("identification") or {}).get("data")
-    if data in DATA_OF_THE_PACKAGE and scene.units.stress in PASCALS:
-        return law.scaled(PASCALS["MPa"] / PASCALS[scene.units.stress])
+    tests = card.training.get("identification") or {}
+    unit = tests.get("stress_unit", "MPa" if tests.get("data") in DATA_OF_THE_PACKAGE else None)
+    if unit in PASCALS and scene.units.stress in PASCALS:
+        return law.scaled(PASCALS[unit] / PASCALS[scene.units.stress])
     return law
 
 

@@ -18,8 +18,8 @@ from ..results import Result
 from ..run.sensitivity import Differentiated, differentiated
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import Scene, SceneError
+from ..scenes.pulled import pulled_force
 from ..scenes.reading import leaves
-from ..scenes.regions import EDGES
 from ..solvers.equilibrium import NoEquilibrium
 from ..solvers.methods import Newton
 from ..solvers.tangent import COARSE
@@ -54,35 +54,6 @@ def with_law(scene: Scene, law: Law, spacing: float | None = None) -> Scene:
     return Scene.model_validate(data if spacing is None else data | {"spacing": spacing})
 
 
-def pulled(scene: Scene) -> tuple[str, float]:
-    """Return the dotted key of the force of the region that a scene pulls farthest, and the sign
-    with which it is positive in tension.
-    """
-    if scene.stretched:
-        grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
-        axis, side = EDGES[grip.edge]
-        return f"forces.{grip.edge}.{axis}", float(side)
-    entries = [
-        (abs(value), value, axis, entry)
-        for entry in scene.prescribed
-        for axis, value in enumerate(entry.displacement)
-        if value
-    ]
-    if not entries:
-        raise ValueError(
-            f"scene {scene.name} pulls no region: name what was measured instead of its force, as"
-            " outputs=['energy']"
-        )
-    _, value, axis, entry = max(entries, key=lambda one: one[0])
-    name = entry.name or entry.region
-    if not isinstance(name, str):
-        raise ValueError(
-            f"scene {scene.name}: give the prescribed region a name (prescribed.name), by which its"
-            " force is reported"
-        )
-    return f"forces.{name}.{axis}", float(np.sign(value))
-
-
 class MeasuredScene:
     """Scene with a table of what was measured on it; simulates the measurements for a law.
 
@@ -105,7 +76,9 @@ class MeasuredScene:
         self.scene = scene
         self.rows = rows
         named = outputs if outputs is not None else [] if rows.is_field.all() else [FORCE_PULLED]
-        self.outputs = [pulled(scene) if name == FORCE_PULLED else (name, 1.0) for name in named]
+        self.outputs = [
+            pulled_force(scene) if name == FORCE_PULLED else (name, 1.0) for name in named
+        ]
         self._check()
         self._places, at = np.unique(rows.places[rows.is_field], axis=0, return_inverse=True)
         self._at = np.full(len(rows.step), -1)

@@ -3,19 +3,23 @@ calibrate``.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..identification import MODES
+from ..identification.campaign import option_of
 from ..identification.reporting import parameters_of, plain
 from ..measurements import read_tables
 from ..results.figures import DIVERGING, STYLE
+from ..results.places import columns_of_measured
 from ..results.tables import column_name
 from ..scenes import Scene
+from .machine import is_machine, machine_forces
 from .regressor import SceneRegressor
 
 STRETCHES = {
@@ -122,10 +126,14 @@ def _check_rows(scene: Scene, found: np.ndarray, places: list[str]) -> None:
 
 
 def measurements(
-    scene: Scene, fields: Path | None, forces: Path | None
+    scene: Scene,
+    fields: Path | None,
+    forces: Path | None,
+    stated: Mapping[str, Any],
+    times: str | None,
 ) -> tuple[np.ndarray, np.ndarray, dict[str, str]]:
     """Return the table of measurements and their values, as `SceneRegressor` takes them, from a
-    file of fields and one of outputs.
+    file of fields and one of outputs or of a machine (`machine_forces`, with what is stated of it).
 
     The third item has, by the names of their columns, the dotted keys of the outputs, which are the
     quantities 0, -1, and so on.
@@ -136,6 +144,10 @@ def measurements(
     outputs = {}
     if fields is None and forces is None:
         raise ValueError("there is nothing to fit: give --fields, --forces or both")
+    machine = forces is not None and is_machine(forces)
+    if not machine and (stated or times is not None):
+        option = option_of(next(iter(stated), "times"))
+        raise ValueError(f"{option} is for --forces with the table of a machine")
     if fields is not None:
         axes = range(1, d + 1)
         found, places, _ = read_columns(
@@ -148,9 +160,13 @@ def measurements(
             )
             values.append(found[:, d + axis])
     if forces is not None:
-        found, places, (_, *names) = read_columns(
-            forces, ("step",), lambda name: output_of(name) or name == "evaluations"
-        )
+        if machine:
+            found, places = machine_forces(scene, forces, stated, times)
+            names = ["force"]
+        else:
+            found, places, (_, *names) = read_columns(
+                forces, ("step",), lambda name: output_of(name) or name == "evaluations"
+            )
         if "evaluations" in names:
             raise ValueError(
                 f"{forces}: this is the history of a run, whose step is that of the scene: number"
@@ -270,17 +286,16 @@ def _worst(model: SceneRegressor, X: np.ndarray, columns: Sequence[str]) -> dict
     return {"step": int(step), "measured": what, "standard_deviations": float(off[row])}
 
 
-def measured_fields(
-    X: np.ndarray, y: np.ndarray, d: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the steps (m,), places (m, d) and displacements (m, d) among measurements, NaN for
+def measured_fields(X: np.ndarray, y: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the displacements among measurements by columns as of `columns_of_measured`, NaN for
     components that were not measured.
     """
+    d = X.shape[1] - 2
     here = X[:, 1] > 0
     rows, at = np.unique(X[here][:, [0, *range(2, 2 + d)]], axis=0, return_inverse=True)
     moved = np.full((len(rows), d), np.nan)
     moved[at.ravel(), X[here, 1].astype(int) - 1] = y[here]
-    return rows[:, 0], rows[:, 1:], moved
+    return dict(zip(columns_of_measured(d), [*rows.T, *moved.T], strict=True))
 
 
 def _steps(

@@ -30,6 +30,10 @@ from .terminal import (
 
 COMMANDS = {
     "materials": ("lists", "List the material laws with their parameters."),
+    "data": (
+        "data",
+        "Say and draw what files of testing machines, cameras and mesh programs are.",
+    ),
     "identify": ("identify", "Identify the parameters of material laws from test data."),
     "calibrate": (
         "calibrate",

@@ -12,6 +12,7 @@ from typer import Argument, Option
 from ..artifacts.places import new_artifact, next_version
 from ..calibration import SceneRegressor, reporting
 from ..calibration.measured import DISPLACEMENTS, FORCE, FORCES, with_law
+from ..identification.campaign import TableFacts
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
 from ..learning.fitting import TooInexact
@@ -19,11 +20,11 @@ from ..learning.settings import FitSettings
 from ..materials import Polyconvex
 from ..results import figures
 from ..results.files import write_json
-from ..results.places import MEASURED, write_measured
+from ..results.places import MEASURED, write_columns
 from ..run.simulate import simulate
 from ..scenes import load_scene
 from ..scenes.reading import parse_change
-from .command import SCENE_HELP, Overwrite, SetScene, check_folder
+from .command import SCENE_HELP, Overwrite, SetScene, check_folder, with_fields
 from .identify import BulkModulus, Terms, print_parameters
 from .terminal import FAILED, Bar, bad_input, note, print_json, print_rows, warn, writing
 
@@ -35,10 +36,11 @@ FIELDS_HELP = (
 )
 FORCES_HELP = (
     "CSV file with the column step and measurements: force, of the region that is pulled, or"
-    " columns of history.csv such as force_right_1."
+    " columns of history.csv such as force_right_1; or the table of a testing machine."
 )
 
 
+@with_fields(facts=TableFacts)
 def calibrate(
     scene: Annotated[
         str, Argument(metavar="SCENE", help=f"{SCENE_HELP}. Step k is its k-th output.")
@@ -47,6 +49,17 @@ def calibrate(
     *,
     fields: Annotated[Path | None, Option("--fields", metavar="F.csv", help=FIELDS_HELP)] = None,
     forces: Annotated[Path | None, Option("--forces", metavar="G.csv", help=FORCES_HELP)] = None,
+    times: Annotated[
+        str | None,
+        Option(
+            metavar="TIMES",
+            help=(
+                "Time of each step in the table of a machine, in seconds with commas between them,"
+                " or a table with a column of times (default: its rows are the steps)."
+            ),
+        ),
+    ] = None,
+    facts: TableFacts,
     law: Annotated[
         str | None, Option(metavar="LAW", help="Law whose parameters are fitted.")
     ] = None,
@@ -106,7 +119,9 @@ def calibrate(
             )
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     test = load_scene(scene, dict(parse_change(item) for item in change or ()))
-    X, y, outputs = reporting.measurements(test, fields, forces)
+    X, y, outputs = reporting.measurements(
+        test, fields, forces, facts.stated(fields is not None), times
+    )
     with bad_input(OSError):
         new_artifact(folder, name, next_version(folder, name))
     check_folder(folder, "calibration.json", overwrite)
@@ -144,9 +159,7 @@ def calibrate(
             figures.save(drawn, folder / f"calibration-{which}.png")
         if fields is not None:  # for `show --html`, which shows both
             simulate(with_law(test, model.law_), FORCE, folder=folder / RUN, overwrite=True)
-            write_measured(
-                folder / RUN / MEASURED, *reporting.measured_fields(X, y, test.dimension)
-            )
+            write_columns(folder / RUN / MEASURED, reporting.measured_fields(X, y))
     print_json({"artifact": str(path), **found, "seconds": seconds})
     note(f"Wrote {path}, and the report in {folder}")
 

@@ -9,6 +9,7 @@ from typer import Argument, Option
 from ..artifacts.places import new_artifact, next_version, own_folder
 from ..artifacts.store import load_card, load_surrogate
 from ..identification import figure, load_test_data, reporting
+from ..identification.campaign import TestFacts
 from ..identification.data import TestData
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import StressRegressor, bulk_arguments
@@ -22,6 +23,7 @@ from .identify import (
     BulkModulus,
     BulkRatio,
     Terms,
+    print_break,
     print_by_mode,
     print_identified,
 )
@@ -42,7 +44,7 @@ FOLDER_HELP = (
 )
 
 
-@with_fields(settings=FitSettings)
+@with_fields(settings=FitSettings, facts=TestFacts)
 def fit(
     name: Annotated[str, Argument(metavar="NAME", help="Name of the new artifact.")],
     *,
@@ -53,9 +55,10 @@ def fit(
     law: OneLaw = None,
     change: SetLaw = None,
     data: Annotated[
-        Path | None,
+        list[str] | None,
         Option(metavar="DATA", help=f"Identify the parameters of the law first. {DATA_HELP}"),
     ] = None,
+    facts: TestFacts,
     terms: Terms = None,
     free: Annotated[
         bool, Option("--free", help="With --data: identify a polyconvex energy instead of a law.")
@@ -91,8 +94,8 @@ def fit(
     law = law or "neo-hookean"
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
-        if bulk or force_fit or free:
-            options = "--free, --bulk-modulus, --bulk-ratio and --force-fit"
+        if bulk or force_fit or free or facts.stated():
+            options = "--free, --bulk-modulus, --bulk-ratio, --force-fit and what is said of tests"
             raise ValueError(f"{options} need --data; without data, set parameters with --set")
         tests = None
         report = None
@@ -103,8 +106,8 @@ def fit(
             raise ValueError(
                 "--data identifies the parameters of the law, --set sets them: choose one"
             )
-        with Bar(f"Fitting {'an energy' if free else law} to {data}"):
-            rows = load_test_data(data)
+        with Bar(f"Fitting {'an energy' if free else law} to {', '.join(data)}"):
+            rows = load_test_data(*data, **facts.stated())
             model = reporting.fitted(rows, None if free else law, terms or N_TERMS, bulk)
             report = reporting.examined(model, rows)
         tests = (rows, model)
@@ -114,6 +117,7 @@ def fit(
             settings = settings.within(*model.stretch_range_)
             hull = model.domain_hull()
         print_identified(report)
+        print_break(rows)
         refusals = report["refusals"]
         for text in (*report["remarks"], *(refusals if force_fit else ())):
             warn(text)

@@ -1,16 +1,16 @@
 """Command ``identify``, which finds parameters of laws from test data."""
 
-from pathlib import Path
 from typing import Annotated
 
 from typer import Argument, Option
 
-from ..identification import figure, fitted_laws, load_test_data, reporting
+from ..identification import TestData, figure, fitted_laws, load_test_data, reporting
+from ..identification.campaign import TestFacts
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
 from ..results import figures
 from ..results.files import write_json
-from .command import Overwrite, ReportFolder, check_folder
+from .command import Overwrite, ReportFolder, check_folder, with_fields
 from .terminal import (
     Bar,
     note,
@@ -22,7 +22,8 @@ from .terminal import (
 )
 
 DATA_HELP = (
-    "Test data: treloar, kawabata, or a CSV file with the columns mode, stretch and nominal_stress."
+    "Test data: treloar, kawabata, files of testing machines (FILE:MODE states the mode of one), or"
+    " a campaign (tests.toml); may be repeated."
 )
 
 BulkModulus = Annotated[
@@ -40,8 +41,9 @@ Terms = Annotated[
 ]
 
 
+@with_fields(facts=TestFacts)
 def identify(
-    data: Annotated[Path, Argument(metavar="DATA", help=DATA_HELP)],
+    data: Annotated[list[str], Argument(metavar="DATA...", help=DATA_HELP)],
     *,
     law: Annotated[
         list[str] | None, Option(metavar="LAW", help="Law; may be repeated (default: all).")
@@ -50,6 +52,7 @@ def identify(
     stretch: Annotated[
         float | None, Option("--up-to", help="Leave out rows with a greater stretch.")
     ] = None,
+    facts: TestFacts,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
     hold_out: Annotated[
@@ -66,7 +69,7 @@ def identify(
     given.
     """
     names = law or fitted_laws()
-    rows = load_test_data(data)
+    rows = load_test_data(*data, **facts.stated())
     if terms is not None and "ogden" not in names:
         raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
     terms = terms or N_TERMS
@@ -78,6 +81,7 @@ def identify(
         models, reports, held_out = reporting.identify(rows, names, terms, bulk, hold_out)
     for report in reports:
         print_identified(report)
+    print_break(rows)
     # Remarks on the data are in the report of every law, and are printed once.
     for text in dict.fromkeys(
         text for report in reports for text in (*report["refusals"], *report["remarks"])
@@ -115,6 +119,29 @@ def print_identified(report: dict) -> None:
         {mode: {"R^2": scores.get(mode), **row} for mode, row in report["differences"].items()},
     )
     print_rows(f"{title}: modes that were not measured", report.get("unmeasured", []))
+
+
+def print_break(rows: TestData) -> None:
+    """Print the states in which specimens broke."""
+    if rows.tests is not None:
+        unit = f" ({rows.unit})" if rows.unit else ""
+        print_rows(f"At break: stress and work per volume{unit}", break_rows(rows.tests.at_break))
+
+
+def break_rows(at_break: dict[str, dict]) -> list[dict]:
+    """Return rows of a table of states at break: mean and standard deviation by mode."""
+    return [
+        {
+            "mode": mode,
+            "broken": row["specimens"],
+            **{
+                name: f"{row[name][0]:.4g}"
+                + (f" ± {row[name][1]:.2g}" if row["specimens"] > 1 else "")
+                for name in ("stretch", "nominal_stress", "work")
+            },
+        }
+        for mode, row in at_break.items()
+    ]
 
 
 def print_parameters(title: str, report: dict) -> None:

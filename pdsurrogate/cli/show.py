@@ -14,6 +14,7 @@ from ..results.places import MEASURED, read_measured
 from ..results.tables import column_unit, columns_of
 from ..scenes.model import with_unit
 from .command import PictureFolder, check_folder
+from .exchange import check_new, write_grid, write_machine
 from .terminal import (
     WARNING,
     Bar,
@@ -42,6 +43,7 @@ def show(
     folder: Annotated[
         Path, Argument(metavar="DIR", help="Folder with results of a run (its --out DIR).")
     ],
+    *,
     field: Annotated[list[str] | None, Option(metavar="FIELD", help=FIELD_HELP)] = None,
     level: Annotated[
         int | None,
@@ -65,9 +67,40 @@ def show(
             help="Greatest number of outputs on the page; with fewer of them more fields fit.",
         ),
     ] = MOST_OUTPUTS,
+    grid: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE",
+            help="Write displacements (and --field) on the pixels of an image: .npz or .csv.",
+        ),
+    ] = None,
+    pixels_per: Annotated[
+        tuple[str, float] | None,
+        Option(metavar="UNIT N", help="Pixels of the image in a unit of length, as cm 152."),
+    ] = None,
+    origin: Annotated[
+        tuple[float, float] | None,
+        Option(metavar="X Y", help="Pixel, column and row, of the origin of the scene."),
+    ] = None,
+    machine: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE.csv",
+            help="Write extension and load of the pulled region as a testing machine does.",
+        ),
+    ] = None,
+    thickness: Annotated[
+        str | None, Option(metavar="LENGTH", help="Thickness of a sheet for --machine, as 2mm.")
+    ] = None,
 ) -> None:
     """Print the history of saved results, and write pictures of fields or an HTML page."""
     with bad_input(OSError):
+        if (grid is None) != (pixels_per is None) or (grid is None) != (origin is None):
+            raise ValueError("--grid FILE, --pixels-per UNIT N and --origin X Y go together")
+        if thickness is not None and machine is None:
+            raise ValueError("--thickness is for --machine FILE.csv")
+        check_new("--grid", grid, ".npz", ".csv")
+        check_new("--machine", machine, ".csv")
         if html is not None and (pictures is not None or level is not None):
             raise ValueError("--html writes all outputs to one file: leave out --out and --level")
         if html is not None and html.is_file() and MARK not in html.read_bytes():
@@ -76,7 +109,7 @@ def show(
                 " overwritten; choose another name"
             )
         result = load_result(folder)
-        measured = read_measured(folder / MEASURED, result.scene.dimension)
+        measured = read_measured(folder / MEASURED, result.scene.dimension) if html else None
     pictures = pictures or Path()
     level = -1 if level is None else level
     check_folder(pictures if html is None else html.parent)
@@ -87,10 +120,19 @@ def show(
             f"{folder}: the run did not finish ({result.summary['failure']}); its outputs so far"
             " are shown."
         )
+    for path in filter(None, (grid, machine)):
+        with writing(path.parent):
+            if path == grid:
+                write_grid(path, result, pixels_per, origin, field or [])
+            else:
+                write_machine(path, result, thickness)
+        note(f"Wrote {path}")
     if html is not None:
         with Bar(result.scene.name), writing(html):
             write_text(html, html_page(result, field or (), outputs, measured))
         note(f"Wrote {html}")
+    elif grid or machine:
+        return
     elif not result.states:
         why = (
             "the run has not finished; resume it with --resume"

@@ -41,8 +41,8 @@ QUADRATIC = ("triangle6", "triangle7", "quad8", "quad9", "tetra10", "hexahedron2
 straight edges.
 """
 
-KINDS = {4: "tetra", 8: "hexahedron"}
-"""Solid cells by their number of corners."""
+SHAPES = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}
+"""Cells by dimension and number of corners."""
 
 BESIDE_CORNERS = {
     4: [[1, 2, 3]],
@@ -81,9 +81,10 @@ def upright(file: str, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     inverted = (turns < -least).all(axis=1)
     wrong = np.flatnonzero(~inverted & ~(turns > least).all(axis=1))
     if len(wrong):
+        kind = SHAPES[3, cells.shape[1]]
         raise ValueError(
-            f"body.file: {file} has {len(wrong)} invalid cells; {KINDS[cells.shape[1]]} {wrong[0]}"
-            " (counted from 0) is flat, or folded at a corner"
+            f"body.file: {file} has {len(wrong)} invalid cells; {kind} {wrong[0]} (counted from 0)"
+            " is flat, or folded at a corner"
         )
     return inverted, np.array([1, 0, 2, 3] if len(beside) == 1 else [4, 5, 6, 7, 0, 1, 2, 3])
 

@@ -17,8 +17,8 @@ from ..body import CellMesh
 from ..body.cell_mesh import among, side_numbers
 from ..decks import Deck, Elements, read_deck
 from .chains import ROUNDING, same_places
-from .mesh_cells import CELL_TYPES, EDGES, corners_of, kind_of, upright, volumes_of
-from .mesh_groups import MeshFile, parts_of, side_of, with_groups
+from .mesh_cells import CELL_TYPES, EDGES, SHAPES, corners_of, kind_of, upright, volumes_of
+from .mesh_groups import MeshFile, only, side_of, with_groups
 
 BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
 """First letters of meshio's names of points, edges and faces, which a mesh may list in addition
@@ -35,6 +35,11 @@ CURVED = 1e-3
 """Distance of the middle of an edge from the line between its ends, in lengths of the edge, above
 which a warning tells that the edge is curved. Chosen: a straight edge then changes the area of a
 cell by less than a thousandth.
+"""
+
+NEAR = 1e-3
+"""Distance in lengths of the shortest edge of a cell below which nodes are one. Chosen: no cell
+loses an edge, and parts that touch meet in spite of the noise of CAD programs.
 """
 
 FLAT = 1e-3
@@ -77,19 +82,15 @@ def _of_meshio(file: str) -> Deck:
     groups = contents.sets.elements
     # Files of gmsh's version 2 have no sets, but a group of every cell, which they list once for
     # each of its groups.
-    numbers = read.cell_data.get("gmsh:physical")
-    if numbers is not None:
+    if "gmsh:physical" in read.cell_data:
         _check_names(file)
+        numbers = np.concatenate(read.cell_data["gmsh:physical"])
+        dimensions = np.repeat(
+            *zip(*((block.dim, len(block)) for block in read.cells), strict=True)
+        )
         for name, entry in read.field_data.items():
-            if np.size(entry) == 2 and name not in read.cell_sets:
-                groups[name] = np.flatnonzero(
-                    np.concatenate(
-                        [
-                            (of == entry[0]) & (block.dim == entry[1])
-                            for of, block in zip(numbers, read.cells, strict=True)
-                        ]
-                    )
-                )
+            if np.size(entry) == 2:
+                groups[name] = np.flatnonzero((numbers == entry[0]) & (dimensions == entry[1]))
     begins = np.cumsum([0, *(len(block.data) for block in read.cells)])
     for name, given in read.cell_sets.items():
         # gmsh:bounding_entities is no group: it has signed numbers of entities.
@@ -126,7 +127,7 @@ def read_mesh(
     """Return the contents of a mesh file, read again if times of change or sizes of its files are
     others; for the errors see `mesh_of`.
     """
-    contents = contents_of(file)
+    contents = only(file, contents_of(file), parts, BESIDE_CELLS[dimension])
     points = contents.points
     _check_kinds(file, contents, dimension)
     cells = []
@@ -144,11 +145,15 @@ def read_mesh(
     if dimension == 2 and points.shape[1] == 3:
         points = _flattened(file, points, cells)
     # Nodes at one place are one: scenes state cracks as precuts, and bonds need no common nodes.
-    of_node = same_places(points, ROUNDING * np.ptp(points, axis=0).max())
+    shortest = min(
+        np.linalg.norm(np.diff(points[block[:, edges]], axis=2), axis=-1).min(initial=np.inf)
+        for block in cells
+        for edges in [np.array(EDGES[SHAPES[dimension, block.shape[1]]])]
+    )
+    of_node = same_places(points, max(ROUNDING * np.ptp(points, axis=0).max(), NEAR * shortest))
     cells, of_cell = _each_once(CellMesh(points, tuple(of_node[block] for block in cells)))
     mesh = with_groups(cells, contents, of_cell, of_node)
     _tell_of_others(file, contents, cells, of_node)
-    mesh = parts_of(file, mesh, tuple(contents.instances), parts)
     return replace(mesh, cells=_righted(file, mesh.cells))
 
 

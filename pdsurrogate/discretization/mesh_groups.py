@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -86,56 +85,58 @@ def with_groups(
     follows each of their names.
     """
     sets = contents.sets
-    files = {word: MeshFile(mesh, {}, {}) for word in ("ELSET", "SURFACE", "NSET")}
+    every = MeshFile(mesh, {}, {})
+    labels: dict[str, list[str]] = {}
     for key, name in sets.names.items():
-        cells = []
+        cells = [np.arange(0)]
         sides = []
         faces = []
         begin = 0
         members = sets.elements.get(key, np.arange(0))
         of_surface = sets.sides.get(key, np.zeros((0, 2), dtype=int))
         for each in contents.elements:
-            first = each.numbers[0] if len(each.numbers) else 0
             kind = kind_of(each.kind)
             chosen = np.isin(each.numbers, members)
             if kind in CELL_TYPES[mesh.dimension]:
                 cells.append(of_cell[begin + np.flatnonzero(chosen)])
                 begin += len(chosen)
-                rows, numbers = of_surface[np.isin(of_surface[:, 0], each.numbers)].T
-                corners = np.array(FACES[mesh.dimension, corners_of(kind)])[numbers]
-                faces.append(each.nodes[(rows - first)[:, None], corners])
+                known = np.array(FACES[mesh.dimension, corners_of(kind)])
+                owners, numbers = of_surface[np.isin(of_surface[:, 0], each.numbers)].T
+                if (numbers >= len(known)).any():
+                    raise ValueError(f"body.file: surface {name}: a {kind} has {len(known)} faces")
+                rows = np.searchsorted(each.numbers, owners)
+                faces.append(each.nodes[rows[:, None], known[numbers]])
             elif kind.startswith("line" if mesh.dimension == 2 else CELL_TYPES[2]):
                 sides.append(side_of(contents.points, each)[chosen])
+        found = {}
         if any(map(len, cells)):
-            files["ELSET"].cell_groups[name] = np.unique(np.concatenate(cells))
+            found["ELSET"] = "cell_groups", np.unique(np.concatenate(cells))
         elif any(map(len, sides)):
-            files["ELSET"].side_groups[name] = of_node[np.concatenate(sides)]
+            found["ELSET"] = "side_groups", of_node[np.concatenate(sides)]
         if key in sets.sides:
-            files["SURFACE"].side_groups[name] = of_node[np.concatenate(faces)]
+            found["SURFACE"] = "side_groups", of_node[np.concatenate(faces)]
         if key in sets.nodes:
-            kind, found = _of_nodes(mesh, of_node[sets.nodes[key]])
-            getattr(files["NSET"], kind)[name] = found
-    of_word = {word: {**file.cell_groups, **file.side_groups} for word, file in files.items()}
-    times = Counter(name for of in of_word.values() for name in of)
-    several = [name for name in times if times[name] > 1]
-    points = {word: file.groups_of_cells() if several else {} for word, file in files.items()}
-    merged = MeshFile(mesh, {}, {})
-    for name in sets.names.values():
-        words = [word for word in files if name in of_word[word]]
-        same = len(words) == 1
-        if name in several:
-            words = [word for word in words if len(points[word][name])] or words[:1]
-            first = points[words[0]][name]
-            same = all(np.array_equal(points[word][name], first) for word in words)
-        if same:
-            # Sides say also where loads act.
-            words = sorted(words, key=lambda word: name not in files[word].side_groups)[:1]
-        for word in words:
-            label = name if same else f"{name} ({word})"
-            for kind in ("cell_groups", "side_groups"):
-                if name in getattr(files[word], kind):
-                    getattr(merged, kind)[label] = getattr(files[word], kind)[name]
-    return merged
+            found["NSET"] = _of_nodes(mesh, of_node[sets.nodes[key]])
+        labels[name] = [f"{name} ({word})" for word in found]
+        for label, (kind, members) in zip(labels[name], found.values(), strict=True):
+            getattr(every, kind)[label] = members
+    shared = any(len(of) > 1 for of in labels.values())
+    points = every.groups_of_cells() if shared else {}
+    names = {}
+    for name, of in labels.items():
+        if len(of) > 1:
+            of = [label for label in of if len(points[label])] or of[:1]
+            if all(np.array_equal(points[label], points[of[0]]) for label in of):
+                # Sides say also where loads act.
+                of = sorted(of, key=lambda label: label not in every.side_groups)[:1]
+        names |= {label: name if len(of) == 1 else label for label in of}
+    return MeshFile(
+        mesh,
+        *(
+            {names[label]: groups[label] for label in groups if label in names}
+            for groups in (every.cell_groups, every.side_groups)
+        ),
+    )
 
 
 def _of_nodes(mesh: CellMesh, chosen: np.ndarray) -> tuple[str, np.ndarray]:
@@ -165,33 +166,37 @@ def _of_nodes(mesh: CellMesh, chosen: np.ndarray) -> tuple[str, np.ndarray]:
     return "side_groups", mesh.sides()[0][:0]
 
 
-def parts_of(
-    file: str, mesh: MeshFile, instances: tuple[str, ...], parts: tuple[str, ...] | None
-) -> MeshFile:
-    """Return the mesh of those groups of cells alone that a scene names, by default of all cells;
-    warn if a deck then has several instances of parts.
+def only(file: str, contents: Deck, parts: tuple[str, ...] | None, beside: tuple) -> Deck:
+    """Return the contents of a file with the cells of those sets alone that a scene names, and all
+    elements of types that begin with `beside`; by default all, with a warning if the file is a deck
+    of several instances of parts.
     """
-    groups = mesh.cell_groups
+    sets = {name: contents.sets.elements.get(key, []) for key, name in contents.sets.names.items()}
+    cells = [each for each in contents.elements if each.kind and not each.kind.startswith(beside)]
     if parts is None:
-        if len(instances) > 1:
-            counts = ", ".join(f"{name} ({len(groups.get(name, ()))})" for name in instances)
+        counts = {
+            name: sum(int(np.isin(each.numbers, of).sum()) for each in cells)
+            for name, of in contents.instances.items()
+        }
+        several = [name for name, count in counts.items() if count]
+        if len(several) > 1:
+            told = ", ".join(f"{name} ({counts[name]})" for name in several)
             warnings.warn(
-                f"body.file: the body has the cells of all parts of {file}: {counts}; parts ="
-                f' ["{instances[0]}"] takes one, and parts that touch are bonded',
+                f"body.file: the body has the cells of all parts of {file}: {told}; parts ="
+                f' ["{several[0]}"] takes one, and parts that touch are bonded',
                 stacklevel=5,
             )
-        return mesh
-    if missing := [name for name in parts if name not in groups]:
-        raise ValueError(
-            f"body.parts: {file} has no cells in a group {missing[0]!r}; it has"
-            f" {', '.join(groups) or 'no groups of cells'}"
-        )
-    kept = np.zeros(len(mesh.cells), dtype=bool)
-    kept[np.concatenate([groups[name] for name in parts])] = True
-    number = np.cumsum(kept) - 1
-    rest = {name: number[members[kept[members]]] for name, members in groups.items()}
-    return MeshFile(
-        CellMesh.of_mesh(mesh.cells.nodes, mesh.cells.blocks, kept),
-        {name: members for name, members in rest.items() if len(members)},
-        mesh.side_groups,
-    )
+        return contents
+    for name in parts:
+        if not len(sets.get(name, ())):
+            known = ", ".join(name for name, of in sets.items() if len(of))
+            raise ValueError(f"body.parts: {file} has no elements in {name!r}; it has {known}")
+    members = np.concatenate([sets[name] for name in parts])
+    kept = [
+        each
+        if each.kind.startswith(beside)
+        else each._replace(numbers=each.numbers[chosen], nodes=each.nodes[chosen])
+        for each in contents.elements
+        for chosen in [np.isin(each.numbers, members)]
+    ]
+    return replace(contents, elements=kept)

@@ -12,6 +12,7 @@ import numpy as np
 from ..arguments import check_path, suggestion
 from ..measurements import MechanicalTests, read_tests
 from ..measurements.specimens import BIAXIAL
+from .campaign import read_sources, sources
 
 MODES: dict[str, Callable] = {
     "uniaxial": lambda stretch: stretch**-0.5,
@@ -179,7 +180,9 @@ def load_test_data(*references: str | Path, **stated: Any) -> TestData:
     Parameters
     ----------
     *references : str or path
-        Name of shipped data, or paths of files, whose rows make one data set.
+        Name of shipped data; or paths of files, whose rows make one data set, with a mode after a
+        colon (``"ps.csv:pure-shear"``) if it is that of the file alone; or a campaign
+        (``"tests.toml"``), which names files and states what they leave open.
     **stated
         What the files leave open, such as ``mode="uniaxial"``, ``gauge_length="25 mm"``,
         ``area="12 mm2"``: arguments of `pdsurrogate.measurements.read_tests`.
@@ -220,12 +223,13 @@ def load_test_data(*references: str | Path, **stated: Any) -> TestData:
         file = Path(str(resources.files(__package__) / f"{references[0]}.csv"))
         tests = read_tests(file, units={"stress": "MPa"})
         return test_data_of(replace(tests, name=str(references[0])))
-    if missing := [one for one in references if not Path(one).exists()]:
+    found = sources(references, stated)
+    if missing := [path for path, _ in found if not path.exists()]:
         raise ValueError(
             f"cannot read test data {missing[0]}: there is no such file;"
             f" {suggestion(str(missing[0]), names, 'included are')}"
         )
-    tests = read_tests(*references, **stated)
+    tests = read_sources(found)
     for text in tests.assumed:
         warnings.warn(text, TestDataWarning, stacklevel=2)
     return test_data_of(tests)

@@ -59,7 +59,26 @@ def report(model: StressRegressor, data: TestData) -> dict:
         "differences": differences(data, predicted),
         "volume_ratio": float(np.nanmax(volume)) if np.isfinite(volume).any() else None,
         "residuals": standardized(model, data),
+        **_of_tests(data),
     }
+
+
+def _of_tests(data: TestData) -> dict:
+    """Return the unit of the stresses, and states at break with a deviation of None for one
+    specimen, if the tests have them.
+    """
+    found: dict = {"stress_unit": data.unit} if data.unit else {}
+    broken = data.tests.at_break if data.tests else {}
+    if any(mode in data.modes for mode in broken):
+        found["at_break"] = {
+            mode: {
+                key: [*map(plain, entry)] if isinstance(entry, tuple) else entry
+                for key, entry in row.items()
+            }
+            for mode, row in broken.items()
+            if mode in data.modes
+        }
+    return found
 
 
 def parameters_of(model: LawEstimator) -> dict:

@@ -255,7 +255,7 @@ class Readings:
         option = f"--{name.replace(' ', '-')}"
         stated = self.facts.sizes().get(name)
         found = [
-            _number_in(text, to, what)
+            amount_in(text, to, what)
             for text, what in ((stated, option), (self.block.facts.get(name), f"the file's {name}"))
             if text is not None
         ]
@@ -330,7 +330,7 @@ class Readings:
         size = np.abs(stress.values)
         rest = int(np.nanargmin(size)) if np.isfinite(size).any() else 0
         name, raw = strain.column.heading, _in_units(strain.column, strain.quantity)
-        unloaded = size[rest] <= UNLOADED * np.nanmax(size) and np.ptp(raw) > 0
+        unloaded = size[rest] <= UNLOADED * np.nanmax(size) > 0 and np.ptp(raw) > 0
         least, most = np.nanmin(strain.values), np.nanmax(strain.values)
         asked = None
         is_strain = strain.quantity in ("engineering-strain", "true-strain")
@@ -386,7 +386,7 @@ def _in_units(column: Column, quantity: str) -> np.ndarray:
     return column.values * factor(column.unit, UNITS.get(quantity, "1"))
 
 
-def _number_in(text: str, to: str, what: str) -> float:
+def amount_in(text: str, to: str, what: str) -> float:
     """Return a positive number with its unit, such as "25 mm", in a unit."""
     found = re.fullmatch(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*([^\d\s].*?)\s*", str(text))
     if not found:

@@ -26,7 +26,7 @@ from .drawings import (
     title_of,
 )
 from .figures import DIVERGING, SEQUENTIAL
-from .packing import USUAL, Pieces, measured_bodies, packed
+from .packing import Pieces, packed
 from .tables import column_title, columns_of, facts, html_history, kind_of
 
 PAGE = Path(__file__).with_name("page.html")
@@ -48,6 +48,9 @@ MOST_ROWS = {"table": 200, "curves": 2000}
 one every second, third or further row is shown. Chosen: the table stays readable, and
 ``history.csv`` has all rows.
 """
+
+USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
+"""Fields that a page shows first, as far as the last state has them."""
 
 MAPS = (SEQUENTIAL, DIVERGING, "cividis", "inferno", "turbo", "gray")
 """Color maps of the viewer."""
@@ -96,6 +99,7 @@ def html_page(
     script = VIEWER.read_text("utf-8")
     parts = {
         "title": escape(f"{result.summary['scene']}, {result.summary['force']}"),
+        "about": escape(result.scene.title or ""),
         "drawn": "".join(drawn),
         "curves": "".join(curves),
         "summary": facts(result),
@@ -107,21 +111,9 @@ def html_page(
     }
     data = {"name": result.scene.name, "maps": _maps(), "history": _history(result)}
     left = MOST_CHARACTERS - sum(map(len, parts.values())) - len(_json(data)) - 100_000
-    if known and measured is not None:
-        steps = [number for number in range(len(result.states)) if number + 1 in measured[:, 0]]
-        measured_bodies(result, measured, steps, needed := Pieces())
-        if needed.size > left / 2:
-            raise ValueError(
-                f"{len(measured)} measured displacements take more than half of the page: leave out"
-                " some"
-            )
-        left -= needed.size
-    body, shown, pieces, told = (
-        packed(result, chosen, most_outputs, left) if known else (None, [], Pieces(), [])
+    bodies, shown, pieces, told = (
+        packed(result, chosen, most_outputs, left, measured) if known else ({}, [], Pieces(), [])
     )
-    bodies = {"simulated": body} if body else {}
-    if body and measured is not None:
-        bodies |= measured_bodies(result, measured, shown, pieces)
     moments = [result.states.moments[number] for number in shown]
     columns = ("stretch", "t", "time")
     data |= {

@@ -341,7 +341,7 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent):
     run = tmp_path / "out" / "calibration-run"  # for `show --html`, with the measured field
     assert pds.load_result(run).scene.material.chain_limit == found["parameters"]["chain_limit"]
     written = np.loadtxt(run / "measured.csv", delimiter=",", skiprows=1)
-    np.testing.assert_allclose(written[np.lexsort(written.T)], fields[np.lexsort(fields.T)])
+    assert sorted(map(tuple, written.round(6))) == sorted(map(tuple, fields.round(6)))
     biaxial = pds.load_scene("biaxial-hole", spacing=0.1)
     visited = [
         pds.simulate(one, tmp_path / "out" / "sheet").summary["beyond_data"]

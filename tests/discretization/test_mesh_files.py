@@ -12,7 +12,7 @@ import pdsurrogate as pds
 from pdsurrogate.decks import read_deck
 from pdsurrogate.discretization.mesh_facts import describe_mesh
 from pdsurrogate.discretization.mesh_files import read_mesh
-from pdsurrogate.results import figures
+from pdsurrogate.results import figures, measured
 from pdsurrogate.results.contents import digest_of_mesh
 
 MESHES = Path(__file__).parents[1] / "data" / "meshes"
@@ -146,6 +146,15 @@ def test_sets_of_a_deck_as_abaqus_and_calculix_define_them(tmp_path, text, expec
     assert found.keys() - expected <= {"a"}
 
 
+def test_sets_of_a_deck_are_those_of_calculix():
+    """CalculiX 2.20 ran this deck; what it printed of each set had these elements and nodes."""
+    deck = read_deck(MESHES / "sets.inp")
+    printed = {"STIFF": [1, 4], "SOFT": [1, 2, 3], "ODD": [1, 3], "LATER": [1, 2, 3]}
+    assert {name: (deck.sets.elements[name] + 1).tolist() for name in printed} == printed
+    assert (deck.sets.nodes["LEFT"] + 1).tolist() == [1, 6, 11, 16]
+    assert len(deck.sets.nodes["EVERY"]) == 20
+
+
 def test_sets_of_sides_are_sides(tmp_path):
     """Loads act on them, and not on the other sides of their cells."""
     text = f"{STRIP}{FOUR}*SURFACE, NAME=s\n1, S4\n*ELSET, ELSET=n\n1\n*NSET, NSET=n\n1, 11\n"
@@ -241,8 +250,8 @@ def test_instances_of_a_part(tmp_path):
     """The second is shifted by 5 along x1, then turned by a right angle about the line x1 = 5."""
     mesh, told = mesh_of_text(tmp_path, CUBE + ASSEMBLY, 3)
     assert told == [
-        f"body.file: the body has the cells of all parts of {tmp_path / 'deck.inp'}: one (1), two"
-        ' (1); parts = ["one"] takes one, and parts that touch are bonded'
+        f"body.file: the body has the cells of all parts of {tmp_path / 'deck.inp'}: one (1),"
+        ' two (1); parts = ["one"] takes one, and parts that touch are bonded'
     ]
     assert cells_of(mesh) == {
         **{"second": [1], "ends": [0], "both": [0, 1], "one.rubber": [0], "two.rubber": [1]},
@@ -253,14 +262,22 @@ def test_instances_of_a_part(tmp_path):
     assert not told
     np.testing.assert_allclose(alone.centroids[0], [[4.5, 1, 0.5]], atol=1e-12)
     assert cells_of(alone) == {
-        "second": [0],
-        "ends": [],
-        "both": [0],
-        "two.rubber": [0],
-        "two": [0],
+        **{"second": [0], "both": [0], "two.rubber": [0], "two": [0], "ends": []}
     }
-    with pytest.raises(ValueError, match=r"^body\.parts: .* no cells in a group 'three'; it"):
+    with pytest.raises(ValueError, match=r"^body\.parts: .* no elements in 'three'; it has sec"):
         mesh_of_text(tmp_path, CUBE + ASSEMBLY, 3, ("three",))
+    rigid = CUBE.replace("cube", "tool").replace(
+        "C3D8R, ELSET=rubber\n1, 1, 2, 3, 4, 5, 6, 7, 8", "R3D4\n1, 1, 2, 3, 4"
+    )
+    _, told = mesh_of_text(
+        tmp_path, CUBE + rigid + ASSEMBLY.replace("PART=cube", "PART=tool").split("*ELSET")[0], 3
+    )
+    assert [each.split(": ")[-1] for each in told] == ["1 R3D4"]
+    wedge = CUBE.replace("cube", "wedge").replace("C3D8R", "C3D6").replace(", 7, 8\n*END", "\n*END")
+    beside = ASSEMBLY.replace("PART=Cube", "PART=wedge")
+    with pytest.raises(ValueError, match="has wedge cells; use only tetra and hexahedron"):
+        mesh_of_text(tmp_path, CUBE + wedge + beside, 3)
+    assert len(mesh_of_text(tmp_path, CUBE + wedge + beside, 3, ("two",))[0].cells) == 1
     once, told = mesh_of_text(tmp_path, CUBE, 3)
     assert not told
     assert cells_of(once) == {"rubber": [0]}
@@ -336,8 +353,11 @@ def test_a_stiff_part_given_by_two_blocks_of_elements_is_stiff_in_both(tmp_path)
 def test_the_figure_of_a_mesh_names_its_groups(name, tmp_path):
     facts = describe_mesh(MESHES / name)
     mesh = facts.mesh
-    figure = figures.groups_figure(mesh.cells, mesh.cell_groups, mesh.side_groups)
+    figure = measured.mesh_figure(mesh.cells, mesh.cell_groups, mesh.side_groups, name)
     labels = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert labels == {row["group"] for row in facts.groups()}
+    covered = {f"{group} (covered)" for group in ("all", "Volume2", "both")}
+    groups = {row["group"] for row in facts.groups()}
+    assert {label.removesuffix(" (covered)") for label in labels} == groups
+    assert labels - groups == (covered if name == "block.inp" else set())
     figures.save(figure, tmp_path / "mesh.png")
     assert (tmp_path / "mesh.png").stat().st_size > 5000

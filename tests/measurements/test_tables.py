@@ -73,6 +73,7 @@ def test_entries_above_a_table_are_its_facts():
         for name in ("bluehill-geometry.csv", "decimal-comma.txt", "semicolons-and-notes.csv")
     )
     assert english.title == english.facts["specimen"] == "A-7"
+    assert german.title == german.facts["specimen"] == "C 3"
     assert english.facts["width"] == "6 mm"
     assert english.facts["thickness"] == "2 mm"
     assert german.facts["gauge length"] == "25 mm"
@@ -132,6 +133,7 @@ def test_forms_of_machines_have_the_right_numbers_and_quantities(name, tmp_path)
         if there is not None:
             np.testing.assert_array_equal(numbers(block), there)
         assert {name: block.facts.get(name) for name in facts} == facts
+        assert block.title == facts.get("specimen", block.title)
 
 
 @pytest.mark.parametrize("quoted", [False, True])
@@ -372,7 +374,17 @@ def test_a_workbook_of_specimens_with_results_and_sheets_of_other_content(tmp_pa
         np.testing.assert_array_equal(numbers(block), forms.THREE)
         assert block.facts["thickness"] == thickness
         assert block.facts["gauge length"] == "25 mm"
+        assert block.facts["sheet"] == block.title
         np.testing.assert_array_equal(block.lines, 4 + np.arange(6))
+
+
+def test_letters_are_headings_rather_than_units(tmp_path):
+    path = tmp_path / "table.csv"
+    for heading in ("a,b", "s,e", "d,F"):
+        path.write_text(f"{heading}\n0,0\n0.1,0.2\n")
+        (block,) = read_tables(path).blocks
+        assert [column.heading for column in block.columns] == heading.split(",")
+        assert [column.unit for column in block.columns] == [None, None]
 
 
 def test_a_workbook_without_calamine_says_what_to_install(monkeypatch):

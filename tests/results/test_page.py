@@ -18,7 +18,7 @@ from pdsurrogate.cli import app
 from pdsurrogate.cli.show import MARK
 from pdsurrogate.results.packing import packed
 from pdsurrogate.results.page import MOST_CHARACTERS, VIEWER, html_page
-from pdsurrogate.results.places import MEASURED, write_measured
+from pdsurrogate.results.places import MEASURED, columns_of_measured, write_columns
 
 BROWSER = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))),
@@ -104,7 +104,7 @@ def test_the_data_are_those_of_the_result(folder, page):
         number, low, high = state["moved"]
         found = low + array_of(data["pieces"][number]) / 65534 * (high - low)
         np.testing.assert_allclose(found, moved, rtol=0, atol=(high - low) / 65534)
-    assert body["fields"]["stress_11"]["unit"] == "kPa"
+    assert body["fields"]["stress_11"]["label"] == "P₁₁ (kPa)"
     # Every field and component is there, and what does not change takes no room again.
     assert len(body["fields"]) == 1 + sum(
         result.field(name)[0].size for name in result.field_names()
@@ -122,42 +122,50 @@ def test_a_value_that_is_no_number_has_a_code_of_its_own(block):
 
 
 def test_what_has_no_room_is_left_out_and_told(block):
-    body, shown, every, told = packed(block, ["von_mises"], 40, 10**7)
-    assert told == []
-    assert shown == [0, 1]
-    assert body["states"][0]["cells"]
-    body, shown, pieces, told = packed(block, ["stress_33"], 40, every.size // 2)
-    assert pieces.size <= every.size // 2
-    assert next(iter(body["fields"])) == "stress_33"
+    def found(share, most=40):
+        return packed(block, ["stress_33"], most, every.size * share)
+
+    bodies, shown, every, told = packed(block, ["stress_33"], 40, 10**7)
+    assert (shown, told) == ([0, 1], [])
+    assert bodies["simulated"]["states"][0]["cells"]
+    bodies, shown, pieces, told = found(0.8)
+    assert pieces.size <= every.size * 0.8
+    assert next(iter(bodies["simulated"]["fields"])) == "stress_33"
     assert shown == [0, 1]
     assert re.fullmatch("the fields .*deformation_gradient_33", told[-1])
-    small = every.size // 14
-    body, shown, pieces, told = packed(block, ["stress_33"], 40, small)
-    assert pieces.size <= small
-    assert told[0] == "the inside of the solid"
+    assert bodies["simulated"]["states"][0]["cells"]
+    least = packed(block, [], 40, 1)  # no room for anything
+    assert least[0] == {}
+    assert least[3] == ["the body, which is too large for the viewer"]
+    # Below a share at which one field fits in, the inside is left out.
+    shares = np.geomspace(0.5, 0.01, 20)
+    hollow = next(one for one in map(found, shares) if one[3][0] == "the inside of the solid")
+    body = hollow[0]["simulated"]
     assert not body["states"][0]["cells"]
     # The cells at the surface are 8^3 less the 6^3 inside.
-    assert len(array_of(pieces.listed[body["numbers"]])) == 296
-    body, shown, pieces, told = packed(block, ["stress_33"], 1, 10**7)
-    assert (shown, told) == ([1], ["1 of 2 outputs"])
-    assert packed(block, [], 40, 100)[::3] == (
-        None,
-        ["the body, which is too large for the viewer"],
-    )
+    assert len(array_of(hollow[2].listed[body["numbers"]])) == 296
+    number, low, high = body["fields"]["stress_33"]["parts"][-1]
+    values = low + array_of(hollow[2].listed[number]) / 65534 * (high - low)
+    expected = block.field("stress_33")[array_of(hollow[2].listed[body["numbers"]])]
+    np.testing.assert_allclose(values, expected, atol=1e-4)
+    assert found(1, most=1)[1::2] == ([1], ["1 of 2 outputs"])
+
+
+MARK_OF_A_USER = "</script><b id=mine>&"
+
+
+def page_with_markup(block):
+    """A page of a result in which a user named the scene, the force and a column with markup."""
+    summary = {**block.summary, "scene": MARK_OF_A_USER, "force": MARK_OF_A_USER}
+    history = [{MARK_OF_A_USER: 1.0, **row} for row in block.history]
+    scene = block.scene.model_copy(update={"title": MARK_OF_A_USER})
+    return html_page(pds.Result(scene, block.body, summary, history, block.states), ["von_mises"])
 
 
 def test_no_text_of_a_user_becomes_markup(block):
-    mark = "</script><b id=mine>&"
-    told = pds.Result(
-        block.scene,
-        block.body,
-        {**block.summary, "scene": mark, "force": mark},
-        [{**row, mark: 1.0} for row in block.history],
-        block.states,
-    )
-    page = html_page(told, ["von_mises"])
+    page = page_with_markup(block)
     assert "<b id" not in page
-    assert mark in data_of(page)["history"]
+    assert MARK_OF_A_USER in data_of(page)["history"]
     assert page.count("</script>") == 2
 
 
@@ -254,6 +262,7 @@ def test_the_viewer_shows_a_sheet_in_a_browser(folder, page, tmp_path):
 
 
 @NEEDS_BROWSER
+@pytest.mark.slow  # a browser once more
 def test_without_webgl_the_page_shows_its_pictures(page, tmp_path):
     document = dom(page, tmp_path, "", "--disable-3d-apis")
     assert re.search(r'<section id="viewer" hidden', document)
@@ -261,48 +270,69 @@ def test_without_webgl_the_page_shows_its_pictures(page, tmp_path):
     assert re.search(r'<details id="drawn" open', document)
 
 
-@pytest.fixture(scope="module")
-def measured(folder, tmp_path_factory):
-    """A copy of a run with a field measured at two thirds of its points at the second output."""
-    copy = shutil.copytree(folder, tmp_path_factory.mktemp("measured") / "out")
-    result = pds.load_result(folder)
-    places = result.field("position")[::3, :2] + 0.01
-    moved = np.column_stack([0.5 * places[:, 0], -0.1 * places[:, 1]])
-    write_measured(copy / MEASURED, np.full(len(places), 2), places, moved)
-    return copy, places
+@pytest.fixture
+def measured(folder, tmp_path):
+    """A copy of a run with a field measured at all its points at the second output."""
+    copy = shutil.copytree(folder, tmp_path / "out")
+    places = pds.load_result(folder).field("position")[:, :2] + 0.01
+    u = 0.5 * places[:, 0], -0.1 * places[:, 1]
+    columns = zip(columns_of_measured(2), (np.full(len(places), 2), *places.T, *u), strict=True)
+    write_columns(copy / MEASURED, dict(columns))
+    return copy
 
 
-def test_measured_displacements_are_beside_the_simulated_ones(measured, tmp_path):
-    folder, places = measured
-    done = CliRunner().invoke(app, ["show", str(folder), "--html", str(tmp_path / "page.html")])
+def page_of(folder):
+    path = folder / "page.html"
+    done = CliRunner().invoke(app, ["show", str(folder), "--html", str(path)])
     assert done.exit_code == 0, done.output
-    data = data_of((tmp_path / "page.html").read_text())
-    assert list(data["bodies"]) == ["simulated", "measured", "difference"]
-    body = data["bodies"]["measured"]
-    order = np.lexsort(places.T[::-1])
-    found = array_of(data["pieces"][body["places"]])
-    np.testing.assert_array_equal(found, places[order].astype("f4"))
-    # The sheet contracts to its middle at 0.5 in the homogeneous state of its exact solution.
-    level = pds.load_result(folder).levels[1]
-    simulated = -level["greatest_lateral_displacement_reference"] * (2 * places[order, 1] - 1)
-    given = -0.1 * places[order, 1]
-    for name, expected in (("measured", given), ("difference", given - simulated)):
-        entry = data["bodies"][name]["fields"]["displacement_2"]
-        assert entry["parts"][0] is None
-        number, low, high = entry["parts"][1]
-        values = low + array_of(data["pieces"][number]) / 65534 * (high - low)
-        np.testing.assert_allclose(values, expected, atol=2e-4)
-    (folder / MEASURED).write_text("step,x1,x2\n1,2,3\n")
-    done = CliRunner().invoke(app, ["show", str(folder), "--html", str(tmp_path / "page.html")])
+    return path.read_text()
+
+
+def contracted(result, x2):
+    """Displacement of a sheet that contracts to its middle at 0.5, in its exact solution."""
+    return result.levels[1]["greatest_lateral_displacement_reference"] * (1 - 2 * x2)
+
+
+def test_measured_displacements_are_beside_the_simulated_ones(measured):
+    data = data_of(page_of(measured))
+    entry = data["bodies"]["measured"]
+    places = array_of(data["pieces"][entry["places"]])
+    simulated = contracted(pds.load_result(measured), places[:, 1])
+    found = []
+    for number, low, high in entry["states"][1]:
+        found.append(low + array_of(data["pieces"][number]) / 65534 * (high - low))
+    given = -0.1 * places[:, 1]
+    np.testing.assert_allclose(found[0], 0.5 * places[:, 0], atol=1e-4)
+    np.testing.assert_allclose(found[1], given, atol=1e-4)
+    np.testing.assert_allclose(found[2], 0, atol=1e-4)
+    np.testing.assert_allclose(found[3], given - simulated, atol=1e-4)
+    assert (array_of(data["pieces"][entry["states"][0][0][0]]) == 65535).all()  # nothing there
+    (measured / MEASURED).write_text("step,x1,x2\n1,2,3\n")
+    done = CliRunner().invoke(app, ["show", str(measured), "--html", str(measured / "page.html")])
     assert done.exit_code == 2
-    assert "each row needs numbers in the columns step, x1, x2, u1, u2" in done.stderr
+    assert "the columns must be step,x1,x2,u1,u2" in done.stderr
+
+
+@NEEDS_BROWSER
+@pytest.mark.slow  # a browser once more
+def test_the_viewer_shows_the_difference_in_a_browser(measured, tmp_path):
+    view = "test&source=difference&field=displacement_2&scale=0&pick=0.4,0.5"
+    said = report_of(dom(page_of(measured), tmp_path, view))
+    assert "u₂ difference = " in said["tip"]
+    _, *rows = said["csv"].splitlines()
+    _, _, x2, off = np.array([row.split(",") for row in rows], dtype=float).T
+    expected = -0.1 * x2 - contracted(pds.load_result(measured), x2)
+    np.testing.assert_allclose(off, expected, atol=1e-4)
+    assert said["probes"][0]["y"][0] is None
 
 
 @NEEDS_BROWSER
 @pytest.mark.slow  # a browser once more
 def test_the_viewer_cuts_a_solid_in_a_browser(block, tmp_path):
-    page = html_page(block, ["von_mises"])
-    said = report_of(dom(page, tmp_path, "test&cut=0,0.6&pick=0.45,0.5"))
+    document = dom(page_with_markup(block), tmp_path, "test&cut=0,0.6&pick=0.45,0.5")
+    assert '<b id="' not in document  # not in the menus of the viewer either
+    assert "&lt;b id=mine&gt;&amp;</option>" in document
+    said = report_of(document)
     assert said["section"] > 0
     point = int(re.match(r"point (\d+)", said["tip"])[1])
     # The cut at 0.6 goes through the cells between 0.5 and 0.625.

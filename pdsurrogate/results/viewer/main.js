@@ -50,6 +50,7 @@ async function unpack(type, components, text) {
 // Real values from the codes of a piece and the ends of their range.
 async function real([number, low, high]) {
   const codes = await piece(number);
+  if (codes instanceof Float32Array) return codes; // made here
   const values = new Float32Array(codes.length);
   for (let k = 0; k < codes.length; k++)
     values[k] = codes[k] === LOST ? NaN : low + ((high - low) * codes[k]) / (LOST - 1);
@@ -58,6 +59,88 @@ async function real([number, low, high]) {
 }
 
 const component = (array, k, axis) => (axis < array.components ? array[axis * (array.length / array.components) + k] : 0);
+
+// Keep an array that is made here as a piece; return its entry with the ends of its range.
+let made = 0;
+function keep(array, components = 1) {
+  array.components = components;
+  unpacked.set(--made, Promise.resolve(array));
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of array)
+    if (!Number.isNaN(value)) [low, high] = [Math.min(low, value), Math.max(high, value)];
+  return low > high ? null : [made, low, high];
+}
+
+// Bodies of squares, of solids cubes, at the places of measured displacements, colored by these
+// and by their differences from the simulated ones.
+const CORNERS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]];
+const SIDES = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]];
+async function measuredBodies(entry) {
+  const at = await piece(entry.places);
+  const d = at.components;
+  const count = at.length / d;
+  const sides = SIDES.slice(0, d === 2 ? 1 : 6);
+  const corners = CORNERS.slice(0, 2 ** d);
+  // The width is the median distance of some places from their neighbors along the axes of a grid.
+  const some = Array.from({ length: Math.min(count, 200) }, (_, k) => Math.floor((k * count) / Math.min(count, 200)));
+  const widths = some.map((one) => {
+    const away = Float32Array.from({ length: count }, (_, k) =>
+      Math.hypot(...Array.from({ length: d }, (_, axis) => at[axis * count + k] - at[axis * count + one]))).sort();
+    return away[Math.min(2 * d, count - 1)];
+  });
+  const width = widths.sort((one, other) => one - other)[widths.length >> 1] || 1;
+  const [nodes, faces, owners] = [new Float32Array(d * count * corners.length), new Uint32Array(4 * count * sides.length), new Uint32Array(count * sides.length)];
+  for (let k = 0; k < count; k++) {
+    corners.forEach((corner, c) => {
+      for (let axis = 0; axis < d; axis++)
+        nodes[axis * count * corners.length + k * corners.length + c] = at[axis * count + k] + (corner[axis] - 0.5) * width;
+    });
+    sides.forEach((side, s) => {
+      owners[k * sides.length + s] = k;
+      side.forEach((c, corner) => (faces[corner * owners.length + k * sides.length + s] = k * corners.length + c));
+    });
+  }
+  const state = { nodes: keep(nodes, d)[0], faces: [keep(faces, 4)[0]], owners: keep(owners)[0], cells: [], lines: null };
+  const bodies = {};
+  const states = [];
+  for (const kind of ["measured", "difference"]) {
+    const fields = {};
+    for (let axis = 0; axis <= d; axis++) {
+      const name = axis ? `displacement_${axis}` : "displacement";
+      const symbol = axis ? `u${"₁₂₃"[axis - 1]}` : "|u|";
+      fields[name] = { symbol: `${symbol} ${kind}`, label: data.length ? `${symbol} ${kind} (${data.length})` : `${symbol} ${kind}`, parts: [] };
+    }
+    bodies[kind] = { dimension: d, point: "place", places: entry.places, numbers: keep(Uint32Array.from({ length: count }, (_, k) => k))[0], states, fields };
+  }
+  for (const vectors of entry.states) {
+    const parts = await Promise.all(vectors.map(real));
+    for (const [k, kind] of ["measured", "difference"].entries()) {
+      const own = parts.slice(k * d, (k + 1) * d);
+      const size = Float32Array.from({ length: count }, (_, one) => Math.hypot(...own.map((part) => part[one])));
+      [size, ...own].forEach((part, axis) => Object.values(bodies[kind].fields)[axis].parts.push(keep(part)));
+    }
+    const moved = new Float32Array(nodes.length);
+    for (let k = 0; k < moved.length; k++) {
+      const axis = Math.floor(k / (count * corners.length));
+      moved[k] = parts[axis][Math.floor((k % (count * corners.length)) / corners.length)] || 0;
+    }
+    states.push({ ...state, moved: keep(moved, d) });
+  }
+  return bodies;
+}
+
+// The ends of the scale of colors, as those of drawn pictures (limits_of of figures.py): symmetric
+// for values of both signs, and not below 1e-4 of the greatest component, which may be noise.
+function limitsOf(name) {
+  const ends = (one) => body.fields[one].parts.flatMap((part) => (part ? part.slice(1) : []));
+  const base = name.replace(/_[123]{1,2}$/, "");
+  const all = Object.keys(body.fields).filter((one) => one.replace(/_[123]{1,2}$/, "") === base);
+  const greatest = Math.max(...all.flatMap(ends).map(Math.abs), 1e-300);
+  const [low, high] = ends(name).length ? [Math.min(...ends(name)), Math.max(...ends(name))] : [0, 1];
+  const size = Math.max(-low, high);
+  if (Math.min(-low, high) > 0.02 * size && size > 1e-4 * greatest) return [-size, size];
+  return [low, low + Math.max(high - low, 1e-4 * greatest)];
+}
 
 // ---------------------------------------------------------------- what is shown
 
@@ -181,45 +264,55 @@ async function facesOf(state) {
   return { blocks, owners };
 }
 
+// Triangles of the polygons, and on demand their edges.
 async function geometry(state) {
   const { blocks, owners } = await facesOf(state);
-  const corners = [];
-  const cells = [];
-  const ends = [];
-  let number = 0;
+  const most = blocks.reduce((sum, block) => sum + (block.length / block.components) * 3 * (block.components - 2), 0);
+  const [corners, cells] = [new Uint32Array(most), new Uint32Array(most)];
+  let [size, number] = [0, 0];
   for (const block of blocks) {
     const count = block.length / block.components;
-    for (let k = 0; k < count; k++, number++) {
-      const at = (corner) => block[corner * count + k];
-      const cell = owners ? owners[k] : number;
-      for (let corner = 1; corner + 1 < block.components; corner++)
-        if (at(corner) !== at(corner + 1)) {
-          corners.push(at(0), at(corner), at(corner + 1));
-          cells.push(cell, cell, cell);
-        }
-      for (let corner = 0; corner < block.components; corner++) {
-        const next = at((corner + 1) % block.components);
-        if (at(corner) !== next) ends.push(at(corner), next);
+    for (let k = 0; k < count; k++, number++)
+      for (let corner = 1; corner + 1 < block.components; corner++) {
+        const [one, other] = [block[corner * count + k], block[(corner + 1) * count + k]];
+        if (one === other) continue; // a corner that is repeated
+        corners.set([block[k], one, other], size);
+        cells.fill(owners ? owners[k] : number, size, size + 3);
+        size += 3;
       }
-    }
   }
-  const list = Uint32Array.from(corners);
-  fill(parts.surface, list, list, null, cells);
-  const edges = Uint32Array.from(ends);
-  fill(parts.edges, edges, edges);
-  const lines = state.lines === null ? new Uint32Array() : await piece(state.lines);
-  const half = lines.length / 2;
-  const outline = Uint32Array.from({ length: lines.length }, (_, k) => lines[(k % 2) * half + (k >> 1)]);
+  const list = corners.subarray(0, size);
+  fill(parts.surface, list, list, null, cells.subarray(0, size));
+  const outline = await pairs(state.lines);
   fill(parts.outline, outline, outline);
+  parts.edges.userData = { ends: null };
+}
+
+async function edges() {
+  if (parts.edges.userData.ends || !byId("edges").checked) return;
+  const ends = [];
+  for (const block of (await facesOf(state)).blocks) {
+    const count = block.length / block.components;
+    for (let corner = 0; corner < block.components; corner++)
+      for (let k = 0; k < count; k++) {
+        const next = ((corner + 1) % block.components) * count + k;
+        if (block[corner * count + k] !== block[next]) ends.push(block[corner * count + k], block[next]);
+      }
+  }
+  parts.edges.userData.ends = Uint32Array.from(ends);
+  fill(parts.edges, parts.edges.userData.ends, parts.edges.userData.ends);
+}
+
+// Nodes at the ends of the lines of a piece, one after the other; none without a piece.
+async function pairs(number) {
+  const lines = number === null ? new Uint32Array() : await piece(number);
+  const half = lines.length / 2;
+  return Uint32Array.from(lines, (_, k) => lines[(k % 2) * half + (k >> 1)]);
 }
 
 // The outline of the undeformed body, of the first state.
 async function resting() {
-  const first = body.states[0];
-  if (first.lines === null) return fill(parts.rest, new Uint32Array(), new Uint32Array());
-  const lines = await piece(first.lines);
-  const half = lines.length / 2;
-  const ends = Uint32Array.from({ length: lines.length }, (_, k) => lines[(k % 2) * half + (k >> 1)]);
+  const ends = await pairs(body.states[0].lines);
   fill(parts.rest, ends, ends);
 }
 
@@ -292,9 +385,25 @@ function resize() {
   camera.setViewOffset(width, height, BESIDE / 2, 0, width, height);
 }
 
+// The box of the body in its first, middle and last state.
+let box;
+async function boxOf({ states, dimension }) {
+  const [low, high, place] = [Infinity, -Infinity, 0].map((end) => new Vector3(end, end, end));
+  for (const number of [0, states.length >> 1, states.length - 1]) {
+    const [at, way] = await Promise.all([piece(states[number].nodes), real(states[number].moved)]);
+    const count = at.length / dimension;
+    for (let k = 0; k < count; k++) {
+      place.set(component(at, k, 0) + component(way, k, 0), component(at, k, 1) + component(way, k, 1), component(at, k, 2) + component(way, k, 2));
+      low.min(place);
+      high.max(place);
+    }
+  }
+  box = [low, high];
+}
+
 // Look at the whole body, in all outputs, from the front right or along an axis.
 function fit(axis = null) {
-  const [low, high] = data.bodies.simulated.box.map((corner) => new Vector3(...corner));
+  const [low, high] = box;
   const middle = low.clone().add(high).multiplyScalar(0.5);
   const radius = low.distanceTo(high) / 2 || 1;
   const flat = body.dimension === 2;
@@ -365,15 +474,15 @@ function pick(x, y) {
   return found[3] ? found[0] + 256 * found[1] + 65536 * found[2] - 1 : -1;
 }
 
+const unitOf = () => field.label.slice(field.symbol.length + 2, -1); // "u₂ (cm)"
 const withUnit = (text, unit) => (unit ? `${text} ${unit}` : text);
-const labelOf = (field) => field.symbol + (field.unit ? ` (${field.unit})` : "");
 const placeOf = (cell) =>
   `(${Array.from({ length: body.dimension }, (_, axis) => digits(component(places, cell, axis))).join(", ")})`;
 
 function words(cell) {
   const value = values[cell];
   return `${body.point ?? "point"} ${numbers[cell]} at ${withUnit(placeOf(cell), data.length)}\n` +
-    `${field.symbol} = ${Number.isNaN(value) ? "no value" : withUnit(digits(value, 5), field.unit)}`;
+    `${field.symbol} = ${Number.isNaN(value) ? "no value" : withUnit(digits(value, 5), unitOf())}`;
 }
 
 function hover(x, y) {
@@ -463,7 +572,7 @@ function legend(canvas, ratio = devicePixelRatio) {
   pen.fillStyle = "#222";
   pen.font = "12px system-ui, sans-serif";
   pen.textAlign = "right";
-  pen.fillText(labelOf(field), width - 4, 16, width - 4);
+  pen.fillText(field.label, width - 4, 16, width - 4);
   pen.textAlign = "left";
   const { x: low, y: high } = uniforms.range.value;
   for (const value of ticks(low, high, 6)) {
@@ -474,7 +583,7 @@ function legend(canvas, ratio = devicePixelRatio) {
 }
 
 function range() {
-  const [low, high] = shown.fixed ?? field.limits;
+  const [low, high] = shown.fixed ?? limitsOf(shown.field);
   uniforms.range.value.set(low, high > low ? high : low + 1e-12 + Math.abs(low) * 1e-6);
   byId("low").value = +low.toPrecision(6);
   byId("high").value = +high.toPrecision(6);
@@ -524,7 +633,8 @@ async function newBody() {
 function newField() {
   field = body.fields[shown.field];
   shown.fixed = null;
-  const signed = field.limits[0] === -field.limits[1];
+  const limits = limitsOf(shown.field);
+  const signed = limits[0] === -limits[1];
   byId("map").value = Object.keys(data.maps)[signed ? 1 : 0];
   colorMap();
 }
@@ -552,6 +662,7 @@ async function show() {
   uniforms.scale.value = shown.scale;
   byId("title").textContent = data.outputs[shown.output];
   byId("output").value = shown.output;
+  await edges();
   lines();
   range();
   draw();
@@ -564,7 +675,7 @@ async function probed() {
     name: `${body.point ?? "point"} ${numbers[cell]} at ${placeOf(cell)}`, color: colorOf(number), x,
     y: parts_.map((part) => (part && !Number.isNaN(part[cell]) ? part[cell] : null)),
   }));
-  plot(byId("probes"), series, byId("axis").value || "output", labelOf(field), (text) => (byId("probesaid").textContent = text || (probes.length ? "" : "Click a point of the body to see its curve.")));
+  plot(byId("probes"), series, byId("axis").value || "output", field.label, (text) => (byId("probesaid").textContent = text || (probes.length ? "" : "Click a point of the body to see its curve.")));
   return series;
 }
 
@@ -589,7 +700,7 @@ const fileName = (what, ending) => `${data.name}-${what}${shown.source === "simu
 
 // The shown field as CSV: number and place of every point, and its value.
 function csv() {
-  const head = [body.point ?? "point", ...Array.from({ length: body.dimension }, (_, axis) => title(`x${axis + 1}`, data.length)), title(shown.field, field.unit)];
+  const head = [body.point ?? "point", ...Array.from({ length: body.dimension }, (_, axis) => title(`x${axis + 1}`, data.length)), title(shown.field, unitOf())];
   const rows = Array.from(values, (value, k) => [
     numbers[k], ...Array.from({ length: body.dimension }, (_, axis) => +component(places, k, axis).toPrecision(7)),
     Number.isNaN(value) ? "" : +value.toPrecision(6),
@@ -625,7 +736,7 @@ function listen() {
   on("one", "click", () => { const part = field.parts[shown.output]; shown.fixed = part ? part.slice(1) : null; range(); draw(); });
   on("output", "input", () => { shown.output = +byId("output").value; show(); });
   on("scale", "input", () => { shown.scale = +byId("scale").value; uniforms.scale.value = shown.scale; draw(); });
-  for (const id of ["edges", "rest"]) on(id, "change", () => { lines(); draw(); });
+  for (const id of ["edges", "rest"]) on(id, "change", async () => { await edges(); lines(); draw(); });
   for (const id of ["cut", "at", "flip"]) on(id, "input", async () => { await section(); draw(); });
   on("fit", "click", () => fit());
   document.querySelectorAll("[data-view]").forEach((one) => one.addEventListener("click", () => fit(+one.dataset.view)));
@@ -634,7 +745,7 @@ function listen() {
   on("probed", "click", async () => {
     const series = await probed();
     const axes = Object.entries(data.axes);
-    const head = ["output", ...axes.map(([name]) => name), ...series.map((one) => title(`${shown.field} of ${one.name}`, field.unit))];
+    const head = ["output", ...axes.map(([name]) => name), ...series.map((one) => title(`${shown.field} of ${one.name}`, unitOf()))];
     const rows = data.numbers.map((number, k) => [number, ...axes.map(([, x]) => x[k]), ...series.map((one) => one.y[k])]);
     save(`${data.name}-${shown.field}-probes.csv`, new Blob([table([head, ...rows])], { type: "text/csv" }));
   });
@@ -688,19 +799,12 @@ function report() {
 
 async function begin() {
   if (!data.outputs.length || !data.bodies.simulated) return;
-  try {
-    if (typeof DecompressionStream === "undefined") throw new Error("no DecompressionStream");
-    byId("viewer").hidden = false;
-    start();
-  } catch (error) {
-    byId("viewer").hidden = true;
-    byId("why").hidden = false;
-    console.warn(error);
-    return;
-  }
+  byId("viewer").hidden = false;
+  start();
   byId("plots").hidden = false;
   byId("drawn").open = false;
   for (const name of Object.keys(data.maps)) option(name, name, byId("map"));
+  if (data.bodies.measured) Object.assign(data.bodies, await measuredBodies(data.bodies.measured));
   for (const name of Object.keys(data.bodies)) option(name, name, byId("source"));
   byId("sources").hidden = Object.keys(data.bodies).length < 2;
   for (const [value, text] of [["", "none"], ["0", "x₁"], ["1", "x₂"], ["2", "x₃"], ["view", "as seen"]]) option(value, text, byId("cut"));
@@ -719,6 +823,7 @@ async function begin() {
   if (asked.has("cut")) [byId("cut").value, byId("at").value] = asked.get("cut").split(",");
   byId("hint").textContent = body.dimension === 2 ? "drag to move, wheel to zoom" : "drag to turn, right-drag to move, wheel to zoom";
   listen();
+  await boxOf(data.bodies.simulated);
   fit();
   await show();
   await section();
@@ -736,4 +841,8 @@ async function begin() {
   if (asked.has("test")) await report();
 }
 
-begin();
+begin().catch((error) => {
+  byId("viewer").hidden = byId("plots").hidden = byId("drawn").open = true;
+  byId("why").hidden = false;
+  console.warn(error);
+});

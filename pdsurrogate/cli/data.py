@@ -1,0 +1,310 @@
+"""Command ``data``, which says and draws what files of machines, cameras and mesh programs are, and
+completes tests to a table of test data.
+"""
+
+import hashlib
+import itertools
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from typer import Argument, Option
+
+from ..decks import files_of
+from ..discretization.mesh_facts import describe_mesh
+from ..identification.campaign import Source, TestFacts, option_of, read_sources, sources
+from ..identification.data import test_data_of
+from ..identification.written import table_of
+from ..measurements import is_field, read_fields, read_tables
+from ..measurements.readings import SOURCES
+from ..measurements.specimens import MechanicalTests
+from ..measurements.table import Block, Column, TableFile
+from ..results import figures, measured
+from ..results.files import write_text
+from .command import check_folder, with_fields
+from .identify import break_rows
+from .terminal import note, print_json, print_rows, warn, writing
+
+FILES_HELP = (
+    "Tables of machines (FILE:MODE states the mode of one), fields of cameras, meshes, or a"
+    " campaign (tests.toml)."
+)
+
+MESHES = {".msh", ".vtk", ".vtu", ".inp", ".med", ".xdmf", ".stl", ".obj", ".ply", ".mesh", ".bdf"}
+"""Suffixes of mesh files, as far as those of tables are others."""
+
+SIGNS = {",": "comma", ";": "semicolon", "\t": "tab", "": "blanks", ".": "point", "|": "bar"}
+"""Names of separators and decimal signs."""
+
+SHOWN = ("specimen", "mode", "taken", "branches", "stretch", "nominal_stress")
+"""What a table shows of each specimen."""
+
+MARK = "# Test data, written by pdsurrogate data\n"
+"""First line of a written table; only such a file is replaced."""
+
+
+class Seen(NamedTuple):
+    """What is known of files: their name, plain values for JSON, tables by title, remarks, what is
+    missing, and a function that draws them.
+    """
+
+    name: str
+    values: dict[str, Any]
+    tables: dict[str, Sequence[dict]]
+    remarks: Sequence[str]
+    missing: Sequence[str]
+    draw: Callable[[], Figure]
+
+
+@with_fields(facts=TestFacts)
+def data(
+    files: Annotated[list[str], Argument(metavar="FILE...", help=FILES_HELP)],
+    *,
+    plot: Annotated[
+        Path | None,
+        Option(metavar="PLACE", help="Draw into this file (.png), or into files of this folder."),
+    ] = None,
+    facts: TestFacts,
+    up: Annotated[
+        bool | None,
+        Option("--up/--down", help="Direction of y in a field, if its file does not say it."),
+    ] = None,
+    table: Annotated[
+        Path | None,
+        Option("--out", metavar="FILE.csv", help="Write the completed tests as test data."),
+    ] = None,
+) -> None:
+    """Print what files are, draw them, and write tests as a table of test data."""
+    fields: dict[str, list[str]] = {}
+    for file in files:
+        if form := is_field(file):
+            fields.setdefault(form, []).append(file)
+    others = [file for file in files if file not in {*itertools.chain(*fields.values())}]
+    meshes = [file for file in others if _is_mesh(Path(file))]
+    tests = [file for file in others if file not in meshes]
+    stated = facts.stated(bool(fields))
+    if not tests and (stated or table):
+        option = "--out" if table else option_of(next(iter(stated)))
+        raise ValueError(f"{option} is for tables of tests, and there is none among the files")
+    seen = [_seen_mesh(file) for file in meshes]
+    seen += [_seen_field(form, those, facts.field_unit, up) for form, those in fields.items()]
+    found = sources(tests, stated)
+    if tests:
+        read = read_sources(found)
+        seen.append(_seen_tests(found, read))
+    _check_places(plot, table, len(seen))
+    for one in seen:
+        for title, rows in one.tables.items():
+            print_rows(title, [{k: _in_words(v) for k, v in row.items()} for row in rows])
+        for text in one.remarks:
+            note(text)
+        for text in one.missing:
+            warn(f"missing: {text}")
+    print_json([one.values for one in seen])
+    for one in seen if plot else ():
+        place = plot if plot.suffix else plot / f"{one.name}.png"
+        with writing(place):
+            figures.save(one.draw(), place)
+        note(f"Wrote {place}")
+    if table:
+        if read.missing:
+            raise ValueError("; ".join(read.missing))
+        with writing(table):
+            write_text(table, MARK + _heading(found, read) + table_of(test_data_of(read)))
+        note(f"Wrote {table}")
+
+
+def _is_mesh(path: Path) -> bool:
+    """Return whether a file is a mesh; a deck is one if it has elements."""
+    suffix = path.suffix.lower()
+    if suffix != ".inp" or not path.is_file():
+        return suffix in MESHES
+    return any(re.search(rb"(?im)^\s*\*element\b", each.read_bytes()) for each in files_of(path))
+
+
+def _check_places(plot: Path | None, table: Path | None, pictures: int) -> None:
+    """Check that files can be written: a picture for all needs a folder, and a table replaces
+    only another one.
+    """
+    if plot is not None and plot.suffix not in ("", ".png"):
+        raise ValueError(f"--plot {plot}: pictures are PNG files: name a file .png, or a folder")
+    if plot is not None and plot.suffix and pictures > 1:
+        raise ValueError(f"--plot {plot}: there are {pictures} pictures: name a folder for them")
+    if table is not None and table.exists() and not table.read_bytes().startswith(MARK.encode()):
+        raise ValueError(f"--out {table}: this file is no table of this command: use another name")
+    for place in (plot and (plot.parent if plot.suffix else plot), table and table.parent):
+        check_folder(place)
+
+
+def _seen_mesh(file: str) -> Seen:
+    """Return what is known of a mesh."""
+    found = describe_mesh(file)
+    summary, groups, mesh = found.summary(), found.groups(), found.mesh
+    box = zip(summary.pop("lower"), summary.pop("upper"), strict=True)
+    summary |= {f"x{axis}": list(ends) for axis, ends in enumerate(box, start=1)}
+    values = {"file": file, "kind": "mesh", "form": found.form, "elements": found.elements}
+    elements = [{"element": name, "count": count} for name, count in found.elements.items()]
+    facts = [{"body": key, "value": value} for key, value in summary.items()]
+    return Seen(
+        Path(file).stem,
+        {**values, **summary, "groups": groups, "remarks": list(found.remarks)},
+        {f"{file}: {found.form}": elements, "Body": facts, "Groups": groups},
+        found.remarks,
+        (),
+        lambda: measured.mesh_figure(mesh.cells, mesh.cell_groups, mesh.side_groups, file),
+    )
+
+
+def _seen_field(form: str, files: Sequence[str], unit: str | None, up: bool | None) -> Seen:
+    """Return what is known of a field in one file or in several."""
+    field = read_fields(*files, unit=unit, up=up)
+    known = field.deviation[np.isfinite(field.deviation)]
+    rows = []
+    for step in np.unique(field.step):
+        here = field.step == step
+        size = np.linalg.norm(field.displacements[here], axis=1)
+        rows.append({"image": int(step), "points": int(here.sum()), "greatest": float(size.max())})
+    values = {
+        "unit": field.unit or "that of the scene",
+        **{f"x{n}": _span(places) for n, places in enumerate(field.places.T, start=1)},
+        "lost": field.lost,
+        "subset": field.subset,
+        "deviation": float(np.median(known)) if len(known) else None,
+    }
+    name = ", ".join(files)
+    return Seen(
+        Path(files[0]).stem,
+        {"file": name, "kind": "field", "form": form, **values, "images": rows}
+        | {"remarks": list(field.notes)},
+        {
+            f"{name}: {form}": [{"field": key, "value": one} for key, one in values.items()],
+            f"Displacements ({values['unit']})": rows,
+        },
+        field.notes,
+        (),
+        lambda: measured.field_figure(field),
+    )
+
+
+def _seen_tests(found: list[Source], read: MechanicalTests) -> Seen:
+    """Return what is known of tables of machines, and of the tests in them."""
+    tables = [
+        read_tables(path, columns=stated.get("columns"), units=stated.get("units"))
+        for path, stated in found
+    ]
+    titles, forms = {}, []
+    for file in tables:
+        rows = [
+            {
+                "table": block.title or f"{number}",
+                "rows": len(block.lines),
+                "lines": _span(block.lines),
+                "states": {**({"mode": block.mode} if block.mode else {}), **block.facts},
+            }
+            for number, block in enumerate(file.blocks, start=1)
+        ]
+        words = [file.form]
+        if file.encoding:
+            words += [f"{file.encoding}, separated by {SIGNS[file.separator]}"]
+            words += [f"decimal {SIGNS[file.decimal_sign]}"]
+        titles[f"{file.path.name}: {', '.join(words)}"] = rows
+        signs = {"separator": file.separator, "decimal_sign": file.decimal_sign}
+        known = {"file": str(file.path), "form": file.form, "encoding": file.encoding}
+        forms.append({**known, **signs, "tables": rows})
+    tests = [
+        {
+            "specimen": one.name,
+            "mode": one.mode,
+            "rows": len(one.row),
+            "taken": int(one.chosen.sum()),
+            "branches": dict(Counter(one.branch.tolist())),
+            "cycles": int(one.cycle.max()),
+            "stretch": _span(one.stretch),
+            "nominal_stress": _span(one.nominal_stress),
+        }
+        for one in read.specimens
+    ]
+    columns = [
+        {
+            **({"table": row["table"]} if len({one["table"] for one in read.ranges}) > 1 else {}),
+            "column": row["column"],
+            "quantity": row["quantity"] or "not understood",
+            "range": [row["least"], row["greatest"]],
+            "unit": row["unit"],
+        }
+        for row in read.ranges
+    ]
+    unit = f" ({read.unit})" if read.unit else ""
+    broken = break_rows(read.at_break)
+    return Seen(
+        found[0][0].stem,
+        {"file": read.name, "kind": "tests", "files": forms, "columns": columns}
+        | {"unit": read.unit, "specimens": tests, "at_break": broken}
+        | {"remarks": list(read.assumed), "missing": list(read.missing)},
+        titles
+        | {"Columns": columns}
+        | {
+            f"Tests: stretch and nominal stress{unit}": [
+                {key: row[key] for key in SHOWN} for row in tests
+            ],
+            f"At break: stress and work per volume{unit}": broken,
+        },
+        read.assumed,
+        read.missing,
+        lambda: _drawn_tests(read, tables, unit),
+    )
+
+
+def _span(values: np.ndarray) -> list[float]:
+    """Return the least and the greatest number."""
+    return [np.nanmin(values).item(), np.nanmax(values).item()]
+
+
+def _in_words(value: Any) -> Any:
+    """Return an entry of a table as text: a range, or numbers by name."""
+    if isinstance(value, list):
+        return " to ".join(f"{one:.4g}" for one in value)
+    return ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
+
+
+def _drawn_tests(read: MechanicalTests, tables: list[TableFile], unit: str) -> Figure:
+    """Return a figure of the branches of tests, or of columns that are no tests yet."""
+    if read.specimens:
+        curves = {
+            one.name: {
+                name: (one.stretch[one.branch == name], one.nominal_stress[one.branch == name])
+                for name in dict.fromkeys(one.branch.tolist())
+            }
+            for one in read.specimens
+        }
+        return measured.tests_figure(curves, "stretch", f"nominal stress{unit}")
+    first, second = _two_columns(tables[0].blocks[0])
+    drawn = {"not complete": (first.values, second.values)}
+    labels = [f"{one.heading} ({one.unit})" for one in (first, second)]
+    return measured.tests_figure({tables[0].path.name: drawn}, *labels)
+
+
+def _two_columns(block: Block) -> list[Column]:
+    """Return the columns of a table that are drawn before it is understood: what looks like strain
+    and stress, else the first ones.
+    """
+    numbers = [one for one in block.columns if one.values.dtype.kind == "f"]
+    found = [
+        next((one for one in numbers if {*one.quantities} & {*SOURCES[group]}), None)
+        for group in ("strain", "stress")
+    ]
+    return [one or numbers[-1 if place else 0] for place, one in enumerate(found)]
+
+
+def _heading(found: list[Source], read: MechanicalTests) -> str:
+    """Return the comment lines of a written table: files with digests, facts, and assumptions."""
+    lines = []
+    for path, stated in found:
+        words = [f"{key} {value}" for key, value in stated.items()]
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        lines.append(f"from {path.name}, sha256 {digest}; stated: {', '.join(words) or 'nothing'}")
+    return "".join(f"# {' '.join(line.split())}\n" for line in [*lines, *read.assumed])

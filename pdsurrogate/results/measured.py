@@ -1,0 +1,128 @@
+"""Figures of what files of laboratories and mesh programs hold: curves of tests, measured fields,
+meshes with their groups.
+"""
+
+from collections.abc import Mapping
+
+import matplotlib
+import numpy as np
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from ..body.cell_mesh import CellMesh, among
+from ..measurements.field import MeasuredField
+from . import figures
+
+MOST_STEPS = 4
+"""Greatest number of images whose displacements are drawn, evenly chosen with the last one."""
+
+MOST_ARROWS = 400
+"""Greatest number of arrows in a panel: more would cover each other."""
+
+NO_GROUP = "#d9dde3"
+"""Color of cells in no group."""
+
+
+def tests_figure(
+    curves: Mapping[str, Mapping[str, tuple[np.ndarray, np.ndarray]]], xlabel: str, ylabel: str
+) -> Figure:
+    """Return a figure of tests, (x, y) by branch and name of the test: a color for each test, a
+    kind of line for each branch.
+    """
+    branches = list(dict.fromkeys(branch for test in curves.values() for branch in test))
+    with matplotlib.rc_context(figures.STYLE):
+        figure = Figure(figsize=(4.8, 3.6), layout="constrained")
+        axis = figure.subplots()
+        for number, (name, test) in enumerate(curves.items()):
+            for branch, (x, y) in test.items():
+                style = ("-", "--", ":", "-.")[branches.index(branch) % 4]
+                label = f"{name}: {branch}" if len(curves) > 1 else branch
+                axis.plot(x, y, style, marker=".", ms=3, color=f"C{number % 10}", label=label)
+        axis.set(xlabel=xlabel, ylabel=ylabel)
+        figure.legend(loc="outside upper center", ncols=2)
+        return figure
+
+
+def field_figure(field: MeasuredField) -> Figure:
+    """Return a figure of the displacements of some images: arrows over the places, all points in
+    the color of their size.
+    """
+    steps = np.unique(field.step)
+    steps = steps[np.unique(np.linspace(0, len(steps) - 1, MOST_STEPS).round().astype(int))]
+    size = np.linalg.norm(field.displacements, axis=1)
+    limits = figures.limits_of(size[np.isin(field.step, steps)])
+    with matplotlib.rc_context(figures.STYLE):
+        figure = Figure(figsize=(2.6 * max(len(steps), 2), 3.2), layout="constrained")
+        axes = figure.subplots(1, len(steps), squeeze=False, sharey=True)[0]
+        for axis, step in zip(axes, steps, strict=True):
+            rows = np.flatnonzero(field.step == step)
+            x, y = field.places[rows, :2].T
+            colors = axis.scatter(x, y, 4, size[rows], **figures.colors_of(limits))
+            few = rows[:: -(-len(rows) // MOST_ARROWS)]
+            arrows = {"angles": "xy", "width": 0.003, "color": "0.2"}
+            axis.quiver(*field.places[few, :2].T, *field.displacements[few, :2].T, **arrows)
+            axis.set(aspect="equal", title=f"image {step}", xlabel=f"x₁ ({field.unit})")
+        axes[0].set_ylabel(f"x₂ ({field.unit})")
+        figure.colorbar(colors, ax=axes, label=f"displacement ({field.unit})", aspect=30)
+        return figure
+
+
+def mesh_figure(
+    cells: CellMesh,
+    cell_groups: Mapping[str, np.ndarray],
+    side_groups: Mapping[str, np.ndarray],
+    title: str,
+) -> Figure:
+    """Return a figure of a mesh, of a solid from outside, with colors of its groups of cells
+    (numbers of cells) and of sides (nodes); smaller groups cover greater ones.
+    """
+    by_size = [
+        sorted((name for name in of if len(of[name])), key=lambda name: -len(of[name]))
+        for of in (cell_groups, side_groups)
+    ]
+    names = by_size[0] + by_size[1]
+    palette = matplotlib.colormaps["tab20" if len(names) > 10 else "tab10"]
+    colors = np.array([*(palette(k % palette.N) for k in range(len(names))), to_rgba(NO_GROUP)])
+    shown = np.full(len(cells), len(names))
+    for number, name in enumerate(by_size[0]):
+        shown[cell_groups[name]] = number
+    sides = list(enumerate(by_size[1], len(by_size[0])))
+    with matplotlib.rc_context(figures.STYLE):
+        figure = Figure(figsize=(7.6, 4.6), layout="constrained")
+        if cells.dimension == 3:
+            corners, owners = cells.outer_sides
+            shown = shown[owners]
+            for number, name in sides:
+                shown[among(corners, side_groups[name])] = number
+            axes = figure.add_subplot(projection="3d", computed_zorder=False)
+            box = np.array([cells.nodes.min(axis=0), cells.nodes.max(axis=0)])
+            figures.draw_outside(axes, cells, cells.nodes, colors[shown], box, figures.PLACES)
+        else:
+            axes = figure.subplots()
+            polygons = figures.polygons_of(cells, np.zeros_like(cells.nodes))
+            style = {"edgecolors": "white", "linewidths": 0.2}
+            # The stub of PolyCollection leaves out that it takes one array of polygons.
+            axes.add_collection(PolyCollection(polygons, facecolors=colors[shown], **style))  # type: ignore[arg-type]
+            axes.add_collection(
+                LineCollection(cells.nodes[cells.outer_sides[0]], **figures.OUTLINE)
+            )
+            for number, name in sides:
+                lines = LineCollection(
+                    cells.nodes[side_groups[name]], colors=colors[[number]], linewidths=2
+                )
+                axes.add_collection(lines)
+                shown = np.append(shown, number)
+            axes.autoscale()
+            axes.set(aspect="equal", xlabel=figures.PLACES[0], ylabel=figures.PLACES[1])
+        axes.set_title(title)
+        handles = [
+            Patch(color=colors[number], label=name)
+            if number in shown
+            else Patch(color="none", label=f"{name} (covered)")
+            for number, name in enumerate(names)
+        ]
+        if handles:
+            figure.legend(handles=handles, loc="outside right upper", frameon=False)
+        return figure

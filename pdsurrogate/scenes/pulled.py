@@ -1,0 +1,35 @@
+"""Region that a scene pulls."""
+
+import numpy as np
+
+from .regions import EDGES
+from .scene import Scene
+
+
+def pulled_force(scene: Scene) -> tuple[str, float]:
+    """Return the dotted key of the force of the region that a scene pulls farthest, and the sign
+    with which it is positive in tension.
+    """
+    if scene.stretched:
+        grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
+        axis, side = EDGES[grip.edge]
+        return f"forces.{grip.edge}.{axis}", float(side)
+    entries = [
+        (abs(value), value, axis, entry)
+        for entry in scene.prescribed
+        for axis, value in enumerate(entry.displacement)
+        if value
+    ]
+    if not entries:
+        raise ValueError(
+            f"scene {scene.name} pulls no region: name what was measured instead of its force, as"
+            " outputs=['energy']"
+        )
+    _, value, axis, entry = max(entries, key=lambda one: one[0])
+    name = entry.name or entry.region
+    if not isinstance(name, str):
+        raise ValueError(
+            f"scene {scene.name}: give the prescribed region a name (prescribed.name), by which its"
+            " force is reported"
+        )
+    return f"forces.{name}.{axis}", float(np.sign(value))
