@@ -287,7 +287,7 @@ def _drawn_tests(read: MechanicalTests, tables: list[TableFile], unit: str) -> F
         return measured.tests_figure(curves, "stretch", f"nominal stress{unit}")
     first, second = _two_columns(tables[0].blocks[0])
     drawn = {"not complete": (first.values, second.values)}
-    labels = [f"{one.heading}{one.unit and f' ({one.unit})' or ''}" for one in (first, second)]
+    labels = [one.heading + (f" ({one.unit})" if one.unit else "") for one in (first, second)]
     return measured.tests_figure([(tables[0].path.name, drawn)], *labels)
 
 
