@@ -162,17 +162,20 @@ def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float
     """Return the stretch at zero force of a first loading: 1 unless the rows show slack (no force
     at first) or a preload (force at a stretch of 1).
 
-    The rows up to a strain of 0.5 are fitted by Mooney's law, which describes any rubber there,
-    with a shift of the stretch.
+    The rows up to a strain of 0.5 are fitted by Mooney's law, which describes most rubber there,
+    with a shift of the stretch; slack is also found by a line through the first loaded rows.
     """
-    start = stretch[np.abs(stress).argmin()]
-    some = (np.abs(stretch - start) <= 0.5) & (np.abs(stress) > 0.005 * np.abs(stress).max())
+    size = np.abs(stress)
+    start, greatest = stretch[size.argmin()], float(size.max())
+    loaded = size > 0.005 * greatest
+    some = (np.abs(stretch - start) <= 0.5) & loaded
     reach = min(1.0, float(np.abs(stretch - start).max()))
     if some.sum() < 5 or not reach > 0:
         return 1.0
     power = {"uniaxial": -2.0, "equibiaxial": -5.0, "pure-shear": -3.0}[mode]
 
     def misfit(shift: float) -> tuple[float, float]:
+        """Mean squared residual, and slope at zero force."""
         x = stretch[some] - shift
         first = x - x**power
         second = first * (x**2 if mode == "equibiaxial" else 1 / x if mode == "uniaxial" else 1)
@@ -184,13 +187,20 @@ def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float
     shifts = np.linspace(-0.3, 0.3, 601) * reach
     shifts = shifts[stretch[some].min() - shifts > 0.1]
     best = min(shifts.tolist(), key=lambda one: misfit(one)[0])
-    (error, slope), (unshifted, _) = misfit(best), misfit(0.0)
-    if abs(best) < 0.01 * reach or unshifted < 16 * error:
-        return 1.0
-    moved = np.sign(stretch[np.abs(stress).argmax()] - start) * (stretch - 1)
-    size, slack = np.abs(stress), abs(best)
-    if best * np.sign(stretch[np.abs(stress).argmax()] - start) > 0:
-        shown = (moved > slack / 2) & (size < slope * slack / 4)
-    else:
-        shown = (np.abs(moved) < slack / 4) & (size > slope * slack / 2)
-    return 1.0 + best if shown.any() else 1.0
+    error, slope = misfit(best)
+    side = float(np.sign(stretch[size.argmax()] - start))
+    moved = side * (stretch - 1)
+    if misfit(0.0)[0] >= 16 * error and abs(best) >= 0.01 * reach:
+        if best * side > 0:
+            shown = (moved > abs(best) / 2) & (size < slope * abs(best) / 4)
+        else:
+            shown = (np.abs(moved) < abs(best) / 4) & (size > slope * abs(best) / 2)
+        if shown.any():
+            return 1.0 + best
+    rows = np.flatnonzero(some)[:4]
+    line = np.stack([moved[rows], np.ones(len(rows))], axis=1)
+    slope, there = np.linalg.lstsq(line, size[rows], rcond=None)[0]
+    slack = -there / slope if slope > 0 else 0.0
+    slope *= slack / 4  # a quarter of the force that slack would have had
+    shown = (moved > slack / 2) & ~loaded & (0.005 * greatest < slope)
+    return 1.0 + side * float(slack) if slack >= 0.01 * reach and shown.any() else 1.0
