@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -26,6 +27,9 @@ which follows them in the type. Manuals of Abaqus and of CalculiX 2.20.
 
 TYPE = re.compile(rf"({'|'.join(KINDS)})([0-9]+)([A-Z]\w*)?")
 """Types of elements that are read: letters after the number tell the integration and unknowns."""
+
+EDGE = 10
+"""Number that is added to those of edges of shells, E1 to E4, to tell them from faces."""
 
 GENERATORS = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "PARAMETER")
 """Keywords that make or move nodes and elements other than by a list of them."""
@@ -52,9 +56,9 @@ class Elements(NamedTuple):
 
 @dataclass
 class Sets:
-    """Elements, nodes, and sides of elements (rows of an element and its face, both from 0) in
-    each set, by its name in capitals; `names` has the names as they were first written, without
-    those that Abaqus/CAE makes for itself.
+    """Elements, nodes, and sides of elements (rows of an element and its face, both from 0, edges
+    of shells after `EDGE`) in each set, by its name in capitals; `names` has the names as they were
+    first written, without those that Abaqus/CAE makes for itself.
     """
 
     elements: dict[str, np.ndarray] = field(default_factory=dict)
@@ -133,11 +137,18 @@ class _Scope:
                 chosen = self.members("nodes", [row[0] for row in rows])
                 self.sets.add("nodes", options["NAME"], chosen, internal)
             elif keyword == "SURFACE" and all(
-                re.fullmatch("S[1-6]", "".join(row[1:]).upper()) for row in rows
+                re.fullmatch("S[1-6]|E[1-4]", "".join(row[1:]).upper()) for row in rows
             ):
                 for entry, face in rows:
-                    sides = [(each, int(face[1]) - 1) for each in self.members("elements", [entry])]
+                    number = int(face[1]) - 1 + EDGE * (face[0] in "Ee")
+                    sides = [(each, number) for each in self.members("elements", [entry])]
                     self.sets.add("sides", options["NAME"], sides, internal)
+            elif keyword == "SURFACE":
+                warnings.warn(
+                    f"body.file: surface {options['NAME']} is left out: its entries are not all"
+                    " elements, or sets of them, with a face S1 to S6 or an edge E1 to E4",
+                    stacklevel=6,
+                )
             elif keyword == "NODE" and "NSET" in options:
                 self.sets.add("nodes", options["NSET"], [self.nodes[label] for label in nodes])
             elif keyword == "ELEMENT" and "ELSET" in options:

@@ -92,7 +92,9 @@ def describe_mesh(file: str | Path, parts: tuple[str, ...] | None = None) -> Mes
     path = Path(file)
     if not path.is_file():
         raise ValueError(f"the file {file} does not exist")
-    contents = contents_of(str(path))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # told below
+        contents = contents_of(str(path))
     kinds = kinds_of(contents)
     solid = any(kind.startswith(("tetra", "hexa", "wedge", "pyramid")) for kind in kinds)
     elements: Counter[str] = Counter()

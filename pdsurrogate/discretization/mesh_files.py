@@ -17,6 +17,7 @@ from ..body import CellMesh
 from ..body.cell_mesh import among, side_numbers
 from ..decks import Deck, Elements, read_deck
 from .chains import ROUNDING, same_places
+from .gmsh_groups import signed_entities
 from .mesh_cells import CELL_TYPES, EDGES, SHAPES, corners_of, kind_of, upright, volumes_of
 from .mesh_groups import MeshFile, only, side_of, with_groups
 
@@ -77,7 +78,13 @@ def _of_meshio(file: str) -> Deck:
         # meshio's readers raise errors of any type, and print and exit if none accepts the file
     ) as error:
         reason = printed.getvalue() if isinstance(error, SystemExit) else error
-        raise ValueError(f"meshio: {' '.join(str(reason).split())}") from None
+        advice = (
+            "; gmsh's version 4.1 is read without partitions, and without Mesh.SaveAll (Save all"
+            " elements) if some elements are in no physical group"
+            if file.lower().endswith(".msh")
+            else ""
+        )
+        raise ValueError(f"meshio: {' '.join(str(reason).split())}{advice}") from None
     contents = Deck([np.asarray(read.points, dtype=float)])
     groups = contents.sets.elements
     # Files of gmsh's version 2 have no sets, but a group of every cell, which they list once for
@@ -100,6 +107,25 @@ def _of_meshio(file: str) -> Deck:
                     begin + np.asarray(() if of is None else of, dtype=int)
                     for begin, of in zip(begins, given, strict=False)
                 ]
+            )
+    numbered = {tuple(np.ravel(entry).tolist()): name for name, entry in read.field_data.items()}
+    for dim, group, entity in signed_entities(file):
+        if name := numbered.get((group, dim)):
+            of_entity = [
+                np.arange(begin, begin + len(block))
+                for begin, block, tags in zip(
+                    begins, read.cells, read.cell_data["gmsh:geometrical"], strict=False
+                )
+                if block.dim == dim and (tags == entity).all()
+            ]
+            groups[name] = np.union1d(groups[name], np.concatenate(of_entity))
+    if "gmsh:physical" in read.cell_data:
+        known = {0, *(group for group, *_ in numbered)}
+        if unnamed := sorted({*np.abs(numbers).tolist()} - known):
+            warnings.warn(
+                f"body.file: {file}: physical groups without names are left out: "
+                f'{", ".join(map(str, unnamed))}; in gmsh: Physical Curve("left", {unnamed[0]})',
+                stacklevel=6,
             )
     contents.sets.names |= {name: name for name in groups}
     contents.elements += [

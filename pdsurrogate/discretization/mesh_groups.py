@@ -10,7 +10,7 @@ import numpy as np
 
 from ..body import CellMesh
 from ..body.cell_mesh import FACES, side_numbers
-from ..decks import Deck, Elements
+from ..decks import EDGE, Deck, Elements
 from .mesh_cells import CELL_TYPES, centroids, corners_of, kind_of
 
 
@@ -87,21 +87,32 @@ def with_groups(
     sets = contents.sets
     every = MeshFile(mesh, {}, {})
     labels: dict[str, list[str]] = {}
+    neither = []
     for key, name in sets.names.items():
         cells = [np.arange(0)]
         sides = []
         faces = []
         begin = 0
         members = sets.elements.get(key, np.arange(0))
+        there = not len(members)
         of_surface = sets.sides.get(key, np.zeros((0, 2), dtype=int))
         for each in contents.elements:
             kind = kind_of(each.kind)
             chosen = np.isin(each.numbers, members)
+            there |= chosen.any()
             if kind in CELL_TYPES[mesh.dimension]:
                 cells.append(of_cell[begin + np.flatnonzero(chosen)])
                 begin += len(chosen)
                 known = np.array(FACES[mesh.dimension, corners_of(kind)])
                 owners, numbers = of_surface[np.isin(of_surface[:, 0], each.numbers)].T
+                if each.type.startswith(("S", "M3D")):  # S1, S2 are the faces of a shell, S3 its
+                    numbers = np.where(numbers < EDGE, numbers - 2, numbers - EDGE)  # first edge
+                if (numbers < 0).any():
+                    raise ValueError(
+                        f"body.file: surface {name} is a face (S1, S2) of {each.type} elements; the"
+                        " boundary of a sheet is made of edges, in CalculiX S3 to S6, in Abaqus E1"
+                        " to E4 (plane elements, CPS and CPE, have the edges S1 to S4)"
+                    )
                 if (numbers >= len(known)).any():
                     raise ValueError(f"body.file: surface {name}: a {kind} has {len(known)} faces")
                 rows = np.searchsorted(each.numbers, owners)
@@ -117,9 +128,16 @@ def with_groups(
             found["SURFACE"] = "side_groups", of_node[np.concatenate(faces)]
         if key in sets.nodes:
             found["NSET"] = _of_nodes(mesh, of_node[sets.nodes[key]])
+        if not found and there:
+            neither.append(name)
         labels[name] = [f"{name} ({word})" for word in found]
         for label, (kind, members) in zip(labels[name], found.values(), strict=True):
             getattr(every, kind)[label] = members
+    if neither:
+        warnings.warn(
+            f"body.file: groups without cells or sides of cells are left out: {', '.join(neither)}",
+            stacklevel=5,
+        )
     shared = any(len(of) > 1 for of in labels.values())
     points = every.groups_of_cells() if shared else {}
     names = {}

@@ -81,7 +81,7 @@ def _vtu(path: Path) -> Rows:
     """Return the rows of the nodes of a mesh of pyxel."""
     import meshio
 
-    mesh = meshio.read(path)
+    mesh = meshio.vtu.read(path)  # `meshio.read` ends the process if it cannot read a file
     return _rows("pyxel", mesh.points[:, :2], mesh.point_data["U"][None, :, :2], None)
 
 
@@ -115,5 +115,5 @@ def rows_of_arrays(path: Path) -> Rows:
         raise ValueError(
             f"{path}: there is no {error}, as programs that are known write it"
         ) from None
-    except (ValueError, IndexError, TypeError) as error:
-        raise ValueError(f"{path}: {error}") from None
+    except Exception as error:  # readers of other packages raise errors of any type
+        raise ValueError(f"{path} cannot be read: {error}") from None

@@ -82,7 +82,8 @@ def rows_of_table(path: Path, unit: str | None, dimension: int) -> Rows:
         )
     in_unit = {}
     for one in table.dialects:
-        stated = {table.units[name] for name in (*one.places[:2], *one.displacements[:2])} - {""}
+        read = (*one.places[:dimension], *one.displacements[:dimension])
+        stated = {table.units.get(name, "") for name in read} - {""}
         in_unit[one] = " and ".join(sorted(stated)) or one.unit
     chosen = [
         one
@@ -157,6 +158,7 @@ def _numbers(path: Path, table: Headings, wanted: list[str]) -> tuple[np.ndarray
     """
     indices = [table.names.index(name) for name in wanted]
     found, blocks, block = [], [], 1
+    signs: dict[str, str] = {}
     for number, line in enumerate(table.lines[table.line + 1 :], table.line + 2):
         if line.strip() == table.lines[table.line].strip():
             block += 1
@@ -173,6 +175,12 @@ def _numbers(path: Path, table: Headings, wanted: list[str]) -> tuple[np.ndarray
         row = []
         for index in indices:
             cell = cells[index]
+            signs |= {sign: cell for sign in ",." if sign in cell}
+            if len(signs) > 1:
+                raise ValueError(
+                    f"{path}, line {number}: {signs['.']} has a point and {signs[',']} a comma:"
+                    " write decimals with one of them, and thousands without a sign"
+                )
             try:
                 row.append(float(cell.replace(",", ".")) if cell.lower() not in EMPTY else np.nan)
             except ValueError:

@@ -71,6 +71,13 @@ def read_fields(
         notes.append(
             f"images by the numbers in the names of files, {files[0].name} to {files[-1].name}"
         )
+    if first.numbered and sum(len({*part.image}) for part in read) > len(
+        {number for part in read for number in part.image}
+    ):
+        raise ValueError(
+            f"{where}: {', '.join(map(str, files))} have the same numbers of images: give each"
+            " image a number of its own"
+        )
     starts = np.cumsum([0, *(part.image.max() for part in read)]) * (not first.numbered)
     image = np.concatenate(
         [part.image + start for part, start in zip(read, starts[:-1], strict=True)]

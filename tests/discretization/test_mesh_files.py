@@ -219,6 +219,41 @@ def test_decks_that_are_refused_with_the_cause(tmp_path, text, message):
         mesh_of_text(tmp_path, STRIP + text)
 
 
+@pytest.mark.parametrize("name", ["signs.msh", "signs-binary.msh"])
+def test_entities_with_a_minus_sign_are_in_their_groups(name):
+    """Physical Surface("sheet") = {-1}; Physical Curve("outline") = {1, 2, -3, -4}."""
+    rows = {row["group"]: row for row in describe_mesh(MESHES / name).groups()}
+    assert [rows[of]["sides"] for of in ("sheet", "outline", "left")] == [0, 6, 1]
+    assert rows["sheet"]["cells"] == 8
+
+
+def test_groups_that_are_left_out_are_named():
+    """A physical point, and a curve with a number alone."""
+    facts = describe_mesh(MESHES / "left-out.msh")
+    assert [row["group"] for row in facts.groups()] == ["sheet"]
+    assert "physical groups without names are left out: 3; in gmsh" in facts.remarks[0]
+    assert facts.remarks[1] == "groups without cells or sides of cells are left out: corner"
+
+
+def test_edges_of_shells_are_no_faces(tmp_path):
+    """Right edge of the last square, from node 5 to 15: S2 of CPS4, S4 of S4, E2 in Abaqus."""
+    for kind, face in (("CPS4", "S2"), ("S4", "S4"), ("S4", "E2")):
+        text = f"{STRIP}{FOUR}*SURFACE, NAME=s\n4, {face}\n".replace("CPS4", kind)
+        assert sorted(mesh_of_text(tmp_path, text)[0].side_groups["s"].ravel()) == [4, 9]
+    for kind, face, message in (
+        ("S4", "S2", "is a face (S1, S2) of S4 elements"),
+        ("CPS4", "E2", "a quad has 4 faces"),
+    ):
+        text = f"{STRIP}{FOUR}*SURFACE, NAME=s\n4, {face}\n".replace("CPS4", kind)
+        with pytest.raises(ValueError, match=re.escape(message)):
+            mesh_of_text(tmp_path, text)
+
+
+def test_a_surface_that_is_not_read_is_named(tmp_path):
+    told = mesh_of_text(tmp_path, f"{STRIP}{FOUR}*SURFACE, NAME=skin\n4,\n")[1]
+    assert told[0].startswith("body.file: surface skin is left out")
+
+
 def test_wedges_of_second_order_that_gmsh_names_c3d6_are_refused():
     with pytest.raises(ValueError, match=r"has 18 nodes; one of type C3D6 has 6"):
         describe_mesh(MESHES / "wedges.inp")
@@ -232,7 +267,8 @@ def test_elements_beside_the_cells_are_counted(tmp_path):
         "*ELEMENT, TYPE=CONN2D2, ELSET=joint\n13, 1, 15\n14, 2, 15\n*ELEMENT, TYPE=U1\n15, 1, 2,\n3"
         "\n*USER ELEMENT, TYPE=U1, NODES=3\n",
     )
-    assert told[0].endswith("elements beside the cells are left out: 1 T3D2, 2 CONN2D2, 1 U1")
+    assert told[0].endswith("groups without cells or sides of cells are left out: joint")
+    assert told[1].endswith("elements beside the cells are left out: 1 T3D2, 2 CONN2D2, 1 U1")
     assert cells_of(mesh) == {"every": [0, 1, 2, 3], "edge": [0]}
 
 

@@ -2,6 +2,7 @@
 the form of each program, has its places, displacements and lost points again.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -264,6 +265,7 @@ def test_columns_of_no_known_program_need_a_unit_and_a_direction(tmp_path):
         ("x [px],y [px],u [mm],v [mm]\n1,2,0,0\n", "is in mm and px, not in one unit"),
         ("step,x1,x2,u1,u2,u2\n1,1,2,0,0,0\n", "two columns u2"),
         ("a,b\n1,2\n", "no line names columns"),
+        ("x;y;u;v\n5.5;2;0;0\n1,234;2;0;0\n", "line 3: 5.5 has a point and 1,234 a comma"),
     ],
 )
 def test_a_file_that_is_no_field_is_refused_with_the_cause(text, message, tmp_path):
@@ -271,6 +273,31 @@ def test_a_file_that_is_no_field_is_refused_with_the_cause(text, message, tmp_pa
     path.write_text(text)
     with pytest.raises(ValueError, match=message):
         read_fields(path)
+
+
+def test_heights_in_another_unit_are_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("x [mm],y [mm],z [um],u [mm],v [mm],w [um]\n1,2,3,0,0,0\n")
+    with pytest.raises(ValueError, match="is in mm and um, not in one unit"):
+        read_fields(path, up=True, dimension=3)
+
+
+def test_files_with_one_number_of_image_are_refused(tmp_path):
+    paths = [tmp_path / f"frame_{k}.csv" for k in (1, 2)]
+    for path in paths:
+        path.write_text("step,x1,x2,u1,u2\n1,1,2,0,0\n")
+    with pytest.raises(ValueError, match="have the same numbers of images"):
+        read_fields(*paths)
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat", "vtu", "dic"])
+@pytest.mark.parametrize("text", ["", "junk", "PK\x03\x04 cut"])
+def test_a_file_of_arrays_that_is_damaged_is_refused(ending, text, tmp_path):
+    path = tmp_path / f"a.{ending}"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=re.escape(f"{path} cannot be read: ")):
+        read_fields(path)
+    assert is_field(path) is None
 
 
 @pytest.mark.parametrize(
