@@ -16,8 +16,12 @@ SETTLED = 0.1
 
 FALLEN = ((1 + LEAST, 0.8), (0.98, 0.5), (0.8, 0.1))
 """Break: the stress falls from its peak to at most the second fraction while the strain is still
-above the first one. Elastic unloading, also of filled rubber, keeps more stress; relaxation in a
-hold does not stretch further, and takes less than half.
+above the first one. Elastic unloading, also of filled rubber, keeps more stress.
+"""
+
+SUDDEN = 0.3
+"""Least fraction of the peak that the stress of a specimen that breaks loses from one row to the
+next, unless it stretches further: in a hold, and on unloading, stress goes by and by.
 """
 
 UNORDERED = 4.0
@@ -40,7 +44,10 @@ def break_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:
         return None
     same = np.sign(stretch[after] - 1) == np.sign(stretch[peak] - 1)
     share, rest = same * strain[after] / strain[peak], size[after] / size[peak]
-    broken = any(((share > least) & (rest <= most)).any() for least, most in FALLEN)
+    sudden = float(-np.diff(rest, prepend=1.0).min()) >= SUDDEN
+    broken = any(
+        ((share > least) & (rest <= most)).any() for least, most in FALLEN if least > 1 or sudden
+    )
     # A camera or clip that loses the specimen jumps back at once, and no load ever returns.
     lost = peak > 0 and rest[0] <= FALLEN[-1][1] and bool((rest <= 2 * FALLEN[-1][1]).all())
     return peak if broken or lost else None
@@ -172,25 +179,26 @@ def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float
         return 1.0
     power = {"uniaxial": -2.0, "equibiaxial": -5.0, "pure-shear": -3.0}[mode]
 
-    def misfit(shift: float) -> tuple[float, float]:
+    def misfit(shift: float) -> tuple[np.ndarray, float]:
         x = stretch[some] - shift
         first = x - x**power
         second = first * (x**2 if mode == "equibiaxial" else 1 / x if mode == "uniaxial" else 1)
         columns = np.stack([first, second], axis=1)
         weights = np.linalg.lstsq(columns, stress[some], rcond=None)[0]
         slope = (1 - power) * weights.sum()
-        return float(((columns @ weights - stress[some]) ** 2).mean()), float(slope)
+        return (columns @ weights - stress[some]) ** 2, float(slope)
 
     shifts = np.linspace(-0.3, 0.3, 601) * reach
     shifts = shifts[stretch[some].min() - shifts > 0.1]
-    best = min(shifts.tolist(), key=lambda one: misfit(one)[0])
+    best = min(shifts.tolist(), key=lambda one: misfit(one)[0].mean())
     (error, slope), (unshifted, _) = misfit(best), misfit(0.0)
-    if abs(best) < 0.01 * reach or unshifted < 16 * error:
+    if abs(best) < 0.01 * reach or unshifted.mean() < 16 * error.mean():
         return 1.0
-    moved = np.sign(stretch[np.abs(stress).argmax()] - start) * (stretch - 1)
-    size, slack = np.abs(stress), abs(best)
-    if best * np.sign(stretch[np.abs(stress).argmax()] - start) > 0:
-        shown = (moved > slack / 2) & (size < slope * slack / 4)
-    else:
-        shown = (np.abs(moved) < slack / 4) & (size > slope * slack / 2)
-    return 1.0 + best if shown.any() else 1.0
+    sign = np.sign(stretch[np.abs(stress).argmax()] - start)
+    moved, size, slack = sign * (stretch - 1), np.abs(stress), abs(best)
+    if best * sign > 0:
+        return 1.0 + best if ((moved > slack / 2) & (size < slope * slack / 4)).any() else 1.0
+    # No row has the stretch at zero force: all must have the force, and the curve towards it.
+    near = np.abs(stretch[some] - start) <= 4 * slack
+    shown = (np.abs(moved) < slack / 4).any() and size.min() > slope * slack / 2
+    return 1.0 + best if shown and error[near].mean() < (slope * slack / 8) ** 2 else 1.0

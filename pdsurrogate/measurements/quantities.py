@@ -26,6 +26,7 @@ UNITS = """
 ALIASES = {
     "-": "", "1": "", "lb": "lbf", "lbs": "lbf", "kg": "kgf", "kp": "kgf",
     "°c": "degC", "sek": "s", "secs": "s", '"': "in", "inches": "in", "pct": "%",
+    "percent": "%", "prozent": "%", "με": "um/m", "microstrain": "um/m", "牛顿": "N",
     "秒": "s", "分": "min", "毫米": "mm", "牛": "N", "千牛": "kN", "兆帕": "MPa", "千帕": "kPa",
 }  # fmt: skip
 """Spellings of units that pint does not know, or takes for another unit (kg of force)."""
@@ -46,7 +47,7 @@ KINDS = {
     "force": r"force|load|kraft|charge|effort|fuerza|carga|载荷|负荷|荷重|試験力|试验力|力|\bf\b",
     "extension": r"extens|displac|stroke|position|crosshead|travel|weg\b|travers|längenänd"
     r"|d[ée]plac|course|desplaz|位移|伸长|行程|変位|ストローク|\b(disp|dl|δl|u)\b",
-    "time": r"time|zeit|temps|tiempo|时间|時間|\bt\b",
+    "time": r"time|zeit|temps|tiempo|tempo\b|时间|時間|\bt\b",
     "cycle": r"cycle|count|zykl|ciclo|循环|サイクル",
     "temperature": r"temp|温度",
     "specimen": r"specimen|sample|probe|[ée]prouvette|probeta|muestra|试样|样品|試験片",

@@ -150,7 +150,9 @@ class Readings:
                 for options in stresses
             ]
         stress = self._chosen("stress", stresses, strains)
-        if stress is None or not self._possible(strain, stress):
+        others = [one for options in strains for one in options if one.column is not strain.column]
+        confirmed = any(strain.agrees(one) for one in others)
+        if stress is None or not self._possible(strain, stress, confirmed):
             return None
         self.assumed += [
             f"{one}: converted at constant volume"
@@ -319,16 +321,20 @@ class Readings:
                 )
         return certain[0]
 
-    def _possible(self, strain: Reading, stress: Reading) -> bool:
-        """Whether stretches can be those of a test that begins at rest; else ask."""
+    def _possible(self, strain: Reading, stress: Reading, confirmed: bool) -> bool:
+        """Whether stretches, which another column may confirm, can be those of a test that begins
+        at rest; else ask.
+        """
         size = np.abs(stress.values)
-        rest = int(np.nanargmin(size)) if np.isfinite(size).any() else 0
+        # Of the rows without stress those before the load count, not those after a break.
+        away = np.where(size <= UNLOADED * np.nanmax(size), np.abs(strain.values - 1), np.inf)
+        rest = int(np.nanargmin(away)) if np.isfinite(away).any() else 0
         name, raw = strain.column.heading, _in_units(strain.column, strain.quantity)
         unloaded = size[rest] <= UNLOADED * np.nanmax(size) and np.ptp(raw) > 0
         least, most = np.nanmin(strain.values), np.nanmax(strain.values)
         asked = None
         is_strain = strain.quantity in ("engineering-strain", "true-strain")
-        if is_strain and most > MOST_STRETCH and strain.column.unit is None:
+        if is_strain and most > MOST_STRETCH and strain.column.unit is None and not confirmed:
             percent = 1 + np.nanmax(raw) / 100
             asked = (
                 f"{strain}, or in per cent to a stretch of {percent:.4g}: --unit strain=1 or"
