@@ -21,6 +21,7 @@ from test_pages import PAGES as TYPED_PAGES
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.forces import FORCES
+from pdsurrogate.identification.campaign import Campaign
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
 from pdsurrogate.materials import LAWS
 from pdsurrogate.results.measures import POINT_FIELDS
@@ -210,11 +211,13 @@ def described(page):
     [page for page in (ROOT / "README.md", *PAGES) if BLOCKS["toml"].search(page.read_text())],
     ids=lambda page: page.stem,
 )
-def test_scenes_and_studies_that_are_printed_are_understood(page, tmp_path):
+def test_scenes_studies_and_campaigns_that_are_printed_are_understood(page, tmp_path):
     for number, found in enumerate(described(page)):
         if "parameters" in found:
             study = pds.Study.model_validate(found)
             tasks_of(study, tmp_path, parameters_of_runs(study), math.inf)
+        elif "test" in found:
+            assert all(one.stated() for one in Campaign.model_validate(found).test)
         else:
             assert pds.Scene.model_validate(found).spacing > 0, number
 

@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from typer import Argument, Option
 
+from ..decks import files_of
 from ..discretization.mesh_facts import describe_mesh
 from ..identification.campaign import Source, TestFacts, option_of, read_sources, sources
 from ..identification.data import test_data_of
@@ -122,7 +123,7 @@ def _is_mesh(path: Path) -> bool:
     suffix = path.suffix.lower()
     if suffix != ".inp" or not path.is_file():
         return suffix in MESHES
-    return bool(re.search(rb"(?im)^\*element\b", path.read_bytes()))
+    return any(re.search(rb"(?im)^\s*\*element\b", each.read_bytes()) for each in files_of(path))
 
 
 def _check_places(plot: Path | None, table: Path | None, pictures: int) -> None:

@@ -172,12 +172,18 @@ def only(file: str, contents: Deck, parts: tuple[str, ...] | None, beside: tuple
     of several instances of parts.
     """
     sets = {name: contents.sets.elements.get(key, []) for key, name in contents.sets.names.items()}
+    cells = [each for each in contents.elements if each.kind and not each.kind.startswith(beside)]
     if parts is None:
-        if len(contents.instances) > 1:
-            counts = ", ".join(f"{name} ({len(of)})" for name, of in contents.instances.items())
+        counts = {
+            name: sum(int(np.isin(each.numbers, of).sum()) for each in cells)
+            for name, of in contents.instances.items()
+        }
+        several = [name for name, count in counts.items() if count]
+        if len(several) > 1:
+            told = ", ".join(f"{name} ({counts[name]})" for name in several)
             warnings.warn(
-                f"body.file: the body has the elements of all parts of {file}: {counts}; parts ="
-                f' ["{next(iter(contents.instances))}"] takes one, and parts that touch are bonded',
+                f"body.file: the body has the cells of all parts of {file}: {told}; parts ="
+                f' ["{several[0]}"] takes one, and parts that touch are bonded',
                 stacklevel=5,
             )
         return contents

@@ -40,7 +40,7 @@ def break_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:
     strain, size = strain_of(stretch), np.abs(stress)
     peak = int(size.argmax())
     after = slice(peak + 1, None)
-    if not size[after].size or strain[peak] == 0:
+    if not size[after].size or not strain[peak] * size[peak]:
         return None
     same = np.sign(stretch[after] - 1) == np.sign(stretch[peak] - 1)
     share, rest = same * strain[after] / strain[peak], size[after] / size[peak]

@@ -74,49 +74,44 @@ def read_rows(rows: list[Row], found: Found, sheet: str = "", sign: str = ".") -
         If a cell inside a table is no number, or a column has a unit that is none of its heading.
     """
     tables, after = segments(rows)
-    before = None
-    general = dict(found.general)
+    general = found.general | ({"sheet": sheet} if sheet else {})
+    kept: list[tuple[Segment, dict[str, str]]] = []
     for segment in tables:
-        take_headings(segment, before)
+        take_headings(segment, kept[-1][0] if kept else None)
         facts = facts_of(segment.above, sign)
         kinds = {found_in(KINDS, heading) for heading, _ in segment.headings.values()}
         if not kinds & MECHANICAL and ("no measurement" in kinds or _measures(segment)):
             found.specimens += _specimens(segment)
-            general |= facts
+            general = general | facts
             what = "sizes of specimens" if _measures(segment) else "results, which are not read"
-            found.notes.append(f"{sheet} {segment.lines}: {what}".strip())
+            found.notes.append(f"{sheet} {lines_of(segment.rows)}: {what}".strip())
             continue
-        if before and _goes_on(segment, before, facts, general):
-            before.rows += segment.rows
-            found.blocks.pop()
+        same = facts.get("specimen") in (None, general.get("specimen"))
+        if {*facts} & {*GEOMETRY}:
+            general = {name: one for name, one in general.items() if name not in LENGTHS}
+        general = general | facts
+        if kept and same and _goes_on(segment, kept[-1][0]):
+            kept[-1][0].rows += segment.rows
         else:
-            before = segment
-        stated = {*facts} & {*GEOMETRY}
-        general = {name: one for name, one in general.items() if not stated or name not in LENGTHS}
-        general |= facts
-        split = groups(before)
+            kept.append((segment, general))
+    for segment, facts in kept:
+        split = groups(segment)
         for places in split:
-            title = title_at(before, places[-1] if len(split) > 1 else places[0])
-            found.blocks.append(block(before, places, title or sheet, general))
-    last = facts_of(after, sign)
+            title = title_at(segment, places[-1] if len(split) > 1 else places[0])
+            found.blocks.append(block(segment, places, title or sheet, facts))
     if not tables:
-        found.general |= last
+        found.general |= facts_of(after, sign)
     elif after:
         found.notes.append(f"{sheet} {lines_of(after)} after the tables: not read".strip())
 
 
-def _goes_on(segment: Segment, before: Segment, facts: dict, general: dict) -> bool:
-    """Whether a table continues the one before: of the same specimen, at later times."""
-    same = segment.headings == before.headings and len(groups(segment)) == 1
-    if not same or segment.titles or facts.get("specimen") != general.get("specimen"):
-        return False
+def _goes_on(segment: Segment, before: Segment) -> bool:
+    """Whether a table continues the one before: without a title, at later times."""
     times = [place for place, head in segment.headings.items() if quantities_of(*head) == ("time",)]
-    rows = (before.rows[-1], segment.rows[0])
-    last, first = ([row.filled.get(place) for place in times] for row in rows)
-    return bool(times) and all(
-        isinstance(old, float) and isinstance(new, float) and new > old
-        for old, new in zip(last, first, strict=True)
-    )
+    if segment.headings != before.headings or segment.titles or len(times) != 1:
+        return False
+    old, new = (row.filled.get(times[0]) for row in (before.rows[-1], segment.rows[0]))
+    return isinstance(old, float) and isinstance(new, float) and new > old
 
 
 def _measures(segment: Segment) -> dict[int, str]:

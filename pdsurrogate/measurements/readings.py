@@ -330,7 +330,7 @@ class Readings:
         away = np.where(size <= UNLOADED * np.nanmax(size), np.abs(strain.values - 1), np.inf)
         rest = int(np.nanargmin(away)) if np.isfinite(away).any() else 0
         name, raw = strain.column.heading, _in_units(strain.column, strain.quantity)
-        unloaded = size[rest] <= UNLOADED * np.nanmax(size) and np.ptp(raw) > 0
+        unloaded = size[rest] <= UNLOADED * np.nanmax(size) > 0 and np.ptp(raw) > 0
         least, most = np.nanmin(strain.values), np.nanmax(strain.values)
         asked = None
         is_strain = strain.quantity in ("engineering-strain", "true-strain")

@@ -43,11 +43,6 @@ class Segment:
         """Places of columns that have cells."""
         return sorted({place for row in self.rows for place in row.filled})
 
-    @property
-    def lines(self) -> str:
-        """Its lines, for messages."""
-        return lines_of(self.rows)
-
 
 def lines_of(rows: list[Row]) -> str:
     """Return the first and last line of rows, for messages."""

@@ -1,6 +1,6 @@
 """Figures of deformed bodies, of solids from outside, and of curves."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from ..body.cell_mesh import CellMesh, among
+from ..body.cell_mesh import CellMesh
 from .files import replacing
 
 Moved = list[tuple[CellMesh, np.ndarray]]
@@ -283,71 +282,3 @@ def draw_outside(
     axes.set(proj_type="ortho", aspect="equal")
     axes.view_init(ELEVATION, AZIMUTH)
     axes.locator_params(nbins=3)
-
-
-def groups_figure(
-    cells: CellMesh,
-    cell_groups: Mapping[str, np.ndarray],
-    side_groups: Mapping[str, np.ndarray],
-    places: Sequence[str] = PLACES,
-) -> Figure:
-    """Return a figure of a mesh whose groups have colors; smaller groups cover greater ones.
-
-    Parameters
-    ----------
-    cells : CellMesh
-        Cells of the mesh.
-    cell_groups : mapping of str to ndarray of int
-        Numbers of the cells in each group of cells.
-    side_groups : mapping of str to ndarray of int, shape (l, 2) or (l, 4)
-        Nodes of the sides of cells in each group of sides; in three dimensions those on the
-        boundary are drawn.
-    places : sequence of str
-        Labels of the axes.
-    """
-    by_size = [
-        sorted((name for name in of if len(of[name])), key=lambda name: -len(of[name]))
-        for of in (cell_groups, side_groups)
-    ]
-    names = by_size[0] + by_size[1]
-    wheel = matplotlib.colormaps["tab20" if len(names) > 10 else "tab10"]
-    # The last color is that of cells without a group.
-    colors = np.array(
-        [*(wheel(number % wheel.N) for number in range(len(names))), [0.85] * 3 + [1]]
-    )
-    shown = np.full(len(cells), len(names))
-    for number, name in enumerate(by_size[0]):
-        shown[cell_groups[name]] = number
-    box = np.array([cells.nodes.min(axis=0), cells.nodes.max(axis=0)])
-    flat = cells.dimension == 2
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=tuple(PAGE + 1), layout="constrained")
-        axis = figure.subplots(subplot_kw={} if flat else {"projection": "3d"})
-        if flat:
-            thin = {"edgecolors": "0.5", "linewidths": 0.2}
-            axis.add_collection(
-                PolyCollection(
-                    polygons_of(cells, 0 * cells.nodes), facecolors=colors[shown], **thin
-                )
-            )
-            for number, name in enumerate(by_size[1], len(by_size[0])):
-                wide = {"colors": colors[[number]], "linewidths": 2.5}
-                axis.add_collection(LineCollection(cells.nodes[side_groups[name]], **wide))
-                shown = np.append(shown, number)
-            axis.set(aspect="equal", xlabel=places[0], ylabel=places[1])
-            axis.autoscale_view()
-        else:
-            corners, owners = cells.outer_sides
-            shown = shown[owners]
-            for number, name in enumerate(by_size[1], len(by_size[0])):
-                shown[among(corners, side_groups[name])] = number
-            draw_outside(axis, cells, cells.nodes, colors[shown], box, places)
-        handles = [
-            Line2D([], [], color=colors[number], linewidth=6, label=name)
-            if number in shown
-            else Line2D([], [], color="none", label=f"{name} (covered)")
-            for number, name in enumerate(names)
-        ]
-        if handles:
-            figure.legend(handles=handles, loc="outside right upper")
-        return figure

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import matplotlib
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -74,40 +75,54 @@ def mesh_figure(
     side_groups: Mapping[str, np.ndarray],
     title: str,
 ) -> Figure:
-    """Return a figure of a mesh, of a solid from outside: its groups of cells (numbers of cells)
-    and of sides (nodes) in colors, the later one where groups overlap.
+    """Return a figure of a mesh, of a solid from outside, with colors of its groups of cells
+    (numbers of cells) and of sides (nodes); smaller groups cover greater ones.
     """
-    palette = matplotlib.colormaps["tab10"]
-    colors = np.tile(matplotlib.colors.to_rgba(NO_GROUP), (len(cells), 1))
-    names = [*cell_groups, *side_groups]
-    color_of = {name: palette(number % 10) for number, name in enumerate(names)}
-    for name, members in cell_groups.items():
-        colors[members] = color_of[name]
+    by_size = [
+        sorted((name for name in of if len(of[name])), key=lambda name: -len(of[name]))
+        for of in (cell_groups, side_groups)
+    ]
+    names = by_size[0] + by_size[1]
+    palette = matplotlib.colormaps["tab20" if len(names) > 10 else "tab10"]
+    colors = np.array([*(palette(k % palette.N) for k in range(len(names))), to_rgba(NO_GROUP)])
+    shown = np.full(len(cells), len(names))
+    for number, name in enumerate(by_size[0]):
+        shown[cell_groups[name]] = number
+    sides = list(enumerate(by_size[1], len(by_size[0])))
     with matplotlib.rc_context(figures.STYLE):
         figure = Figure(figsize=(7.6, 4.6), layout="constrained")
         if cells.dimension == 3:
             corners, owners = cells.outer_sides
-            for name, members in side_groups.items():
-                colors[owners[among(corners, members)]] = color_of[name]
+            shown = shown[owners]
+            for number, name in sides:
+                shown[among(corners, side_groups[name])] = number
             axes = figure.add_subplot(projection="3d", computed_zorder=False)
             box = np.array([cells.nodes.min(axis=0), cells.nodes.max(axis=0)])
-            figures.draw_outside(axes, cells, cells.nodes, colors, box, figures.PLACES)
+            figures.draw_outside(axes, cells, cells.nodes, colors[shown], box, figures.PLACES)
         else:
             axes = figure.subplots()
             polygons = figures.polygons_of(cells, np.zeros_like(cells.nodes))
             style = {"edgecolors": "white", "linewidths": 0.2}
             # The stub of PolyCollection leaves out that it takes one array of polygons.
-            axes.add_collection(PolyCollection(polygons, facecolors=colors, **style))  # type: ignore[arg-type]
+            axes.add_collection(PolyCollection(polygons, facecolors=colors[shown], **style))  # type: ignore[arg-type]
             axes.add_collection(
                 LineCollection(cells.nodes[cells.outer_sides[0]], **figures.OUTLINE)
             )
-            for name, members in side_groups.items():
-                lines = LineCollection(cells.nodes[members], colors=[color_of[name]], linewidths=2)
+            for number, name in sides:
+                lines = LineCollection(
+                    cells.nodes[side_groups[name]], colors=colors[[number]], linewidths=2
+                )
                 axes.add_collection(lines)
+                shown = np.append(shown, number)
             axes.autoscale()
             axes.set(aspect="equal", xlabel=figures.PLACES[0], ylabel=figures.PLACES[1])
         axes.set_title(title)
-        if names:
-            handles = [Patch(color=color_of[name], label=name) for name in names]
+        handles = [
+            Patch(color=colors[number], label=name)
+            if number in shown
+            else Patch(color="none", label=f"{name} (covered)")
+            for number, name in enumerate(names)
+        ]
+        if handles:
             figure.legend(handles=handles, loc="outside right upper", frameon=False)
         return figure

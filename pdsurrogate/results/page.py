@@ -99,6 +99,7 @@ def html_page(
     script = VIEWER.read_text("utf-8")
     parts = {
         "title": escape(f"{result.summary['scene']}, {result.summary['force']}"),
+        "about": escape(result.scene.title or ""),
         "drawn": "".join(drawn),
         "curves": "".join(curves),
         "summary": facts(result),

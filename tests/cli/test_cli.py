@@ -106,7 +106,7 @@ def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
         (["identify", "treloar", "--law", "gen"], "unknown law 'gen'; did you mean gent?"),
         (
             ["identify", "trelor"],
-            "cannot read test data trelor: No such file or directory; did you mean treloar?",
+            "cannot read test data trelor: there is no such file; did you mean treloar?",
         ),
         (["fit", "Bad Name", "--samples", "300"], "not allowed"),
         (["fit", "x", "--law", "granite"], "unknown law 'granite'"),

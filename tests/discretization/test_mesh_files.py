@@ -12,7 +12,7 @@ import pdsurrogate as pds
 from pdsurrogate.decks import read_deck
 from pdsurrogate.discretization.mesh_facts import describe_mesh
 from pdsurrogate.discretization.mesh_files import read_mesh
-from pdsurrogate.results import figures
+from pdsurrogate.results import figures, measured
 from pdsurrogate.results.contents import digest_of_mesh
 
 MESHES = Path(__file__).parents[1] / "data" / "meshes"
@@ -250,7 +250,7 @@ def test_instances_of_a_part(tmp_path):
     """The second is shifted by 5 along x1, then turned by a right angle about the line x1 = 5."""
     mesh, told = mesh_of_text(tmp_path, CUBE + ASSEMBLY, 3)
     assert told == [
-        f"body.file: the body has the elements of all parts of {tmp_path / 'deck.inp'}: one (1),"
+        f"body.file: the body has the cells of all parts of {tmp_path / 'deck.inp'}: one (1),"
         ' two (1); parts = ["one"] takes one, and parts that touch are bonded'
     ]
     assert cells_of(mesh) == {
@@ -266,6 +266,13 @@ def test_instances_of_a_part(tmp_path):
     }
     with pytest.raises(ValueError, match=r"^body\.parts: .* no elements in 'three'; it has sec"):
         mesh_of_text(tmp_path, CUBE + ASSEMBLY, 3, ("three",))
+    rigid = CUBE.replace("cube", "tool").replace(
+        "C3D8R, ELSET=rubber\n1, 1, 2, 3, 4, 5, 6, 7, 8", "R3D4\n1, 1, 2, 3, 4"
+    )
+    _, told = mesh_of_text(
+        tmp_path, CUBE + rigid + ASSEMBLY.replace("PART=cube", "PART=tool").split("*ELSET")[0], 3
+    )
+    assert [each.split(": ")[-1] for each in told] == ["1 R3D4"]
     wedge = CUBE.replace("cube", "wedge").replace("C3D8R", "C3D6").replace(", 7, 8\n*END", "\n*END")
     beside = ASSEMBLY.replace("PART=Cube", "PART=wedge")
     with pytest.raises(ValueError, match="has wedge cells; use only tetra and hexahedron"):
@@ -346,7 +353,7 @@ def test_a_stiff_part_given_by_two_blocks_of_elements_is_stiff_in_both(tmp_path)
 def test_the_figure_of_a_mesh_names_its_groups(name, tmp_path):
     facts = describe_mesh(MESHES / name)
     mesh = facts.mesh
-    figure = figures.groups_figure(mesh.cells, mesh.cell_groups, mesh.side_groups)
+    figure = measured.mesh_figure(mesh.cells, mesh.cell_groups, mesh.side_groups, name)
     labels = {text.get_text() for text in figure.legends[0].get_texts()}
     covered = {f"{group} (covered)" for group in ("all", "Volume2", "both")}
     groups = {row["group"] for row in facts.groups()}

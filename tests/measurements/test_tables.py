@@ -374,6 +374,7 @@ def test_a_workbook_of_specimens_with_results_and_sheets_of_other_content(tmp_pa
         np.testing.assert_array_equal(numbers(block), forms.THREE)
         assert block.facts["thickness"] == thickness
         assert block.facts["gauge length"] == "25 mm"
+        assert block.facts["sheet"] == block.title
         np.testing.assert_array_equal(block.lines, 4 + np.arange(6))
 
 

@@ -264,45 +264,55 @@ async function facesOf(state) {
   return { blocks, owners };
 }
 
+// Triangles of the polygons, and on demand their edges.
 async function geometry(state) {
   const { blocks, owners } = await facesOf(state);
-  const corners = [];
-  const cells = [];
-  const ends = [];
-  let number = 0;
+  const most = blocks.reduce((sum, block) => sum + (block.length / block.components) * 3 * (block.components - 2), 0);
+  const [corners, cells] = [new Uint32Array(most), new Uint32Array(most)];
+  let [size, number] = [0, 0];
   for (const block of blocks) {
     const count = block.length / block.components;
-    for (let k = 0; k < count; k++, number++) {
-      const at = (corner) => block[corner * count + k];
-      const cell = owners ? owners[k] : number;
-      for (let corner = 1; corner + 1 < block.components; corner++)
-        if (at(corner) !== at(corner + 1)) {
-          corners.push(at(0), at(corner), at(corner + 1));
-          cells.push(cell, cell, cell);
-        }
-      for (let corner = 0; corner < block.components; corner++) {
-        const next = at((corner + 1) % block.components);
-        if (at(corner) !== next) ends.push(at(corner), next);
+    for (let k = 0; k < count; k++, number++)
+      for (let corner = 1; corner + 1 < block.components; corner++) {
+        const [one, other] = [block[corner * count + k], block[(corner + 1) * count + k]];
+        if (one === other) continue; // a corner that is repeated
+        corners.set([block[k], one, other], size);
+        cells.fill(owners ? owners[k] : number, size, size + 3);
+        size += 3;
       }
-    }
   }
-  const list = Uint32Array.from(corners);
-  fill(parts.surface, list, list, null, cells);
-  const edges = Uint32Array.from(ends);
-  fill(parts.edges, edges, edges);
-  const lines = state.lines === null ? new Uint32Array() : await piece(state.lines);
-  const half = lines.length / 2;
-  const outline = Uint32Array.from({ length: lines.length }, (_, k) => lines[(k % 2) * half + (k >> 1)]);
+  const list = corners.subarray(0, size);
+  fill(parts.surface, list, list, null, cells.subarray(0, size));
+  const outline = await pairs(state.lines);
   fill(parts.outline, outline, outline);
+  parts.edges.userData = { ends: null };
+}
+
+async function edges() {
+  if (parts.edges.userData.ends || !byId("edges").checked) return;
+  const ends = [];
+  for (const block of (await facesOf(state)).blocks) {
+    const count = block.length / block.components;
+    for (let corner = 0; corner < block.components; corner++)
+      for (let k = 0; k < count; k++) {
+        const next = ((corner + 1) % block.components) * count + k;
+        if (block[corner * count + k] !== block[next]) ends.push(block[corner * count + k], block[next]);
+      }
+  }
+  parts.edges.userData.ends = Uint32Array.from(ends);
+  fill(parts.edges, parts.edges.userData.ends, parts.edges.userData.ends);
+}
+
+// Nodes at the ends of the lines of a piece, one after the other; none without a piece.
+async function pairs(number) {
+  const lines = number === null ? new Uint32Array() : await piece(number);
+  const half = lines.length / 2;
+  return Uint32Array.from(lines, (_, k) => lines[(k % 2) * half + (k >> 1)]);
 }
 
 // The outline of the undeformed body, of the first state.
 async function resting() {
-  const first = body.states[0];
-  if (first.lines === null) return fill(parts.rest, new Uint32Array(), new Uint32Array());
-  const lines = await piece(first.lines);
-  const half = lines.length / 2;
-  const ends = Uint32Array.from({ length: lines.length }, (_, k) => lines[(k % 2) * half + (k >> 1)]);
+  const ends = await pairs(body.states[0].lines);
   fill(parts.rest, ends, ends);
 }
 
@@ -378,12 +388,12 @@ function resize() {
 // The box of the body in its first, middle and last state.
 let box;
 async function boxOf({ states, dimension }) {
-  const [low, high] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
+  const [low, high, place] = [Infinity, -Infinity, 0].map((end) => new Vector3(end, end, end));
   for (const number of [0, states.length >> 1, states.length - 1]) {
     const [at, way] = await Promise.all([piece(states[number].nodes), real(states[number].moved)]);
     const count = at.length / dimension;
     for (let k = 0; k < count; k++) {
-      const place = new Vector3(...[0, 1, 2].map((axis) => component(at, k, axis) + component(way, k, axis)));
+      place.set(component(at, k, 0) + component(way, k, 0), component(at, k, 1) + component(way, k, 1), component(at, k, 2) + component(way, k, 2));
       low.min(place);
       high.max(place);
     }
@@ -652,6 +662,7 @@ async function show() {
   uniforms.scale.value = shown.scale;
   byId("title").textContent = data.outputs[shown.output];
   byId("output").value = shown.output;
+  await edges();
   lines();
   range();
   draw();
@@ -725,7 +736,7 @@ function listen() {
   on("one", "click", () => { const part = field.parts[shown.output]; shown.fixed = part ? part.slice(1) : null; range(); draw(); });
   on("output", "input", () => { shown.output = +byId("output").value; show(); });
   on("scale", "input", () => { shown.scale = +byId("scale").value; uniforms.scale.value = shown.scale; draw(); });
-  for (const id of ["edges", "rest"]) on(id, "change", () => { lines(); draw(); });
+  for (const id of ["edges", "rest"]) on(id, "change", async () => { await edges(); lines(); draw(); });
   for (const id of ["cut", "at", "flip"]) on(id, "input", async () => { await section(); draw(); });
   on("fit", "click", () => fit());
   document.querySelectorAll("[data-view]").forEach((one) => one.addEventListener("click", () => fit(+one.dataset.view)));
