@@ -24,6 +24,14 @@ SUDDEN = 0.3
 next, unless it stretches further: in a hold, and on unloading, stress goes by and by.
 """
 
+MOST_SLACK = 0.3
+"""Greatest slack before the first row with a force, as a fraction of the range of strain."""
+
+MOST_PRELOAD = 0.1
+"""Greatest strain of a preload, as a fraction of that range: no row shows where the force is zero,
+and farther from the rows it may as well be a stress that relaxes.
+"""
+
 UNORDERED = 4.0
 """Least mean number of rows of a branch: rows that turn more often are in no order."""
 
@@ -146,6 +154,25 @@ def _holds(stretch, clock, first, last, least, share) -> list[slice]:
     return found
 
 
+def creep(stretch: np.ndarray, stress: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return which rows of a first loading are of creep: the stress stands still for a tenth of the
+    time at least, and the strain goes on at less than half of its rate before.
+    """
+    found = np.zeros(len(stretch), dtype=bool)
+    if len(stretch) < 8 or not (np.diff(time) > 0).all():
+        return found
+    size = np.log(np.maximum(np.abs(stress), 0.05 * np.abs(stress).max() + 1e-300))
+    for rows in _holds(size, time, 0, len(size) - 1, LEAST, SETTLED):
+        rates = [
+            abs(stretch[last] - stretch[first]) / (time[last] - time[first])
+            for first, last in ((0, rows.start), (rows.start, rows.stop - 1))
+            if last > first
+        ]
+        loaded = size[rows.start] > size.min()
+        found[rows] = loaded and len(rates) == 2 and rates[1] < rates[0] / 2
+    return found
+
+
 def energy_lost(stretch: np.ndarray, stress: np.ndarray, branch, cycle) -> float | None:
     """Return the energy lost in the first cycle relative to the work of its loading, over the
     stretches of both branches; None if there is no unloading.
@@ -172,8 +199,11 @@ def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float
     The rows up to a strain of 0.5 are fitted by Mooney's law, which describes any rubber there,
     with a shift of the stretch.
     """
+    loaded = np.abs(stress) > 0.005 * np.abs(stress).max()
     start = stretch[np.abs(stress).argmin()]
-    some = (np.abs(stretch - start) <= 0.5) & (np.abs(stress) > 0.005 * np.abs(stress).max())
+    if not loaded.all():  # the last row without force
+        start = stretch[np.flatnonzero(~loaded)[-1]]
+    some = (np.abs(stretch - start) <= 0.5) & loaded
     reach = min(1.0, float(np.abs(stretch - start).max()))
     if some.sum() < 5 or not reach > 0:
         return 1.0
@@ -188,7 +218,8 @@ def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float
         slope = (1 - power) * weights.sum()
         return (columns @ weights - stress[some]) ** 2, float(slope)
 
-    shifts = np.linspace(-0.3, 0.3, 601) * reach
+    middle = 0.0 if loaded.all() else start - 1
+    shifts = middle + np.linspace(-MOST_SLACK, MOST_SLACK, 601) * reach
     shifts = shifts[stretch[some].min() - shifts > 0.1]
     best = min(shifts.tolist(), key=lambda one: misfit(one)[0].mean())
     (error, slope), (unshifted, _) = misfit(best), misfit(0.0)
@@ -201,4 +232,5 @@ def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float
     # No row has the stretch at zero force: all must have the force, and the curve towards it.
     near = np.abs(stretch[some] - start) <= 4 * slack
     shown = (np.abs(moved) < slack / 4).any() and size.min() > slope * slack / 2
+    shown = shown and slack <= MOST_PRELOAD * reach
     return 1.0 + best if shown and error[near].mean() < (slope * slack / 8) ** 2 else 1.0

@@ -34,7 +34,8 @@ ALIASES = {
 KINDS = {
     "no measurement": r"max(?!well)|minim|peak|break|bruch|rupture|rotura|yield|modul|strength|fes"
     r"tigkeit|rate\b|speed|geschw|vitesse|velocidad|energ|work\b|arbeit|grün|green|最大|断裂|破断"
-    r"|速度|速率|能量|弹性模量|強度|强度|\bat\b|slope",
+    r"|速度|速率|能量|弹性模量|強度|强度|\bat\b|slope"
+    r"|(2nd|second)\W*(piola|pk)|\bpk\W?2|(?<!piola.)kirchhoff",
     "mode": r"^mode\b|^modus|belastungsart|^modo|加载方式",
     "stress": r"stress|spannung|contrainte|(?<!ex)tensi[oó]n|esfuerzo|应力|応力|\b(sigma|σ)\b",
     "stretch": r"stretch|streck|ratio of (ext|elong)|(ext\w*|draw|elongation) ratio|(rapport|taux)"
@@ -64,7 +65,7 @@ STATISTICS = (
 
 LATERAL = r"lateral|trans|quer|横|(?<!振)幅|(lambda|lam|λ)[ _]?([2y]|lat)"
 TRUE = r"true|wahr|vrai|verdader|\breal|真|log|hencky|cauchy"
-NOMINAL = r"nomin|engin|tech|nenn|conven|ing[ée]n|工程|名义|公称"
+NOMINAL = r"piola|nomin|engin|tech|nenn|conven|ing[ée]n|工程|名义|公称"
 
 MEANINGS = {
     "strain": ("engineering-strain",),

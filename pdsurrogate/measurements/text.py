@@ -181,20 +181,21 @@ def decimal_sign(cells: list[list[str]]) -> str:
         If some numbers need a comma and others a point, or a comma can be either.
     """
     needs, unclear = _signs(cell for row in cells if _numbers(row) for cell in row)
-    settled = len(needs) == 1
-    if settled and (grouped := _in_groups(cells, next(iter(needs)))):
-        unclear, settled = grouped, False
+    if grouped := _in_groups(cells, next(iter(needs), ".")):
+        raise ValueError(
+            f"{grouped} can be {grouped.replace(',', '.')} or {re.sub('[.,]', '', grouped)}: other"
+            " numbers of its column have no decimals: export it without signs between thousands"
+        )
     if len(needs) > 1:
         raise ValueError(
             f"the decimal sign is a comma in {needs[',']} and a point in {needs['.']}: use one"
         )
     if not needs:
         needs, _ = _signs(cell for row in cells for cell in row)
-        settled = len(needs) == 1
-    if unclear and not settled:
+    if unclear and len(needs) != 1:
         raise ValueError(
-            f"{unclear} can be {unclear.replace(',', '.')} or {re.sub('[.,]', '', unclear)}, and no"
-            " other number settles it: export it with decimal points, and without other signs"
+            f"{unclear} can be {unclear.replace(',', '.')} or {unclear.replace(',', '')}, and no"
+            " other number settles it: export it with decimal points"
         )
     return next(iter(needs)) if len(needs) == 1 else "."
 
