@@ -37,7 +37,7 @@ FILES_HELP = (
 MESHES = {".msh", ".vtk", ".vtu", ".inp", ".med", ".xdmf", ".stl", ".obj", ".ply", ".mesh", ".bdf"}
 """Suffixes of mesh files, as far as those of tables are others."""
 
-SIGNS = {",": "comma", ";": "semicolon", "\t": "tab", "": "blanks", ".": "point", "|": "bar"}
+SIGNS = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blanks", ".": "point", "|": "bar"}
 """Names of separators and decimal signs."""
 
 SHOWN = ("specimen", "mode", "taken", "branches", "stretch", "nominal_stress")
@@ -209,7 +209,7 @@ def _seen_tests(found: list[Source], read: MechanicalTests) -> Seen:
         ]
         words = [file.form]
         if file.encoding:
-            words += [f"{file.encoding}, separated by {SIGNS[file.separator]}"]
+            words += [f"{file.encoding}, separated by {SIGNS.get(file.separator, 'blanks')}"]
             words += [f"decimal {SIGNS[file.decimal_sign]}"]
         titles[f"{file.path.name}: {', '.join(words)}"] = rows
         signs = {"separator": file.separator, "decimal_sign": file.decimal_sign}
@@ -274,18 +274,21 @@ def _in_words(value: Any) -> Any:
 def _drawn_tests(read: MechanicalTests, tables: list[TableFile], unit: str) -> Figure:
     """Return a figure of the branches of tests, or of columns that are no tests yet."""
     if read.specimens:
-        curves = {
-            one.name: {
-                name: (one.stretch[one.branch == name], one.nominal_stress[one.branch == name])
-                for name in dict.fromkeys(one.branch.tolist())
-            }
+        curves = [
+            (
+                one.name,
+                {
+                    name: (one.stretch[one.branch == name], one.nominal_stress[one.branch == name])
+                    for name in dict.fromkeys(one.branch.tolist())
+                },
+            )
             for one in read.specimens
-        }
+        ]
         return measured.tests_figure(curves, "stretch", f"nominal stress{unit}")
     first, second = _two_columns(tables[0].blocks[0])
     drawn = {"not complete": (first.values, second.values)}
-    labels = [f"{one.heading} ({one.unit})" for one in (first, second)]
-    return measured.tests_figure({tables[0].path.name: drawn}, *labels)
+    labels = [one.heading + (f" ({one.unit})" if one.unit else "") for one in (first, second)]
+    return measured.tests_figure([(tables[0].path.name, drawn)], *labels)
 
 
 def _two_columns(block: Block) -> list[Column]:

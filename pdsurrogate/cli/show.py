@@ -109,7 +109,7 @@ def show(
                 " overwritten; choose another name"
             )
         result = load_result(folder)
-        measured = read_measured(folder / MEASURED, result.scene.dimension)
+        measured = read_measured(folder / MEASURED, result.scene.dimension) if html else None
     pictures = pictures or Path()
     level = -1 if level is None else level
     check_folder(pictures if html is None else html.parent)

@@ -196,11 +196,12 @@ def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float
     """Return the stretch at zero force of a first loading: 1 unless the rows show slack (no force
     at first) or a preload (force at a stretch of 1).
 
-    The rows up to a strain of 0.5 are fitted by Mooney's law, which describes any rubber there,
-    with a shift of the stretch.
+    The rows up to a strain of 0.5 are fitted by Mooney's law, which describes most rubber there,
+    with a shift of the stretch; slack is also found by a line through the first loaded rows.
     """
-    loaded = np.abs(stress) > 0.005 * np.abs(stress).max()
-    start = stretch[np.abs(stress).argmin()]
+    size = np.abs(stress)
+    start, greatest = stretch[size.argmin()], float(size.max())
+    loaded = size > 0.005 * greatest
     if not loaded.all():  # the last row without force
         start = stretch[np.flatnonzero(~loaded)[-1]]
     some = (np.abs(stretch - start) <= 0.5) & loaded
@@ -210,6 +211,7 @@ def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float
     power = {"uniaxial": -2.0, "equibiaxial": -5.0, "pure-shear": -3.0}[mode]
 
     def misfit(shift: float) -> tuple[np.ndarray, float]:
+        """Squared residuals, and slope at zero force."""
         x = stretch[some] - shift
         first = x - x**power
         second = first * (x**2 if mode == "equibiaxial" else 1 / x if mode == "uniaxial" else 1)
@@ -222,15 +224,23 @@ def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float
     shifts = middle + np.linspace(-MOST_SLACK, MOST_SLACK, 601) * reach
     shifts = shifts[stretch[some].min() - shifts > 0.1]
     best = min(shifts.tolist(), key=lambda one: misfit(one)[0].mean())
-    (error, slope), (unshifted, _) = misfit(best), misfit(0.0)
-    if abs(best) < 0.01 * reach or unshifted.mean() < 16 * error.mean():
-        return 1.0
-    sign = np.sign(stretch[np.abs(stress).argmax()] - start)
-    moved, size, slack = sign * (stretch - 1), np.abs(stress), abs(best)
-    if best * sign > 0:
-        return 1.0 + best if ((moved > slack / 2) & (size < slope * slack / 4)).any() else 1.0
-    # No row has the stretch at zero force: all must have the force, and the curve towards it.
-    near = np.abs(stretch[some] - start) <= 4 * slack
-    shown = (np.abs(moved) < slack / 4).any() and size.min() > slope * slack / 2
-    shown = shown and slack <= MOST_PRELOAD * reach
-    return 1.0 + best if shown and error[near].mean() < (slope * slack / 8) ** 2 else 1.0
+    error, slope = misfit(best)
+    side, slack = float(np.sign(stretch[size.argmax()] - start)), abs(best)
+    moved = side * (stretch - 1)
+    if misfit(0.0)[0].mean() >= 16 * error.mean() and slack >= 0.01 * reach:
+        if best * side > 0:
+            shown = bool(((moved > slack / 2) & (size < slope * slack / 4)).any())
+        else:  # no row is without force: all have it, and the curve near them
+            near = np.abs(stretch[some] - start) <= 4 * slack
+            shown = bool((np.abs(moved) < slack / 4).any() and size.min() > slope * slack / 2)
+            shown &= bool(error[near].mean() < (slope * slack / 8) ** 2)
+            shown &= slack <= MOST_PRELOAD * reach
+        if shown:
+            return 1.0 + best
+    rows = np.flatnonzero(some)[:4]
+    line = np.stack([moved[rows], np.ones(len(rows))], axis=1)
+    slope, there = np.linalg.lstsq(line, size[rows], rcond=None)[0]
+    slack = -there / slope if slope > 0 else 0.0
+    slope *= slack / 4  # a quarter of the force that slack would have had
+    unloaded = (moved > slack / 2) & ~loaded & (0.005 * greatest < slope)
+    return 1.0 + side * float(slack) if slack >= 0.01 * reach and unloaded.any() else 1.0

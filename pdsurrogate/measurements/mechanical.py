@@ -123,8 +123,7 @@ def _tests(file: TableFile, facts: Facts, used: set[str]) -> MechanicalTests:
     """Return the tests of one file, with the names of the `facts` that were needed in `used`."""
     name = file.path.name
     specimens: list[Specimen] = []
-    assumed = [f"{name}: {note}" for note in file.notes]
-    missing: list[str] = []
+    assumed, missing = [(name, note) for note in file.notes], []
     ranges: list[dict] = []
     units, rows = set(), 0
     for block in file.blocks:
@@ -133,8 +132,8 @@ def _tests(file: TableFile, facts: Facts, used: set[str]) -> MechanicalTests:
         found = _specimens(readings, rows)
         ranges += _ranges(block, where)
         used |= readings.used
-        assumed += [f"{where}: {text}" for text in readings.assumed]
-        missing += [f"{where}: {text}" for text in readings.missing]
+        assumed += [(where, text) for text in readings.assumed]
+        missing += [(where, text) for text in readings.missing]
         if found and not readings.missing:
             specimens += found
             units.add(readings.unit)
@@ -143,9 +142,25 @@ def _tests(file: TableFile, facts: Facts, used: set[str]) -> MechanicalTests:
         raise ValueError(f"{name}: only some tables state the unit of stress: --unit stress=MPa")
     unit = next(iter(units), None)
     if specimens and unit is None and file.form != OWN:
-        assumed.append(f"{name}: no unit of stress is stated; stresses stay as they are (--unit)")
+        assumed.append((name, "no unit of stress is stated; stresses stay as they are (--unit)"))
     return MechanicalTests(
-        name, tuple(specimens), unit, tuple(assumed), tuple(missing), tuple(ranges), rows
+        name,
+        tuple(specimens),
+        unit,
+        _sentences(assumed, name),
+        _sentences(missing, name),
+        tuple(ranges),
+        rows,
+    )
+
+
+def _sentences(texts: list[tuple[str, str]], name: str) -> tuple[str, ...]:
+    """Return texts with the tables that they are about: one sentence for a text about several."""
+    places: dict[str, list[str]] = {}
+    for where, text in texts:
+        places.setdefault(text, []).append(where)
+    return tuple(
+        f"{where[0] if len(where) == 1 else name}: {text}" for text, where in places.items()
     )
 
 
@@ -236,6 +251,7 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
         )
     _tell(readings, title or mode, branch, cycle, chosen, lost, at_break)
     across = readings.numbers("lateral-stress")[rows]
+    across = across / lateral if readings.true_stress else across
     wanted_unit = readings.facts.stress_unit
     return Specimen(
         title or readings.where,
@@ -267,8 +283,9 @@ def _check_signs(readings: Readings, stretch: np.ndarray, stress: np.ndarray) ->
             " the columns; what is positive in compression has a heading that says so, such as"
             " 'Compressive load (N)'"
         )
-    rest = np.abs(stretch - 1).argmin() if len(stretch) else 0
-    if len(stretch) and abs(stretch[rest] - 1) < LEAST / 2 and size[rest] > 0.1 * greatest:
+    away = np.abs(stretch - 1)
+    rest = away.argmin() if len(stretch) else 0
+    if rows.any() and away[rest] < LEAST / 2 * away.max() and size[rest] > 0.05 * greatest:
         readings.assumed.append(
             f"at a stretch of {stretch[rest]:.4g} the nominal stress is {stress[rest]:.4g} already"
             " (a preload, or relaxation); stretches stay as they are"

@@ -53,7 +53,7 @@ KINDS = {
     "temperature": r"temp|温度",
     "specimen": r"specimen|sample|probe|[ée]prouvette|probeta|muestra|试样|样品|試験片",
     "weight": r"^weight$",
-    "force or stress": r"\bp ?[12]?\b",
+    "force or stress": r"\bp ?(1|2|11|22)?\b",
 }  # fmt: skip
 """Words and symbols of headings as regular expressions; the first kind that is found counts."""
 
@@ -158,6 +158,8 @@ def unit_in(text: str) -> str | None:
         return None
     known = {unit.lower(): unit for unit in UNITS}
     for one in (spelled, known.get(spelled.lower(), "")):
+        if len(one) == 1 and one not in UNITS:  # a letter is a heading rather than a year
+            continue
         try:
             dimension = _registry().parse_units(one).dimensionality
         except (pint.PintError, ValueError, TypeError, AttributeError):

@@ -86,6 +86,7 @@ class Readings:
         self.missing: list[str] = []
         self.used: set[str] = set()
         self.unit: str | None = None
+        self.true_stress = False
         self.resolution = 0.0
 
     def numbers(self, quantity: str) -> np.ndarray:
@@ -165,6 +166,11 @@ class Readings:
             if one.quantity.startswith("true")
         ]
         self._tell_unknown()
+        for column in self.block.columns:
+            across = column.quantities == ("lateral-stress",)
+            if across and (column.unit is None) != (stress.column.unit is None):
+                self.missing.append("the unit of all stresses: --unit stress=MPa")
+        self.true_stress = stress.quantity == "true-stress"
         wanted = self.facts.stress_unit
         self.unit = None if stress.column.unit is None else wanted or "MPa"
         if wanted and self.unit is None:

@@ -130,7 +130,7 @@ def take_headings(segment: Segment, before: Segment | None) -> None:
     """
     columns, above = segment.columns, segment.above
     units: dict[int, str] = {}
-    if above and _are_units(above[-1], columns):
+    if above and _are_units(above, columns):
         last = above.pop()
         units = {place: within_brackets(last.text(place)) for place in columns}
     wide = [
@@ -191,11 +191,14 @@ def _is_title(row: Row, columns: list[int]) -> bool:
     )
 
 
-def _are_units(row: Row, columns: list[int]) -> bool:
-    """Whether half of the cells of a row, at least, are units, and some have a dimension."""
-    cells = [row.text(place) for place in columns]
+def _are_units(above: list[Row], columns: list[int]) -> bool:
+    """Whether the last row above a table has units: all of its cells are, or half of them below
+    as many headings.
+    """
+    cells = [above[-1].text(place) for place in columns]
     known = [unit_in(cell) for cell in cells if cell]
-    return any(known) and 2 * (len(known) - known.count(None)) >= len(known)
+    headings = len(above) > 1 and len(above[-2].filled) >= len(known)
+    return any(known) and known.count(None) <= (len(known) / 2 if headings else 0)
 
 
 def facts_of(rows: list[Row], sign: str = ".") -> dict[str, str]:

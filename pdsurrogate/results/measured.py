@@ -2,7 +2,7 @@
 meshes with their groups.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import matplotlib
 import numpy as np
@@ -26,16 +26,18 @@ NO_GROUP = "#d9dde3"
 
 
 def tests_figure(
-    curves: Mapping[str, Mapping[str, tuple[np.ndarray, np.ndarray]]], xlabel: str, ylabel: str
+    curves: Sequence[tuple[str, Mapping[str, tuple[np.ndarray, np.ndarray]]]],
+    xlabel: str,
+    ylabel: str,
 ) -> Figure:
-    """Return a figure of tests, (x, y) by branch and name of the test: a color for each test, a
-    kind of line for each branch.
+    """Return a figure of tests, names with (x, y) by branch: a color for each test, a kind of line
+    for each branch.
     """
-    branches = list(dict.fromkeys(branch for test in curves.values() for branch in test))
+    branches = list(dict.fromkeys(branch for _, test in curves for branch in test))
     with matplotlib.rc_context(figures.STYLE):
         figure = Figure(figsize=(4.8, 3.6), layout="constrained")
         axis = figure.subplots()
-        for number, (name, test) in enumerate(curves.items()):
+        for number, (name, test) in enumerate(curves):
             for branch, (x, y) in test.items():
                 style = ("-", "--", ":", "-.")[branches.index(branch) % 4]
                 label = f"{name}: {branch}" if len(curves) > 1 else branch

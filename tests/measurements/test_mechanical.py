@@ -239,6 +239,18 @@ def test_elastic_unloading_and_lists_of_any_order_do_not_break(tmp_path):
         assert found.chosen.sum() == rows
 
 
+def test_slack_of_a_filled_rubber(tmp_path):
+    """Its first stiffness is 2.5 times that of Mooney's law at larger strains."""
+    stretch = np.linspace(1, 3, 101)
+    first = stretch**2 + 2 / stretch - 3
+    stress = 0.3 * (1 + 1.5 * np.exp(-first / 0.05)) * (stretch - stretch**-2)
+    path = machine(tmp_path, np.r_[1, 1.02, 1.04, 1.06, stretch + 0.08], np.r_[np.zeros(4), stress])
+    (said,) = [text for text in read_tests(path, **GEOMETRY).assumed if "zero force" in text]
+    assert float(said.split(" is ")[1].split(" ")[0]) == pytest.approx(1.08, abs=0.015)
+    unshifted = machine(tmp_path, stretch, stress)
+    assert not any("zero force" in text for text in read_tests(unshifted, **GEOMETRY).assumed)
+
+
 @pytest.mark.parametrize("seed", [0, 1])
 def test_slack_and_preload_are_said_and_shifted(tmp_path, seed):
     noise = 1 + 0.003 * np.random.default_rng(seed).standard_normal(200)
@@ -309,6 +321,18 @@ def test_several_files_make_one_data_set_and_units_must_agree(tmp_path):
     with pytest.warns(TestDataWarning):
         kilopascals = pds.load_test_data(*files, **UNIAXIAL, stress_unit="kPa")
     np.testing.assert_allclose(kilopascals.nominal_stress, 1000 * data.nominal_stress, rtol=1e-12)
+
+
+def test_stresses_along_both_directions_have_units_and_are_divided_by_their_stretch(tmp_path):
+    along, across = np.array([1.1, 1.3, 1.5]), np.array([1.05, 1.1, 1.2])
+    columns = {"Stretch": along, "Lateral stretch": across, "Stress__kPa": 100 * along}
+    path = table(tmp_path, **columns, **{"Lateral stress__MPa": 0.1 * across})
+    with pytest.warns(TestDataWarning):
+        data = pds.load_test_data(path, stress="true")
+    np.testing.assert_allclose(data.nominal_stress, 0.1)
+    path = table(tmp_path, **columns, **{"Lateral stress": 0.1 * across})
+    with pytest.raises(ValueError, match="the unit of all stresses"):
+        pds.load_test_data(path)
 
 
 def rubber(path, **stated):

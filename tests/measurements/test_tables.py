@@ -378,6 +378,15 @@ def test_a_workbook_of_specimens_with_results_and_sheets_of_other_content(tmp_pa
         np.testing.assert_array_equal(block.lines, 4 + np.arange(6))
 
 
+def test_letters_are_headings_rather_than_units(tmp_path):
+    path = tmp_path / "table.csv"
+    for heading in ("a,b", "s,e", "d,F"):
+        path.write_text(f"{heading}\n0,0\n0.1,0.2\n")
+        (block,) = read_tables(path).blocks
+        assert [column.heading for column in block.columns] == heading.split(",")
+        assert [column.unit for column in block.columns] == [None, None]
+
+
 def test_a_workbook_without_calamine_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "python_calamine", None)
     with pytest.raises(ValueError, match=r"pip install pdsurrogate\[xlsx\]"):

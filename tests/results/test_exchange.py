@@ -1,12 +1,16 @@
 """Results in the forms of those who measure: pixels of an image, the table of a machine."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
+from pdsurrogate.cli.exchange import write_machine
 from pdsurrogate.measurements import read_fields, read_tables
+from pdsurrogate.scenes import Units
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +100,20 @@ def test_the_history_is_that_of_a_machine(sheet, block, tmp_path):
     np.testing.assert_allclose(extension, [0, 0.1], atol=1e-6)
     (level,) = pds.load_result(block).levels
     assert load[1] == pytest.approx(level["nominal_stress"] * 1e3 * 1e-6, rel=1e-6)
+
+
+def test_a_machine_has_the_time_of_dynamics(sheet, tmp_path):
+    result = pds.load_result(sheet)
+    rows = [{**row, "time": 0.5 * number} for number, row in enumerate(result.history, 1)]
+    scene = result.scene.model_copy(update={"units": Units(length="mm", stress="MPa", time="ms")})
+    timed = dataclasses.replace(result, history=rows, scene=scene)
+    write_machine(tmp_path / "test.csv", timed, "3 mm")
+    time, extension, load = (
+        one.values for one in read_tables(tmp_path / "test.csv").blocks[0].columns
+    )
+    np.testing.assert_allclose(time, [0, 0.5e-3, 1e-3])
+    np.testing.assert_allclose(extension, [0, 0.6, 1.5], atol=1e-6)
+    np.testing.assert_allclose(load[1:], [3 * row["force_right_1"] for row in rows])  # MPa mm^2
 
 
 @pytest.mark.parametrize(

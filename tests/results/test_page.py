@@ -151,18 +151,21 @@ def test_what_has_no_room_is_left_out_and_told(block):
     assert found(1, most=1)[1::2] == ([1], ["1 of 2 outputs"])
 
 
+MARK_OF_A_USER = "</script><b id=mine>&"
+
+
+def page_with_markup(block):
+    """A page of a result in which a user named the scene, the force and a column with markup."""
+    summary = {**block.summary, "scene": MARK_OF_A_USER, "force": MARK_OF_A_USER}
+    history = [{MARK_OF_A_USER: 1.0, **row} for row in block.history]
+    scene = block.scene.model_copy(update={"title": MARK_OF_A_USER})
+    return html_page(pds.Result(scene, block.body, summary, history, block.states), ["von_mises"])
+
+
 def test_no_text_of_a_user_becomes_markup(block):
-    mark = "</script><b id=mine>&"
-    told = pds.Result(
-        block.scene,
-        block.body,
-        {**block.summary, "scene": mark, "force": mark},
-        [{**row, mark: 1.0} for row in block.history],
-        block.states,
-    )
-    page = html_page(told, ["von_mises"])
+    page = page_with_markup(block)
     assert "<b id" not in page
-    assert mark in data_of(page)["history"]
+    assert MARK_OF_A_USER in data_of(page)["history"]
     assert page.count("</script>") == 2
 
 
@@ -326,8 +329,10 @@ def test_the_viewer_shows_the_difference_in_a_browser(measured, tmp_path):
 @NEEDS_BROWSER
 @pytest.mark.slow  # a browser once more
 def test_the_viewer_cuts_a_solid_in_a_browser(block, tmp_path):
-    page = html_page(block, ["von_mises"])
-    said = report_of(dom(page, tmp_path, "test&cut=0,0.6&pick=0.45,0.5"))
+    document = dom(page_with_markup(block), tmp_path, "test&cut=0,0.6&pick=0.45,0.5")
+    assert '<b id="' not in document  # not in the menus of the viewer either
+    assert "&lt;b id=mine&gt;&amp;</option>" in document
+    said = report_of(document)
     assert said["section"] > 0
     point = int(re.match(r"point (\d+)", said["tip"])[1])
     # The cut at 0.6 goes through the cells between 0.5 and 0.625.

@@ -799,16 +799,8 @@ function report() {
 
 async function begin() {
   if (!data.outputs.length || !data.bodies.simulated) return;
-  try {
-    if (typeof DecompressionStream === "undefined") throw new Error("no DecompressionStream");
-    byId("viewer").hidden = false;
-    start();
-  } catch (error) {
-    byId("viewer").hidden = true;
-    byId("why").hidden = false;
-    console.warn(error);
-    return;
-  }
+  byId("viewer").hidden = false;
+  start();
   byId("plots").hidden = false;
   byId("drawn").open = false;
   for (const name of Object.keys(data.maps)) option(name, name, byId("map"));
@@ -849,4 +841,8 @@ async function begin() {
   if (asked.has("test")) await report();
 }
 
-begin();
+begin().catch((error) => {
+  byId("viewer").hidden = byId("plots").hidden = byId("drawn").open = true;
+  byId("why").hidden = false;
+  console.warn(error);
+});
