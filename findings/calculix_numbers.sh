@@ -3,7 +3,7 @@
 #
 # Node 5 of the cubes below has an x1 of 17 digits, as Python prints numbers and scripts write them. Where the exponent begins at
 # the 19th or 20th character it is lost in part or whole: 6.1e-17 becomes 0.61, the program ends with status 0, and the cube is a skewed one.
-# Expected is the number itself; seen on 2026-11-30 with CalculiX 2.20 (Debian 12, calculix-ccx 2.20-1) is what SEEN holds: the status, and
+# Expected is the number itself; seen on 2026-11-30 with CalculiX 2.20 (Debian 12, calculix-ccx 2.20-1) is told by each call below: the status, and
 # x1 in the result file. The script fails if another version or behavior is found. It needs ccx on the PATH, and nothing of this repository.
 set -eu
 folder=$(mktemp -d)

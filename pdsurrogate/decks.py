@@ -62,11 +62,12 @@ class Sets:
     sides: dict[str, np.ndarray] = field(default_factory=dict)
     names: dict[str, str] = field(default_factory=dict)
 
-    def add(self, kind: str, name: str, members: np.ndarray, internal: bool = False) -> None:
+    def add(self, kind: str, name: str, members: Iterable, internal: bool = False) -> None:
         """Add members to a set: blocks of one name add up, as in Abaqus and CalculiX."""
         of_kind = getattr(self, kind)
-        before = of_kind.get(name.upper(), members[:0])
-        of_kind[name.upper()] = np.unique(np.concatenate([before, members]), axis=0)
+        every = np.array([*of_kind.get(name.upper(), ()), *members], dtype=int)
+        shape = (-1, 2) if kind == "sides" else (-1,)
+        of_kind[name.upper()] = np.unique(every.reshape(shape), axis=0)
         if not internal:
             self.names.setdefault(name.upper(), name)
 
@@ -114,77 +115,64 @@ class _Scope:
         ]
         for (keyword, options, data), nodes, elements in zip(blocks, labels, found, strict=True):
             internal = "INTERNAL" in options
-            owner = self._inner(options.get("INSTANCE"))
-            if keyword in ("NODE", "ELEMENT"):
-                if "NSET" in options:
-                    members = np.array([self.nodes[label] for label in nodes], dtype=int)
-                    self.sets.add("nodes", options["NSET"], members)
-                if "ELSET" in options:
-                    self.sets.add("elements", options["ELSET"], np.array(elements, dtype=int))
-                continue
-            rows = [_entries(row) for row in data if row]
+            # A deck without instances may still name those that it was made of.
+            owner = self.inner.get(options.get("INSTANCE", "").upper(), self)
+            if owner is self and self.inner and "INSTANCE" in options:
+                raise ValueError(f"there is no instance {options['INSTANCE']}")
+            rows = [] if keyword in ("NODE", "ELEMENT") else [_entries(row) for row in data if row]
             if keyword in ("ELSET", "NSET") and keyword in options:
                 kind = "elements" if keyword == "ELSET" else "nodes"
                 if keyword == "NSET" and "ELSET" in options:
-                    chosen = self.deck.nodes_of(owner.members("elements", options["ELSET"]))
+                    chosen = self.deck.nodes_of(owner.members("elements", [options["ELSET"]]))
                 elif "GENERATE" in options:
                     chosen = owner.between(kind, rows)
                 else:
-                    chosen = owner.several(kind, [entry for row in rows for entry in row if entry])
+                    chosen = owner.members(kind, [entry for row in rows for entry in row if entry])
                 self.sets.add(kind, options[keyword], chosen, internal)
             elif keyword == "SURFACE" and options.get("TYPE", "ELEMENT").upper() == "NODE":
-                chosen = self.several("nodes", [row[0] for row in rows])
+                chosen = self.members("nodes", [row[0] for row in rows])
                 self.sets.add("nodes", options["NAME"], chosen, internal)
             elif keyword == "SURFACE" and all(
-                len(row) > 1 and re.fullmatch("S[1-6]", row[1].upper()) for row in rows
+                re.fullmatch("S[1-6]", "".join(row[1:]).upper()) for row in rows
             ):
-                for entry, face, *_ in rows:
-                    members = self.members("elements", entry)
-                    sides = np.column_stack([members, np.full(len(members), int(face[1]) - 1)])
-                    self.sets.add("sides", options["NAME"], sides.astype(int), internal)
+                for entry, face in rows:
+                    sides = [(each, int(face[1]) - 1) for each in self.members("elements", [entry])]
+                    self.sets.add("sides", options["NAME"], sides, internal)
+            elif keyword == "NODE" and "NSET" in options:
+                self.sets.add("nodes", options["NSET"], [self.nodes[label] for label in nodes])
+            elif keyword == "ELEMENT" and "ELSET" in options:
+                self.sets.add("elements", options["ELSET"], elements)
 
-    def _inner(self, name: str | None) -> _Scope:
-        """Return the scope of an instance, or this one in a deck without instances, which may
-        still name those that it was made of.
-        """
-        if name is None or not self.inner:
-            return self
-        if name.upper() not in self.inner:
-            raise ValueError(f"there is no instance {name}")
-        return self.inner[name.upper()]
-
-    def members(self, kind: str, entry: str) -> np.ndarray:
-        """Return the elements or nodes that an entry of a set stands for: a number, or the name of
-        a set above it, both maybe after the name of an instance.
+    def members(self, kind: str, entries: list[str]) -> list[int]:
+        """Return the elements or nodes that entries of a set stand for: numbers, or names of sets
+        above it, both maybe after the name of an instance.
 
         Numbers that no element or node has are left out, as Abaqus does.
         """
-        if entry.isdigit():
-            number = getattr(self, kind).get(int(entry))
-            return np.array([] if number is None else [number], dtype=int)
-        if entry.upper() in getattr(self.sets, kind):
-            return getattr(self.sets, kind)[entry.upper()]
-        for name, scope in self.inner.items():
-            if entry.upper().startswith(name + "."):
-                return scope.members(kind, entry[len(name) + 1 :])
-        raise ValueError(f"{entry!r} in a set of {kind} is neither a number nor a set above it")
+        found = []
+        for entry in entries:
+            of_instance = [name for name in self.inner if entry.upper().startswith(f"{name}.")]
+            if entry.isdigit():
+                found += [getattr(self, kind).get(int(entry), -1)]
+            elif entry.upper() in getattr(self.sets, kind):
+                found += getattr(self.sets, kind)[entry.upper()].tolist()
+            elif of_instance:
+                name = max(of_instance, key=len)
+                found += self.inner[name].members(kind, [entry[len(name) + 1 :]])
+            else:
+                raise ValueError(
+                    f"{entry!r} in a set of {kind} is neither a number nor a set above it"
+                )
+        return [number for number in found if number >= 0]
 
-    def several(self, kind: str, entries: list[str]) -> np.ndarray:
-        """Return the elements or nodes of all entries of a set."""
-        return np.concatenate([np.arange(0), *(self.members(kind, entry) for entry in entries)])
-
-    def between(self, kind: str, rows: list[list[str]]) -> np.ndarray:
+    def between(self, kind: str, rows: list[list[str]]) -> list[int]:
         """Return the elements or nodes of rows of a first, a last number and a step."""
-        known = getattr(self, kind).items()
-        return np.array(
-            [
-                number
-                for first, last, *step in ([int(entry) for entry in row if entry] for row in rows)
-                for label, number in known
-                if first <= label <= last and (label - first) % (step or [1])[0] == 0
-            ],
-            dtype=int,
-        )
+        return [
+            number
+            for first, last, *step in ([int(entry) for entry in row if entry] for row in rows)
+            for label, number in getattr(self, kind).items()
+            if first <= label <= last and (label - first) % (step or [1])[0] == 0
+        ]
 
     def _read_nodes(self, block: Block, placing: list[list[float]]) -> list[int]:
         """Add the nodes of a block to the deck, shifted and turned; return their numbers."""

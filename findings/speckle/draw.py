@@ -34,7 +34,7 @@ class Camera:
     Attributes
     ----------
     scale : float
-        Pixels to a centimeter; the user believes 120.
+        Pixels to a centimeter.
     turn : float
         Degrees, counterclockwise.
     drift : ndarray, shape (steps + 1, 3)
@@ -42,12 +42,15 @@ class Camera:
     spots : int
         Reflections: white spots that appear in the first image after the reference and stay where
         they are in the image.
+    noise : int
+        Seed of the noise of the images.
     """
 
     scale: float = 120.0
     turn: float = 0.0
     drift: np.ndarray = field(default_factory=lambda: np.zeros((STEPS + 1, 3)))
     spots: int = 0
+    noise: int = 0
 
     def pixels(self, x: np.ndarray, step: int) -> np.ndarray:
         """Places in the image (right, down) of places in space."""
@@ -61,8 +64,7 @@ MOVED = np.random.default_rng(3).normal(0, [3, 3, 0.08], (STEPS + 1, 3)).cumsum(
 VARIANTS = {
     "base": Camera(),
     "turned": Camera(turn=1.0),
-    "moved": Camera(drift=MOVED - MOVED[0]),
-    "scaled": Camera(scale=121.2),
+    "moved": Camera(drift=MOVED - MOVED[0], noise=1),
     "lost": Camera(spots=6),
 }
 
@@ -221,10 +223,10 @@ def main(folder: Path) -> None:
     lines = [f"{step},{force:.3f}" for step, force in enumerate(forces[1::2], 1)]
     (folder / "forces.csv").write_text("\n".join(["step,force", *lines, ""]))
     speckle = Speckle(54)
-    for number, (name, camera) in enumerate(VARIANTS.items()):
+    for name, camera in VARIANTS.items():
         (folder / name / "masks").mkdir(parents=True, exist_ok=True)
         (folder / name / "images").mkdir(exist_ok=True)
-        rng = np.random.default_rng(number)
+        rng = np.random.default_rng(camera.noise)
         for step, moved in enumerate(moves):
             image, mask = draw(camera, step, nodes, moved, speckle, rng)
             Image.fromarray(image).save(folder / name / "images" / f"image_{step:02}.png")

@@ -2,7 +2,7 @@
 # Fields of a sheet whose law is known, as two programs for image correlation write them.
 #
 # Finite elements (FElupe 11.3.0) give the motion and the forces of a rubber sheet with a hole; draw.py draws speckle images of it through
-# five cameras; sun-dic 0.0.36 and al-dic 1.0.3 correlate them and write their own tables, which are tests/data/speckle. check.py compares
+# four cameras; sun-dic 0.0.36 and al-dic 1.0.3 correlate them and write their own tables, which are tests/data/speckle. check.py compares
 # them with the motion that was drawn. Each program has a venv of its own in a temporary folder, with Python 3.12, which sun-dic asks for.
 # Nothing of this repository is used. It takes half an hour on one core; PYTHON names another interpreter.
 #
@@ -23,7 +23,7 @@ install felupe felupe==11.3.0 matplotlib==3.11.2 numpy==2.4.6 pillow==13.0.0 sci
 install sun-dic sun-dic==0.0.36 numpy==2.5.5 numba==0.68.1 opencv-contrib-python-headless==5.0.0.93 pandas==3.1.1 scipy==1.18.1
 install al-dic al-dic==1.0.3 numpy==2.5.5 numba==0.68.1 opencv-python==5.0.0.93 scipy==1.18.1
 "$folder/felupe/bin/python" "$here/draw.py" "$folder"
-for variant in base turned moved scaled lost; do
+for variant in base turned moved lost; do
     "$folder/sun-dic/bin/python" "$here/by_sun_dic.py" "$folder/$variant"
     "$folder/al-dic/bin/python" "$here/by_al_dic.py" "$folder/$variant"
     mkdir -p "$out/$variant"

@@ -160,10 +160,10 @@ def _of_nodes(mesh: CellMesh, chosen: np.ndarray) -> tuple[str, np.ndarray]:
 
     if flags := whole(*mesh.blocks):
         return "cell_groups", np.flatnonzero(np.concatenate(flags))
-    for sides in (mesh.outer_sides[0], mesh.sides()[0]):
+    for sides in (mesh.outer_sides[0], mesh.faces[0]):
         if flags := whole(sides):
             return "side_groups", sides[flags[0]]
-    return "side_groups", mesh.sides()[0][:0]
+    return "side_groups", mesh.faces[0][:0]
 
 
 def only(file: str, contents: Deck, parts: tuple[str, ...] | None, beside: tuple) -> Deck:

@@ -66,8 +66,8 @@ def read_tests(*files: str | Path, **stated: Any) -> MechanicalTests:
     for file in files:
         found = read_tables(file, columns=facts.columns, units=facts.units)
         parts.append(_tests(found, facts, used))
-    idle = None if any(part.missing for part in parts) else facts.unused(used)
-    if idle:
+    idle = facts.unused(used)
+    if idle and not any(part.missing for part in parts):
         raise ValueError(
             f"{', '.join(map(str, files))}: {idle} is stated, but no table needs it: leave it out"
         )

@@ -1,5 +1,5 @@
-"""States of a result as data within a page of HTML, for its viewer (``viewer/main.js``): cells,
-motions and fields, each array once, compressed, and no more than there is room for.
+"""States of a result as data within a page of HTML, for its viewer (``results/viewer/main.js``):
+cells, motions and fields, each array once, compressed, and no more than there is room for.
 """
 
 import base64

@@ -105,13 +105,18 @@ def test_a_file_whose_groups_cannot_be_told_apart_is_refused():
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        # meshio 5.3.5 loses members of each of the first five
+        # meshio 5.3.5 loses members of each of the first six
         (
             f"*ELEMENT, TYPE=CPS4, ELSET=stiff\n{square(1)}{square(2)}"
             f"*ELEMENT, TYPE=CPS4\n{square(3)}*element, type=cps4, elset=Stiff\n{square(4)}",
             {"stiff": [0, 1, 3]},
         ),
         (f"{FOUR}*ELSET, ELSET=a\n1\n*ELSET, ELSET=A\n4,\n", {"a": [0, 3]}),
+        # comments and empty lines end no block (findings/meshio_comments.sh)
+        (
+            FOUR.replace("3, 3", "** more\n\n3, 3") + "*ELSET, ELSET=a\n1\n**\n4,\n",
+            {"a": [0, 3]},
+        ),
         (
             f"{FOUR}*NSET, NSET=a\n1, 2, 11\n*NSET, NSET=a, GENERATE\n12, 13\n*NSET, NSET=a\n3\n",
             {"a": [0, 1]},

@@ -132,6 +132,32 @@ def test_what_is_missing_is_asked_for_with_its_option(name, stated, needed):
     assert {row["unit"] for row in tests.ranges} <= {"s", "mm", "N", "MPa", ""}
 
 
+def test_a_gauge_length_is_needed_as_soon_as_the_extension_has_a_unit(tmp_path):
+    stretch = np.linspace(1, 4, 61)
+    path = table(tmp_path, Extension=(stretch - 1) * 25, Load=gent(stretch) * 12)
+    missing = "; ".join(read_tests(path, **GEOMETRY).missing)
+    assert "--unit extension=" in missing
+    assert "--unit force=" in missing
+    (found,) = read_tests(path, **GEOMETRY, units={"extension": "mm", "force": "N"}).specimens
+    np.testing.assert_allclose(found.stretch, stretch, rtol=1e-5)
+
+
+def test_two_measures_of_extension_that_differ_are_chosen_by_the_user(tmp_path):
+    """The crosshead moves further than the extensometer says."""
+    stretch = np.linspace(1, 4, 61)
+    columns = {"Extension__mm": (stretch - 1) * 30, "Strain": stretch - 1, "Load__N": gent(stretch)}
+    path = table(tmp_path, **columns)
+    facts = UNIAXIAL | {"area": "1 mm2", "gauge_length": "25 mm"}
+    with pytest.raises(
+        ValueError, match=r"1 to 4\) contradicts .* 1 to 4.6\): .* --column extension"
+    ):
+        read_tests(path, **facts)
+    (found,) = read_tests(path, **facts, columns={"extension": "Extension"}).specimens
+    assert found.stretch.max() == pytest.approx(4.6)
+    (found,) = read_tests(path, **UNIAXIAL, area="1 mm2", columns={"strain": "Strain"}).specimens
+    assert found.stretch.max() == pytest.approx(4.0)
+
+
 STRETCH = np.linspace(1, 4, 61)
 
 
