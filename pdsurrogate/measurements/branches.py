@@ -128,7 +128,8 @@ def branches(
             number += 1
             cycle[rows[~back]] = number
         travel = abs(stretch[last] - stretch[first])
-        share = max(SETTLED, 3 * least / travel) if travel > 0 else SETTLED
+        # A turn alone is within `least` for thrice as long as a straight way.
+        share = max(SETTLED, 5 * least / travel) if travel > 0 else SETTLED
         holds += _holds(stretch, clock, first, last, least, share)
     for hold in holds:
         branch[hold] = "hold"

@@ -226,6 +226,21 @@ def test_branches_cycles_and_holds_are_those_of_the_program(tmp_path):
     assert float(said.split("hysteresis: ")[1].split(" %")[0]) == pytest.approx(20, abs=1)
 
 
+def test_small_cycles_before_a_break_have_no_holds_at_their_turns(tmp_path):
+    parts = [part for top in (1.5, 2.0, 2.5) for part in ((1.05, top), (top, 1.05))]
+    parts = [np.linspace(*ends, 100) for ends in [*parts, (1.05, 4.0)]]
+    parts[0] = np.linspace(1, 1.5, 100)
+    branch = np.repeat(["loading", "unloading"] * 3 + ["loading"], 100)
+    stretch = np.concatenate(parts)
+    stress = gent(stretch) * np.where(branch == "unloading", 0.8, 1.0)
+    path = machine(tmp_path, np.r_[stretch, 4.02, 4.03], np.r_[stress, 0.05, 0.02])
+    (found,) = read_tests(path, **GEOMETRY).specimens
+    assert (found.branch[:700] != branch).sum() <= 6  # rows at the turns that are given twice
+    assert found.cycle.tolist() == np.repeat([1, 2, 3, 4], [200, 200, 200, 102]).tolist()
+    assert found.chosen.sum() == 100
+    assert found.at_break.stretch == 4.0
+
+
 LONG = np.linspace(1, 5, 401)
 
 
