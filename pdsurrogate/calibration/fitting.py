@@ -18,8 +18,10 @@ from ..identification.energy import half_planes
 from ..materials import Law
 from ..materials.dictionary import STABLE_TO, wave_margin
 from .asked import fine_spacing, ratio_of, scales_of, stress_derivatives
+from .causes import cause_at_start, cause_of_misfit
 from .free import FLOOR, HALVINGS, floored, grouping, minimized
-from .measured import FAILURES
+from .image_start import start_maps, store_maps
+from .measured import FAILURES, Unlike
 from .search import Search, errors_of, failing
 from .starts import better_start, has_weak_form, keep, search_from, start_of, unknowns_of
 
@@ -65,6 +67,11 @@ MEMBERS = 8
 MOST_COMPARED = 100
 """Most states of the tests in which the stresses of a drawn law are compared with linear ones."""
 
+ADVICE = (
+    "give places and displacements in the unit of length and along the axes of the scene, and the"
+    " steps in its order"
+)
+
 FAIR = 0.02
 STEPS = (1, 3, 0)
 """Relative decrease of the cost that ends the least-squares steps of an energy with all terms, and
@@ -79,15 +86,26 @@ def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarr
     correction of the discretization error.
     """
     model.unknown_ = unknowns_of(model, len(y))
-    start = start_of(model, y, root)
+    root = start_maps(model, y, root)
     ratio = ratio_of(model)
-    search, x = search_from(model, start, y, root)
+    try:
+        start = start_of(model, y, root)
+        search, x = search_from(model, start, y, root)
+    except Unlike as error:
+        cause = cause_at_start(model, y, root)
+        raise ValueError(f"{error}; {cause or ADVICE}") from None
+    if model.frame == "image":
+        search.aim(y, x)
+    elif cause := cause_of_misfit(model, search, x, root * (y - search.values(x)), True):
+        raise ValueError(f"y: {cause}")
     model.start_: dict[str, Any] = {"taken": "default"}
     if has_weak_form(model):
         x = better_start(model, search, x)
     found, correction = _searched(model, search, x)
     x = found.x
     space = search.space
+    model.weights_ = np.where(root > 0, search.root / np.where(root > 0, root, 1.0), 0.0) ** 2
+    root = search.root
     if model.law is None:
         kept = x > FLOOR * x.max()
         keep(model, search, kept)
@@ -105,8 +123,15 @@ def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarr
     model.n_simulations_ = search.count
     fit = search.values(x) + correction
     residuals = root * (y - fit)
+    if cause := cause_of_misfit(model, search, x, residuals):
+        if model.frame != "scene":
+            raise ValueError(f"y: {cause}")
+        warnings.warn(cause, stacklevel=3)
+    fit[root == 0] = np.nan
     remaining = found.remaining if ratio == 1 else correction / (ratio**ORDER - 1)
-    _store(model, x, space, found, residuals, root * remaining)
+    used = len(x) + sum(test.used for test, _ in model.tests_)
+    _store(model, x, space, found, residuals, root * remaining, int((root > 0).sum()) - used)
+    store_maps(model, space.sizes(x))
     if ratio == 1:
         correction = -remaining
         if (error := float(np.sqrt(((root * remaining) ** 2).mean()))) > 1:
@@ -126,9 +151,10 @@ def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np
     error, (n,), that it contains.
     """
     ratio = ratio_of(model)
+    imaged = model.frame == "image"
     y = search.y
     correction = np.zeros(len(search.y))
-    for number in range(ROUNDS if ratio > 1 or model.law is None else 1):
+    for number in range(ROUNDS if ratio > 1 or model.law is None or imaged else 1):
         first = ratio > 1 and not number
         # Changes of the cost by less than these are those of parameters within a part of their
         # standard errors.
@@ -149,20 +175,26 @@ def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np
             )
         before = x
         x = found.x
-        if ratio == 1:
-            if model.law is not None:
-                found.remaining = _error_by_coarse(model, search.law_at(x), search.values(x))
-            continue
-        if (
+        settled = (
             model.law is not None
             and number
             and (np.abs(x - before) <= SETTLED * errors_of(found.jac)).all()
-        ):
+        )
+        if imaged:
+            search.forget()  # the maps become those of this law
+            search.values(x)
+        if ratio == 1 and model.law is not None:
+            found.remaining = _error_by_coarse(model, search.law_at(x), search.values(x))
+        if settled:
             break
-        correction = _fine_values(model, search.law_at(x)) - search.values(x)
-        if model.law is None:
-            correction *= ratio**MEAN_ORDER / (ratio**MEAN_ORDER - 1)
-        search.y = y - correction
+        if ratio > 1:
+            correction = _fine_values(model, search.law_at(x)) - search.values(x)
+            if model.law is None:
+                correction *= ratio**MEAN_ORDER / (ratio**MEAN_ORDER - 1)
+        search.aim(y - correction, x if imaged else None)
+    if imaged:
+        search.forget()
+        found.jac = search.jacobian(x)
     return found, correction
 
 
@@ -256,7 +288,7 @@ def _set_domain(model, visited: np.ndarray) -> None:
     model.stretch_range_ = float(visited.min()), float(visited.max())
 
 
-def _store(model, x, space, found, residuals, remaining) -> None:
+def _store(model, x, space, found, residuals, remaining, free) -> None:
     """Set parameters, covariance and lack of fit from the weighted Jacobian and residuals at the
     solution, and the remaining error.
     """
@@ -266,7 +298,6 @@ def _store(model, x, space, found, residuals, remaining) -> None:
     model.law_ = model.unknown_.law_of(model.parameters_)
     names = np.array(model.parameter_names_)
     model.at_bound_ = names[found.active_mask].tolist()
-    free = len(residuals) - len(x)
     model.lack_of_fit_ = float((residuals**2).sum() / free) if free > 0 else np.nan
     model.p_value_ = float(chi2.sf((residuals**2).sum(), free)) if free > 0 else np.nan
     if model.law is None:

@@ -3,12 +3,13 @@ its law.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ..artifacts import load_surrogate
-from ..body import fields_at
+from ..body import Body, fields_at
 from ..forces import InvalidState
 from ..materials import Law
 from ..materials.covariance import numbers_of
@@ -23,6 +24,8 @@ from ..scenes.reading import leaves
 from ..solvers.equilibrium import NoEquilibrium
 from ..solvers.methods import Newton
 from ..solvers.tangent import COARSE
+from .image_map import ImageMap
+from .kinematics import Kinematics
 from .scatter import Rows, local_fit
 
 FORCE_PULLED = "force"
@@ -64,17 +67,31 @@ class MeasuredScene:
     outputs : sequence of str, optional
         Dotted keys of measurements of an output, those of the quantities 0, -1, and so on;
         ``"force"``, the default, is the force of the region that is pulled.
+    number : int
+        Number of the scene among those of the table.
 
     Attributes
     ----------
+    steps : list of int
+        Numbers of the measured outputs of the scene.
+    used : float
+        Number of degrees of freedom that a map from an image takes.
     greatest_stretch : float
         Greatest stretch, or inverse of the least one, in the simulation with which `begin` was last
         called.
     """
 
-    def __init__(self, scene: Scene, rows: Rows, outputs: Sequence[str] | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        rows: Rows,
+        outputs: Sequence[str] | None = None,
+        number: int = 0,
+    ) -> None:
         self.scene = scene
+        self.number = number
         self.rows = rows
+        self.used = 0.0
         named = outputs if outputs is not None else [] if rows.is_field.all() else [FORCE_PULLED]
         self.outputs = [
             pulled_force(scene) if name == FORCE_PULLED else (name, 1.0) for name in named
@@ -83,8 +100,8 @@ class MeasuredScene:
         self._places, at = np.unique(rows.places[rows.is_field], axis=0, return_inverse=True)
         self._at = np.full(len(rows.step), -1)
         self._at[rows.is_field] = at.ravel()
-        self._steps = np.unique(rows.step).tolist()
-        self.count = len(self._steps)
+        self.steps = np.unique(rows.step).tolist()
+        self.count = len(self.steps)
         self._base: Differentiated | None = None
         self._guesses: dict[int, np.ndarray] = {}
 
@@ -108,7 +125,7 @@ class MeasuredScene:
         result = _simulated(scene)
         found = np.empty(len(self.rows.step))
         at_places = self._interpolation(scene, result)
-        for step in self._steps:
+        for step in self.steps:
             level = self._level(result, step)
             here = self.rows.step == step
             row = dict(leaves(level))
@@ -116,16 +133,39 @@ class MeasuredScene:
                 result.displacement(level["number"]), level["stretch" if scene.stretched else "t"]
             )
             found[here] = self._of_rows(
-                here, [sign * self._named(row, name) for name, sign in self.outputs], fields
+                here,
+                [sign * self._named(row, name) for name, sign in self.outputs],
+                self._seen(step, fields),
             )
         return found, result
+
+    def motion(
+        self, law: Law, names: Sequence[str] = (), chain: np.ndarray | None = None
+    ) -> Kinematics:
+        """Return the motion of the body in the steps, simulated with a law, with its derivatives by
+        variables by which the numbers of the law of given names have the derivatives `chain`.
+        """
+        result = _simulated(with_law(self.scene, law))
+        responses = None
+        if chain is not None:
+            body = replace(self._base.changed(_named_numbers(law)), at_places=None)
+            responses = [
+                np.einsum(
+                    "pnd,pk->ndk",
+                    body.jacobian(self._parameters[step], self._guesses[step], [], names).moved,
+                    chain,
+                )
+                for step in self.steps
+            ]
+        numbers = [self._level(result, step)["number"] for step in self.steps]
+        return Kinematics.of(result, numbers, responses)
 
     def states(self, law: Law) -> np.ndarray:
         """Return the three principal stretches of all points in all steps with a law, in
         descending order, shape (n, 3).
         """
         result = _simulated(with_law(self.scene, law))
-        numbers = [self._level(result, step)["number"] for step in self._steps]
+        numbers = [self._level(result, step)["number"] for step in self.steps]
         return np.concatenate([result.field("principal_stretches", number) for number in numbers])
 
     def begin(self, law: Law) -> np.ndarray:
@@ -134,7 +174,7 @@ class MeasuredScene:
         """
         values, result = self.simulate(law)
         self._loading = "stretch" if self.scene.stretched else "t"
-        levels = {step: self._level(result, step) for step in self._steps}
+        levels = {step: self._level(result, step) for step in self.steps}
         self._parameters = {step: level[self._loading] for step, level in levels.items()}
         self._guesses = {
             step: result.displacement(level["number"]) for step, level in levels.items()
@@ -173,7 +213,7 @@ class MeasuredScene:
             if (self.rows.quantity < 1).any()
             else []
         )
-        for step in self._steps:
+        for step in self.steps:
             try:
                 found = body.jacobian(self._parameters[step], self._guesses[step], outputs, names)
             except (NoEquilibrium, InvalidState):
@@ -182,18 +222,18 @@ class MeasuredScene:
             self._guesses[step] = found.displacements
             here = self.rows.step == step
             count = len(outputs)
-            for target, source in (
-                (values, found.values[:, None]),
-                (derivatives, found.derivatives),
-            ):
+            for target, source in ((values, found.values), (derivatives, found.derivatives)):
                 rows = (
                     [sign * source[outputs.index(name)] for name, sign in self.outputs]
                     if count
                     else []
                 )
-                fields = source[count:].reshape(
-                    len(self._places), self.scene.dimension, source.shape[1]
-                )
+                shape = len(self._places), self.scene.dimension, *source.shape[1:]
+                fields = source[count:].reshape(shape)
+                if target is values:
+                    fields = self._seen(step, fields)
+                else:
+                    fields = self._seen_changes(step, fields)
                 target[here] = self._of_rows(here, rows, fields).reshape(target[here].shape)
         return values, derivatives
 
@@ -235,7 +275,7 @@ class MeasuredScene:
         ]
         jacobian = np.empty((len(y), len(start)))
         right = np.empty(len(y))
-        for step in self._steps:
+        for step in self.steps:
             here = self.rows.step == step
             positions = run.body.points + self._carried(step, y)
             values, forces = self._evaluated(base, step, positions)
@@ -274,10 +314,41 @@ class MeasuredScene:
             self._of_rows(
                 self.rows.step == step,
                 [sign * measured[name] for name, sign in self.outputs],
-                fields,
+                self._seen(step, fields),
             ),
             forces,
         )
+
+    def follow(self, maps: Mapping[int, ImageMap]) -> None:
+        """Take the place of an image in the scene from fitted maps by the numbers of scenes."""
+
+    def weigh(self, y: np.ndarray, root: np.ndarray) -> None:
+        """Set the measured values of the rows and the roots of their weights, (n,)."""
+
+    def chain(self, matrix: np.ndarray) -> None:
+        """Say that variables of a search have the derivatives `matrix` of the numbers by which
+        the measurements were differentiated last.
+        """
+
+    def robust(self, off: np.ndarray) -> np.ndarray:
+        """Return weights of the rows, (n,), from their residuals in standard deviations."""
+        return np.ones(len(off))
+
+    def _seen(self, step: int, fields: np.ndarray) -> np.ndarray:
+        """Return displacements in a step as they are measured, (k, d), from those in the scene."""
+        return fields
+
+    def _seen_changes(self, step: int, fields: np.ndarray) -> np.ndarray:
+        """Return changes of measured displacements, (k, d, m), from those in the scene."""
+        return fields
+
+    def _in_scene(self, step: int, off: np.ndarray) -> np.ndarray:
+        """Return changes of displacements in the scene, (k, d), from those of measured ones."""
+        return off
+
+    def _places_in(self, body: Body) -> np.ndarray:
+        """Return the places at which displacements were measured, near the points of a body."""
+        return self._places
 
     @property
     def has_fields(self) -> bool:
@@ -303,14 +374,18 @@ class MeasuredScene:
         run = self._base.system
         moved = self._guesses[step].copy()
         guessed = self._base.moved_places(self._guesses[step], self._parameters[step])
+        here = (self.rows.step == step) & self.rows.is_field
+        changes = np.full(guessed.shape, np.nan)
+        entry = self._at[here], self.rows.quantity[here] - 1
+        changes[entry] = y[here] - self._seen(step, guessed)[entry]
+        changes = self._in_scene(step, changes)
         for axis in range(guessed.shape[1] if len(guessed) else 0):
-            here = (self.rows.step == step) & (self.rows.quantity == axis + 1)
-            if not here.any():
+            at = np.flatnonzero(np.isfinite(changes[:, axis]))
+            if not at.size:
                 continue
             held = run.loading.free[:, axis] == 0
-            at = self._at[here]
             places = np.vstack([self._places[at], run.body.points[held]])
-            off = np.append(y[here] - guessed[at, axis], np.zeros(held.sum()))
+            off = np.append(changes[at, axis], np.zeros(held.sum()))
             near, weights = local_fit(places, run.body.points, SMOOTHED[self.scene.dimension])
             moved[~held, axis] += (weights * off[near]).sum(axis=1)[~held]
         return moved
@@ -351,11 +426,14 @@ class MeasuredScene:
         return levels[step - 1] | {"number": step - 1}
 
     def _differentiated(self, scene: Scene) -> Differentiated:
-        return differentiated(
-            scene,
-            checked_models(scene, load_surrogate(FORCE)),
-            self._places if len(self._places) else None,
-        )
+        body = differentiated(scene, checked_models(scene, load_surrogate(FORCE)))
+        return self._at_places(body) if len(self._places) else body
+
+    def _at_places(self, body: Differentiated) -> Differentiated:
+        """Return a body whose displacements at the places are measured."""
+        system = body.system
+        places = self._places_in(system.body)
+        return replace(body, at_places=fields_at(system.body, places, system.force.portion_of)[0])
 
     def _interpolation(
         self, scene: Scene, result: Result
@@ -368,12 +446,13 @@ class MeasuredScene:
         try:
             # Beside an interface only points of the same material count, which a result does not
             # tell.
-            follow = None if scene.materials else fields_at(result.body, self._places)[0]
+            places = self._places_in(result.body)
+            follow = None if scene.materials else fields_at(result.body, places)[0]
             if follow is None or follow.across:
                 return self._differentiated(scene).moved_places
             return lambda displacements, _: follow(displacements)
         except ValueError as error:
-            raise ValueError(
+            raise Unlike(
                 f"a place of the displacements: {error} (places are those of the undeformed body of"
                 " the scene)"
             ) from None
@@ -404,6 +483,10 @@ class MeasuredScene:
 
 FAILURES = (NoEquilibrium, InvalidState, SimulationFailed, SceneError)
 """Errors with which a law has no equilibrium in a scene."""
+
+
+class Unlike(ValueError):
+    """Measured displacements are unlike those of a test."""
 
 
 def _simulated(scene: Scene) -> Result:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from sklearn.utils._param_validation import Interval
+from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..arguments import check_kind, check_names, check_numbers, in_order
@@ -21,6 +21,7 @@ from ..materials import Law
 from ..scenes import Scene
 from .asked import fine_spacing, scenes_of, stress_derivatives
 from .fitting import fitted
+from .imaged import ImagedScene
 from .measured import MeasuredScene
 from .scatter import Rows, estimated_deviations
 
@@ -68,6 +69,19 @@ class SceneRegressor(LawEstimator):
         K instead of K/mu, in the unit of the stresses.
     random_state : int, default=0
         Seed of `members_`; nothing else is random.
+    frame : {"scene", "image"}, optional
+        Frame of places and displacements. With ``"image"`` they are those in the images of a
+        camera, and the map from the image to the scene, with a rigid motion of the camera in each
+        step, is fitted with the law by a robust loss (theory, section 28). None is the scene, but
+        displacements are refused that a map, or another correction of a known mistake, would
+        explain; ``"scene"`` makes this a warning.
+    pixels_per : float, optional
+        Length in the image of a unit of length of the scene, to 2 %: the start of the map.
+    origin : sequence of float, shape (d,), optional
+        Place in the image of the origin of the scene, to 2 % of the size of the body.
+    subset : float, optional
+        Width of the subsets that a program correlated, in the image: places nearer to an edge than
+        half of it are left out.
 
     Attributes
     ----------
@@ -112,6 +126,14 @@ class SceneRegressor(LawEstimator):
         `EnergyRegressor`.
     stretch_range_ : tuple of float
         Least and greatest stretch in the plane, or in space, in the simulated tests.
+    maps_ : dict of int to ImageMap
+        Fitted maps from the image to the scene by the number of the scene, with standard errors;
+        empty unless ``frame="image"``.
+    weights_ : ndarray, shape (n_samples,)
+        Weights of the squared residuals by the robust loss, 1 for measurements near the fit and 0
+        for those that are left out.
+    left_out_ : int
+        Number of displacements beside the body or, by `subset`, too near to an edge.
     start_ : dict
         Start of the search. ``taken`` is ``"weak form"`` if an energy without a law was taken from
         the weak form at the measured displacements, else ``"default"``. ``chi_squared`` has the
@@ -148,6 +170,10 @@ class SceneRegressor(LawEstimator):
         "bulk_ratio": [None, Interval(Real, 0, None, closed="neither")],
         "bulk_modulus": [None, Interval(Real, 0, None, closed="neither")],
         "random_state": [Interval(Integral, 0, None, closed="left")],
+        "frame": [StrOptions({"scene", "image"}), None],
+        "pixels_per": [None, Interval(Real, 0, None, closed="neither")],
+        "origin": "no_validation",  # checked with its length
+        "subset": [None, Interval(Real, 0, None, closed="left")],
     }
 
     scene: Scene | str | Path | Sequence = "hole"
@@ -158,6 +184,10 @@ class SceneRegressor(LawEstimator):
     bulk_ratio: float | None = None
     bulk_modulus: float | None = None
     random_state: int = 0
+    frame: str | None = None
+    pixels_per: float | None = None
+    origin: Sequence[float] | None = None
+    subset: float | None = None
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -233,7 +263,7 @@ class SceneRegressor(LawEstimator):
                 "outputs",
                 "such as ['force', 'probes.tip.displacement.0'], or None for the force",
             )
-        scenes_of(self)
+        self._check_image()
         X, y, weight = self._checked(X, y, sample_weight)
         used = weight > 0
         self.tests_ = self._tests_of(X[used])
@@ -245,6 +275,9 @@ class SceneRegressor(LawEstimator):
             self, y[used], np.sqrt(weight[used]) / deviation[used]
         )
         self.residuals_[used] = y[used] - fit
+        weights = np.zeros(len(y))
+        weights[used] = self.weights_
+        self.weights_ = weights
         del self.tests_
         return self
 
@@ -279,6 +312,7 @@ class SceneRegressor(LawEstimator):
         X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
         found = np.empty(len(X))
         for test, here in self._tests_of(X):
+            test.follow(self.maps_)
             found[here] = test.simulate(self.law_, fine_spacing(self, test.scene))[0]
         return found
 
@@ -374,6 +408,20 @@ class SceneRegressor(LawEstimator):
                     ] = value
         return found
 
+    def _check_image(self) -> None:
+        """Raise ValueError for wrong statements about images, or any without images."""
+        scenes = scenes_of(self)
+        if self.frame != "image":
+            if any(one is not None for one in (self.pixels_per, self.origin, self.subset)):
+                raise ValueError("pixels_per, origin and subset are for frame='image' (--frame)")
+        elif self.origin is not None:
+            wanted = (
+                "give the place in the image of the origin of the scene, a number for each axis"
+            )
+            check_numbers(self.origin, "origin", wanted)
+            if np.shape(self.origin) != (scenes[0].dimension,):
+                raise ValueError(f"origin: {wanted}")
+
     def _law_of(self, values) -> Law:
         return self.unknown_.law_of(values)
 
@@ -415,7 +463,8 @@ class SceneRegressor(LawEstimator):
             here = np.flatnonzero(number == which)
             if len(here):
                 rows = Rows(step[here], quantity[here], X[here][:, whole.shape[1] :])
-                tests.append((MeasuredScene(scene, rows, self.outputs), here))
+                kind = ImagedScene if self.frame == "image" else MeasuredScene
+                tests.append((kind(scene, rows, self.outputs, which), here))
         return tests
 
     def _warn_of_copies(self, y: np.ndarray) -> None:

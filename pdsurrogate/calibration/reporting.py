@@ -19,6 +19,7 @@ from ..results.figures import DIVERGING, STYLE
 from ..results.places import columns_of_measured
 from ..results.tables import column_name
 from ..scenes import Scene
+from .field_files import FieldFacts, FieldRows, field_rows, is_own
 from .machine import is_machine, machine_forces
 from .regressor import SceneRegressor
 
@@ -33,6 +34,9 @@ standard error.
 
 POOR = 1.5
 """Lack of fit above which a report says that the law does not describe the test."""
+
+MANY = 0.05
+"""Share of displacements far from the fit above which they are no outliers."""
 
 MOST_MAPS = 5
 """Greatest number of steps whose residuals are drawn, evenly chosen with the last one: maps of
@@ -127,31 +131,39 @@ def _check_rows(scene: Scene, found: np.ndarray, places: list[str]) -> None:
 
 def measurements(
     scene: Scene,
-    fields: Path | None,
+    fields: list[Path] | None,
     forces: Path | None,
     stated: Mapping[str, Any],
     times: str | None,
-) -> tuple[np.ndarray, np.ndarray, dict[str, str]]:
-    """Return the table of measurements and their values, as `SceneRegressor` takes them, from a
-    file of fields and one of outputs or of a machine (`machine_forces`, with what is stated of it).
+    image: FieldFacts,
+    unit: str | None,
+) -> tuple[np.ndarray, np.ndarray, dict[str, str], FieldRows | None]:
+    """Return the table of measurements and their values, as `SceneRegressor` takes them, from
+    files of fields, in a `unit`, and one of outputs or of a machine (`machine_forces`, with what is
+    stated of it).
 
     The third item has, by the names of their columns, the dotted keys of the outputs, which are the
-    quantities 0, -1, and so on.
+    quantities 0, -1, and so on; the fourth one the first rows, those of fields of a camera.
     """
+    images = None
     d = scene.dimension
     tables = []
     values = []
     outputs = {}
-    if fields is None and forces is None:
+    if not fields and forces is None:
         raise ValueError("there is nothing to fit: give --fields, --forces or both")
     machine = forces is not None and is_machine(forces)
     if not machine and (stated or times is not None):
         option = option_of(next(iter(stated), "times"))
         raise ValueError(f"{option} is for --forces with the table of a machine")
-    if fields is not None:
+    if fields and not is_own(fields, image):
+        images = field_rows(scene, fields, image, unit)
+        tables.append(images.X)
+        values.append(images.y)
+    elif fields:
         axes = range(1, d + 1)
         found, places, _ = read_columns(
-            fields, ("step", *(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes))
+            fields[0], ("step", *(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes))
         )
         _check_rows(scene, found, places)
         for axis in axes:
@@ -191,7 +203,7 @@ def measurements(
         raise ValueError(
             f"{forces}: there are no measurements, all entries of {', '.join(outputs)} are empty"
         )
-    return np.vstack(tables), np.concatenate(values), outputs
+    return np.vstack(tables), np.concatenate(values), outputs, images
 
 
 def _quantities(X: np.ndarray, columns: Sequence[str]) -> dict[str, np.ndarray]:
@@ -211,14 +223,19 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
     quantities = _quantities(X, columns)
     for name, here in quantities.items():
         if here.any():
+            weights = model.weights_[here]
+
+            def mean_of(squares: np.ndarray, weights: np.ndarray = weights) -> float:
+                return float(np.average(np.where(weights > 0, squares, 0.0), weights=weights))
+
             off = model.residuals_[here]
             sd = model.standard_deviations_[here]
             fits[name] = {
                 "rows": int(here.sum()),
-                "standard_deviation": float(np.sqrt((sd**2).mean())),
-                "rms_residual": float(np.sqrt((off**2).mean())),
-                "lack_of_fit": float(((off / sd) ** 2).mean()),
-                "rms_discretization": float(np.sqrt((model.discretization_[here] ** 2).mean())),
+                "standard_deviation": mean_of(sd**2) ** 0.5,
+                "rms_residual": mean_of(off**2) ** 0.5,
+                "lack_of_fit": mean_of((off / sd) ** 2),
+                "rms_discretization": mean_of(model.discretization_[here] ** 2) ** 0.5,
             }
     stresses = {}
     for mode, stretches in STRETCHES.items():
@@ -255,8 +272,21 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
             f" {worst['standard_deviations']:.2g} standard deviations, is that of"
             f" {worst['measured']} in step {worst['step']}."
         )
+    maps = {}
+    if model.maps_:
+        far = int(((model.weights_ < 1) & np.isfinite(model.residuals_)).sum())
+        far //= max(1, X.shape[1] - 2)
+        maps = {
+            "map": model.maps_[0].described(),
+            "points": {"beside_body_or_at_edges": model.left_out_, "down_weighted": far},
+        }
+        if far > MANY * fits["fields"]["rows"] / (X.shape[1] - 2):
+            remarks.append(
+                f"{far} displacements are far from the fit and count less: too many for outliers."
+            )
     return {
         **parameters_of(model),
+        **maps,
         "correlation": model.correlation_.tolist(),
         "undetermined": model.undetermined_,
         "lack_of_fit": plain(model.lack_of_fit_),
@@ -286,16 +316,21 @@ def _worst(model: SceneRegressor, X: np.ndarray, columns: Sequence[str]) -> dict
     return {"step": int(step), "measured": what, "standard_deviations": float(off[row])}
 
 
-def measured_fields(X: np.ndarray, y: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the displacements among measurements by columns as of `columns_of_measured`, NaN for
-    components that were not measured.
+def measured_fields(model: SceneRegressor, X: np.ndarray, y: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the displacements among measurements, in the frame of the scene, by columns as of
+    `columns_of_measured`, NaN for components that were not measured.
     """
     d = X.shape[1] - 2
     here = X[:, 1] > 0
     rows, at = np.unique(X[here][:, [0, *range(2, 2 + d)]], axis=0, return_inverse=True)
     moved = np.full((len(rows), d), np.nan)
     moved[at.ravel(), X[here, 1].astype(int) - 1] = y[here]
-    return dict(zip(columns_of_measured(d), [*rows.T, *moved.T], strict=True))
+    steps, places = rows[:, 0], rows[:, 1:]
+    for found in model.maps_.values():
+        undeformed = found.to_scene(places)
+        moved = found.moved(np.searchsorted(found.steps, steps), places + moved) - undeformed
+        places = undeformed
+    return dict(zip(columns_of_measured(d), [steps, *places.T, *moved.T], strict=True))
 
 
 def _steps(

@@ -2,10 +2,13 @@
 deviations that are not given.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
+
+from .image_map import Sight
 
 FORCE_SCATTER = 0.005
 """Standard deviation of outputs such as forces without a given one, relative to the greatest in
@@ -47,6 +50,24 @@ class Rows:
     def is_field(self) -> np.ndarray:
         """Mask, shape (n,), of the rows that are displacements."""
         return self.quantity > 0
+
+    def sight(
+        self, steps: Sequence[int], y: np.ndarray, root: np.ndarray
+    ) -> tuple[Sight, tuple[np.ndarray, np.ndarray], np.ndarray]:
+        """Return measured displacements by place and step, from values and roots of weights of the
+        rows; the row of it and the axis of each row that is a displacement; and the numbers of its
+        places among all, in their order.
+        """
+        field = self.is_field
+        index = np.searchsorted(steps, self.step[field])
+        places, at = np.unique(self.places[field], axis=0, return_inverse=True)
+        pairs, point = np.unique(np.stack([index, at.ravel()], axis=1), axis=0, return_inverse=True)
+        entry = point.ravel(), self.quantity[field] - 1
+        displacements = np.full((len(pairs), places.shape[1]), np.nan)
+        weights = np.zeros(displacements.shape)
+        displacements[entry] = y[field]
+        weights[entry] = root[field]
+        return Sight(pairs[:, 0], places[pairs[:, 1]], displacements, weights), entry, pairs[:, 1]
 
 
 def local_fit(places: np.ndarray, targets: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

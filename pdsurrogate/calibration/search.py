@@ -54,17 +54,31 @@ class Search:
         self.model = model
         self.tests = model.tests_
         self.space = space
-        self.y = y
-        self.root = root
         self.held = held
         self.count = 0
-        self.known: dict[bytes, np.ndarray] = {}
-        self.differentiated: dict[bytes, np.ndarray] = {}
+        self._stated = root
+        self.aim(y)
+
+    def aim(self, y: np.ndarray, x: np.ndarray | None = None) -> None:
+        """Set the measurements, which maps of images follow, and forget what is known; residuals
+        at x, if given, give robust weights.
+        """
+        root = self._stated
+        if x is not None:
+            off = root * (self.values(x) - y)
+            root = root.copy()
+            for test, here in self.tests:
+                root[here] *= np.sqrt(test.robust(off[here]))
+        self.y = y
+        self.root = root
+        for test, here in self.tests:
+            test.weigh(y[here], root[here])
+        self.forget()
 
     def forget(self) -> None:
-        """Delete what is known of laws with other unknowns."""
-        self.known = {}
-        self.differentiated = {}
+        """Delete what is known of laws with other unknowns or other maps of images."""
+        self.known: dict[bytes, np.ndarray] = {}
+        self.differentiated: dict[bytes, np.ndarray] = {}
 
     def law_at(self, x: np.ndarray) -> Law:
         return self.model.unknown_.law_of(self.space.parameters(x))
@@ -87,18 +101,23 @@ class Search:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         key = x.tobytes()
         if key not in self.differentiated:
-            numbers, chain = derivatives_of_numbers(
-                self.law_at,
-                x,
-                DIFFERENCE * (np.abs(x) if self.model.law is None else np.ones_like(x)),
-            )
-            self.known[key], derivatives = self._differentiated(
-                x, [f"material.{name}" for name in numbers]
-            )
-            if self.held:
-                chain[:, 0] = 0.0
+            names, chain = self.numbers(x)
+            self.known[key], derivatives = self._differentiated(x, names)
             self.differentiated[key] = derivatives @ chain
+            for test, _ in self.tests:
+                test.chain(chain)
         return self.root[:, None] * self.differentiated[key]
+
+    def numbers(self, x: np.ndarray) -> tuple[list[str], np.ndarray]:
+        """Return the names of the numbers of the law, and their derivatives by the variables."""
+        numbers, chain = derivatives_of_numbers(
+            self.law_at,
+            x,
+            DIFFERENCE * (np.abs(x) if self.model.law is None else np.ones_like(x)),
+        )
+        if self.held:
+            chain[:, 0] = 0.0
+        return [f"material.{name}" for name in numbers], chain
 
     def _differentiated(self, x: np.ndarray, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
         law = self.law_at(x)

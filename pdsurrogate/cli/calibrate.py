@@ -11,6 +11,7 @@ from typer import Argument, Option
 
 from ..artifacts.places import new_artifact, next_version
 from ..calibration import SceneRegressor, reporting
+from ..calibration.field_files import FieldFacts
 from ..calibration.measured import DISPLACEMENTS, FORCE, FORCES, with_law
 from ..identification.campaign import TableFacts
 from ..identification.regressor import N_TERMS
@@ -32,7 +33,9 @@ RUN = "calibration-run"
 """Folder, within that of a calibration, of the run with the fitted law and the measured fields."""
 
 FIELDS_HELP = (
-    "CSV file of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3)."
+    "File of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3), or of a"
+    " program for image correlation: one for each image, as a folder, 'FOLDER/*.csv' in quotes, or"
+    " repeated."
 )
 FORCES_HELP = (
     "CSV file with the column step and measurements: force, of the region that is pulled, or"
@@ -40,14 +43,17 @@ FORCES_HELP = (
 )
 
 
-@with_fields(facts=TableFacts)
+@with_fields(facts=TableFacts, image=FieldFacts)
 def calibrate(
     scene: Annotated[
         str, Argument(metavar="SCENE", help=f"{SCENE_HELP}. Step k is its k-th output.")
     ],
     name: Annotated[str, Argument(metavar="NAME", help="Name of the new artifact.")],
     *,
-    fields: Annotated[Path | None, Option("--fields", metavar="F.csv", help=FIELDS_HELP)] = None,
+    fields: Annotated[
+        list[Path] | None, Option("--fields", metavar="F.csv", help=FIELDS_HELP)
+    ] = None,
+    image: FieldFacts,
     forces: Annotated[Path | None, Option("--forces", metavar="G.csv", help=FORCES_HELP)] = None,
     times: Annotated[
         str | None,
@@ -119,15 +125,23 @@ def calibrate(
             )
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     test = load_scene(scene, dict(parse_change(item) for item in change or ()))
-    X, y, outputs = reporting.measurements(
-        test, fields, forces, facts.stated(fields is not None), times
+    X, y, outputs, images = reporting.measurements(
+        test, fields, forces, facts.stated(bool(fields)), times, image, facts.field_unit
     )
     with bad_input(OSError):
         new_artifact(folder, name, next_version(folder, name))
     check_folder(folder, "calibration.json", overwrite)
     model = SceneRegressor(
-        test, law, terms or N_TERMS, outputs=[*outputs.values()] or None, refine=refine, **bulk
+        test,
+        law,
+        terms or N_TERMS,
+        outputs=[*outputs.values()] or None,
+        refine=refine,
+        **bulk,
+        **(images.arguments if images else {"frame": image.frame}),
     )
+    for text in images.notes if images else ():
+        note(text)
     noises = {1: field_noise}
     began = time.perf_counter()
     for number, key in enumerate(outputs.values()):
@@ -139,11 +153,15 @@ def calibrate(
             else None
         )
     with Bar(test.name):
-        model.fit(X, y, standard_deviation=model.stated_deviations(X, y, noises))
+        deviations = model.stated_deviations(X, y, noises)
+        if images and field_noise is None:  # files state those of some points
+            first = deviations[: len(images.y)]
+            first[:] = np.where(np.isfinite(images.deviation), images.deviation, first)
+        model.fit(X, y, standard_deviation=deviations)
     found = reporting.report(model, X, y, [*outputs])
     seconds = time.perf_counter() - began
     print_calibrated(found)
-    data = f"{' and '.join(file.name for file in (fields, forces) if file)} in {test.name}"
+    data = f"{' and '.join(file.name for file in (*(fields or ()), forces) if file)} in {test.name}"
     settings = FitSettings(energy=test.plane != "stress", folds=0)
     if free:  # a law is trusted beyond the states of the test, an energy of terms is not
         settings = settings.within(*model.stretch_range_)
@@ -157,11 +175,16 @@ def calibrate(
         )
         for which, drawn in reporting.figures(model, X, y, [*outputs]).items():
             figures.save(drawn, folder / f"calibration-{which}.png")
-        if fields is not None:  # for `show --html`, which shows both
+        if fields:  # for `show --html`, which shows both
             simulate(with_law(test, model.law_), FORCE, folder=folder / RUN, overwrite=True)
-            write_columns(folder / RUN / MEASURED, reporting.measured_fields(X, y))
+            write_columns(folder / RUN / MEASURED, reporting.measured_fields(model, X, y))
     print_json({"artifact": str(path), **found, "seconds": seconds})
     note(f"Wrote {path}, and the report in {folder}")
+
+
+def _in_text(value: float | str | list) -> float | str:
+    """Return numbers in one text, and else what is given."""
+    return np.array2string(np.array(value), precision=4) if isinstance(value, list) else value
 
 
 def print_calibrated(found: dict) -> None:
@@ -177,5 +200,21 @@ def print_calibrated(found: dict) -> None:
         "Nominal stresses of the law",
         [{"mode": mode, **row} for mode, rows in found["stresses"].items() for row in rows],
     )
+    if "map" in found:
+        errors = dict(found["map"].get("standard_errors", {}))
+        errors["origin_of_image"] = errors.pop("translation", "")
+        print_rows(
+            "Map from the image to the scene",
+            [
+                {
+                    "what": key.replace("_", " "),
+                    "value": _in_text(value),
+                    "standard error": _in_text(errors.get(key, "")),
+                }
+                for key, value in found["map"].items()
+                if key != "standard_errors"
+            ],
+        )
+        print_rows("Points left out or down-weighted", [found["points"]])
     for text in found["remarks"]:
         warn(text)

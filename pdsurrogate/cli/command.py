@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Annotated, get_type_hints
 
 import typer
+from pydantic import BaseModel
 from rich.markup import escape
 from typer import Option
 
@@ -22,7 +23,6 @@ from ..ranks import NotUnderMPI
 from ..run.interruption import heard
 from ..scenes import MaterialSpec
 from ..scenes.reading import parse_change
-from ..scenes.strict_model import StrictModel
 from .terminal import HELP_OPTIONS, WARNING, bad_input, complain, on_standard_error, out, settings
 
 Overwrite = Annotated[
@@ -124,7 +124,7 @@ def _begin(
             _import_laws(path)
 
 
-def with_fields(**models: type[StrictModel]) -> Callable[[Callable], Callable]:
+def with_fields(**models: type[BaseModel]) -> Callable[[Callable], Callable]:
     """Return a decorator of commands: in the place of each argument that is named here the command
     has an option for every field of a model, and receives the model.
     """

@@ -16,6 +16,9 @@ from .mesh_files import contents_of, kinds_of, read_mesh
 from .mesh_groups import MeshFile
 from .meshes import mesh_of
 
+SOLIDS = ("tetra", "hexahedron", "wedge", "pyramid")
+"""First letters of meshio's names of solid cells."""
+
 
 @dataclass(frozen=True)
 class MeshFacts:
@@ -74,15 +77,13 @@ class MeshFacts:
         return rows
 
 
-def describe_mesh(file: str | Path, parts: tuple[str, ...] | None = None) -> MeshFacts:
+def describe_mesh(file: str | Path) -> MeshFacts:
     """Return what a mesh file holds, for a body of its cells of the highest dimension.
 
     Parameters
     ----------
     file : str or Path
         Mesh file.
-    parts : tuple of str, optional
-        Groups of cells that make up the body, by default all cells.
 
     Raises
     ------
@@ -92,18 +93,20 @@ def describe_mesh(file: str | Path, parts: tuple[str, ...] | None = None) -> Mes
     path = Path(file)
     if not path.is_file():
         raise ValueError(f"the file {file} does not exist")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # told below
-        contents = contents_of(str(path))
-    kinds = kinds_of(contents)
-    solid = any(kind.startswith(("tetra", "hexa", "wedge", "pyramid")) for kind in kinds)
+    read_mesh.cache_clear()  # a file that is read again tells its remarks again
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # told below
+            contents = contents_of(str(path))
+        solid = any(kind.startswith(SOLIDS) for kind in kinds_of(contents))
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            mesh = mesh_of(Mesh(file=str(path), dimension=3 if solid else 2))
+    except ValueError as error:
+        raise ValueError(str(error).removeprefix("body.file: ")) from None
     elements: Counter[str] = Counter()
     for each in contents.elements:
         elements[each.type or each.kind] += len(each.numbers)
-    read_mesh.cache_clear()  # a file that is read again tells its remarks again
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        mesh = mesh_of(Mesh(file=str(path), dimension=3 if solid else 2, parts=parts))
     remarks = tuple(str(each.message).removeprefix("body.file: ") for each in told)
     return MeshFacts(_form(path), dict(elements), mesh, remarks)
 

@@ -16,8 +16,20 @@ SETTLED = 0.1
 
 FALLEN = ((1 + LEAST, 0.8), (0.98, 0.5), (0.8, 0.1))
 """Break: the stress falls from its peak to at most the second fraction while the strain is still
-above the first one. Elastic unloading, also of filled rubber, keeps more stress; relaxation in a
-hold does not stretch further, and takes less than half.
+above the first one. Elastic unloading, also of filled rubber, keeps more stress.
+"""
+
+SUDDEN = 0.3
+"""Least fraction of the peak that the stress of a specimen that breaks loses from one row to the
+next, unless it stretches further: in a hold, and on unloading, stress goes by and by.
+"""
+
+MOST_SLACK = 0.3
+"""Greatest slack before the first row with a force, as a fraction of the range of strain."""
+
+MOST_PRELOAD = 0.1
+"""Greatest strain of a preload, as a fraction of that range: no row shows where the force is zero,
+and farther from the rows it may as well be a stress that relaxes.
 """
 
 UNORDERED = 4.0
@@ -40,7 +52,10 @@ def break_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:
         return None
     same = np.sign(stretch[after] - 1) == np.sign(stretch[peak] - 1)
     share, rest = same * strain[after] / strain[peak], size[after] / size[peak]
-    broken = any(((share > least) & (rest <= most)).any() for least, most in FALLEN)
+    sudden = float(-np.diff(rest, prepend=1.0).min()) >= SUDDEN
+    broken = any(
+        ((share > least) & (rest <= most)).any() for least, most in FALLEN if least > 1 or sudden
+    )
     # A camera or clip that loses the specimen jumps back at once, and no load ever returns.
     lost = peak > 0 and rest[0] <= FALLEN[-1][1] and bool((rest <= 2 * FALLEN[-1][1]).all())
     return peak if broken or lost else None
@@ -113,7 +128,8 @@ def branches(
             number += 1
             cycle[rows[~back]] = number
         travel = abs(stretch[last] - stretch[first])
-        share = max(SETTLED, 3 * least / travel) if travel > 0 else SETTLED
+        # A turn alone is within `least` for thrice as long as a straight way.
+        share = max(SETTLED, 5 * least / travel) if travel > 0 else SETTLED
         holds += _holds(stretch, clock, first, last, least, share)
     for hold in holds:
         branch[hold] = "hold"
@@ -136,6 +152,25 @@ def _holds(stretch, clock, first, last, least, share) -> list[slice]:
             found.append(slice(start + 1, end + 1))
             start = end
         start += 1
+    return found
+
+
+def creep(stretch: np.ndarray, stress: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return which rows of a first loading are of creep: the stress stands still for a tenth of the
+    time at least, and the strain goes on at less than half of its rate before.
+    """
+    found = np.zeros(len(stretch), dtype=bool)
+    if len(stretch) < 8 or not (np.diff(time) > 0).all():
+        return found
+    size = np.log(np.maximum(np.abs(stress), 0.05 * np.abs(stress).max() + 1e-300))
+    for rows in _holds(size, time, 0, len(size) - 1, LEAST, SETTLED):
+        rates = [
+            abs(stretch[last] - stretch[first]) / (time[last] - time[first])
+            for first, last in ((0, rows.start), (rows.start, rows.stop - 1))
+            if last > first
+        ]
+        loaded = size[rows.start] > size.min()
+        found[rows] = loaded and len(rates) == 2 and rates[1] < rates[0] / 2
     return found
 
 
@@ -168,39 +203,45 @@ def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float
     size = np.abs(stress)
     start, greatest = stretch[size.argmin()], float(size.max())
     loaded = size > 0.005 * greatest
+    if not loaded.all():  # the last row without force
+        start = stretch[np.flatnonzero(~loaded)[-1]]
     some = (np.abs(stretch - start) <= 0.5) & loaded
     reach = min(1.0, float(np.abs(stretch - start).max()))
     if some.sum() < 5 or not reach > 0:
         return 1.0
     power = {"uniaxial": -2.0, "equibiaxial": -5.0, "pure-shear": -3.0}[mode]
 
-    def misfit(shift: float) -> tuple[float, float]:
-        """Mean squared residual, and slope at zero force."""
+    def misfit(shift: float) -> tuple[np.ndarray, float]:
+        """Squared residuals, and slope at zero force."""
         x = stretch[some] - shift
         first = x - x**power
         second = first * (x**2 if mode == "equibiaxial" else 1 / x if mode == "uniaxial" else 1)
         columns = np.stack([first, second], axis=1)
         weights = np.linalg.lstsq(columns, stress[some], rcond=None)[0]
         slope = (1 - power) * weights.sum()
-        return float(((columns @ weights - stress[some]) ** 2).mean()), float(slope)
+        return (columns @ weights - stress[some]) ** 2, float(slope)
 
-    shifts = np.linspace(-0.3, 0.3, 601) * reach
+    middle = 0.0 if loaded.all() else start - 1
+    shifts = middle + np.linspace(-MOST_SLACK, MOST_SLACK, 601) * reach
     shifts = shifts[stretch[some].min() - shifts > 0.1]
-    best = min(shifts.tolist(), key=lambda one: misfit(one)[0])
+    best = min(shifts.tolist(), key=lambda one: misfit(one)[0].mean())
     error, slope = misfit(best)
-    side = float(np.sign(stretch[size.argmax()] - start))
+    side, slack = float(np.sign(stretch[size.argmax()] - start)), abs(best)
     moved = side * (stretch - 1)
-    if misfit(0.0)[0] >= 16 * error and abs(best) >= 0.01 * reach:
+    if misfit(0.0)[0].mean() >= 16 * error.mean() and slack >= 0.01 * reach:
         if best * side > 0:
-            shown = (moved > abs(best) / 2) & (size < slope * abs(best) / 4)
-        else:
-            shown = (np.abs(moved) < abs(best) / 4) & (size > slope * abs(best) / 2)
-        if shown.any():
+            shown = bool(((moved > slack / 2) & (size < slope * slack / 4)).any())
+        else:  # no row is without force: all have it, and the curve near them
+            near = np.abs(stretch[some] - start) <= 4 * slack
+            shown = bool((np.abs(moved) < slack / 4).any() and size.min() > slope * slack / 2)
+            shown &= bool(error[near].mean() < (slope * slack / 8) ** 2)
+            shown &= slack <= MOST_PRELOAD * reach
+        if shown:
             return 1.0 + best
     rows = np.flatnonzero(some)[:4]
     line = np.stack([moved[rows], np.ones(len(rows))], axis=1)
     slope, there = np.linalg.lstsq(line, size[rows], rcond=None)[0]
     slack = -there / slope if slope > 0 else 0.0
     slope *= slack / 4  # a quarter of the force that slack would have had
-    shown = (moved > slack / 2) & ~loaded & (0.005 * greatest < slope)
-    return 1.0 + side * float(slack) if slack >= 0.01 * reach and shown.any() else 1.0
+    unloaded = (moved > slack / 2) & ~loaded & (0.005 * greatest < slope)
+    return 1.0 + side * float(slack) if slack >= 0.01 * reach and unloaded.any() else 1.0

@@ -96,6 +96,9 @@ def read_rows(rows: list[Row], found: Found, sheet: str = "", sign: str = ".") -
             kept.append((segment, general))
     for segment, facts in kept:
         split = groups(segment)
+        if common := {*split[0]}.intersection(*split[1:]) if len(split) > 1 else ():
+            heads = ", ".join(repr(segment.headings[place][0]) for place in sorted(common))
+            found.notes.append(f"{sheet} {len(split)} specimens side by side share {heads}".strip())
         for places in split:
             title = title_at(segment, places[-1] if len(split) > 1 else places[0])
             found.blocks.append(block(segment, places, title or sheet, facts))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import suggestion
-from .branches import LEAST, branches, break_row, energy_lost, records, stretch_at_zero
+from .branches import LEAST, branches, break_row, creep, energy_lost, records, stretch_at_zero
 from .quantities import factor
 from .reading import read_tables
 from .readings import UNITS, Readings
@@ -66,7 +66,8 @@ def read_tests(*files: str | Path, **stated: Any) -> MechanicalTests:
     for file in files:
         found = read_tables(file, columns=facts.columns, units=facts.units)
         parts.append(_tests(found, facts, used))
-    if idle := facts.unused(used):
+    idle = facts.unused(used)
+    if idle and not any(part.missing for part in parts):
         raise ValueError(
             f"{', '.join(map(str, files))}: {idle} is stated, but no table needs it: leave it out"
         )
@@ -219,9 +220,13 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
         cycle[end:] = cycle[end - 1]
         lost = energy_lost(stretch[:end], stress[:end], branch[:end], cycle[:end])
         first = (cycle == cycle[0]) & (branch == "loading")
+        branch[np.flatnonzero(first)[creep(stretch[first], stress[first], time[first])]] = "hold"
+        first &= branch == "loading"
         zero = stretch_at_zero(stretch[first], stress[first], mode)
         if zero != 1.0:
             stretch = _shifted(readings, stretch, zero)
+        else:
+            _check_signs(readings, stretch[first], stress[first])
         if peak is not None:
             last = (cycle == cycle[peak]) & (np.arange(len(rows)) <= peak) & (branch != "unloading")
             at_break = AtBreak(
@@ -263,6 +268,28 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
         chosen,
         at_break,
     )
+
+
+def _check_signs(readings: Readings, stretch: np.ndarray, stress: np.ndarray) -> None:
+    """Ask for the sign of stresses that are against their strains, and say that there is a stress
+    at a stretch of 1.
+    """
+    size, greatest = np.abs(stress), np.abs(stress).max(initial=0.0)
+    rows = (size > 0.05 * greatest) & (np.abs(stretch - 1) > LEAST)
+    if rows.sum() > 2 and (np.sign(stretch - 1) != np.sign(stress))[rows].all():
+        way = "compression" if stretch[rows].mean() < 1 else "tension"
+        readings.missing.append(
+            f"all stresses are against their strains, which are of {way}: change the sign of one of"
+            " the columns; what is positive in compression has a heading that says so, such as"
+            " 'Compressive load (N)'"
+        )
+    away = np.abs(stretch - 1)
+    rest = away.argmin() if len(stretch) else 0
+    if rows.any() and away[rest] < LEAST / 2 * away.max() and size[rest] > 0.05 * greatest:
+        readings.assumed.append(
+            f"at a stretch of {stretch[rest]:.4g} the nominal stress is {stress[rest]:.4g} already"
+            " (a preload, or relaxation); stretches stay as they are"
+        )
 
 
 def _shifted(readings: Readings, stretch: np.ndarray, zero: float) -> np.ndarray:

@@ -26,6 +26,7 @@ UNITS = """
 ALIASES = {
     "-": "", "1": "", "lb": "lbf", "lbs": "lbf", "kg": "kgf", "kp": "kgf",
     "°c": "degC", "sek": "s", "secs": "s", '"': "in", "inches": "in", "pct": "%",
+    "percent": "%", "prozent": "%", "με": "um/m", "microstrain": "um/m", "牛顿": "N",
     "秒": "s", "分": "min", "毫米": "mm", "牛": "N", "千牛": "kN", "兆帕": "MPa", "千帕": "kPa",
 }  # fmt: skip
 """Spellings of units that pint does not know, or takes for another unit (kg of force)."""
@@ -33,7 +34,8 @@ ALIASES = {
 KINDS = {
     "no measurement": r"max(?!well)|minim|peak|break|bruch|rupture|rotura|yield|modul|strength|fes"
     r"tigkeit|rate\b|speed|geschw|vitesse|velocidad|energ|work\b|arbeit|grün|green|最大|断裂|破断"
-    r"|速度|速率|能量|弹性模量|強度|强度|\bat\b|slope",
+    r"|速度|速率|能量|弹性模量|強度|强度|\bat\b|slope"
+    r"|(2nd|second)\W*(piola|pk)|\bpk\W?2|(?<!piola.)kirchhoff",
     "mode": r"^mode\b|^modus|belastungsart|^modo|加载方式",
     "stress": r"stress|spannung|contrainte|(?<!ex)tensi[oó]n|esfuerzo|应力|応力|\b(sigma|σ)\b",
     "stretch": r"stretch|streck|ratio of (ext|elong)|(ext\w*|draw|elongation) ratio|(rapport|taux)"
@@ -46,7 +48,7 @@ KINDS = {
     "force": r"force|load|kraft|charge|effort|fuerza|carga|载荷|负荷|荷重|試験力|试验力|力|\bf\b",
     "extension": r"extens|displac|stroke|position|crosshead|travel|weg\b|travers|längenänd"
     r"|d[ée]plac|course|desplaz|位移|伸长|行程|変位|ストローク|\b(disp|dl|δl|u)\b",
-    "time": r"time|zeit|temps|tiempo|时间|時間|\bt\b",
+    "time": r"time|zeit|temps|tiempo|tempo\b|时间|時間|\bt\b",
     "cycle": r"cycle|count|zykl|ciclo|循环|サイクル",
     "temperature": r"temp|温度",
     "specimen": r"specimen|sample|probe|[ée]prouvette|probeta|muestra|试样|样品|試験片",
@@ -63,7 +65,7 @@ STATISTICS = (
 
 LATERAL = r"lateral|trans|quer|横|(?<!振)幅|(lambda|lam|λ)[ _]?([2y]|lat)"
 TRUE = r"true|wahr|vrai|verdader|\breal|真|log|hencky|cauchy"
-NOMINAL = r"nomin|engin|tech|nenn|conven|ing[ée]n|工程|名义|公称"
+NOMINAL = r"piola|nomin|engin|tech|nenn|conven|ing[ée]n|工程|名义|公称"
 
 MEANINGS = {
     "strain": ("engineering-strain",),

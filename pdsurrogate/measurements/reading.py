@@ -164,7 +164,8 @@ def _read(path: Path) -> TableFile:
 def _whole(path, form, encoding, separator, sign, found: Found) -> TableFile:
     """Return a file of tables; raise ValueError if it has none."""
     if not found.blocks:
-        raise ValueError(f"there is no table of two columns of numbers; {NEEDED}")
+        notes = f" ({'; '.join(found.notes)})" if found.notes else ""
+        raise ValueError(f"there is no table of two columns of numbers{notes}; {NEEDED}")
     blocks = tuple(with_specimens(found))
     return TableFile(path, form, encoding, separator, sign, blocks, tuple(found.notes))
 

@@ -2,10 +2,12 @@
 
 import re
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 
-from .quantities import KINDS, factor, found_in, is_nominal, plain
+from .branches import MOST_SLACK
+from .quantities import KINDS, factor, fits, found_in, is_nominal, plain, unit_in
 from .specimens import BIAXIAL, MODES, Facts
 from .table import Block, Column
 
@@ -151,13 +153,19 @@ class Readings:
                 for options in stresses
             ]
         stress = self._chosen("stress", stresses, strains)
-        if stress is None or not self._possible(strain, stress):
+        others = [one for options in strains for one in options if one.column is not strain.column]
+        confirmed = any(strain.agrees(one) for one in others)
+        if stress is None:
+            return None
+        strain = self._from_rest(strain, stress)
+        if not self._possible(strain, stress, confirmed):
             return None
         self.assumed += [
             f"{one}: converted at constant volume"
             for one in (strain, stress)
             if one.quantity.startswith("true")
         ]
+        self._tell_unknown()
         for column in self.block.columns:
             across = column.quantities == ("lateral-stress",)
             if across and (column.unit is None) != (stress.column.unit is None):
@@ -203,6 +211,10 @@ class Readings:
             options = [self._reading(column, one, not direct) for one in meanings]
             found.append([one for one in options if one is not None])
         found = [options for options in found if options]
+        if group == "strain" and len(found) > 1:
+            for options in [one for one in found if np.nanmin(one[0].values) <= 0]:
+                self.assumed.append(f"{options[0]} is a position, and is not used")
+                found.remove(options)
         if group == "stress" and any(options[0].column.unit for options in found):
             for options in [options for options in found if not options[0].column.unit]:
                 self.assumed.append(f"{options[0].column.heading!r} has no unit, and is not used")
@@ -220,9 +232,8 @@ class Readings:
         True stresses are still to be divided by the stretch.
         """
         values = _in_units(column, quantity)
-        squeezed = any(
-            re.search(COMPRESSION, plain(one.heading).lower()) for one in self.block.columns
-        )
+        titles = [self.block.title, *(one.heading for one in self.block.columns)]
+        squeezed = any(re.search(COMPRESSION, plain(text).lower()) for text in titles)
         if squeezed and quantity != "stretch" and np.nanmax(values) > -np.nanmin(values):
             values = -values
             if (text := f"{column.heading!r} is positive in compression") not in self.assumed:
@@ -325,16 +336,50 @@ class Readings:
                 )
         return certain[0]
 
-    def _possible(self, strain: Reading, stress: Reading) -> bool:
-        """Whether stretches can be those of a test that begins at rest; else ask."""
+    def _from_rest(self, strain: Reading, stress: Reading) -> Reading:
+        """Return stretches of an extension that is counted from elsewhere, as positions of a
+        crosshead are, from its first row, if that has no force.
+        """
+        first = int(np.isfinite(strain.values + stress.values).argmax())
+        size, away = np.abs(stress.values), strain.values[first] - 1
+        reach = min(1.0, float(np.ptp(strain.values[np.isfinite(strain.values)])))
+        begins = size[first] <= UNLOADED * np.nanmax(size) and abs(away) > MOST_SLACK * reach > 0
+        if strain.quantity != "extension" or not begins or self.facts.zero == "keep":
+            return strain
+        self.assumed.append(
+            f"{strain.column.heading!r} begins at {strain.column.values[first]:g} without force,"
+            " and is counted from there (--zero keep)"
+        )
+        return replace(strain, values=strain.values - away)
+
+    def _tell_unknown(self) -> None:
+        """Say which columns have a unit of stretches or stresses, and no heading that is known."""
+        wanted = "extension", "engineering-strain", "force", "nominal-stress"
+        unknown = [
+            f"{one.heading!r} in {one.unit}"
+            for one in self.block.columns
+            if not one.quantities and one.unit and found_in(KINDS, one.heading) is None
+            if (unit := unit_in(one.unit)) and any(fits(unit, quantity) for quantity in wanted)
+        ]
+        if unknown:
+            self.assumed.append(
+                f"{', '.join(unknown)}: not understood, and not used (--column strain='...')"
+            )
+
+    def _possible(self, strain: Reading, stress: Reading, confirmed: bool) -> bool:
+        """Whether stretches, which another column may confirm, can be those of a test that begins
+        at rest; else ask.
+        """
         size = np.abs(stress.values)
-        rest = int(np.nanargmin(size)) if np.isfinite(size).any() else 0
+        # Of the rows without stress those before the load count, not those after a break.
+        away = np.where(size <= UNLOADED * np.nanmax(size), np.abs(strain.values - 1), np.inf)
+        rest = int(np.nanargmin(away)) if np.isfinite(away).any() else 0
         name, raw = strain.column.heading, _in_units(strain.column, strain.quantity)
         unloaded = size[rest] <= UNLOADED * np.nanmax(size) > 0 and np.ptp(raw) > 0
         least, most = np.nanmin(strain.values), np.nanmax(strain.values)
         asked = None
         is_strain = strain.quantity in ("engineering-strain", "true-strain")
-        if is_strain and most > MOST_STRETCH and strain.column.unit is None:
+        if is_strain and most > MOST_STRETCH and strain.column.unit is None and not confirmed:
             percent = 1 + np.nanmax(raw) / 100
             asked = (
                 f"{strain}, or in per cent to a stretch of {percent:.4g}: --unit strain=1 or"
@@ -345,11 +390,17 @@ class Readings:
                 f"{strain}, or as a stretch of {np.nanmin(raw):.4g} to {np.nanmax(raw):.4g}, as it"
                 f" never is less than 1: --column stretch={name!r}"
             )
+        elif strain.quantity == "extension" and unloaded and abs(strain.values[rest] - 1) > 0.3:
+            asked = f"{strain} is {strain.values[rest]:.4g} without stress: is the length right?"
         elif unloaded and abs(strain.values[rest] - 1) > 0.3:
             asked = (
                 f"{strain} is {strain.values[rest]:.4g} without stress; as a strain it gives a"
                 f" stretch of {1 + least:.4g} to {1 + most:.4g}:"
                 f" --column engineering-strain={name!r}"
+            )
+        elif is_strain and strain.column.unit is None and not confirmed and np.nanmax(raw) > 1:
+            self.assumed.append(
+                f"{name!r} has no unit, and is taken as a number, not in per cent (--unit strain=%)"
             )
         if asked:
             self.missing.append(asked)
@@ -361,29 +412,46 @@ class Readings:
             (number, one)
             for number, one in enumerate(self.block.columns, start=1)
             if one.values.dtype.kind == "f" and np.isfinite(one.values).any()
+            if one.quantities not in (("time",), ("temperature",), ("cycle",))
+            if found_in(KINDS, one.heading) != "no measurement"
         ]
         words = ", ".join(
             f"{number} {one.heading!r} ({np.nanmin(one.values):.4g} to {np.nanmax(one.values):.4g})"
             for number, one in columns
         )
-        text = f"which column is the stretch and which the stress, of {words}:"
-        if len(columns) == 2:
-            readings = []
-            for strain, stress in (columns, columns[::-1]):
-                least = np.nanmin(strain[1].values)
-                kind = "stretch" if least >= 0.3 else "engineering-strain"
-                readings.append(f"--column {kind}={strain[0]} --column stress={stress[0]}")
-            text += f" {readings[0]}, or {readings[1]}"
-        else:
-            text += " --column strain=NUMBER --column stress=NUMBER (or force, extension)"
-        self.missing.append(text)
+        text = f"which column is the stretch and which the stress, of {words}"
+        kinds = [(one.heading, found_in(KINDS, one.heading)) for one in self.block.columns]
+        if others := [repr(heading) for heading, kind in kinds if kind == "no measurement"]:
+            text += f" ({', '.join(others)}: neither)"
+        readings = [
+            f"--column {kinds[0]}={strain[0]} --column {kinds[1]}={stress[0]}"
+            for strain, stress in permutations(columns, 2)
+            if all(kinds := [_kind(strain[1], "strain"), _kind(stress[1], "stress")])
+        ]
+        if not 0 < len(readings) < 3:
+            readings = ["--column strain=NUMBER --column stress=NUMBER (or force, extension)"]
+        self.missing.append(f"{text}: {', or '.join(readings)}")
+
+
+def _kind(column: Column, group: str) -> str | None:
+    """Return what a column may be as a strain or stress by its unit, or its numbers."""
+    unit = unit_in(column.unit or "") or ""
+    if unit:
+        kinds = SOURCES[group][1::2] if group == "strain" else SOURCES[group][::2]
+        return next((one for one in kinds if fits(unit, one)), None)
+    if group == "stress":
+        return group
+    return "stretch" if np.nanmin(column.values) >= 0.3 else "engineering-strain"
 
 
 def _in_units(column: Column, quantity: str) -> np.ndarray:
     """Return the numbers of a column in the unit of its quantity, as they are without a unit."""
     if not column.unit:
         return column.values
-    return column.values * factor(column.unit, UNITS.get(quantity, "1"))
+    try:
+        return column.values * factor(column.unit, UNITS.get(quantity, "1"))
+    except ValueError as error:
+        raise ValueError(f"column {column.heading!r}: {error} (--unit {quantity}=...)") from None
 
 
 def amount_in(text: str, to: str, what: str) -> float:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import zip_longest
 
 from .quantities import FACTS, KINDS, plain
 
@@ -84,10 +85,10 @@ def decode(data: bytes) -> tuple[str, str] | None:
     except UnicodeDecodeError:
         # Few bytes tell encodings apart badly; known words do it well.
         found = [*from_bytes(data, cp_isolation=ENCODINGS, threshold=0.5)]
-        if name != "utf-8" or not found:
+        if name != "utf-8":
             return None
-        best = max(found, key=lambda one: _known_words(str(one)))
-        text, name = str(best), best.encoding
+        best = max(found, key=lambda one: _known_words(str(one)), default=None)
+        text, name = (str(best), best.encoding) if best else (data.decode("latin_1"), "latin_1")
     return None if re.search(r"[\x00-\x08\x0e-\x19]", text[:4000]) else (text, name)
 
 
@@ -180,6 +181,11 @@ def decimal_sign(cells: list[list[str]]) -> str:
         If some numbers need a comma and others a point, or a comma can be either.
     """
     needs, unclear = _signs(cell for row in cells if _numbers(row) for cell in row)
+    if grouped := _in_groups(cells, next(iter(needs), ".")):
+        raise ValueError(
+            f"{grouped} can be {grouped.replace(',', '.')} or {re.sub('[.,]', '', grouped)}: other"
+            " numbers of its column have no decimals: export it without signs between thousands"
+        )
     if len(needs) > 1:
         raise ValueError(
             f"the decimal sign is a comma in {needs[',']} and a point in {needs['.']}: use one"
@@ -192,6 +198,21 @@ def decimal_sign(cells: list[list[str]]) -> str:
             " other number settles it: export it with decimal points"
         )
     return next(iter(needs)) if len(needs) == 1 else "."
+
+
+def _in_groups(cells: list[list[str]], sign: str) -> str | None:
+    """Return a number with a decimal sign that seems to stand between thousands: its column has
+    only such ones and numbers below a thousand without decimals.
+    """
+    for column in zip_longest(*(row for row in cells if _numbers(row) == 2), fillvalue=""):
+        grouped = {
+            cell for cell in column if re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}[{sign}]\d{{3}}", cell)
+        }
+        others = {cell for cell in column if cell.lower() not in MISSING} - grouped
+        whole = all(re.fullmatch(r"[+-]?\d{1,3}", cell) for cell in others)
+        if grouped and whole and any(len(cell.lstrip("+-")) == 3 for cell in others):
+            return min(grouped)
+    return None
 
 
 def _signs(cells: Iterable[str]) -> tuple[dict[str, str], str]:

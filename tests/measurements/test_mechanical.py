@@ -132,6 +132,32 @@ def test_what_is_missing_is_asked_for_with_its_option(name, stated, needed):
     assert {row["unit"] for row in tests.ranges} <= {"s", "mm", "N", "MPa", ""}
 
 
+def test_a_gauge_length_is_needed_as_soon_as_the_extension_has_a_unit(tmp_path):
+    stretch = np.linspace(1, 4, 61)
+    path = table(tmp_path, Extension=(stretch - 1) * 25, Load=gent(stretch) * 12)
+    missing = "; ".join(read_tests(path, **GEOMETRY).missing)
+    assert "--unit extension=" in missing
+    assert "--unit force=" in missing
+    (found,) = read_tests(path, **GEOMETRY, units={"extension": "mm", "force": "N"}).specimens
+    np.testing.assert_allclose(found.stretch, stretch, rtol=1e-5)
+
+
+def test_two_measures_of_extension_that_differ_are_chosen_by_the_user(tmp_path):
+    """The crosshead moves further than the extensometer says."""
+    stretch = np.linspace(1, 4, 61)
+    columns = {"Extension__mm": (stretch - 1) * 30, "Strain": stretch - 1, "Load__N": gent(stretch)}
+    path = table(tmp_path, **columns)
+    facts = UNIAXIAL | {"area": "1 mm2", "gauge_length": "25 mm"}
+    with pytest.raises(
+        ValueError, match=r"1 to 4\) contradicts .* 1 to 4.6\): .* --column extension"
+    ):
+        read_tests(path, **facts)
+    (found,) = read_tests(path, **facts, columns={"extension": "Extension"}).specimens
+    assert found.stretch.max() == pytest.approx(4.6)
+    (found,) = read_tests(path, **UNIAXIAL, area="1 mm2", columns={"strain": "Strain"}).specimens
+    assert found.stretch.max() == pytest.approx(4.0)
+
+
 STRETCH = np.linspace(1, 4, 61)
 
 
@@ -198,6 +224,21 @@ def test_branches_cycles_and_holds_are_those_of_the_program(tmp_path):
     (said,) = [text for text in read_tests(path, **GEOMETRY).assumed if "hysteresis" in text]
     # 20 % less stress on the way back, over the same stretches
     assert float(said.split("hysteresis: ")[1].split(" %")[0]) == pytest.approx(20, abs=1)
+
+
+def test_small_cycles_before_a_break_have_no_holds_at_their_turns(tmp_path):
+    parts = [part for top in (1.5, 2.0, 2.5) for part in ((1.05, top), (top, 1.05))]
+    parts = [np.linspace(*ends, 100) for ends in [*parts, (1.05, 4.0)]]
+    parts[0] = np.linspace(1, 1.5, 100)
+    branch = np.repeat(["loading", "unloading"] * 3 + ["loading"], 100)
+    stretch = np.concatenate(parts)
+    stress = gent(stretch) * np.where(branch == "unloading", 0.8, 1.0)
+    path = machine(tmp_path, np.r_[stretch, 4.02, 4.03], np.r_[stress, 0.05, 0.02])
+    (found,) = read_tests(path, **GEOMETRY).specimens
+    assert (found.branch[:700] != branch).sum() <= 6  # rows at the turns that are given twice
+    assert found.cycle.tolist() == np.repeat([1, 2, 3, 4], [200, 200, 200, 102]).tolist()
+    assert found.chosen.sum() == 100
+    assert found.at_break.stretch == 4.0
 
 
 LONG = np.linspace(1, 5, 401)
@@ -333,3 +374,111 @@ def test_stresses_along_both_directions_have_units_and_are_divided_by_their_stre
     path = table(tmp_path, **columns, **{"Lateral stress": 0.1 * across})
     with pytest.raises(ValueError, match="the unit of all stresses"):
         pds.load_test_data(path)
+
+
+def rubber(path, **stated):
+    """Return the rows that are taken of a file, as stretches and stresses, and what is said."""
+    tests = read_tests(path, **stated)
+    assert not tests.missing, tests.missing
+    (found,) = tests.specimens
+    chosen = found.chosen
+    return found.stretch[chosen], found.nominal_stress[chosen], " ".join(tests.assumed)
+
+
+RAMP = np.linspace(1, 4, 121)
+
+
+def test_a_hold_in_which_most_stress_relaxes_is_no_break_and_no_preload(tmp_path):
+    ramp = np.linspace(1, 4, 61)
+    relaxed = gent(4.0) * (0.3 + 0.7 * np.exp(-np.arange(240) / 20))
+    stiff = gent(ramp) + 0.1 * gent(4.0) * (1 - np.exp(-(ramp - 1) / 0.01))  # viscous, at first
+    path = machine(tmp_path, np.r_[ramp, np.full(240, 4.0)], np.r_[stiff, relaxed])
+    stretch, _, said = rubber(path, **GEOMETRY)
+    assert stretch == pytest.approx(ramp)
+    assert "break" not in said
+    assert "zero force" not in said
+    # Without the first row the stress at a stretch of 1 is said, and nothing is moved.
+    path = machine(tmp_path, ramp[1:] - ramp[1] + 1, stiff[1:])
+    stretch, _, said = rubber(path, **GEOMETRY)
+    assert "zero force" not in said
+    assert "the nominal stress is" in said
+    assert stretch.min() == 1
+
+
+def test_rows_of_creep_are_a_hold(tmp_path):
+    ramp, crept = np.linspace(1, 2, 40), 2 + 0.3 * (1 - np.exp(-np.arange(200) / 60))
+    path = machine(tmp_path, np.r_[ramp, crept], gent(np.r_[ramp, np.full(200, 2.0)]))
+    stretch, stress, said = rubber(path, **GEOMETRY)
+    assert stress == pytest.approx(gent(stretch), abs=0.01)
+    assert stretch.max() == pytest.approx(2)
+    assert "of hold" in said
+
+
+@pytest.mark.parametrize("slack", [0.1, 0.5, 1.5])
+def test_slack_of_any_size_is_found(tmp_path, slack):
+    shown = np.r_[np.linspace(1, 1 + slack, 20)[:-1], RAMP + slack]
+    path = machine(tmp_path, shown, np.r_[np.full(19, 0.001), gent(RAMP)])
+    stretch, stress, said = rubber(path, **GEOMETRY)
+    assert np.abs(stress - gent(stretch)).max() < 0.01 * stress.max()
+    assert "(slack)" in said
+
+
+@pytest.mark.parametrize("start", [125.3, -60.0])
+def test_positions_of_a_crosshead_count_from_the_row_without_force(tmp_path, start):
+    path = table(tmp_path, Position__mm=(RAMP - 1) * 25 + start, Load__N=gent(RAMP) * 12)
+    stretch, _, said = rubber(path, **GEOMETRY)
+    assert stretch == pytest.approx(RAMP, abs=1e-4)
+    assert f"begins at {start:g}" in said
+
+
+def test_a_break_to_no_force_is_not_taken_for_the_start(tmp_path):
+    path = machine(tmp_path, np.r_[RAMP, 4.1], np.r_[gent(RAMP) + 0.002, 0.0])
+    assert rubber(path, **GEOMETRY)[0].max() == pytest.approx(4)
+
+
+def test_columns_that_agree_settle_what_one_of_them_leaves_open(tmp_path):
+    stretch = np.linspace(1.07, 17.07, 60)
+    columns = {"True Strain": np.log(stretch), "Engineering Strain": stretch - 1}
+    path = table(tmp_path, **columns, **{"Engineering Stress (MPa)": 0.05 * (stretch - 1)})
+    assert rubber(path, **UNIAXIAL)[0] == pytest.approx(stretch, rel=1e-4)
+
+
+def test_signs_of_compression_are_asked_or_follow_words(tmp_path):
+    shown = np.linspace(1, 0.5, 60)
+    for title, extension in (("", -1), ("Compression test\n\n", 1)):
+        path = table(tmp_path, Travel__mm=extension * (1 - shown) * 25, Load__N=-gent(shown) * 12)
+        path.write_text(title + path.read_text())
+        if title:
+            assert rubber(path, **GEOMETRY)[0] == pytest.approx(shown, rel=1e-4)
+        else:
+            (missing,) = read_tests(path, **GEOMETRY).missing
+            assert "against their strains, which are of compression" in missing
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({"AVE2 (%)": 100 * (RAMP - 1)}, "'AVE2' in %: not understood"),
+        ({"Crosshead absolute (mm)": RAMP * 25 - 800}, "is a position, and is not used"),
+    ],
+)
+def test_columns_that_are_not_used_are_named(tmp_path, columns, said):
+    more = {"Standard travel (mm)": (RAMP - 1) * 25, "Load (N)": gent(RAMP) * 12}
+    assert said in rubber(table(tmp_path, **more, **columns), **GEOMETRY)[2]
+
+
+def test_strains_in_per_cent_without_a_unit_are_a_warning(tmp_path):
+    few = RAMP[:5]
+    path = table(tmp_path, Strain=100 * (few - 1), **{"Stress (MPa)": gent(few)})
+    assert "not in per cent (--unit strain=%)" in rubber(path, **UNIAXIAL)[2]
+
+
+def test_what_is_missing_comes_before_what_is_not_needed(tmp_path):
+    path = table(tmp_path, **{"Siła (N)": gent(RAMP) * 12, "Droga (mm)": (RAMP - 1) * 25})
+    (missing,) = read_tests(path, **GEOMETRY).missing
+    assert missing.endswith(": --column extension=2 --column force=1")
+
+
+def test_other_measures_of_stress_are_not_taken_as_nominal(tmp_path):
+    path = table(tmp_path, stretch=RAMP, **{"2nd Piola-Kirchhoff stress (MPa)": gent(RAMP) / RAMP})
+    assert "'2nd Piola-Kirchhoff stress': neither" in read_tests(path, **UNIAXIAL).missing[0]

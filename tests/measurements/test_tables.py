@@ -391,3 +391,33 @@ def test_a_workbook_without_calamine_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "python_calamine", None)
     with pytest.raises(ValueError, match=r"pip install pdsurrogate\[xlsx\]"):
         read_tables(MACHINES / "workbook.xlsx")
+
+
+def test_points_between_thousands_beside_numbers_without_decimals_are_refused(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text("Extension (mm);Load (mN)\n0;0\n1;542\n2;946\n3;1.310\n4;1.720\n")
+    with pytest.raises(ValueError, match=r"1\.310 can be 1\.310 or 1310"):
+        read_tables(path)
+
+
+def test_specimens_that_share_a_column_are_said(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text("Extension (mm);Load (N);Load (N)\n0;0;0\n1;5;6\n2;9;10\n")
+    assert read_tables(path).notes == ("2 specimens side by side share 'Extension'",)
+
+
+def test_text_in_no_known_encoding_keeps_its_numbers(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_bytes("Путь;Усилие\n0;0\n1,5;2,5\n3,0;4,5\n".encode("cp1251"))
+    assert read_tables(path).blocks[0].columns[1].values.tolist() == [0, 2.5, 4.5]
+
+
+@pytest.mark.parametrize(
+    ("heading", "unit"), [("Strain percent", "%"), ("Strain (µε)", "um/m"), ("载荷(牛顿)", "N")]
+)
+def test_units_in_words(tmp_path, heading, unit):
+    path = tmp_path / "test.csv"
+    path.write_text(f"{heading};Stress (MPa);Tempo (s)\n0;0;0\n1;5;6\n2;9;10\n", "utf-8")
+    column, _, time = read_tables(path).blocks[0].columns
+    assert factor(column.unit, unit) == 1
+    assert time.quantities == ("time",)
