@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel
 from typer import Option
 
-from ..measurements import is_field, read_fields
+from ..measurements import files_at, is_field, read_fields
 from ..measurements.dialects import OWN
 from ..measurements.field import MeasuredField
 from ..measurements.quantities import factor
@@ -76,6 +76,7 @@ class FieldRows:
 
 def is_own(paths: list[Path], facts: FieldFacts) -> bool:
     """Whether a file has the columns x1, x2, u1, u2 of a scene, and no image of it is meant."""
+    paths = files_at(*paths)
     return len(paths) == 1 and facts.frame != "image" and is_field(paths[0]) in (OWN.form, None)
 
 

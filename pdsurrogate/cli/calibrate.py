@@ -34,7 +34,8 @@ RUN = "calibration-run"
 
 FIELDS_HELP = (
     "File of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3), or of a"
-    " program for image correlation; may be repeated, one file for each image."
+    " program for image correlation: one for each image, as a folder, 'FOLDER/*.csv' in quotes, or"
+    " repeated."
 )
 FORCES_HELP = (
     "CSV file with the column step and measurements: force, of the region that is pulled, or"
@@ -181,6 +182,11 @@ def calibrate(
     note(f"Wrote {path}, and the report in {folder}")
 
 
+def _in_text(value: float | str | list) -> float | str:
+    """Return numbers in one text, and else what is given."""
+    return np.array2string(np.array(value), precision=4) if isinstance(value, list) else value
+
+
 def print_calibrated(found: dict) -> None:
     """Print the parameters of a calibrated law with their standard errors, the residuals, and
     what the test leaves open.
@@ -195,9 +201,19 @@ def print_calibrated(found: dict) -> None:
         [{"mode": mode, **row} for mode, rows in found["stresses"].items() for row in rows],
     )
     if "map" in found:
+        errors = dict(found["map"].get("standard_errors", {}))
+        errors["origin_of_image"] = errors.pop("translation", "")
         print_rows(
             "Map from the image to the scene",
-            [{"what": key, "value": value} for key, value in found["map"].items()],
+            [
+                {
+                    "what": key.replace("_", " "),
+                    "value": _in_text(value),
+                    "standard error": _in_text(errors.get(key, "")),
+                }
+                for key, value in found["map"].items()
+                if key != "standard_errors"
+            ],
         )
         print_rows("Points left out or down-weighted", [found["points"]])
     for text in found["remarks"]:

@@ -19,7 +19,7 @@ from ..discretization.mesh_facts import describe_mesh
 from ..identification.campaign import Source, TestFacts, option_of, read_sources, sources
 from ..identification.data import test_data_of
 from ..identification.written import table_of
-from ..measurements import is_field, read_fields, read_tables
+from ..measurements import files_at, is_field, read_fields, read_tables
 from ..measurements.readings import SOURCES
 from ..measurements.specimens import MechanicalTests
 from ..measurements.table import Block, Column, TableFile
@@ -79,6 +79,7 @@ def data(
     ] = None,
 ) -> None:
     """Print what files are, draw them, and write tests as a table of test data."""
+    files = [str(one) for file in files for one in files_at(file)]
     fields: dict[str, list[str]] = {}
     for file in files:
         if form := is_field(file):

@@ -22,7 +22,8 @@ def read_fields(
     ----------
     *paths : str or path
         Files: one for all images, or one for each, which are then taken in the order of the
-        numbers in their names.
+        numbers in their names. A folder stands for its files, and a pattern such as
+        ``camera/*.csv`` for those that match.
     unit : str, optional
         Unit of places and displacements, such as "px" or "mm", if the files state none. If a file
         has places in several units, those in this one are read.
@@ -44,17 +45,20 @@ def read_fields(
 
     Examples
     --------
+    >>> import tempfile
     >>> from pathlib import Path
     >>> from pdsurrogate.measurements import read_fields
-    >>> _ = Path("frame.csv").write_text("step,x1,x2,u1,u2\n1,0.5,1.0,0.1,0.2\n")
-    >>> read_fields("frame.csv").displacements.tolist()
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "frame.csv"
+    ...     _ = path.write_text("step,x1,x2,u1,u2\n1,0.5,1.0,0.1,0.2\n")
+    ...     read_fields(path).displacements.tolist()
     [[0.1, 0.2]]
     """
     if not paths:
         raise ValueError("there is no file of a field")
     for path in paths:
         check_path(path, "field")
-    files = sorted(map(Path, paths), key=_numbers)
+    files = sorted(files_at(*paths), key=_numbers)
     read = [_rows(file, unit, dimension) for file in files]
     first = read[0]
     where = f"{files[0]}: {first.dialect.form}"
@@ -115,6 +119,26 @@ def read_fields(
         first.subset,
         tuple(dict.fromkeys(notes)),
     )
+
+
+def files_at(*paths: str | Path) -> list[Path]:
+    """Return files: those in a folder in its place, and those that match a pattern.
+
+    Raises
+    ------
+    ValueError
+        If a folder has no files, or nothing matches a pattern.
+    """
+    found: list[Path] = []
+    for path in map(Path, paths):
+        folder, pattern = (path, "*") if path.is_dir() else (path.parent, path.name)
+        several = path.is_dir() or (not path.exists() and re.search(r"[*?]", pattern))
+        named = (one for one in sorted(folder.glob(pattern)) if not one.name.startswith("."))
+        files = [one for one in named if one.is_file()] if several else [path]
+        if not files:
+            raise ValueError(f"{path}: there are no such files")
+        found += files
+    return found
 
 
 def is_field(path: str | Path) -> str | None:

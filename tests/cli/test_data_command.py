@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.artifacts.card import IdentificationEntries
 from pdsurrogate.artifacts.material import material_on
+from pdsurrogate.calibration.field_files import FieldFacts
 from pdsurrogate.calibration.reporting import measurements
 from pdsurrogate.cli import app
 
@@ -250,15 +251,17 @@ def test_a_machines_forces_are_those_of_the_steps(tmp_path):
     scene = pds.load_scene("uniaxial", stretches=[1.1, 1.2, 1.3])
     file = tmp_path / "machine.csv"
     file.write_text("Time (s),Load (N)\n0,0\n10,20\n20,40\n30,60\n")
-    X, y, outputs = measurements(scene, None, file, {"thickness": "2 mm"}, "10,15,30")
+    of_camera = FieldFacts(), None
+    X, y, outputs, _ = measurements(
+        scene, None, file, {"thickness": "2 mm"}, "10,15,30", *of_camera
+    )
     assert X[:, 0].tolist() == [1, 2, 3]
     assert y == pytest.approx([1000.0, 1500.0, 3000.0])
     assert outputs == {"force": "force"}
     rows = tmp_path / "rows.csv"
     rows.write_text("Load (kN),Extension (mm)\n0.02,1\n0.04,2\n0.06,3\n")
-    assert measurements(scene, None, rows, {"thickness": "2mm"}, None)[1] == pytest.approx(
-        [1000.0, 2000.0, 3000.0]
-    )
+    y = measurements(scene, None, rows, {"thickness": "2mm"}, None, *of_camera)[1]
+    assert y == pytest.approx([1000.0, 2000.0, 3000.0])
     for path, stated, times, message in (
         (file, {"thickness": "2 mm"}, None, "4 rows for 3 steps of uniaxial"),
         (file, {"thickness": "2 mm"}, "1,2,40", "contain those of the steps"),
@@ -267,9 +270,9 @@ def test_a_machines_forces_are_those_of_the_steps(tmp_path):
         (rows, {"thickness": "2 mm"}, "1,2,3", "there is no column of time"),
     ):
         with pytest.raises(ValueError, match=message):
-            measurements(scene, None, path, stated, times)
+            measurements(scene, None, path, stated, times, *of_camera)
     with pytest.raises(ValueError, match="--thickness is for --forces with the table of a machine"):
-        measurements(scene, tmp_path / "F.csv", None, {"thickness": "2 mm"}, None)
+        measurements(scene, tmp_path / "F.csv", None, {"thickness": "2 mm"}, None, *of_camera)
 
 
 def test_fields_and_meshes_are_described_and_drawn(tmp_path):

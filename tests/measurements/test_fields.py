@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from pdsurrogate.measurements import is_field, read_fields
+from pdsurrogate.measurements import files_at, is_field, read_fields
 
 GRADIENT, SHIFT = np.array([[0.05, 0.02], [-0.03, -0.01]]), np.array([0.7, -0.4])
 PIXELS = np.stack(np.meshgrid([20.0, 30, 40], [50.0, 60]), axis=-1).reshape(-1, 2)  # y downward
@@ -307,3 +307,16 @@ def test_a_direction_that_contradicts_the_program_is_refused(tmp_path):
     assert read_fields(dice(tmp_path / "a.txt"), up=False).lost == 1
     with pytest.raises(ValueError, match="is in px, not in mm"):
         read_fields(dice(tmp_path / "a.txt"), unit="mm")
+
+
+def test_a_folder_and_a_pattern_stand_for_their_files(tmp_path):
+    """Hidden files do not count; a pattern that matches nothing is told."""
+    for step in (1, 2, 10):
+        (tmp_path / f"frame_{step}.csv").write_text(f"step,x1,x2,u1,u2\n1,0,0,{step},0\n")
+    (tmp_path / ".notes").write_text("-")
+    for given in (tmp_path, tmp_path / "frame_*.csv"):
+        assert {file.name for file in files_at(given)} == {
+            f"frame_{step}.csv" for step in (1, 2, 10)
+        }
+    with pytest.raises(ValueError, match="no such files"):
+        files_at(tmp_path / "image_*.csv")
