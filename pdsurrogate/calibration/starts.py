@@ -155,7 +155,9 @@ def _begin(model, law: Law, y: np.ndarray, root: np.ndarray) -> None:
         with failing(f"the search cannot start at {law.describe()}"):
             simulated = test.begin(law)
         if not test.scene.loads:
-            _check_displacements(test, simulated, y[here], 1 / root[here])
+            weight = root[here]  # zero at places beside the body
+            deviation = np.divide(1, weight, out=np.full(len(weight), np.inf), where=weight > 0)
+            _check_displacements(test, simulated, y[here], deviation)
 
 
 def better_start(model, search: Search, x: np.ndarray) -> np.ndarray:
@@ -239,7 +241,7 @@ def _check_displacements(
     and than the noise of the measurements.
     """
     rows = test.rows
-    field = test.rows.is_field
+    field = test.rows.is_field & np.isfinite(deviation)
     what = f"those of scene {test.scene.name}, simulated with a law that fits the forces"
     for step in np.unique(rows.step[field]):
         here = field & (rows.step == step)

@@ -212,7 +212,7 @@ def sources(references: Iterable[str | Path], stated: Mapping[str, Any]) -> list
             raise ValueError(f"{reference}: unknown mode {mode!r}; {suggestion(mode, MODES)}")
         else:
             name = str(reference)
-        if not name.endswith(".toml"):
+        if not name.lower().endswith(".toml"):
             found.append((Path(name), own))
         elif own:
             option = option_of(next(iter(own)))

@@ -243,7 +243,9 @@ def test_data_of(tests: MechanicalTests) -> TestData:
         raise ValueError("; ".join(tests.missing))
     found: list[tuple] = []
     for specimen in tests.specimens:
-        weights = np.where(np.isfinite(specimen.weight), specimen.weight, 1.0)
+        weights = np.where(np.isnan(specimen.weight), 1.0, specimen.weight)
+        if len({*np.isnan(specimen.weight[specimen.chosen])}) > 1:
+            raise ValueError(f"{tests.name}: some rows have no weight: all have one, or none")
         if not np.isfinite(specimen.weight).any() and specimen.mode in tests.scatter:
             weights = tests.scatter[specimen.mode].weights(specimen.nominal_stress)
         for place in np.flatnonzero(specimen.chosen):

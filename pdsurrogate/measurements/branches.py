@@ -21,7 +21,8 @@ above the first one. Elastic unloading, also of filled rubber, keeps more stress
 
 SUDDEN = 0.3
 """Least fraction of the peak that the stress of a specimen that breaks loses from one row to the
-next, unless it stretches further: in a hold, and on unloading, stress goes by and by.
+next, unless it stretches further or the fall is quick: stress that relaxes in a hold takes longer
+than a tenth of the loading, in which it would have relaxed as well; unloading goes by and by.
 """
 
 MOST_SLACK = 0.3
@@ -41,7 +42,7 @@ def strain_of(stretch: np.ndarray) -> np.ndarray:
     return np.abs(np.log(stretch))
 
 
-def break_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:
+def break_row(stretch: np.ndarray, stress: np.ndarray, time: np.ndarray) -> int | None:
     """Return the last row before the specimen breaks, that of the peak of the stress; None if it
     does not break.
     """
@@ -53,8 +54,11 @@ def break_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:
     same = np.sign(stretch[after] - 1) == np.sign(stretch[peak] - 1)
     share, rest = same * strain[after] / strain[peak], size[after] / size[peak]
     sudden = float(-np.diff(rest, prepend=1.0).min()) >= SUDDEN
+    clock = time if (np.diff(time) > 0).all() else np.arange(len(stretch), dtype=float)
+    quick = clock[after] - clock[peak] <= SETTLED * (clock[peak] - clock[0])
+    going = sudden | (quick & (share > 1 - LEAST / 10))
     broken = any(
-        ((share > least) & (rest <= most)).any() for least, most in FALLEN if least > 1 or sudden
+        ((share > least) & (rest <= most) & (going | (least > 1))).any() for least, most in FALLEN
     )
     # A camera or clip that loses the specimen jumps back at once, and no load ever returns.
     lost = peak > 0 and rest[0] <= FALLEN[-1][1] and bool((rest <= 2 * FALLEN[-1][1]).all())

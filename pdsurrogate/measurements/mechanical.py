@@ -61,7 +61,10 @@ def read_tests(*files: str | Path, **stated: Any) -> MechanicalTests:
         known = list(Facts.__dataclass_fields__)
         wrong = next(name for name in stated if name not in known)
         raise TypeError(f"there is no fact {wrong}; {suggestion(wrong, known)}") from None
-    _check(facts)
+    try:
+        _check(facts)
+    except ValueError as error:
+        raise ValueError(f"{', '.join(map(str, files))}: {error}") from None
     parts, used = [], set()
     for file in files:
         found = read_tables(file, columns=facts.columns, units=facts.units)
@@ -93,13 +96,28 @@ def join_tests(name: str, *parts: MechanicalTests) -> MechanicalTests:
         " greatest stress"
         for mode, found in together.scatter.items()
     ]
+    said = (*(text for part in parts for text in part.assumed), *_twins(specimens), *scatter)
     return replace(
         together,
-        assumed=(*(text for part in parts for text in part.assumed), *scatter),
+        assumed=tuple(dict.fromkeys(said)),
         missing=tuple(text for part in parts for text in part.missing),
         ranges=tuple(row for part in parts for row in part.ranges),
         rows=rows,
     )
+
+
+def _twins(specimens: list[Specimen]) -> list[str]:
+    """Return remarks on specimens with the same rows, as of a file that is given twice."""
+    seen: dict[tuple, str] = {}
+    found = []
+    for one in specimens:
+        curve = one.stretch[one.chosen], one.nominal_stress[one.chosen], one.lateral_stress
+        key = one.mode, *(values.tobytes() for values in curve)
+        if key in seen:
+            found.append(f"{one.name} has the same rows as {seen[key]}, and counts twice")
+        elif len(curve[0]) > 3:
+            seen[key] = one.name
+    return found
 
 
 def _check(facts: Facts) -> None:
@@ -213,7 +231,7 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
     cycle, end, at_break = np.ones(len(rows), dtype=int), len(rows), None
     lost, zero = None, 1.0
     if mode != BIAXIAL:
-        peak = break_row(stretch, stress)
+        peak = break_row(stretch, stress, time)
         end = len(rows) if peak is None else peak + 1
         branch[end:] = "broken"
         branch[:end], cycle[:end] = branches(stretch[:end], time[:end], readings.resolution)

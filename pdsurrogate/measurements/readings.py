@@ -41,6 +41,9 @@ scatter of a laboratory.
 MOST_STRETCH = 15.0
 """Greatest stretch that rubber bears: natural rubber breaks at 8 to 10, soft gels at some 15."""
 
+MOST_STRESS = 100.0
+"""Greatest nominal stress that rubber bears, in MPa: the strongest break at some 40."""
+
 UNLOADED = 0.01
 """Fraction of the greatest stress below which a row counts as unloaded."""
 
@@ -107,9 +110,9 @@ class Readings:
 
     def modes(self) -> list[str] | None:
         """Return the mode of loading of each row; None, with a remark, if it is missing."""
-        stated, found = self.facts.mode, self.text("mode")
+        stated, found = self.facts.mode, [one.lower() for one in self.text("mode")]
         own = {*found} - {""}
-        if wrong := own - {*MODES}:
+        if wrong := ({*found} if own else own) - {*MODES}:
             line = next(
                 line for line, mode in zip(self.block.lines, found, strict=True) if mode in wrong
             )
@@ -266,7 +269,7 @@ class Readings:
         option = f"--{name.replace(' ', '-')}"
         stated = self.facts.sizes().get(name)
         found = [
-            amount_in(text, to, what)
+            amount_in(text, to, f"{self.where}: {what}")
             for text, what in ((stated, option), (self.block.facts.get(name), f"the file's {name}"))
             if text is not None
         ]
@@ -402,6 +405,10 @@ class Readings:
             self.assumed.append(
                 f"{name!r} has no unit, and is taken as a number, not in per cent (--unit strain=%)"
             )
+        elif most > MOST_STRETCH and not confirmed:
+            self.assumed.append(f"{strain} is more than rubber bears: correct the unit or length")
+        if size.max(where=np.isfinite(size), initial=0.0) > MOST_STRESS and stress.column.unit:
+            self.assumed.append(f"{stress} in MPa is more than rubber bears: correct unit or area")
         if asked:
             self.missing.append(asked)
         return not asked

@@ -239,3 +239,23 @@ def test_a_law_and_the_map_of_a_camera_come_back_together(seen_and_fitted):
     kept = model.weights_ > 0
     off = (model.predict(X) - y)[kept] / model.standard_deviations_[kept]
     assert np.sqrt((off**2).mean()) < 1.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "mistake", ["v has the opposite sign", "u has the opposite sign", "old minus new places"]
+)
+def test_a_fit_refuses_mistakes_with_their_cause(scene, noisy, mistake):
+    """Before the search, with the law not yet known."""
+    change, message = MISTAKES[mistake]
+    rows = Rows(np.arange(1, 4), np.zeros(3, dtype=int), np.zeros((3, 2)))
+    forces = MeasuredScene(scene, rows).simulate(pds.materials.Gent(400.0, 4e4, 15.0))[0]
+    places, displacements = (np.broadcast_to(one, noisy.shape) for one in change(PLACES, noisy))
+    tables = [
+        rows_of(p, u[None], f[None]) for p, u, f in zip(places, displacements, forces, strict=True)
+    ]
+    X = np.vstack([table + np.array([k, 0, 0, 0]) for k, (table, _) in enumerate(tables)])
+    y = np.concatenate([values for _, values in tables])
+    deviation = np.where(X[:, 1] > 0, NOISE, 1.0)
+    with pytest.raises(ValueError, match=message):
+        pds.SceneRegressor(scene, "gent", refine=1).fit(X, y, standard_deviation=deviation)

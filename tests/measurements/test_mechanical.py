@@ -250,6 +250,7 @@ LONG = np.linspace(1, 5, 401)
         (np.linspace(5.01, 5.1, 10), np.full(10, 0.02)),  # the load drops
         (np.full(10, 1.2), np.full(10, 0.02)),  # the clip of the extensometer jumps back
         (np.linspace(5.01, 5.2, 20), gent(5.0) * np.linspace(0.98, 0.3, 20)),  # a slow tear
+        (np.linspace(5.0, 5.002, 12), gent(5.0) * np.linspace(0.9, 0.0, 12)),  # falls in 12 rows
     ],
 )
 def test_the_break_is_recorded_and_what_follows_left_out(tmp_path, stretch, stress):
@@ -482,3 +483,34 @@ def test_what_is_missing_comes_before_what_is_not_needed(tmp_path):
 def test_other_measures_of_stress_are_not_taken_as_nominal(tmp_path):
     path = table(tmp_path, stretch=RAMP, **{"2nd Piola-Kirchhoff stress (MPa)": gent(RAMP) / RAMP})
     assert "'2nd Piola-Kirchhoff stress': neither" in read_tests(path, **UNIAXIAL).missing[0]
+
+
+def test_a_file_that_is_given_twice_and_what_no_rubber_bears_are_said(tmp_path):
+    path = machine(tmp_path, RAMP, gent(RAMP))
+    said = read_tests(path, path, **GEOMETRY).assumed
+    assert "test.csv has the same rows as test.csv, and counts twice" in said
+    wrong = GEOMETRY | {"gauge_length": "2.5 mm", "area": "0.12 mm2"}
+    said = " ".join(read_tests(path, **wrong).assumed)
+    assert "correct the unit or length" in said
+    assert "correct unit or area" in said
+
+
+def test_wrong_facts_are_refused_with_the_name_of_the_file(tmp_path):
+    path = machine(tmp_path, RAMP, gent(RAMP))
+    for wrong in ({"mode": "shear"}, {"gauge_length": "25"}):
+        with pytest.raises(ValueError, match=r"test\.csv: "):
+            read_tests(path, **GEOMETRY | wrong)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("mode,stretch,nominal_stress\nUniaxial,1.5,1\n,2,2\n", "line 3: unknown mode ''"),
+        ("mode,stretch,nominal_stress,weight\nuniaxial,1.5,1,2\nuniaxial,2,2,\n", "no weight"),
+    ],
+)
+def test_rows_without_a_mode_or_a_weight_are_refused(tmp_path, text, said):
+    path = tmp_path / "test.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=said):
+        pds.load_test_data(path)
