@@ -6,7 +6,7 @@
 # them with the motion that was drawn. Each program has a venv of its own in a temporary folder, with Python 3.12, which sun-dic asks for.
 # Nothing of this repository is used. It takes half an hour on one core; PYTHON names another interpreter.
 #
-#     sh findings/speckle/run.sh tests/data/speckle
+#     sh tests/data/speckle/made_by/run.sh tests/data/speckle
 set -eu
 out=${1:?folder of the tables}
 here=$(cd "$(dirname "$0")" && pwd)
