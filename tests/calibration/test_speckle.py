@@ -16,15 +16,13 @@ FILES = {"sun-dic": ("sun-dic/*.csv", "25"), "al-dic": ("al-dic*", "28")}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", FILES)
 @pytest.mark.parametrize(
-    ("variant", "options"),
+    ("program", "variant", "options"),
     [
-        ("base", []),
-        ("base", ["--pixels-per", "cm", "121.2"]),  # 120 is right
-        ("turned", []),
-        ("moved", []),
-        ("lost", []),
+        ("al-dic", "base", ["--pixels-per", "cm", "121.2"]),  # 120 is right
+        ("sun-dic", "turned", []),
+        ("sun-dic", "lost", []),
+        ("al-dic", "moved", []),
     ],
 )
 def test_the_law_comes_back_from_correlated_images(tmp_path, program, variant, options):
@@ -33,8 +31,7 @@ def test_the_law_comes_back_from_correlated_images(tmp_path, program, variant, o
     """
     pattern, subset = FILES[program]
     found = sorted((DATA / variant).glob(pattern))
-    files = [one for each in found for one in ([each] if each.is_file() else each.iterdir())]
-    fields = [text for file in files for text in ("--fields", str(file))]
+    fields = [text for each in found for text in ("--fields", str(each))]
     command = ["calibrate", str(DATA / "sheet.toml"), "rubber", *fields, "--subset", subset]
     forces = ["--forces", str(DATA / "forces.csv"), "--law", "gent", "--out", str(tmp_path)]
     done = CliRunner().invoke(app, [*command, *forces, *options, "--json"])
