@@ -151,8 +151,20 @@ def test_a_machine_has_the_time_of_dynamics(sheet, tmp_path):
             for pixels, origin in (("0", "0"), ("-9", "0"), ("nan", "0"), ("9", "nan"))
         ),
         (
-            ["--grid", "a.csv", "--machine", "a.csv", "--pixels-per", "cm", "9"]
-            + ["--origin", "0", "9", "--thickness", "2mm"],
+            [
+                "--grid",
+                "a.csv",
+                "--machine",
+                "a.csv",
+                "--pixels-per",
+                "cm",
+                "9",
+                "--origin",
+                "0",
+                "9",
+                "--thickness",
+                "2mm",
+            ],
             "--grid and --machine are both a.csv",
         ),
         *(
