@@ -36,6 +36,8 @@ def write_grid(
     length = result.scene.units.length
     if length is None:
         raise ValueError("--pixels-per: the scene does not name its unit of length (units.length)")
+    if not 0 < pixels_per[1] < np.inf or not np.isfinite(origin).all():
+        raise ValueError("--pixels-per takes a positive number, and --origin finite ones")
     pixels = pixels_per[1] / factor(pixels_per[0], length)
     grid = pixel_grid(result, pixels, origin, fields)
     if path.suffix == ".npz":
@@ -70,7 +72,13 @@ def write_machine(path: Path, result: Result, thickness: str | None) -> None:
     thick = amount_in(thickness, "m", "thickness") if thickness else length
     newtons = factor(units.stress, "Pa") * length * thick
 
+    timed = any("time" in row for row in result.history)
+    if timed and units.time is None:
+        raise ValueError("--machine: the scene does not name its unit of time (units.time)")
+
     def column(key: str) -> np.ndarray:
+        if not any(key in row for row in result.history):
+            raise ValueError(f"--machine: the history of the run has no {key}")
         return np.array([0.0, *(row.get(key, 0.0) for row in result.history)])
 
     moved = column(f"displacement_{name}_{component}")
@@ -81,6 +89,6 @@ def write_machine(path: Path, result: Result, thickness: str | None) -> None:
         "Extension (mm)": sign * 1000 * length * moved,
         "Load (N)": sign * newtons * column(f"force_{name}_{component}"),
     }
-    if any("time" in row for row in result.history):
-        table = {"Time (s)": factor(units.time or "s", "s") * column("time"), **table}
+    if timed:
+        table = {"Time (s)": factor(units.time, "s") * column("time"), **table}
     write_columns(path, table)

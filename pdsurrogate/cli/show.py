@@ -99,6 +99,17 @@ def show(
             raise ValueError("--grid FILE, --pixels-per UNIT N and --origin X Y go together")
         if thickness is not None and machine is None:
             raise ValueError("--thickness is for --machine FILE.csv")
+        files = grid is not None or machine is not None
+        for option, given, needed, used in (
+            ("--level", level is not None, "pictures", not files),
+            ("--out", pictures is not None, "pictures", not files),
+            ("--outputs", outputs != MOST_OUTPUTS, "--html", html is not None),
+            ("--field", bool(field), "pictures, --html or --grid", machine is None or html or grid),
+        ):
+            if given and not used:
+                raise ValueError(f"{option} is for {needed}: leave it out")
+        if files and grid == machine:
+            raise ValueError(f"--grid and --machine are both {grid}: name two files")
         check_new("--grid", grid, ".npz", ".csv")
         check_new("--machine", machine, ".csv")
         if html is not None and (pictures is not None or level is not None):
@@ -110,6 +121,11 @@ def show(
             )
         result = load_result(folder)
         measured = read_measured(folder / MEASURED, result.scene.dimension) if html else None
+    if measured is not None and not {*measured[:, 0]} <= {*range(1, len(result.states) + 1)}:
+        warn(
+            f"{folder / MEASURED}: the run has the outputs 1 to {len(result.states)}; measured"
+            " displacements of other steps are not shown"
+        )
     pictures = pictures or Path()
     level = -1 if level is None else level
     check_folder(pictures if html is None else html.parent)

@@ -48,8 +48,8 @@ def columns_of_measured(d: int) -> list[str]:
 
 
 def read_measured(path: Path, d: int) -> np.ndarray | None:
-    """Return the rows of a file of measured displacements, shape (m, 1 + 2 d), None if there is no
-    file; raise ValueError if its columns are others.
+    """Return the rows of a file of measured displacements, shape (m, 1 + 2 d), with NaN for empty
+    entries, None if there is no file; raise ValueError if its columns are others.
     """
     if not path.exists():
         return None
@@ -57,7 +57,15 @@ def read_measured(path: Path, d: int) -> np.ndarray | None:
     with path.open(encoding="utf-8") as file:
         if file.readline().strip() != ",".join(columns):
             raise ValueError(f"{path}: the columns must be {','.join(columns)}")
-        return np.loadtxt(file, delimiter=",", ndmin=2)
+        lines = [line for line in file if line.strip()]
+    if not lines:
+        raise ValueError(f"{path}: there are no rows")
+    try:
+        return np.loadtxt(
+            lines, delimiter=",", ndmin=2, converters=lambda entry: float(entry.strip() or "nan")
+        )
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def write_columns(path: Path, columns: Mapping[str, np.ndarray]) -> None:

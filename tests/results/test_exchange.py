@@ -114,6 +114,12 @@ def test_a_machine_has_the_time_of_dynamics(sheet, tmp_path):
     np.testing.assert_allclose(time, [0, 0.5e-3, 1e-3])
     np.testing.assert_allclose(extension, [0, 0.6, 1.5], atol=1e-6)
     np.testing.assert_allclose(load[1:], [3 * row["force_right_1"] for row in rows])  # MPa mm^2
+    scene = scene.model_copy(update={"units": Units(length="mm", stress="MPa")})
+    with pytest.raises(ValueError, match="does not name its unit of time"):
+        write_machine(tmp_path / "no.csv", dataclasses.replace(timed, scene=scene), "3 mm")
+    without = [{"time": 1.0, "stretch": 1.2}]
+    with pytest.raises(ValueError, match="the history of the run has no displacement_right_1"):
+        write_machine(tmp_path / "no.csv", dataclasses.replace(timed, history=without), "3 mm")
 
 
 @pytest.mark.parametrize(
@@ -137,6 +143,39 @@ def test_a_machine_has_the_time_of_dynamics(sheet, tmp_path):
         (["--machine", "m.csv", "--thickness", "2 s"], "thickness"),
         (["--machine", "mine.csv", "--thickness", "2mm"], "this file exists"),
         (["--thickness", "2mm"], "--thickness is for --machine"),
+        *(
+            (
+                ["--grid", "i.npz", "--pixels-per", "cm", pixels, "--origin", origin, "9"],
+                "takes a positive number, and --origin finite ones",
+            )
+            for pixels, origin in (("0", "0"), ("-9", "0"), ("nan", "0"), ("9", "nan"))
+        ),
+        (
+            [
+                "--grid",
+                "a.csv",
+                "--machine",
+                "a.csv",
+                "--pixels-per",
+                "cm",
+                "9",
+                "--origin",
+                "0",
+                "9",
+                "--thickness",
+                "2mm",
+            ],
+            "--grid and --machine are both a.csv",
+        ),
+        *(
+            (["--machine", "a.csv", "--thickness", "2mm", option, value], f"{option} is for ")
+            for option, value in (
+                ("--level", "0"),
+                ("--out", "pictures"),
+                ("--outputs", "1"),
+                ("--field", "stress_11"),
+            )
+        ),
     ],
 )
 def test_what_cannot_be_written_is_told_in_one_line(

@@ -313,6 +313,22 @@ def test_measured_displacements_are_beside_the_simulated_ones(measured):
     assert "the columns must be step,x1,x2,u1,u2" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("rows", "code", "message"),
+    [
+        ("1,0.5,0.5,,\n2,0.5,0.5,0,0\n", 0, ""),  # an empty entry is a lost point
+        ("3,0.5,0.5,0,0\n", 0, "the run has the outputs 1 to 2"),
+        ("", 2, "measured.csv: there are no rows"),
+        ("1,a,0,0,0\n", 2, "measured.csv: could not convert"),
+    ],
+)
+def test_rows_of_measured_displacements_are_checked(rows, code, message, measured, monkeypatch):
+    monkeypatch.setattr("pdsurrogate.cli.show.html_page", lambda *_: "")
+    (measured / MEASURED).write_text(f"step,x1,x2,u1,u2\n{rows}")
+    done = CliRunner().invoke(app, ["show", str(measured), "--html", str(measured / "page.html")])
+    assert (done.exit_code, message in " ".join(done.stderr.split())) == (code, True)
+
+
 @NEEDS_BROWSER
 @pytest.mark.slow  # a browser once more
 def test_the_viewer_shows_the_difference_in_a_browser(measured, tmp_path):
