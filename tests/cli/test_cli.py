@@ -213,11 +213,7 @@ def test_data_that_no_law_describes_make_no_artifact(tmp_path):
     done = invoke("fit", "x", "--data", data, "--law", "gent", "--out", tmp_path / "a")
     assert done.exit_code == 2
     words = " ".join(done.stderr.split())
-    assert (
-        "row 1 (uniaxial, stretch 1.1, nominal stress -1) is compressive where rubber is in tension"
-        in words
-    )
-    assert "and 5 more rows" in words
+    assert "all stresses are against their strains, which are of tension" in words
     data.write_text("mode,stretch,nominal_stress\nuniaxial,1.5,0\nuniaxial,2,0\n")
     done = invoke("identify", data, "--law", "gent")
     assert done.exit_code == 2

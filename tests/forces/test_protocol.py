@@ -23,6 +23,7 @@ LAW = pds.materials.NeoHookean()
 MODELS = [*FORCES, "neo-hookean", "neo-hookean-energy"]
 ROOT = Path(__file__).parents[2]
 FOREIGN = {
+    "_replace",
     "_Unpickler",
     "_exit",
     "_repr_html_",
