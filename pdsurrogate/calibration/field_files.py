@@ -90,6 +90,8 @@ def field_rows(scene: Scene, paths: list[Path], facts: FieldFacts, unit: str | N
     ]
     lost = [f"{field.lost} points that the program marks as lost are left out"] * (field.lost > 0)
     subset = field.subset if facts.subset is None else facts.subset
+    if subset is None and facts.frame != "scene":
+        lost.append("no width of a subset is known: points at edges count as others (--subset)")
     origin = None
     if facts.origin is not None:  # the reader turns rows of pixels upward
         down = facts.up is False or (facts.up is None and field.unit == "px")

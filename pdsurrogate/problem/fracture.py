@@ -11,7 +11,7 @@ import scipy
 from ..body import Body
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
-from ..scenes import Scene
+from ..scenes import Mesh, Scene
 from ..scenes.loading_checks import gives_fracture_energy, names_of_materials
 from ..scenes.model import Criterion, Fracture
 from ..scenes.tip_diameter import TIP_DIAMETER, TipDiameters, tip_diameters_in
@@ -160,6 +160,12 @@ class CriticalStretches:
         self._scene = scene
         self._remarks = list[str]()
         tip = tip_diameters_in(scene, family) if gives_fracture_energy(scene) else None
+        if tip is not None and isinstance(scene.body, Mesh):
+            self._say(
+                "fracture.energy: crack tips were measured on lattices and relaxed points, not on"
+                " meshes, so that the energy release rate at the peak of the load may differ from"
+                " the given energy; compare a finer mesh, or set critical_stretch"
+            )
         laws = [scene.law(), *(part.material.build() for part in scene.materials)]
         own = [
             (None, ""),
@@ -251,8 +257,12 @@ class CriticalStretches:
             " rate at the peak of the load may differ from the given energy by more than 7 %; to"
             " be sure, set critical_stretch"
         )
+        self._say(remark)
+
+    def _say(self, remark: str) -> None:
+        """Warn, and keep the text for the summary."""
         self._remarks.append(remark)
-        warnings.warn(f"scene {self._scene.name}: {remark}", stacklevel=2)
+        warnings.warn(f"scene {self._scene.name}: {remark}", stacklevel=3)
 
     def _ends(self) -> np.ndarray:
         """Return the numbers of the materials at both ends of every pair of the body, shape

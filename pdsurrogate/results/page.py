@@ -49,7 +49,7 @@ one every second, third or further row is shown. Chosen: the table stays readabl
 ``history.csv`` has all rows.
 """
 
-USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
+USUAL = ("damage", "displacement", "von_mises", "principal_stretch")
 """Fields that a page shows first, as far as the last state has them."""
 
 MAPS = (SEQUENTIAL, DIVERGING, "cividis", "inferno", "turbo", "gray")
@@ -70,8 +70,8 @@ def html_page(
     result : Result
     fields : sequence of str
         Fields as for `Result.plot` that come first where not all have room, and of which the page
-        has pictures; by default displacement, von Mises stress, greatest principal stretch and
-        damage, as far as the result has these fields.
+        has pictures; by default damage, displacement, von Mises stress and greatest principal
+        stretch, as far as the result has these fields.
     most_outputs : int
         Greatest number of outputs in the viewer.
     measured : ndarray, shape (m, 1 + 2 d), optional

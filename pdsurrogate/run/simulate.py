@@ -168,7 +168,8 @@ ADVICE = {
 """Advice for error messages by the type of error with which a stage in equilibrium fails."""
 
 DYNAMICS_ADVICE = (
-    "use a smaller dynamics.safety, more dynamics.viscosity or damping, or a smaller spacing"
+    "use a smaller dynamics.safety, more dynamics.viscosity or damping, a smaller spacing, or in"
+    " sheets a force with an energy (bond-energy)"
 )
 
 SINGLE_ADVICE = "or use precision=float64, which has smaller rounding errors"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .regions import EDGES
+from .regions import EDGES, label_of_region
 from .scene import Scene
 
 
@@ -26,8 +26,8 @@ def pulled_force(scene: Scene) -> tuple[str, float]:
             " outputs=['energy']"
         )
     _, value, axis, entry = max(entries, key=lambda one: one[0])
-    name = entry.name or entry.region
-    if not isinstance(name, str):
+    name = entry.name or label_of_region(entry.region, "")
+    if not name:
         raise ValueError(
             f"scene {scene.name}: give the prescribed region a name (prescribed.name), by which its"
             " force is reported"

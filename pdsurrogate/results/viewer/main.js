@@ -385,20 +385,26 @@ function resize() {
   camera.setViewOffset(width, height, BESIDE / 2, 0, width, height);
 }
 
-// The box of the body in its first, middle and last state.
+// The box of the body in its first, middle and last state, without the few nodes of cells that
+// flew off: they would make the body a dot.
 let box;
 async function boxOf({ states, dimension }) {
-  const [low, high, place] = [Infinity, -Infinity, 0].map((end) => new Vector3(end, end, end));
+  const along = [[], [], []];
   for (const number of [0, states.length >> 1, states.length - 1]) {
     const [at, way] = await Promise.all([piece(states[number].nodes), real(states[number].moved)]);
     const count = at.length / dimension;
-    for (let k = 0; k < count; k++) {
-      place.set(component(at, k, 0) + component(way, k, 0), component(at, k, 1) + component(way, k, 1), component(at, k, 2) + component(way, k, 2));
-      low.min(place);
-      high.max(place);
-    }
+    for (let k = 0; k < count; k++) along.forEach((places, axis) => places.push(component(at, k, axis) + component(way, k, axis)));
   }
-  box = [low, high];
+  box = [new Vector3(), new Vector3()];
+  along.forEach((places, axis) => {
+    const sorted = Float64Array.from(places).sort();
+    const few = Math.floor(0.005 * sorted.length);
+    let [low, high] = [sorted[0], sorted.at(-1)];
+    const [from, to] = [sorted[few], sorted.at(-1 - few)];
+    if (high - low > 2 * (to - from) && to > from) [low, high] = [from, to];
+    box[0].setComponent(axis, low);
+    box[1].setComponent(axis, high);
+  });
 }
 
 // Look at the whole body, in all outputs, from the front right or along an axis.
