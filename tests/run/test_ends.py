@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.progress import listening
+from pdsurrogate.results import tables
 from pdsurrogate.results.checkpoint import CheckpointError
 from pdsurrogate.results.files import TEMPORARY
 from pdsurrogate.results.folder import FolderTaken
@@ -361,3 +362,18 @@ def test_a_resume_in_a_folder_without_a_run_leaves_the_users_files(tmp_path, mon
     with pytest.raises(CheckpointError, match="there is no checkpoint"):
         simulate(sheet(1.1), "analytic", folder=tmp_path / "new", resume=True)
     assert content_of(tmp_path) == before
+
+
+def test_tables_that_are_killed_half_way_leave_a_folder_of_the_run(tmp_path, monkeypatch):
+    """The history is written after a summary that says that the run is under way."""
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    scene = pds.load_scene("uniaxial", spacing=0.5, stretches=[1.1])
+    with monkeypatch.context() as patched:
+        patched.setattr(tables, "as_csv", killed)
+        with pytest.raises(KeyboardInterrupt):
+            pds.simulate(scene, "analytic", folder=tmp_path)
+    assert json.loads((tmp_path / "summary.json").read_text())["status"] == "running"
+    assert pds.simulate(scene, "analytic", folder=tmp_path).summary["status"] == "done"
