@@ -22,6 +22,7 @@ from ..scenes import Scene
 from .field_files import FieldFacts, FieldRows, field_rows, is_own
 from .machine import is_machine, machine_forces
 from .regressor import SceneRegressor
+from .scatter import Rows
 
 STRETCHES = {
     "uniaxial": (0.8, 1.2, 1.5, 2.0),
@@ -320,17 +321,16 @@ def measured_fields(model: SceneRegressor, X: np.ndarray, y: np.ndarray) -> dict
     """Return the displacements among measurements, in the frame of the scene, by columns as of
     `columns_of_measured`, NaN for components that were not measured.
     """
-    d = X.shape[1] - 2
-    here = X[:, 1] > 0
-    rows, at = np.unique(X[here][:, [0, *range(2, 2 + d)]], axis=0, return_inverse=True)
-    moved = np.full((len(rows), d), np.nan)
-    moved[at.ravel(), X[here, 1].astype(int) - 1] = y[here]
-    steps, places = rows[:, 0], rows[:, 1:]
+    rows = Rows(*X[:, :2].T.astype(int), X[:, 2:])
+    numbers = np.unique(rows.step)
+    sight = rows.sight(numbers, y, np.ones(len(y)))[0]
+    steps, places, moved = numbers[sight.index], sight.places, sight.displacements
     for found in model.maps_.values():
         undeformed = found.to_scene(places)
         moved = found.moved(np.searchsorted(found.steps, steps), places + moved) - undeformed
         places = undeformed
-    return dict(zip(columns_of_measured(d), [steps, *places.T, *moved.T], strict=True))
+    names = columns_of_measured(places.shape[1])
+    return dict(zip(names, [steps, *places.T, *moved.T], strict=True))
 
 
 def _steps(
