@@ -15,7 +15,7 @@ import pdsurrogate as pds
 from pdsurrogate.artifacts.card import IdentificationEntries
 from pdsurrogate.artifacts.material import material_on
 from pdsurrogate.calibration.field_files import FieldFacts
-from pdsurrogate.calibration.reporting import measurements
+from pdsurrogate.calibration.measurement_files import measurements
 from pdsurrogate.cli import app
 
 MACHINES = Path(__file__).parents[1] / "data" / "machines"
