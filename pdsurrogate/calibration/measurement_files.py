@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..identification.campaign import option_of
-from ..measurements import read_tables
+from ..measurements import files_at, read_tables
 from ..results.tables import column_name
 from ..scenes import Scene
 from .field_files import FieldFacts, FieldRows, displacement_rows, field_rows, is_own
@@ -134,9 +134,8 @@ def measurements(
         values.append(images.y)
     elif fields:
         axes = range(1, d + 1)
-        found, places, _ = read_columns(
-            fields[0], ("step", *(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes))
-        )
+        columns = ("step", *(f"x{axis}" for axis in axes), *(f"u{axis}" for axis in axes))
+        found, places, _ = read_columns(*files_at(*fields), columns)
         _check_rows(scene, found, places)
         tables.append(displacement_rows(found[:, 0], found[:, 1 : 1 + d]))
         values.append(found[:, 1 + d :].T.ravel())

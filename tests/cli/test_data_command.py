@@ -275,6 +275,13 @@ def test_a_machines_forces_are_those_of_the_steps(tmp_path):
         measurements(scene, tmp_path / "F.csv", None, {"thickness": "2 mm"}, None, *of_camera)
 
 
+def test_a_folder_with_one_file_of_a_scene_stands_for_this_file(tmp_path):
+    scene = pds.load_scene("uniaxial", stretches=[1.1])
+    (tmp_path / "F.csv").write_text("step,x1,x2,u1,u2\n1,0,0,0,0.1\n")
+    X, y, *_ = measurements(scene, [tmp_path], None, {}, None, FieldFacts(), None)
+    assert (X.tolist(), y.tolist()) == ([[1, 1, 0, 0], [1, 2, 0, 0]], [0, 0.1])
+
+
 def test_fields_and_meshes_are_described_and_drawn(tmp_path):
     field = tmp_path / "F.csv"
     rows = [f"{k},{x},{y},{0.1 * k * x},0" for k in (1, 2) for x in range(5) for y in range(3)]
