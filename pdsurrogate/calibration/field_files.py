@@ -98,9 +98,9 @@ def field_rows(scene: Scene, paths: list[Path], facts: FieldFacts, unit: str | N
     if subset is None and facts.frame != "scene":
         lost.append("no width of a subset is known: points at edges count as others (--subset)")
     origin = None
-    if facts.origin is not None:  # the reader turns rows of pixels upward
-        down = facts.up is False or (facts.up is None and field.unit == "px")
-        origin = (facts.origin[0], -facts.origin[1] if down else facts.origin[1])
+    if facts.origin is not None:
+        x, y = facts.origin
+        origin = (x, -y if field.down else y)
     return FieldRows(
         displacement_rows(field.step, field.places),
         field.displacements.T.ravel(),
