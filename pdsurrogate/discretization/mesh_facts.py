@@ -12,6 +12,7 @@ import numpy as np
 
 from ..body.cell_mesh import among
 from ..scenes import Mesh
+from .mesh_cells import sizes_of
 from .mesh_files import contents_of, kinds_of, read_mesh
 from .mesh_groups import MeshFile
 from .meshes import mesh_of
@@ -46,16 +47,17 @@ class MeshFacts:
         of the bounding box and the spacing of points.
         """
         cells = self.mesh.cells
-        used = cells.nodes[np.unique(np.concatenate([block.ravel() for block in cells.blocks]))]
-        volume = float(self.mesh.centroids[1].sum())
+        kept = np.ones(len(cells), dtype=bool)
+        used = cells.only(kept)[0].nodes
+        volumes = self.mesh.centroids[1]
         return {
             "dimension": cells.dimension,
             "cells": len(cells),
             "nodes": len(used),
-            "volume" if cells.dimension == 3 else "area": volume,
+            "volume" if cells.dimension == 3 else "area": float(volumes.sum()),
             "lower": used.min(axis=0).tolist(),
             "upper": used.max(axis=0).tolist(),
-            "spacing": (volume / len(cells)) ** (1 / cells.dimension),
+            "spacing": sizes_of(self.mesh.corners(), kept, volumes)[0],
         }
 
     def groups(self) -> list[dict[str, Any]]:

@@ -97,6 +97,14 @@ def test_groups_of_gmsh_files_have_the_elements_and_nodes_that_gmsh_counts(name,
     assert found.remarks == ()
 
 
+def test_the_spacing_of_a_mesh_is_that_of_its_body(tmp_path):
+    """Of a square of side 1 and a rectangle of area 4: the mean of 1 and 2 with weights 1 and 4."""
+    places = "1, 0., 0.\n2, 1., 0.\n3, 5., 0.\n11, 0., 1.\n12, 1., 1.\n13, 5., 1.\n"
+    path = tmp_path / "graded.inp"
+    path.write_text(f"*NODE\n{places}*ELEMENT, TYPE=CPS4\n{square(1)}{square(2)}")
+    assert describe_mesh(path).summary()["spacing"] == pytest.approx(9 / 5)
+
+
 def test_a_file_whose_groups_cannot_be_told_apart_is_refused():
     with pytest.raises(ValueError, match=r"same-name\.msh: two physical groups are named all"):
         describe_mesh(MESHES / "same-name.msh")
