@@ -1,4 +1,4 @@
-"""What a mesh file holds, told before a scene uses it: elements, groups, and what was left out."""
+"""Elements and groups of a mesh file, and what of it is left out, told before a scene uses it."""
 
 from __future__ import annotations
 
@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..body.cell_mesh import among
-from ..scenes import Mesh
 from .mesh_cells import sizes_of
-from .mesh_files import contents_of, kinds_of, read_mesh
+from .mesh_files import contents_of, in_body, kinds_of
 from .mesh_groups import MeshFile
-from .meshes import mesh_of
 
 SOLIDS = ("tetra", "hexahedron", "wedge", "pyramid")
 """First letters of meshio's names of solid cells."""
@@ -23,7 +21,7 @@ SOLIDS = ("tetra", "hexahedron", "wedge", "pyramid")
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """What a mesh file holds.
+    """Elements and groups of a mesh file, and the body that its cells make.
 
     Attributes
     ----------
@@ -34,7 +32,7 @@ class MeshFacts:
     mesh : MeshFile
         Cells and groups of the body.
     remarks : tuple of str
-        What was left out, repaired or assumed.
+        Parts of the file that are left out, and repairs and assumptions.
     """
 
     form: str
@@ -80,7 +78,7 @@ class MeshFacts:
 
 
 def describe_mesh(file: str | Path) -> MeshFacts:
-    """Return what a mesh file holds, for a body of its cells of the highest dimension.
+    """Return the facts of a mesh file, for a body of its cells of the highest dimension.
 
     Parameters
     ----------
@@ -95,15 +93,12 @@ def describe_mesh(file: str | Path) -> MeshFacts:
     path = Path(file)
     if not path.is_file():
         raise ValueError(f"the file {file} does not exist")
-    read_mesh.cache_clear()  # a file that is read again tells its remarks again
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # told below
-            contents = contents_of(str(path))
-        solid = any(kind.startswith(SOLIDS) for kind in kinds_of(contents))
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
-            mesh = mesh_of(Mesh(file=str(path), dimension=3 if solid else 2))
+            contents = contents_of(str(path))
+            solid = any(kind.startswith(SOLIDS) for kind in kinds_of(contents))
+            mesh = in_body(str(path), contents, 3 if solid else 2)
     except ValueError as error:
         raise ValueError(str(error).removeprefix("body.file: ")) from None
     elements: Counter[str] = Counter()
@@ -117,5 +112,6 @@ def _form(path: Path) -> str:
     """Return the form of a mesh file in words."""
     if path.suffix.lower() == ".inp":
         return "Abaqus or CalculiX deck"
-    head = path.read_bytes()[:40].split()
+    with path.open("rb") as file:
+        head = file.read(40).split()
     return f"gmsh {head[1].decode()}" if head[:1] == [b"$MeshFormat"] else f"{path.suffix} file"

@@ -150,10 +150,17 @@ def _check_names(file: str) -> None:
 def read_mesh(
     file: str, dimension: int, parts: tuple[str, ...] | None, _state: tuple[tuple[int, int], ...]
 ) -> MeshFile:
-    """Return the contents of a mesh file, read again if times of change or sizes of its files are
-    others; for the errors see `mesh_of`.
+    """Return the contents of a mesh file as a body has them, read again if times of change or sizes
+    of its files are others; for the errors see `mesh_of`.
     """
-    contents = only(file, contents_of(file), parts, BESIDE_CELLS[dimension])
+    return in_body(file, contents_of(file), dimension, parts)
+
+
+def in_body(
+    file: str, contents: Deck, dimension: int, parts: tuple[str, ...] | None = None
+) -> MeshFile:
+    """Return the contents of a mesh file as a body of a dimension has them, of some parts alone."""
+    contents = only(file, contents, parts, BESIDE_CELLS[dimension])
     points = contents.points
     _check_kinds(file, contents, dimension)
     cells = []
@@ -248,7 +255,7 @@ def _tell_of_others(file: str, contents: Deck, mesh: CellMesh, of_node: np.ndarr
     if +told:
         counts = ", ".join(f"{count} {name}" for name, count in (+told).items())
         warnings.warn(
-            f"body.file: {file}: elements beside the cells are left out: {counts}", stacklevel=5
+            f"body.file: {file}: elements beside the cells are left out: {counts}", stacklevel=6
         )
 
 
@@ -271,7 +278,7 @@ def _righted(file: str, mesh: CellMesh) -> CellMesh:
         warnings.warn(
             f"body.file: {turned} of {len(mesh)} cells of {file} were inverted (corners in the"
             " wrong order), and are turned",
-            stacklevel=5,
+            stacklevel=6,
         )
     return CellMesh(mesh.nodes, tuple(blocks))
 
@@ -311,7 +318,7 @@ def _warn_of_curves(file: str, ends: np.ndarray, middles: np.ndarray) -> None:
         warnings.warn(
             f"body.file: {what}: they become straight lines between corners; a finer mesh follows"
             " the curve",
-            stacklevel=7,
+            stacklevel=8,
         )
 
 
