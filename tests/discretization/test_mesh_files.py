@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pdsurrogate as pds
-from pdsurrogate.decks import read_deck
+from pdsurrogate.decks import files_of, read_deck
 from pdsurrogate.discretization.mesh_facts import describe_mesh
 from pdsurrogate.discretization.mesh_files import read_mesh
 from pdsurrogate.results import figures, measured
@@ -356,6 +356,13 @@ def test_sets_after_an_include_and_a_change_of_the_included_file(tmp_path):
     before = digest_of_mesh(body)
     (tmp_path / "inner" / "nodes.inc").write_text(STRIP.replace("15, 4.", "15, 5."))
     assert digest_of_mesh(body) != before
+
+
+@pytest.mark.parametrize("line", ["* Include, INPUT=nodes.inc", "*INCLUDE,\nINPUT = nodes.inc"])
+def test_an_included_file_is_found_however_its_line_is_written(tmp_path, line):
+    (tmp_path / "nodes.inc").write_text(STRIP)
+    (tmp_path / "deck.inp").write_text(f"{line}\n{FOUR}")
+    assert files_of(tmp_path / "deck.inp") == [tmp_path / "deck.inp", tmp_path / "nodes.inc"]
 
 
 def test_a_stiff_part_given_by_two_blocks_of_elements_is_stiff_in_both(tmp_path):
