@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 import warnings
 from collections import Counter
 from contextlib import redirect_stderr, redirect_stdout
@@ -17,7 +16,7 @@ from ..body import CellMesh
 from ..body.cell_mesh import among, side_numbers
 from ..decks import Deck, Elements, read_deck
 from .chains import ROUNDING, same_places
-from .gmsh_groups import signed_entities
+from .gmsh_groups import check_names, signed_entities
 from .mesh_cells import CELL_TYPES, EDGES, SHAPES, corners_of, kind_of, upright, volumes_of
 from .mesh_groups import MeshFile, only, side_of, with_groups
 
@@ -85,12 +84,13 @@ def _of_meshio(file: str) -> Deck:
             else ""
         )
         raise ValueError(f"meshio: {' '.join(str(reason).split())}{advice}") from None
+    data = Path(file).read_bytes()
     contents = Deck([np.asarray(read.points, dtype=float)])
     groups = contents.sets.elements
     # Files of gmsh's version 2 have no sets, but a group of every cell, which they list once for
     # each of its groups.
     if "gmsh:physical" in read.cell_data:
-        _check_names(file)
+        check_names(data)
         numbers = np.concatenate(read.cell_data["gmsh:physical"])
         dimensions = np.repeat(
             *zip(*((block.dim, len(block)) for block in read.cells), strict=True)
@@ -109,7 +109,7 @@ def _of_meshio(file: str) -> Deck:
                 ]
             )
     numbered = {tuple(np.ravel(entry).tolist()): name for name, entry in read.field_data.items()}
-    for dim, group, entity in signed_entities(file):
+    for dim, group, entity in signed_entities(data):
         if name := numbered.get((group, dim)):
             of_entity = [
                 np.arange(begin, begin + len(block))
@@ -133,17 +133,6 @@ def _of_meshio(file: str) -> Deck:
         for begin, block in zip(begins, read.cells, strict=False)
     ]
     return contents
-
-
-def _check_names(file: str) -> None:
-    """Raise ValueError if two physical groups of a gmsh file have one name: meshio keeps one."""
-    names = re.search(
-        rb"\$PhysicalNames(.*?)\$EndPhysicalNames", Path(file).read_bytes(), flags=re.DOTALL
-    )
-    found = re.findall(rb'"(.*)"', names[1]) if names else []
-    twice = [name.decode(errors="replace") for name, times in Counter(found).items() if times > 1]
-    if twice:
-        raise ValueError(f"two physical groups are named {twice[0]}; give each a name of its own")
 
 
 @lru_cache(maxsize=1)
