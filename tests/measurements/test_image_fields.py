@@ -267,6 +267,7 @@ def test_columns_of_no_known_program_need_a_unit_and_a_direction(tmp_path):
         ("x [px],y [px],u [mm],v [mm]\n1,2,0,0\n", "is in mm and px, not in one unit"),
         ("step,x1,x2,u1,u2,u2\n1,1,2,0,0,0\n", "two columns u2"),
         ("a,b\n1,2\n", "no line names columns"),
+        ("a" * 200_000 + "\n1,2\n", "a line is too long for a table"),
         ("x;y;u;v\n5.5;2;0;0\n1,234;2;0;0\n", "line 3: 5.5 has a point and 1,234 a comma"),
     ],
 )
