@@ -102,6 +102,7 @@ class MeasuredScene:
         self._at[rows.is_field] = at.ravel()
         self.steps = np.unique(rows.step).tolist()
         self.count = len(self.steps)
+        self._loading = "stretch" if scene.stretched else "t"
         self._base: Differentiated | None = None
         self._guesses: dict[int, np.ndarray] = {}
 
@@ -125,13 +126,10 @@ class MeasuredScene:
         result = _simulated(scene)
         found = np.empty(len(self.rows.step))
         at_places = self._interpolation(scene, result)
-        for step in self.steps:
-            level = self._level(result, step)
+        for step, level in self._levels(result).items():
             here = self.rows.step == step
             row = dict(leaves(level))
-            fields = at_places(
-                result.displacement(level["number"]), level["stretch" if scene.stretched else "t"]
-            )
+            fields = at_places(result.displacement(step - 1), level[self._loading])
             found[here] = self._of_rows(
                 here,
                 [sign * self._named(row, name) for name, sign in self.outputs],
@@ -157,34 +155,28 @@ class MeasuredScene:
                 )
                 for step in self.steps
             ]
-        numbers = [self._level(result, step)["number"] for step in self.steps]
-        return Kinematics.of(result, numbers, responses)
+        return Kinematics.of(result, [step - 1 for step in self._levels(result)], responses)
 
     def states(self, law: Law) -> np.ndarray:
         """Return the three principal stretches of all points in all steps with a law, in
         descending order, shape (n, 3).
         """
-        result = _simulated(with_law(self.scene, law))
-        numbers = [self._level(result, step)["number"] for step in self.steps]
-        return np.concatenate([result.field("principal_stretches", number) for number in numbers])
+        return self._stretches(_simulated(with_law(self.scene, law)))
+
+    def _stretches(self, result: Result) -> np.ndarray:
+        """Return the principal stretches of all points in all steps of a result, (n, 3)."""
+        found = [result.field("principal_stretches", step - 1) for step in self._levels(result)]
+        return np.concatenate(found)
 
     def begin(self, law: Law) -> np.ndarray:
         """Simulate the scene at its own spacing as the start of `differentiate`; return the
         measurements of the rows.
         """
         values, result = self.simulate(law)
-        self._loading = "stretch" if self.scene.stretched else "t"
-        levels = {step: self._level(result, step) for step in self.steps}
+        levels = self._levels(result)
         self._parameters = {step: level[self._loading] for step, level in levels.items()}
-        self._guesses = {
-            step: result.displacement(level["number"]) for step, level in levels.items()
-        }
-        stretches = np.concatenate(
-            [
-                result.field("principal_stretches", level["number"]).ravel()
-                for level in levels.values()
-            ]
-        )
+        self._guesses = {step: result.displacement(step - 1) for step in levels}
+        stretches = self._stretches(result)
         self.greatest_stretch = max(float(stretches.max()), 1 / float(stretches.min()))
         self._base = self._differentiated(with_law(self.scene, law))
         return values
@@ -208,33 +200,23 @@ class MeasuredScene:
         body = self._base.changed(_named_numbers(law))
         values = np.empty(len(self.rows.step))
         derivatives = np.empty((len(self.rows.step), len(names)))
-        outputs = (
-            list(dict.fromkeys(name for name, _ in self.outputs))
-            if (self.rows.quantity < 1).any()
-            else []
-        )
+        outputs = [] if self.rows.is_field.all() else self.outputs
+        keys = list(dict.fromkeys(name for name, _ in outputs))
         for step in self.steps:
             try:
-                found = body.jacobian(self._parameters[step], self._guesses[step], outputs, names)
+                found = body.jacobian(self._parameters[step], self._guesses[step], keys, names)
             except (NoEquilibrium, InvalidState):
                 self.begin(law)  # in increments, as a run goes
-                found = body.jacobian(self._parameters[step], self._guesses[step], outputs, names)
+                found = body.jacobian(self._parameters[step], self._guesses[step], keys, names)
             self._guesses[step] = found.displacements
             here = self.rows.step == step
-            count = len(outputs)
-            for target, source in ((values, found.values), (derivatives, found.derivatives)):
-                rows = (
-                    [sign * source[outputs.index(name)] for name, sign in self.outputs]
-                    if count
-                    else []
-                )
-                shape = len(self._places), self.scene.dimension, *source.shape[1:]
-                fields = source[count:].reshape(shape)
-                if target is values:
-                    fields = self._seen(step, fields)
-                else:
-                    fields = self._seen_changes(step, fields)
-                target[here] = self._of_rows(here, rows, fields).reshape(target[here].shape)
+            for target, source, seen in (
+                (values, found.values, self._seen),
+                (derivatives, found.derivatives, self._seen_changes),
+            ):
+                rows = [sign * source[keys.index(name)] for name, sign in outputs]
+                fields = source[len(keys) :].reshape(*self._places.shape, *source.shape[1:])
+                target[here] = self._of_rows(here, rows, seen(step, fields))
         return values, derivatives
 
     def weak_form(
@@ -412,18 +394,17 @@ class MeasuredScene:
                 f" {self.scene.name}"
             )
 
-    def _level(self, result: Result, step: int) -> dict:
-        """Return the entry of the levels of a result for a step, with its number among the
-        states.
-        """
+    def _levels(self, result: Result) -> dict[int, dict]:
+        """Return the entries of the levels of a result by steps; step k is the state k - 1."""
         levels = result.levels
-        if step > len(levels) or "time" in levels[step - 1]:
-            at_rest = sum("time" not in level for level in levels)
-            raise ValueError(
-                f"step {step}: scene {self.scene.name} has {at_rest} outputs in equilibrium,"
-                " numbered from 1"
-            )
-        return levels[step - 1] | {"number": step - 1}
+        for step in self.steps:
+            if step > len(levels) or "time" in levels[step - 1]:
+                at_rest = sum("time" not in level for level in levels)
+                raise ValueError(
+                    f"step {step}: scene {self.scene.name} has {at_rest} outputs in equilibrium,"
+                    " numbered from 1"
+                )
+        return {step: levels[step - 1] for step in self.steps}
 
     def _differentiated(self, scene: Scene) -> Differentiated:
         body = differentiated(scene, checked_models(scene, load_surrogate(FORCE)))
