@@ -25,7 +25,7 @@ SIMILAR = 1.3
 """Among mistakes whose residuals are within this factor of the least, the first one is named."""
 
 SURELY = 0.25
-"""The same at the start of a search, where the law is unknown."""
+"""Greatest such ratio at the start of a search, where the law is unknown."""
 
 DOUBTFUL = 0.1
 """Difference of measured displacements from those at the start of a search, relative to them, from

@@ -16,7 +16,7 @@ from ..scenes import Scene
 
 
 class FieldFacts(BaseModel):
-    """What the user states of files of displacements."""
+    """Statements of a user about files of displacements."""
 
     frame: Annotated[
         Literal["scene", "image"] | None,

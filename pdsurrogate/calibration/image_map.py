@@ -24,7 +24,9 @@ sizes of the body for translations. It keeps a map where the measurements do not
 """
 
 GIVEN = 0.02
-"""The same where a scale or an origin is given: rulers and marks in images are better."""
+"""Standard deviation of a given scale, relative, or origin, in sizes of the body: rulers and marks
+in images are better.
+"""
 
 MOST_STEPS = 15
 """Most Gauss-Newton steps of a map. From a start within a tenth they take three to six."""

@@ -1,4 +1,4 @@
-"""What programs for image correlation write into tables: columns, units, directions."""
+"""Columns, units and directions of the files that programs for image correlation write."""
 
 import tomllib
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Dialect:
         Whether rows of zeros are lost points.
     deviation : str
         Column of standard deviations of the match, in pixels unless it states a unit.
-    image : tuple of str
+    pixels : tuple of str
         Columns of places in pixels, y downward, that show the direction and the scale of the rows.
     needs : tuple of str
         Further columns by which the program is known.
@@ -46,7 +46,7 @@ class Dialect:
     lost: tuple[str, ...] = ()
     zeros: bool = False
     deviation: str = ""
-    image: tuple[str, ...] = ()
+    pixels: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     deformed: bool = False
     refused: str = ""
@@ -54,7 +54,7 @@ class Dialect:
 
 
 @dataclass(frozen=True)
-class Rows:
+class RawField:
     """Rows of a file in its own axes: an image number (from the file, if `numbered`), places,
     displacements and deviation each, and whether its point is lost.
     """
@@ -86,4 +86,4 @@ columns it has.
 OWN = DIALECTS["pdsurrogate"]
 
 EXPORTS: dict[str, str] = _FILE["exports"]
-"""What to export in the place of files that are not read, by their endings."""
+"""Advice for files that are not read, by their endings: what to export in their place."""

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
-from .dialects import DIALECTS, EXPORTS, Rows
+from .dialects import DIALECTS, EXPORTS, RawField
 
 
 def _rows(
     form: str, places, displacements, unit: str | None = "px", subset=None, lost=None
-) -> Rows:
+) -> RawField:
     """Return the rows of images, (images, points, d), with places of one or of all images."""
     shape = displacements.shape
-    return Rows(
+    return RawField(
         DIALECTS[form],
         unit,
         np.repeat(np.arange(1, shape[0] + 1), shape[1]),
@@ -26,7 +26,7 @@ def _rows(
     )
 
 
-def _al_dic(found: dict) -> Rows:
+def _al_dic(found: dict) -> RawField:
     """Return the rows of arrays of al-dic, (nodes, images) or of one image."""
     u = np.stack([found[name].reshape(len(found[name]), -1).T for name in ("disp_u", "disp_v")], -1)
     settings = found.get("DICpara", {"um2px": 1.0, "winsize": None})
@@ -34,7 +34,7 @@ def _al_dic(found: dict) -> Rows:
     return _rows("al-dic, arrays", found["coordinates"], u, subset=settings["winsize"])
 
 
-def _npz(path: Path) -> Rows:
+def _npz(path: Path) -> RawField:
     """Return the rows of arrays of al-dic or muDIC."""
     with np.load(path, allow_pickle=False) as file:
         found = dict(file)
@@ -49,7 +49,7 @@ def _npz(path: Path) -> Rows:
     return _rows("muDIC", places, u)
 
 
-def _mat(path: Path) -> Rows:
+def _mat(path: Path) -> RawField:
     """Return the rows of a file of al-dic or Ncorr."""
     from scipy.io import loadmat
 
@@ -77,7 +77,7 @@ def _mat(path: Path) -> Rows:
     )
 
 
-def _vtu(path: Path) -> Rows:
+def _vtu(path: Path) -> RawField:
     """Return the rows of the nodes of a mesh of pyxel."""
     import meshio
 
@@ -85,7 +85,7 @@ def _vtu(path: Path) -> Rows:
     return _rows("pyxel", mesh.points[:, :2], mesh.point_data["U"][None, :, :2], None)
 
 
-def _dic(path: Path) -> Rows:
+def _dic(path: Path) -> RawField:
     """Return the rows of the list of tracked points of py3dic."""
     head, _, *lines = path.read_text("utf-8").strip().splitlines()
     pairs = [[pair.split(",") for pair in line.strip().split("\t")[1:]] for line in lines]
@@ -93,7 +93,7 @@ def _dic(path: Path) -> Rows:
     return _rows("py3dic", places[0], places - places[0], subset=float(head.split()[3]))
 
 
-READERS: dict[str, Callable[[Path], Rows]] = {
+READERS: dict[str, Callable[[Path], RawField]] = {
     ".npz": _npz,
     ".mat": _mat,
     ".vtu": _vtu,
@@ -102,7 +102,7 @@ READERS: dict[str, Callable[[Path], Rows]] = {
 """Readers by the endings of files."""
 
 
-def rows_of_arrays(path: Path) -> Rows:
+def rows_of_arrays(path: Path) -> RawField:
     """Return the rows of a file whose ending `READERS` or `EXPORTS` has."""
     ending = path.suffix.lower()
     if ending in EXPORTS:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .dialects import DIALECTS, OWN, Dialect, Rows
+from .dialects import DIALECTS, OWN, Dialect, RawField
 from .text import decode, lines_in, split
 
 HEAD = 200
@@ -59,7 +59,7 @@ def headings_of(path: Path) -> Headings | None:
     return None
 
 
-def rows_of_table(path: Path, unit: str | None, dimension: int) -> Rows:
+def rows_of_table(path: Path, unit: str | None, dimension: int) -> RawField:
     """Return the rows of a table; see `read_fields`."""
     try:
         table = headings_of(path)
@@ -105,7 +105,7 @@ def rows_of_table(path: Path, unit: str | None, dimension: int) -> Rows:
         fault = dialect.refused
     if fault:
         raise ValueError(f"{path}: {dialect.form}: {fault}")
-    extra = (*dialect.lost, *dialect.image, dialect.deviation, image)
+    extra = (*dialect.lost, *dialect.pixels, dialect.deviation, image)
     wanted = [*columns, *dict.fromkeys(name for name in extra if name in table.units)]
     found, block = _numbers(path, table, wanted)
     values = dict(zip(wanted, found.T, strict=True))
@@ -120,8 +120,8 @@ def rows_of_table(path: Path, unit: str | None, dimension: int) -> Rows:
     if len(chosen) > 1 and unit is None and chosen[1].unit == "px":
         notes.append(f"columns in {its_unit} are read, not those in pixels (--unit px)")
     scale = 1.0 if its_unit == "px" else np.nan
-    if dialect.image and {*dialect.image} <= values.keys() and not lost.all():
-        pixels = np.stack([values[name] for name in dialect.image], axis=1)[~lost]
+    if dialect.pixels and {*dialect.pixels} <= values.keys() and not lost.all():
+        pixels = np.stack([values[name] for name in dialect.pixels], axis=1)[~lost]
         pixels, real = (part - part.mean(axis=0) for part in (pixels, places[~lost, :2]))
         scale = np.sqrt((real**2).sum() / (pixels**2).sum())
         down = pixels[:, 1] @ real[:, 1] > 0
@@ -130,7 +130,7 @@ def rows_of_table(path: Path, unit: str | None, dimension: int) -> Rows:
     if "alignment_translation_x" in head:
         notes.append("ARAMIS has taken the rigid motion out of the displacements")
     subset = re.search(r"\*\*\* Subset size: (\d+)", head)
-    return Rows(
+    return RawField(
         dialect,
         its_unit,
         values.get(image, block),

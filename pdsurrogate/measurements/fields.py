@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arguments import check_path
-from .dialects import EXPORTS, OWN, Dialect, Rows
+from .dialects import EXPORTS, OWN, Dialect, RawField
 from .field import MeasuredField
 from .field_arrays import READERS, rows_of_arrays
 from .field_tables import headings_of, rows_of_table
@@ -164,7 +164,7 @@ def is_field(path: str | Path) -> str | None:
     return found.dialects[0].form if found else None
 
 
-def _rows(file: Path, unit: str | None, dimension: int) -> Rows:
+def _rows(file: Path, unit: str | None, dimension: int) -> RawField:
     """Return the rows of a file, in a unit that is known."""
     if file.suffix.lower() not in (*READERS, *EXPORTS):
         found = rows_of_table(file, unit, dimension)
