@@ -102,6 +102,13 @@ def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
     )
 
 
+def spread(count: int, most: int) -> list[int]:
+    """Return at most so many of the numbers below a count, evenly spread, the last one among
+    them.
+    """
+    return np.linspace(count - 1, 0, min(most, count)).round().astype(int)[::-1].tolist()
+
+
 def limits_of(values: np.ndarray, greatest: float = 0.0) -> Limits:
     """Return the ends of a color scale: symmetric about zero for values of both signs, else the
     least and the greatest value.

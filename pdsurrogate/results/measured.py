@@ -49,7 +49,7 @@ def field_figure(field: MeasuredField) -> Figure:
     the color of their size.
     """
     steps = np.unique(field.step)
-    steps = steps[np.unique(np.linspace(0, len(steps) - 1, MOST_STEPS).round().astype(int))]
+    steps = steps[figures.spread(len(steps), MOST_STEPS)]
     size = np.linalg.norm(field.displacements, axis=1)
     limits = figures.limits_of(size[np.isin(field.step, steps)])
     with matplotlib.rc_context(figures.STYLE):
