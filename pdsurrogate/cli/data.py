@@ -41,14 +41,14 @@ SIGNS = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blanks", ".": "point
 """Names of separators and decimal signs."""
 
 SHOWN = ("specimen", "mode", "taken", "branches", "stretch", "nominal_stress")
-"""What a table shows of each specimen."""
+"""Columns of the table of specimens."""
 
 MARK = "# Test data, written by pdsurrogate data\n"
 """First line of a written table; only such a file is replaced."""
 
 
 class Seen(NamedTuple):
-    """What is known of files: their name, plain values for JSON, tables by title, remarks, what is
+    """Description of files: their name, plain values for JSON, tables by title, remarks, what is
     missing, and a function that draws them.
     """
 
