@@ -8,9 +8,9 @@ import numpy as np
 
 from ..arguments import suggestion
 from .branches import LEAST, branches, break_row, creep, energy_lost, records, stretch_at_zero
-from .quantities import factor
+from .quantities import UNITS, factor
 from .reading import read_tables
-from .readings import UNITS, Readings
+from .readings import Readings
 from .specimens import BIAXIAL, MODES, AtBreak, Facts, MechanicalTests, Specimen
 from .table import Block, TableFile
 
@@ -357,9 +357,15 @@ def _ranges(block: Block, where: str) -> list[dict]:
         quantity = column.quantities[0] if column.quantities else None
         known = quantity is not None and column.unit is not None and quantity != "temperature"
         unit = UNITS.get(quantity or "", "1") if known else column.unit or ""
-        size = factor(column.unit, unit) if known else 1.0
-        span = float(np.nanmin(column.values) * size), float(np.nanmax(column.values) * size)
-        words = {"table": where, "column": column.heading}
-        words["quantity"] = " or ".join(column.quantities)
-        rows.append({**words, "least": span[0], "greatest": span[1], "unit": unit})
+        values = column.in_unit_of(str(quantity)) if known else column.values
+        rows.append(
+            {
+                "table": where,
+                "column": column.heading,
+                "quantity": " or ".join(column.quantities),
+                "least": float(np.nanmin(values)),
+                "greatest": float(np.nanmax(values)),
+                "unit": unit,
+            }
+        )
     return rows

@@ -7,19 +7,19 @@ from itertools import permutations
 import numpy as np
 
 from .branches import MOST_SLACK
-from .quantities import KINDS, factor, fits, found_in, is_nominal, plain, unit_in
+from .quantities import (
+    KINDS,
+    amount_in,
+    factor,
+    fits,
+    found_in,
+    is_nominal,
+    is_of_unit,
+    plain,
+    unit_in,
+)
 from .specimens import BIAXIAL, MODES, Facts
 from .table import Block, Column
-
-UNITS = {
-    "time": "s",
-    "force": "N",
-    "extension": "mm",
-    "nominal-stress": "MPa",
-    "true-stress": "MPa",
-    "lateral-stress": "MPa",
-}
-"""Units of quantities with a dimension; all others are numbers."""
 
 SOURCES = {
     "strain": ("stretch", "engineering-strain", "true-strain", "extension"),
@@ -92,16 +92,18 @@ class Readings:
         self.true_stress = False
         self.resolution = 0.0
 
+    def _column(self, quantity: str) -> Column | None:
+        """Return the first column of a quantity alone."""
+        return next((one for one in self.block.columns if one.quantities == (quantity,)), None)
+
     def numbers(self, quantity: str) -> np.ndarray:
         """Return the numbers of a quantity, in its unit of `UNITS`; NaN without a column of it."""
-        found = next((one for one in self.block.columns if one.quantities == (quantity,)), None)
-        return (
-            np.full(len(self.block.lines), np.nan) if found is None else _in_units(found, quantity)
-        )
+        found = self._column(quantity)
+        return np.full(len(self.block.lines), np.nan) if not found else found.in_unit_of(quantity)
 
     def text(self, quantity: str) -> list[str]:
         """Return the text of a column for each row, empty without such a column."""
-        found = next((one for one in self.block.columns if one.quantities == (quantity,)), None)
+        found = self._column(quantity)
         return (
             [""] * len(self.block.lines)
             if found is None
@@ -234,7 +236,7 @@ class Readings:
 
         True stresses are still to be divided by the stretch.
         """
-        values = _in_units(column, quantity)
+        values = column.in_unit_of(quantity)
         titles = [self.block.title, *(one.heading for one in self.block.columns)]
         squeezed = any(re.search(COMPRESSION, plain(text).lower()) for text in titles)
         if squeezed and quantity != "stretch" and np.nanmax(values) > -np.nanmin(values):
@@ -361,8 +363,7 @@ class Readings:
         unknown = [
             f"{one.heading!r} in {one.unit}"
             for one in self.block.columns
-            if not one.quantities and one.unit and found_in(KINDS, one.heading) is None
-            if (unit := unit_in(one.unit)) and any(fits(unit, quantity) for quantity in wanted)
+            if not one.quantities and is_of_unit(one.heading, one.unit, *wanted)
         ]
         if unknown:
             self.assumed.append(
@@ -377,7 +378,7 @@ class Readings:
         # Of the rows without stress those before the load count, not those after a break.
         away = np.where(size <= UNLOADED * np.nanmax(size), np.abs(strain.values - 1), np.inf)
         rest = int(np.nanargmin(away)) if np.isfinite(away).any() else 0
-        name, raw = strain.column.heading, _in_units(strain.column, strain.quantity)
+        name, raw = strain.column.heading, strain.column.in_unit_of(strain.quantity)
         unloaded = size[rest] <= UNLOADED * np.nanmax(size) > 0 and np.ptp(raw) > 0
         least, most = np.nanmin(strain.values), np.nanmax(strain.values)
         asked = None
@@ -449,30 +450,6 @@ def _kind(column: Column, group: str) -> str | None:
     if group == "stress":
         return group
     return "stretch" if np.nanmin(column.values) >= 0.3 else "engineering-strain"
-
-
-def _in_units(column: Column, quantity: str) -> np.ndarray:
-    """Return the numbers of a column in the unit of its quantity, as they are without a unit."""
-    if not column.unit:
-        return column.values
-    try:
-        return column.values * factor(column.unit, UNITS.get(quantity, "1"))
-    except ValueError as error:
-        raise ValueError(f"column {column.heading!r}: {error} (--unit {quantity}=...)") from None
-
-
-def amount_in(text: str, to: str, what: str) -> float:
-    """Return a positive number with its unit, such as "25 mm", in a unit."""
-    found = re.fullmatch(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*([^\d\s].*?)\s*", str(text))
-    if not found:
-        raise ValueError(f"{what} must be a number with its unit, such as '12 {to}', not {text!r}")
-    try:
-        value = float(found[1]) * factor(found[2], to)
-    except ValueError as error:
-        raise ValueError(f"{what} {text!r}: {error}; right is a number such as '12 {to}'") from None
-    if not value > 0:
-        raise ValueError(f"{what} must be positive, not {text!r}")
-    return value
 
 
 def _last_digit(values: np.ndarray) -> float:
