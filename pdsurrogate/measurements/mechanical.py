@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arguments import suggestion
 from .branches import LEAST, branches, break_row, creep, energy_lost, records, stretch_at_zero
-from .quantities import UNITS, factor
+from .quantities import UNITS
 from .reading import read_tables
 from .readings import Readings
 from .specimens import BIAXIAL, MODES, AtBreak, Facts, MechanicalTests, Specimen
@@ -224,7 +224,7 @@ def _specimens(readings: Readings, before: int) -> list[Specimen]:
 
 def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
     """Return rows of a table as a specimen, its branches recognized."""
-    lateral = readings.lateral(stretch)[rows]
+    lateral, across = (one[rows] for one in readings.across(stretch))
     stretch, stress = stretch[rows], stress[rows]
     time = readings.numbers("time")[rows]
     branch = np.full(len(rows), "loading", dtype="<U9")
@@ -268,9 +268,6 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
             f"{title or mode}: no rows of --branch {wanted}; there are {cycle.max()} cycles"
         )
     _tell(readings, title or mode, branch, cycle, chosen, lost, at_break)
-    across = readings.numbers("lateral-stress")[rows]
-    across = across / lateral if readings.true_stress else across
-    wanted_unit = readings.facts.stress_unit
     return Specimen(
         title or readings.where,
         mode,
@@ -278,7 +275,7 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
         stretch,
         stress,
         lateral,
-        across * factor("MPa", wanted_unit) if wanted_unit else across,
+        across,
         time,
         readings.numbers("weight")[rows],
         cycle,

@@ -9,7 +9,7 @@ from ..arguments import check_path, suggestion
 from .decks import is_deck, rows_of_deck
 from .layout import Found, read_rows, with_specimens
 from .quantities import UNITS, factor, fits, plain, quantities_of, unit_in
-from .table import QUANTITIES, Block, Column, TableFile
+from .table import FAMILIES, QUANTITIES, Block, Column, TableFile
 from .text import Row, decimal_sign, decode, rows_of, value
 
 LARGEST = 200_000_000
@@ -45,9 +45,6 @@ FORMS = {
 
 MEASURED = {*QUANTITIES} - {"time", "mode", "cycle", "specimen", "weight", "temperature"}
 """Quantities that make a table one of a test."""
-
-FAMILIES = {"stress": "nominal-stress", "strain": "engineering-strain"}
-"""What a user may call a quantity, and what it then is, as in headings."""
 
 NEEDED = "a table of text, a workbook or a deck with test data is needed"
 

@@ -28,6 +28,9 @@ QUANTITIES = (
 )
 """What a column of a mechanical test can be."""
 
+FAMILIES = {"stress": "nominal-stress", "strain": "engineering-strain"}
+"""What a user may call a quantity, and what it then is, as in headings."""
+
 
 @dataclass(frozen=True)
 class Column:
