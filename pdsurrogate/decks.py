@@ -261,7 +261,7 @@ def read_deck(file: str | Path) -> Deck:
     parts: dict[str, list[Block]] = {}
     instances: list[tuple[Block, list[Block]]] = []
     current = model
-    for block in _blocks(Path(file), Path(file).parent, ()):
+    for block in _all_blocks(Path(file), Path(file).parent):
         name = block.options.get("NAME", "")
         if block.keyword in GENERATORS:
             raise ValueError(
@@ -320,12 +320,8 @@ def _numbers(entries: list[str]) -> list[float]:
     return [float(entry.upper().replace("D", "E") or 0) for entry in entries]
 
 
-def _blocks(path: Path, home: Path, above: tuple[Path, ...]) -> Iterator[Block]:
-    """Yield the keywords of a deck, those of included files in their place.
-
-    Files are looked for in the folder `home` of the deck, then beside the file that includes them,
-    one of `above`.
-    """
+def _blocks(path: Path) -> Iterator[Block]:
+    """Yield the keywords of one file of a deck."""
     keyword = ""
     options: dict[str, str] = {}
     rows: list[str] = []
@@ -336,12 +332,7 @@ def _blocks(path: Path, home: Path, above: tuple[Path, ...]) -> Iterator[Block]:
         if head.endswith(","):
             head += line
         elif line.startswith("*"):
-            if keyword == "INCLUDE":
-                inner = _included(options, path, home)
-                if any(inner.samefile(each) for each in (*above, path)):
-                    raise ValueError(f"{inner.name} includes itself")
-                yield from _blocks(inner, home, (*above, path))
-            elif keyword:
+            if keyword:
                 yield Block(keyword, options, rows)
             head = line
             rows = []
@@ -354,9 +345,25 @@ def _blocks(path: Path, home: Path, above: tuple[Path, ...]) -> Iterator[Block]:
         options = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
 
 
-def _included(options: dict[str, str], path: Path, home: Path) -> Path:
-    """Return the path of the file that an *INCLUDE with some options in the file `path` names."""
-    name = options.get("INPUT", "").replace("\\", "/")
+def _all_blocks(path: Path, home: Path, above: tuple[Path, ...] = ()) -> Iterator[Block]:
+    """Yield the keywords of a file of the deck in a folder `home`, those of included files in
+    their place; `above` are the files that include it.
+    """
+    for block in _blocks(path):
+        if block.keyword == "INCLUDE":
+            inner = _included(block, path, home)
+            if any(inner.samefile(each) for each in (*above, path)):
+                raise ValueError(f"{inner.name} includes itself")
+            yield from _all_blocks(inner, home, (*above, path))
+        else:
+            yield block
+
+
+def _included(block: Block, path: Path, home: Path) -> Path:
+    """Return the path of the file that an *INCLUDE in the file `path` names: in the folder `home`
+    of the deck, or else beside that file.
+    """
+    name = block.options.get("INPUT", "").replace("\\", "/")
     for folder in (home, path.parent):
         if (folder / name).is_file():
             return folder / name
@@ -383,7 +390,5 @@ def files_of(file: str | Path) -> list[Path]:
 def _includes(path: Path, home: Path, _changed: int) -> tuple[Path, ...]:
     """Return the files that a file of a deck names, which is read again once it has changed."""
     return tuple(
-        _included({"INPUT": line.partition("=")[2].strip().strip('"')}, path, home)
-        for line in path.read_text("utf-8", errors="replace").splitlines()
-        if line.strip()[:8].upper() == "*INCLUDE"
+        _included(block, path, home) for block in _blocks(path) if block.keyword == "INCLUDE"
     )

@@ -2,14 +2,15 @@
 on the simulated motion.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from .image_map import LOOSE, Fit, ImageMap, Sight, fit_map
-from .kinematics import Kinematics, start_of_map
+from .kinematics import SIZES, Kinematics, start_of_map
+from .measured import MeasuredScene
 from .starts import first_values
 
 BAD = 2.0
@@ -79,19 +80,30 @@ class Trial:
     pixels_per: float | None = None
     origin: np.ndarray | None = None
 
+    def start(self, sight: Sight, sizes: Sequence[float] = SIZES) -> tuple[Fit, np.ndarray]:
+        """Return the start of the map of measurements; see `start_of_map`."""
+        return start_of_map(self.body, sight, self.steps, self.pixels_per, self.origin, sizes)
+
     def fit(self, sight: Sight, image: bool, moving: float = FIXED) -> Fit:
         """Fit map and law to measurements; without `image` only motions of the steps."""
         if image:
-            start, deviations = start_of_map(
-                self.body, sight, self.steps, self.pixels_per, self.origin, (1.0, 0.8)
-            )
-            start = start.map
+            found, deviations = self.start(sight, (1.0, 0.8))
+            start = found.map
         else:
             center = sight.places.mean(axis=0)
             start = ImageMap.at_rest(1.0, np.eye(len(center)), center, center, self.steps)
             deviations = start.deviations(self.body.size, FIXED, FIXED, FIXED, moving)
         deviations = np.append(deviations, self.law)
         return fit_map(start, sight, self.body.at, deviations)
+
+
+def trial_of(
+    model, test: MeasuredScene, body: Kinematics, sight: Sight, law: Sequence[float] = ()
+) -> Trial:
+    """Return the trial of measurements on a test of a `SceneRegressor`."""
+    origin = None if model.origin is None else np.array(model.origin, dtype=float)
+    image = model.frame == "image"
+    return Trial(body, sight, test.steps, np.array(law), image, model.pixels_per, origin)
 
 
 def cause_of(trial: Trial, repaired: float = REPAIRED) -> str | None:
@@ -105,12 +117,12 @@ def cause_of(trial: Trial, repaired: float = REPAIRED) -> str | None:
     trial = replace(trial, sight=trial.sight.of(order < MOST_ROWS / len(trial.steps)))
     given = trial.fit(trial.sight, trial.image)
     zero = (trial.sight.displacements == 0).all(axis=1)
-    squares = (given.residuals**2).sum(axis=1)
+    squares = given.residuals**2
     if not trial.image and zero.any() and squares[zero].sum() > (1 - repaired**2) * squares.sum():
         return _words(
             "without the points whose displacement is exactly zero",
-            np.sqrt(squares.mean() / 2),
-            np.sqrt(squares[~zero].mean() / 2),
+            np.sqrt(squares.mean()),
+            np.sqrt(squares[~zero].mean()),
             "they are points that the program lost: leave them out",
         )
     found = []
@@ -152,7 +164,7 @@ def cause_at_start(model, y: np.ndarray, root: np.ndarray) -> str | None:
         if test.rows.is_field.any():
             sight = test.rows.sight(test.steps, y[here], root[here])[0]
             body = test.motion(law)
-            if cause := cause_of(_trial(model, body, sight, test.steps, np.zeros(0))):
+            if cause := cause_of(trial_of(model, test, body, sight)):
                 return cause
     return None
 
@@ -174,15 +186,10 @@ def cause_of_misfit(
             kept = (sight.root > 0).any(axis=1)
             body = test.motion(search.law_at(x), *search.numbers(x))
             law = np.where(search.space.logarithmic, 1.0, np.abs(x))
-            trial = _trial(model, body, sight.of(kept), test.steps, law)
+            trial = trial_of(model, test, body, sight.of(kept), law)
             if cause := cause_of(trial, SURELY if first else REPAIRED):
                 return cause
     return None
-
-
-def _trial(model, body: Kinematics, sight: Sight, steps: list[int], law: np.ndarray) -> Trial:
-    origin = None if model.origin is None else np.array(model.origin, dtype=float)
-    return Trial(body, sight, steps, law, model.frame == "image", model.pixels_per, origin)
 
 
 def _words(against: str, before: float, after: float, advice: str) -> str:

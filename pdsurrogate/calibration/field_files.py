@@ -80,24 +80,29 @@ def is_own(paths: list[Path], facts: FieldFacts) -> bool:
     return len(paths) == 1 and facts.frame != "image" and is_field(paths[0]) in (OWN.form, None)
 
 
+def displacement_rows(step: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the rows of all displacements at places (n, d) in steps, as columns of a table of
+    measurements, (n * d, 2 + d): those along the first axis, then those along the second, ...
+    """
+    n, d = places.shape
+    axes = np.repeat(np.arange(1, d + 1), n)
+    return np.column_stack([np.tile(step, d), axes, np.tile(places, (d, 1))])
+
+
 def field_rows(scene: Scene, paths: list[Path], facts: FieldFacts, unit: str | None) -> FieldRows:
     """Return the rows of files of displacements by image, in their own units."""
     d = scene.dimension
     field = read_fields(*paths, unit=unit, up=facts.up, dimension=d)
-    parts = [
-        np.column_stack([field.step, np.full(len(field.step), axis + 1), field.places])
-        for axis in range(d)
-    ]
     lost = [f"{field.lost} points that the program marks as lost are left out"] * (field.lost > 0)
     subset = field.subset if facts.subset is None else facts.subset
     if subset is None and facts.frame != "scene":
         lost.append("no width of a subset is known: points at edges count as others (--subset)")
     origin = None
-    if facts.origin is not None:  # the reader turns rows of pixels upward
-        down = facts.up is False or (facts.up is None and field.unit == "px")
-        origin = (facts.origin[0], -facts.origin[1] if down else facts.origin[1])
+    if facts.origin is not None:
+        x, y = facts.origin
+        origin = (x, -y if field.down else y)
     return FieldRows(
-        np.vstack(parts),
+        displacement_rows(field.step, field.places),
         field.displacements.T.ravel(),
         np.tile(field.deviation, d),
         (f"fields: {field.form}, in {field.unit or 'the unit of the scene'}", *field.notes, *lost),

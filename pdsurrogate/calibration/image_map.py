@@ -5,12 +5,12 @@ fit to measured displacements.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+
+from ..solvers.rigid import rigid_motions, rotation_of, turn_by
 
 FAR = 4.0
 """Residual of a displacement, in standard deviations (or in robust ones of the residuals if these
@@ -55,8 +55,8 @@ class ImageMap:
     turns : ndarray, shape (n_steps, d, d)
     shifts : ndarray, shape (n_steps, d)
     standard_errors : ndarray, shape (n,), optional
-        Of the logarithm of the scale, rotations (rad) and the translation, and then of the
-        rotations and shifts of each step.
+        Of the logarithm of the scale, rotations (rad; in space about the three axes) and the
+        translation, and then of the rotations and shifts of each step.
     """
 
     scale: float
@@ -99,9 +99,9 @@ class ImageMap:
         return replace(
             self,
             scale=self.scale * float(np.exp(x[0])),
-            rotation=_turn(x[1 : 1 + g], d) @ self.rotation,
+            rotation=turn_by(x[1 : 1 + g]) @ self.rotation,
             translation=self.translation + x[1 + g : 1 + g + d],
-            turns=np.array([_turn(each[:g], d) for each in moving]) @ self.turns,
+            turns=np.array([turn_by(each[:g]) for each in moving]) @ self.turns,
             shifts=self.shifts + moving[:, g:],
         )
 
@@ -156,18 +156,14 @@ class ImageMap:
         found[..., 0] = np.einsum("nij,nj->ni", follow, off) - np.einsum(
             "nij,nj->ni", inverse, away
         )
-        own = 1 + g + d + index * (g + d)
-        rows = np.arange(len(index))
-        plain = self.rotation.T / self.scale
         unturned = np.einsum("nji,nj->ni", self.turns[index], away)
-        for number, skew in enumerate(_skews(d)):
-            found[..., 1 + number] = (
-                np.einsum("nij,nj->ni", follow, off @ skew.T) - (unturned @ skew.T) @ plain.T
-            )
-            found[rows, :, own + number] = -np.einsum("nij,nj->ni", inverse, away @ skew.T)
+        found[..., 1 : 1 + g] = (
+            follow @ rigid_motions(off) - self.rotation.T / self.scale @ rigid_motions(unturned)
+        )[..., d:]
         found[..., 1 + g : 1 + g + d] = follow - inverse
-        for axis in range(d):
-            found[rows, :, own + g + axis] = -inverse[..., axis]
+        moving = -inverse @ np.roll(rigid_motions(away), g, axis=2)  # the rotations first
+        own = 1 + g + d + index[:, None] * (g + d) + np.arange(g + d)
+        np.put_along_axis(found, own[:, None], moving, axis=2)
         return found
 
     def described(self) -> dict:
@@ -177,16 +173,13 @@ class ImageMap:
         d, g = self._counts
         found = {"scale": self.scale}
         if d == 2:
-            found["degrees"] = float(
-                np.degrees(np.arctan2(self.rotation[1, 0], self.rotation[0, 0]))
-            )
+            found["degrees"] = float(np.degrees(rotation_of(self.rotation)))
         else:
             found["rotation"] = self.rotation.tolist()
         found["origin_of_image"] = self.to_scene(np.zeros((1, d)))[0].tolist()
-        traces = np.trace(self.turns, axis1=1, axis2=2)
-        cosines = traces / 2 if d == 2 else (traces - 1) / 2
+        angles = [np.linalg.norm(rotation_of(turn)) for turn in self.turns]
         found["camera_moves"] = float(np.linalg.norm(self.shifts, axis=1).max(initial=0.0))
-        found["camera_turns"] = float(np.degrees(np.arccos(np.clip(cosines, -1, 1))).max(initial=0))
+        found["camera_turns"] = float(np.degrees(max(angles)))
         if self.standard_errors is not None:
             scale, *rest = self.standard_errors[: 1 + g + d].tolist()
             found["standard_errors"] = {
@@ -308,21 +301,3 @@ def weights_of(residuals: np.ndarray) -> np.ndarray:
         return np.ones(len(off))
     size = np.median(off[some]) / np.sqrt(chi2.ppf(0.5, residuals.shape[1]))
     return np.clip(2 - off / (FAR * max(1.0, size)), 0.0, 1.0)
-
-
-def _skews(d: int) -> list[np.ndarray]:
-    """Return the antisymmetric matrices of the rotations in the planes of two axes."""
-    found = []
-    for i, j in combinations(range(d), 2):
-        skew = np.zeros((d, d))
-        skew[j, i], skew[i, j] = 1.0, -1.0
-        found.append(skew)
-    return found
-
-
-def _turn(angles: np.ndarray, d: int) -> np.ndarray:
-    """Return the rotation matrix of angles in the planes of `_skews`."""
-    if d == 3:
-        return Rotation.from_rotvec([angles[2], -angles[1], angles[0]]).as_matrix()
-    cosine, sine = np.cos(angles[0]), np.sin(angles[0])
-    return np.array([[cosine, -sine], [sine, cosine]])

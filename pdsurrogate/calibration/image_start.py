@@ -5,9 +5,9 @@ stored of them.
 import numpy as np
 
 from ..scenes import Mesh, Scene
-from .causes import BAD, DOUBTFUL, FEWEST, SURELY, Trial, cause_of
+from .causes import BAD, DOUBTFUL, FEWEST, SURELY, cause_of, trial_of
 from .image_map import ImageMap
-from .kinematics import Kinematics, start_of_map
+from .kinematics import Kinematics
 from .search import failing
 from .starts import first_values
 
@@ -30,14 +30,13 @@ def start_maps(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
         sight = test.rows.sight(test.steps, y[here], root[here])[0]
         if len(test.image_places) < FEWEST:
             raise ValueError(f"a map from an image needs at least {FEWEST} measured places")
-        origin = None if model.origin is None else np.array(model.origin, dtype=float)
-        fit, deviations = start_of_map(motion, sight, test.steps, model.pixels_per, origin)
+        trial = trial_of(model, test, motion, sight)
+        fit, deviations = trial.start(sight)
         outside = _beside(test.scene, motion, fit.map, test.image_places, 0.0)
         size = np.sqrt(np.nanmean((sight.root * sight.displacements) ** 2))
-        if fit.rms > max(BAD, DOUBTFUL * size) or outside.mean() > MOST_OUTSIDE:
-            trial = Trial(motion, sight, test.steps, np.zeros(0), True, model.pixels_per, origin)
-            if cause := cause_of(trial, SURELY):
-                raise ValueError(f"y: {cause}")
+        bad = fit.rms > max(BAD, DOUBTFUL * size) or outside.mean() > MOST_OUTSIDE
+        if bad and (cause := cause_of(trial, SURELY)):
+            raise ValueError(f"y: {cause}")
         if outside.mean() > MOST_OUTSIDE:
             raise ValueError(
                 f"{outside.sum()} of {len(outside)} measured places lie outside the body of the"

@@ -39,7 +39,6 @@ class ImagedScene(MeasuredScene):
     ) -> None:
         super().__init__(scene, rows, outputs, number)
         self.image_places = self._places
-        self._numbers = {step: number for number, step in enumerate(self.steps)}
 
     def take(self, start: ImageMap, deviations: np.ndarray, beside: np.ndarray) -> None:
         """Set the start of the map, the standard deviations of its unknowns, and which places lie
@@ -57,7 +56,6 @@ class ImagedScene(MeasuredScene):
         fields = set(self.rows.step[self.rows.is_field].tolist())
         if start is None or not fields <= set(start.steps):
             raise ValueError("X: displacements of a step whose images were not fitted are unknown")
-        self._numbers = {step: number for number, step in enumerate(start.steps)}
         self.take(start, np.zeros(start.unknowns), np.zeros(len(self.image_places), dtype=bool))
 
     def fitted_map(self, law: np.ndarray, factor: float) -> ImageMap:
@@ -118,14 +116,14 @@ class ImagedScene(MeasuredScene):
         return projected[:, :-1], projected[:, -1]
 
     def _seen(self, step: int, fields: np.ndarray) -> np.ndarray:
-        index = np.full(len(fields), self._numbers[step])
+        index = np.full(len(fields), self.map.steps.index(step))
         return self.map.seen(index, self._places + fields) - self.image_places
 
     def _seen_changes(self, step: int, fields: np.ndarray) -> np.ndarray:
-        return self.map.inverse(np.full(len(fields), self._numbers[step])) @ fields
+        return self.map.inverse(np.full(len(fields), self.map.steps.index(step))) @ fields
 
     def _in_scene(self, step: int, off: np.ndarray) -> np.ndarray:
-        turned = self.map.turns[self._numbers[step]] @ self.map.rotation
+        turned = self.map.turns[self.map.steps.index(step)] @ self.map.rotation
         return self.map.scale * off @ turned.T
 
     def _projected(self, fit: Fit, derivatives: np.ndarray) -> np.ndarray:

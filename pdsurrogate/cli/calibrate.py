@@ -13,6 +13,7 @@ from ..artifacts.places import new_artifact, next_version
 from ..calibration import SceneRegressor, reporting
 from ..calibration.field_files import FieldFacts
 from ..calibration.measured import DISPLACEMENTS, FORCE, FORCES, with_law
+from ..calibration.measurement_files import measurements
 from ..identification.campaign import TableFacts
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
@@ -125,7 +126,7 @@ def calibrate(
             )
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     test = load_scene(scene, dict(parse_change(item) for item in change or ()))
-    X, y, outputs, images = reporting.measurements(
+    X, y, outputs, images = measurements(
         test, fields, forces, facts.stated(bool(fields)), times, image, facts.field_unit
     )
     with bad_input(OSError):

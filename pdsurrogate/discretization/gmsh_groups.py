@@ -1,24 +1,35 @@
-"""Physical groups in files of gmsh's version 4.1: meshio 5.3.5 loses entities that are listed with
-a minus sign, which turns their normal (``Physical Curve("outline") = {1, 2, -3}``).
+"""Physical groups in files of gmsh: meshio 5.3.5 loses one of two with one name, and entities that
+version 4.1 lists with a minus sign, which turns their normal
+(``Physical Curve("outline") = {1, 2, -3}``).
 """
 
+import re
+from collections import Counter
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 
 
-def signed_entities(file: str) -> Iterator[tuple[int, int, int]]:
+def check_names(data: bytes) -> None:
+    """Raise ValueError if two physical groups of a gmsh file have one name: meshio keeps one."""
+    names = re.search(rb"\$PhysicalNames(.*?)\$EndPhysicalNames", data, flags=re.DOTALL)
+    found = re.findall(rb'"(.*)"', names[1]) if names else []
+    twice = [name.decode(errors="replace") for name, times in Counter(found).items() if times > 1]
+    if twice:
+        raise ValueError(f"two physical groups are named {twice[0]}; give each a name of its own")
+
+
+def signed_entities(data: bytes) -> Iterator[tuple[int, int, int]]:
     """Yield the dimension, the number of a physical group and the number of an entity in it, for
     all that have a minus sign in a file of gmsh's version 4.1; nothing for another file.
 
     Source: manual of gmsh 4.15, "MSH file format".
     """
-    data = Path(file).read_bytes()
     start = data.find(b"$Entities")
-    if data[:11] != b"$MeshFormat" or data.split(None, 2)[1] != b"4.1" or start < 0:
+    head = data[:40].split()
+    if head[:2] != [b"$MeshFormat", b"4.1"] or start < 0:
         return
-    take = _reader(data[data.index(b"\n", start) + 1 :], binary=data.split(None, 3)[2] == b"1")
+    take = _reader(data[data.index(b"\n", start) + 1 :], binary=head[2] == b"1")
     for dimension, count in enumerate(take("u8", 4)):
         for _ in range(count):
             entity = take("i4", 1)[0]

@@ -1,4 +1,4 @@
-"""Geometry of the cells of meshes: volumes and centroids, and cells that have none."""
+"""Geometry of the cells of meshes: volumes, centroids and sizes, and cells that have none."""
 
 from __future__ import annotations
 
@@ -43,6 +43,9 @@ straight edges.
 
 SHAPES = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}
 """Cells by dimension and number of corners."""
+
+PARTS = {(2, 3): 2, (3, 4): 6}
+"""Number of cells that make up a square or cube, by dimension and number of corners of a cell."""
 
 BESIDE_CORNERS = {
     4: [[1, 2, 3]],
@@ -143,3 +146,23 @@ def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (volumes[..., None] * simplices_of(cells).mean(axis=2)).sum(axis=1) / volume[
         :, None
     ], np.abs(volume)
+
+
+def sizes_of(cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarray) -> tuple[float, float]:
+    """Return the spacing of a mesh, the mean size (area^(1/2) or volume^(1/3)) of a cell, and the
+    side of the squares or cubes of cells.
+
+    `cells` are the corners of the cells block by block, shape (n, corners, d), `kept` flags of the
+    cells that are not in holes, and `volumes` those of all cells. Two triangles count as one
+    square, six tetrahedra as one cube. Both are volume means: many small cells in a corner do not
+    make the horizon small everywhere.
+    """
+    dimension = cells[0].shape[2]
+    parts = np.repeat(
+        [PARTS.get((dimension, block.shape[1]), 1) for block in cells],
+        [len(block) for block in cells],
+    )
+    return tuple(
+        float(np.average(size[kept] ** (1 / dimension), weights=volumes[kept]))
+        for size in (volumes, parts * volumes)
+    )

@@ -1,4 +1,4 @@
-"""What a mesh file holds, told before a scene uses it: elements, groups, and what was left out."""
+"""Elements and groups of a mesh file, and what of it is left out, told before a scene uses it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..body.cell_mesh import among
-from ..scenes import Mesh
-from .mesh_files import contents_of, kinds_of, read_mesh
+from .mesh_cells import sizes_of
+from .mesh_files import contents_of, in_body, kinds_of
 from .mesh_groups import MeshFile
-from .meshes import mesh_of
 
 SOLIDS = ("tetra", "hexahedron", "wedge", "pyramid")
 """First letters of meshio's names of solid cells."""
@@ -22,7 +21,7 @@ SOLIDS = ("tetra", "hexahedron", "wedge", "pyramid")
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """What a mesh file holds.
+    """Elements and groups of a mesh file, and the body that its cells make.
 
     Attributes
     ----------
@@ -33,7 +32,7 @@ class MeshFacts:
     mesh : MeshFile
         Cells and groups of the body.
     remarks : tuple of str
-        What was left out, repaired or assumed.
+        Parts of the file that are left out, and repairs and assumptions.
     """
 
     form: str
@@ -46,16 +45,17 @@ class MeshFacts:
         of the bounding box and the spacing of points.
         """
         cells = self.mesh.cells
-        used = cells.nodes[np.unique(np.concatenate([block.ravel() for block in cells.blocks]))]
-        volume = float(self.mesh.centroids[1].sum())
+        kept = np.ones(len(cells), dtype=bool)
+        used = cells.only(kept)[0].nodes
+        volumes = self.mesh.centroids[1]
         return {
             "dimension": cells.dimension,
             "cells": len(cells),
             "nodes": len(used),
-            "volume" if cells.dimension == 3 else "area": volume,
+            "volume" if cells.dimension == 3 else "area": float(volumes.sum()),
             "lower": used.min(axis=0).tolist(),
             "upper": used.max(axis=0).tolist(),
-            "spacing": (volume / len(cells)) ** (1 / cells.dimension),
+            "spacing": sizes_of(self.mesh.corners(), kept, volumes)[0],
         }
 
     def groups(self) -> list[dict[str, Any]]:
@@ -78,7 +78,7 @@ class MeshFacts:
 
 
 def describe_mesh(file: str | Path) -> MeshFacts:
-    """Return what a mesh file holds, for a body of its cells of the highest dimension.
+    """Return the facts of a mesh file, for a body of its cells of the highest dimension.
 
     Parameters
     ----------
@@ -93,15 +93,12 @@ def describe_mesh(file: str | Path) -> MeshFacts:
     path = Path(file)
     if not path.is_file():
         raise ValueError(f"the file {file} does not exist")
-    read_mesh.cache_clear()  # a file that is read again tells its remarks again
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # told below
-            contents = contents_of(str(path))
-        solid = any(kind.startswith(SOLIDS) for kind in kinds_of(contents))
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
-            mesh = mesh_of(Mesh(file=str(path), dimension=3 if solid else 2))
+            contents = contents_of(str(path))
+            solid = any(kind.startswith(SOLIDS) for kind in kinds_of(contents))
+            mesh = in_body(str(path), contents, 3 if solid else 2)
     except ValueError as error:
         raise ValueError(str(error).removeprefix("body.file: ")) from None
     elements: Counter[str] = Counter()
@@ -115,5 +112,6 @@ def _form(path: Path) -> str:
     """Return the form of a mesh file in words."""
     if path.suffix.lower() == ".inp":
         return "Abaqus or CalculiX deck"
-    head = path.read_bytes()[:40].split()
+    with path.open("rb") as file:
+        head = file.read(40).split()
     return f"gmsh {head[1].decode()}" if head[:1] == [b"$MeshFormat"] else f"{path.suffix} file"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 import warnings
 from collections import Counter
 from contextlib import redirect_stderr, redirect_stdout
@@ -17,7 +16,7 @@ from ..body import CellMesh
 from ..body.cell_mesh import among, side_numbers
 from ..decks import Deck, Elements, read_deck
 from .chains import ROUNDING, same_places
-from .gmsh_groups import signed_entities
+from .gmsh_groups import check_names, signed_entities
 from .mesh_cells import CELL_TYPES, EDGES, SHAPES, corners_of, kind_of, upright, volumes_of
 from .mesh_groups import MeshFile, only, side_of, with_groups
 
@@ -85,12 +84,13 @@ def _of_meshio(file: str) -> Deck:
             else ""
         )
         raise ValueError(f"meshio: {' '.join(str(reason).split())}{advice}") from None
+    data = Path(file).read_bytes()
     contents = Deck([np.asarray(read.points, dtype=float)])
     groups = contents.sets.elements
     # Files of gmsh's version 2 have no sets, but a group of every cell, which they list once for
     # each of its groups.
     if "gmsh:physical" in read.cell_data:
-        _check_names(file)
+        check_names(data)
         numbers = np.concatenate(read.cell_data["gmsh:physical"])
         dimensions = np.repeat(
             *zip(*((block.dim, len(block)) for block in read.cells), strict=True)
@@ -109,7 +109,7 @@ def _of_meshio(file: str) -> Deck:
                 ]
             )
     numbered = {tuple(np.ravel(entry).tolist()): name for name, entry in read.field_data.items()}
-    for dim, group, entity in signed_entities(file):
+    for dim, group, entity in signed_entities(data):
         if name := numbered.get((group, dim)):
             of_entity = [
                 np.arange(begin, begin + len(block))
@@ -135,25 +135,21 @@ def _of_meshio(file: str) -> Deck:
     return contents
 
 
-def _check_names(file: str) -> None:
-    """Raise ValueError if two physical groups of a gmsh file have one name: meshio keeps one."""
-    names = re.search(
-        rb"\$PhysicalNames(.*?)\$EndPhysicalNames", Path(file).read_bytes(), flags=re.DOTALL
-    )
-    found = re.findall(rb'"(.*)"', names[1]) if names else []
-    twice = [name.decode(errors="replace") for name, times in Counter(found).items() if times > 1]
-    if twice:
-        raise ValueError(f"two physical groups are named {twice[0]}; give each a name of its own")
-
-
 @lru_cache(maxsize=1)
 def read_mesh(
     file: str, dimension: int, parts: tuple[str, ...] | None, _state: tuple[tuple[int, int], ...]
 ) -> MeshFile:
-    """Return the contents of a mesh file, read again if times of change or sizes of its files are
-    others; for the errors see `mesh_of`.
+    """Return the contents of a mesh file as a body has them, read again if times of change or sizes
+    of its files are others; for the errors see `mesh_of`.
     """
-    contents = only(file, contents_of(file), parts, BESIDE_CELLS[dimension])
+    return in_body(file, contents_of(file), dimension, parts)
+
+
+def in_body(
+    file: str, contents: Deck, dimension: int, parts: tuple[str, ...] | None = None
+) -> MeshFile:
+    """Return the contents of a mesh file as a body of a dimension has them, of some parts alone."""
+    contents = only(file, contents, parts, BESIDE_CELLS[dimension])
     points = contents.points
     _check_kinds(file, contents, dimension)
     cells = []
@@ -248,7 +244,7 @@ def _tell_of_others(file: str, contents: Deck, mesh: CellMesh, of_node: np.ndarr
     if +told:
         counts = ", ".join(f"{count} {name}" for name, count in (+told).items())
         warnings.warn(
-            f"body.file: {file}: elements beside the cells are left out: {counts}", stacklevel=5
+            f"body.file: {file}: elements beside the cells are left out: {counts}", stacklevel=6
         )
 
 
@@ -271,7 +267,7 @@ def _righted(file: str, mesh: CellMesh) -> CellMesh:
         warnings.warn(
             f"body.file: {turned} of {len(mesh)} cells of {file} were inverted (corners in the"
             " wrong order), and are turned",
-            stacklevel=5,
+            stacklevel=6,
         )
     return CellMesh(mesh.nodes, tuple(blocks))
 
@@ -311,7 +307,7 @@ def _warn_of_curves(file: str, ends: np.ndarray, middles: np.ndarray) -> None:
         warnings.warn(
             f"body.file: {what}: they become straight lines between corners; a finer mesh follows"
             " the curve",
-            stacklevel=7,
+            stacklevel=8,
         )
 
 

@@ -136,7 +136,7 @@ def with_groups(
     if neither:
         warnings.warn(
             f"body.file: groups without cells or sides of cells are left out: {', '.join(neither)}",
-            stacklevel=5,
+            stacklevel=6,
         )
     shared = any(len(of) > 1 for of in labels.values())
     points = every.groups_of_cells() if shared else {}
@@ -202,7 +202,7 @@ def only(file: str, contents: Deck, parts: tuple[str, ...] | None, beside: tuple
             warnings.warn(
                 f"body.file: the body has the cells of all parts of {file}: {told}; parts ="
                 f' ["{several[0]}"] takes one, and parts that touch are bonded',
-                stacklevel=5,
+                stacklevel=6,
             )
         return contents
     for name in parts:

@@ -18,6 +18,7 @@ from .cells import material_of_cells, raster_of
 from .clouds import nearest_volumes, relaxed_points
 from .interfaces import divided_volumes, round_interfaces, sides_of
 from .material import inside, material_at, points_in_material
+from .mesh_cells import sizes_of
 from .meshes import faces_of_groups, mesh_of
 from .planes import held_boundaries, reflection_planes
 from .separation import check_precuts, cuts_of, separation
@@ -30,9 +31,6 @@ STATED = 0.01
 there is a warning. Chosen: the spacing of a mesh is a mean over its cells, which nobody states to
 better than a percent.
 """
-
-PARTS = {(2, 3): 2, (3, 4): 6}
-"""Number of cells that make up a square or cube, by dimension and number of corners of a cell."""
 
 
 def discretize(
@@ -109,7 +107,7 @@ def _of_mesh(scene: Scene) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
     # Its cells have any shape: those whose centroid lies in a hole are left out whole.
     kept = points_in_material(scene, points)
     number = np.cumsum(kept) - 1
-    spacing, cell = _sizes_of_cells(blocks, kept, volumes)
+    spacing, cell = sizes_of(blocks, kept, volumes)
     if scene.spacing is not None and abs(scene.spacing - spacing) > STATED * spacing:
         warnings.warn(
             f"scene {scene.name}: spacing: ignored, as the mesh has a spacing of {spacing:.4g};"
@@ -188,25 +186,3 @@ def _volumes_by_side(scene: Scene, given: dict[str, Any], rounds: Sequence[Round
 
         found[own == side] = nearest_volumes(cells, part, points[own == side])
     return found * (volumes.sum() / found.sum())
-
-
-def _sizes_of_cells(
-    cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarray
-) -> tuple[float, float]:
-    """Return the spacing of a mesh, the mean size (area^(1/2) or volume^(1/3)) of a cell, and the
-    side of the squares or cubes of cells.
-
-    `cells` are the corners of the cells block by block, shape (n, corners, d), `kept` flags of the
-    cells that are not in holes, and `volumes` those of all cells. Two triangles count as one
-    square, six tetrahedra as one cube. Both are volume means: many small cells in a corner do not
-    make the horizon small everywhere.
-    """
-    dimension = cells[0].shape[2]
-    parts = np.repeat(
-        [PARTS.get((dimension, block.shape[1]), 1) for block in cells],
-        [len(block) for block in cells],
-    )
-    return tuple(
-        float(np.average(size[kept] ** (1 / dimension), weights=volumes[kept]))
-        for size in (volumes, parts * volumes)
-    )

@@ -30,6 +30,8 @@ class MeasuredField:
         Number of points that the program itself marks as lost, which are left out.
     subset : float, optional
         Width of a subset (facet) in `unit`, if the file states it.
+    down : bool
+        Whether the file counts y downward, so that a reader turned it.
     notes : tuple of str
         What was assumed on reading.
     """
@@ -42,4 +44,5 @@ class MeasuredField:
     deviation: np.ndarray
     lost: int = 0
     subset: float | None = None
+    down: bool = False
     notes: tuple[str, ...] = ()

@@ -1,6 +1,5 @@
 """Tables that programs for image correlation write, as text."""
 
-import csv
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .dialects import DIALECTS, OWN, Dialect, Rows
-from .text import decode
+from .text import decode, lines_in, split
 
 HEAD = 200
 """Lines of a file among which the headings of columns are sought."""
@@ -40,12 +39,12 @@ class Headings(NamedTuple):
 def headings_of(path: Path) -> Headings | None:
     """Return the headings of a table of displacements, None for another file."""
     text = decode(path.read_bytes())
-    lines = text[0].splitlines() if text else []
+    lines = lines_in(text[0]) if text else []
     for number, line in enumerate(lines[:HEAD]):
         for separator in ",;\t ":
             found = [
                 re.fullmatch(r"(.*?)(?:\s*[\[(]\s*([^\])]*?)\s*[\])])?", cell)
-                for cell in _cells(line.lstrip("# "), separator)
+                for cell in split([line.lstrip("# ")], separator)[0]
             ]
             units = {
                 one[1]: UNITS.get((one[2] or "").lower(), one[2] or "") for one in found if one
@@ -60,20 +59,14 @@ def headings_of(path: Path) -> Headings | None:
     return None
 
 
-def _cells(line: str, separator: str) -> list[str]:
-    """Return the entries of a line without blanks and quotation marks around them."""
-    if separator == " ":
-        return line.split()
-    row = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
-    return [cell.strip(' "') for cell in row]
-
-
 def rows_of_table(path: Path, unit: str | None, dimension: int) -> Rows:
     """Return the rows of a table; see `read_fields`."""
     try:
         table = headings_of(path)
     except OSError as error:
         raise ValueError(f"cannot read {path}: {error.strerror}") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
     if table is None:
         raise ValueError(
             f"{path}: no line names columns of places and displacements; write a table with"
@@ -164,7 +157,7 @@ def _numbers(path: Path, table: Headings, wanted: list[str]) -> tuple[np.ndarray
             block += 1
         if line.strip() == table.lines[table.line].strip() or line.strip()[:1] in ("", "#", "*"):
             continue
-        cells = _cells(line, table.separator)
+        cells = split([line], table.separator)[0]
         if len(cells) == len(table.names) + 1 and not cells[-1]:
             cells.pop()
         if len(cells) != len(table.names):

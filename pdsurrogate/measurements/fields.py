@@ -124,6 +124,7 @@ def read_fields(
         np.where(deviation > 0, deviation, np.nan)[kept],
         int(lost[step > 0].sum()),
         first.subset,
+        bool(signs[0, 1] < 0),
         tuple(dict.fromkeys(notes)),
     )
 

@@ -105,6 +105,14 @@ def numeric(cell: str) -> bool:
     return any(pattern.fullmatch(cell) for pattern in NUMBERS.values())
 
 
+def lines_in(text: str) -> list[str]:
+    """Return the lines of the text of a table; raise ValueError if one is too long."""
+    lines = [line.strip("\ufeff\x1a") for line in text.splitlines()]
+    if any(len(line) > csv.field_size_limit() for line in lines):
+        raise ValueError("a line is too long for a table")
+    return lines
+
+
 def split(lines: list[str], separator: str) -> list[list[str]]:
     """Return the cells of lines; quotes protect separators, but not the ends of lines."""
     lines = [line.replace('"', "") if line.count('"') % 2 else line for line in lines]
@@ -129,9 +137,7 @@ def rows_of(text: str) -> tuple[list[Row], str, str]:
     ValueError
         If there is no table of two columns, or the decimal sign is ambiguous.
     """
-    lines = [line.strip("\ufeff\x1a") for line in text.splitlines()]
-    if any(len(line) > csv.field_size_limit() for line in lines):
-        raise ValueError("a line is too long for a table")
+    lines = lines_in(text)
     marks = [re.match(r"\s*(#+|//|\*\*|sep=)\s?", line) for line in lines]
     bare = [line[mark.end() :] if mark else line for line, mark in zip(lines, marks, strict=True)]
     body = [line for line, mark in zip(lines, marks, strict=True) if line.strip() and not mark]

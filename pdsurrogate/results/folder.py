@@ -19,7 +19,7 @@ from pathlib import Path
 from .checkpoint import NAME as CHECKPOINT
 from .checkpoint import identity_in
 from .contents import contents_in, differences_between
-from .files import made, remove_leftovers
+from .files import made, remove_leftovers, write_json
 
 SUMMARY = "summary.json"
 HISTORY = "history.csv"
@@ -139,6 +139,17 @@ def make_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
     for name in {earlier, contents["scene_as_run"]["name"]}:
         for path in _files_of(folder, name):
             path.unlink()
+
+
+def claim(folder: Path, summary: dict, overwrite: bool = False) -> None:
+    """Make room in a folder for a run with the given `summary`, and write the summary as that of a
+    run under way: by it the folder is known as that of the run, should it be killed before it has
+    written more.
+
+    Raise FolderTaken if `check_room` does not permit it.
+    """
+    make_room(folder, contents_in(summary), overwrite)
+    write_json(folder / SUMMARY, summary | {"status": RUNNING})
 
 
 def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:

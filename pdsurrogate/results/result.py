@@ -17,7 +17,7 @@ from ..body import Body, CellMesh
 from ..materials.covariance import LawCovariance
 from ..scenes import Scene
 from .contents import contents_in
-from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, read_summary
+from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, claim, occupied, read_summary
 from .lowest_mode import LowestMode
 from .measures import values_of
 from .sensitivity import Sensitivities
@@ -363,13 +363,12 @@ class Result:
                 and self.states.folder.resolve() == folder.resolve()
             )
             if not streamed:
-                contents = contents_in(self.summary)
-                if self.body is None or contents is None:
+                if self.body is None or contents_in(self.summary) is None:
                     raise ValueError(
                         "the result was read from files, so there is nothing to save: copy the"
                         f" files to {folder}"
                     )
-                make_room(folder, contents, overwrite)
+                claim(folder, self.summary, overwrite)
                 written = StatesInFiles(folder, self.scene.name, self.body)
                 for number in range(len(self.states)):
                     written.append(*self.states[number])

@@ -13,7 +13,7 @@ from pathlib import Path
 from ..html_tables import html_facts, html_table
 from ..scenes import Units
 from .files import write_json, write_text
-from .folder import CONVERGENCE, HISTORY, RUNNING, SUMMARY
+from .folder import CONVERGENCE, HISTORY, SUMMARY
 
 UNITS_OF_COLUMNS = {
     r"time": "time",
@@ -69,9 +69,6 @@ def write_tables(
     """Write ``history.csv``, ``convergence.csv`` (if it has rows) and, last, ``summary.json`` of
     a run to a folder.
     """
-    if not (folder / SUMMARY).exists():
-        # By it a folder is known as that of a run, should this one be killed before its end.
-        write_json(folder / SUMMARY, summary | {"status": RUNNING})
     title = partial(column_title, units=units)
     write_text(folder / HISTORY, as_csv(history, title))
     if convergence:

@@ -42,7 +42,7 @@ from ..results.folder import (
     INTERRUPTED,
     RUNNING,
     check_room,
-    make_room,
+    claim,
     occupied,
 )
 from ..results.tables import write_tables
@@ -304,15 +304,15 @@ def simulate(
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
         program = ready(run, resume)  # before the folder is changed: it may refuse to resume
-        if own and resume:
-            remove_leftovers(own)
-        elif own:
-            make_room(own, run.contents, overwrite)
         if folder is not None:
-            begun = result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
+            begun = result_of(run, clock.seconds, began, UNDER_WAY, RUNNING).summary
+            if own and resume:
+                remove_leftovers(own)
+            elif own:
+                claim(own, begun, overwrite)
             if own:
-                run.keep_tables = Record(run, begun.summary).keep_if_due
-                run.keep_tables(-math.inf)  # by which the folder is known as that of this run
+                run.keep_tables = Record(run, begun).keep_if_due
+                run.keep_tables(-math.inf)
 
         def ended(message: str | None, status: str) -> Result:
             result = result_of(run, clock.seconds, began, message, status)

@@ -339,6 +339,22 @@ class Loading:
                 )
 
     @cached_property
+    def rows_of_planes(self) -> list[tuple[int, int, np.ndarray]]:
+        """Holder, plane and mask (d,) of the components that count for the holder, for each part
+        of a plane.
+
+        Components that nothing holds, which have couples alone, count for who holds the plane
+        across.
+        """
+        found = []
+        for part in self.of_planes:
+            rows = np.isin(np.arange(self.body.dimension), part.components)
+            if self.body.planes[part.plane].axis in part.components:
+                rows |= ~self.plane_components[part.plane]
+            found.append((part.holder, part.plane, rows))
+        return found
+
+    @cached_property
     def counted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Components of held points whose reactions this rank adds to their holders' forces:
         arrays of holders, points and components.

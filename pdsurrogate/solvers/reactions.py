@@ -126,14 +126,9 @@ def support_moments(loading: Loading, force: LoadedForce, reactions: Reactions) 
 def _add_planes(loading: Loading, of_holders: np.ndarray, of_planes: np.ndarray) -> None:
     """Add the values of planes, `of_planes` (planes, d, ...), in place to `of_holders`
     (holders, d, ...).
-
-    Components that nothing holds, which have couples alone, count for who holds a plane across.
     """
-    for part in loading.of_planes:
-        rows = np.isin(np.arange(loading.body.dimension), part.components)
-        if loading.body.planes[part.plane].axis in part.components:
-            rows |= ~loading.plane_components[part.plane]
-        of_holders[part.holder, rows] += of_planes[part.plane, rows]
+    for holder, plane, rows in loading.rows_of_planes:
+        of_holders[holder, rows] += of_planes[plane, rows]
 
 
 def _levers_on_planes(

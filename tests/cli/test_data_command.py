@@ -15,7 +15,7 @@ import pdsurrogate as pds
 from pdsurrogate.artifacts.card import IdentificationEntries
 from pdsurrogate.artifacts.material import material_on
 from pdsurrogate.calibration.field_files import FieldFacts
-from pdsurrogate.calibration.reporting import measurements
+from pdsurrogate.calibration.measurement_files import measurements
 from pdsurrogate.cli import app
 
 MACHINES = Path(__file__).parents[1] / "data" / "machines"
@@ -273,6 +273,13 @@ def test_a_machines_forces_are_those_of_the_steps(tmp_path):
             measurements(scene, None, path, stated, times, *of_camera)
     with pytest.raises(ValueError, match="--thickness is for --forces with the table of a machine"):
         measurements(scene, tmp_path / "F.csv", None, {"thickness": "2 mm"}, None, *of_camera)
+
+
+def test_a_folder_with_one_file_of_a_scene_stands_for_this_file(tmp_path):
+    scene = pds.load_scene("uniaxial", stretches=[1.1])
+    (tmp_path / "F.csv").write_text("step,x1,x2,u1,u2\n1,0,0,0,0.1\n")
+    X, y, *_ = measurements(scene, [tmp_path], None, {}, None, FieldFacts(), None)
+    assert (X.tolist(), y.tolist()) == ([[1, 1, 0, 0], [1, 2, 0, 0]], [0, 0.1])
 
 
 def test_fields_and_meshes_are_described_and_drawn(tmp_path):

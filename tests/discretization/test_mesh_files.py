@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pdsurrogate as pds
-from pdsurrogate.decks import read_deck
+from pdsurrogate.decks import files_of, read_deck
 from pdsurrogate.discretization.mesh_facts import describe_mesh
 from pdsurrogate.discretization.mesh_files import read_mesh
 from pdsurrogate.results import figures, measured
@@ -95,6 +95,14 @@ def test_groups_of_gmsh_files_have_the_elements_and_nodes_that_gmsh_counts(name,
     assert summary["volume" if dimension == 3 else "area"] == pytest.approx(2.0)
     assert summary["upper"] == ([2.0, 1.0] if dimension == 2 else [1.0, 1.0, 2.0])
     assert found.remarks == ()
+
+
+def test_the_spacing_of_a_mesh_is_that_of_its_body(tmp_path):
+    """Of a square of side 1 and a rectangle of area 4: the mean of 1 and 2 with weights 1 and 4."""
+    places = "1, 0., 0.\n2, 1., 0.\n3, 5., 0.\n11, 0., 1.\n12, 1., 1.\n13, 5., 1.\n"
+    path = tmp_path / "graded.inp"
+    path.write_text(f"*NODE\n{places}*ELEMENT, TYPE=CPS4\n{square(1)}{square(2)}")
+    assert describe_mesh(path).summary()["spacing"] == pytest.approx(9 / 5)
 
 
 def test_a_file_whose_groups_cannot_be_told_apart_is_refused():
@@ -348,6 +356,13 @@ def test_sets_after_an_include_and_a_change_of_the_included_file(tmp_path):
     before = digest_of_mesh(body)
     (tmp_path / "inner" / "nodes.inc").write_text(STRIP.replace("15, 4.", "15, 5."))
     assert digest_of_mesh(body) != before
+
+
+@pytest.mark.parametrize("line", ["* Include, INPUT=nodes.inc", "*INCLUDE,\nINPUT = nodes.inc"])
+def test_an_included_file_is_found_however_its_line_is_written(tmp_path, line):
+    (tmp_path / "nodes.inc").write_text(STRIP)
+    (tmp_path / "deck.inp").write_text(f"{line}\n{FOUR}")
+    assert files_of(tmp_path / "deck.inp") == [tmp_path / "deck.inp", tmp_path / "nodes.inc"]
 
 
 def test_a_stiff_part_given_by_two_blocks_of_elements_is_stiff_in_both(tmp_path):

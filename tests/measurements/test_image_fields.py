@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+import pdsurrogate as pds
+from pdsurrogate.calibration.field_files import FieldFacts, field_rows
 from pdsurrogate.measurements import files_at, is_field, read_fields
 
 GRADIENT, SHIFT = np.array([[0.05, 0.02], [-0.03, -0.01]]), np.array([0.7, -0.4])
@@ -265,6 +267,7 @@ def test_columns_of_no_known_program_need_a_unit_and_a_direction(tmp_path):
         ("x [px],y [px],u [mm],v [mm]\n1,2,0,0\n", "is in mm and px, not in one unit"),
         ("step,x1,x2,u1,u2,u2\n1,1,2,0,0,0\n", "two columns u2"),
         ("a,b\n1,2\n", "no line names columns"),
+        ("a" * 200_000 + "\n1,2\n", "a line is too long for a table"),
         ("x;y;u;v\n5.5;2;0;0\n1,234;2;0;0\n", "line 3: 5.5 has a point and 1,234 a comma"),
     ],
 )
@@ -347,3 +350,14 @@ def test_a_folder_and_a_pattern_stand_for_their_files(tmp_path):
         }
     with pytest.raises(ValueError, match="no such files"):
         files_at(tmp_path / "image_*.csv")
+
+
+@pytest.mark.parametrize(
+    ("file", "unit", "y"),
+    [(dice, None, -4.0), (matchid, None, -4.0), (vic_3d, None, 4.0), ("pyxel_1.vtu", "px", 4.0)],
+)
+def test_the_origin_is_stated_in_the_axes_of_the_file(file, unit, y, tmp_path):
+    """It is turned upward where the places are."""
+    path = DATA / file if isinstance(file, str) else file(tmp_path / "file.csv")
+    found = field_rows(pds.load_scene("hole"), [path], FieldFacts(origin=(3.0, 4.0)), unit)
+    assert found.arguments["origin"] == (3.0, y)
