@@ -102,7 +102,7 @@ def join_tests(name: str, *parts: MechanicalTests) -> MechanicalTests:
         assumed=tuple(dict.fromkeys(said)),
         missing=tuple(text for part in parts for text in part.missing),
         ranges=tuple(row for part in parts for row in part.ranges),
-        rows=rows,
+        tables=tuple(file for part in parts for file in part.tables),
     )
 
 
@@ -168,7 +168,7 @@ def _tests(file: TableFile, facts: Facts, used: set[str]) -> MechanicalTests:
         _sentences(assumed, name),
         _sentences(missing, name),
         tuple(ranges),
-        rows,
+        (file,),
     )
 
 
