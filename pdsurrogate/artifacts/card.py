@@ -226,9 +226,9 @@ class BreakEntries(StrictModel):
     stretch : pair of float
         Mean and standard deviation (null for one specimen) of the stretch. Unit: none.
     nominal_stress : pair of float
-        The same of the nominal stress. Unit: stress.
+        Mean and standard deviation of the nominal stress. Unit: stress.
     work : pair of float
-        The same of the work per undeformed volume up to the break. Unit: stress.
+        Mean and standard deviation of the work per undeformed volume up to the break. Unit: stress.
     """
 
     specimens: Annotated[int, Field(strict=True, gt=0)]

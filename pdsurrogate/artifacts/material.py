@@ -17,8 +17,11 @@ DATA_OF_THE_PACKAGE = ("treloar", "kawabata")
 of earlier versions do not state.
 """
 
-PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6}
-"""Units of stress in pascals, to convert moduli from test data to the unit of a scene."""
+PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6, "N/mm2": 1e6, "bar": 1e5}
+PASCALS |= {"psi": 6894.757293168361, "ksi": 6894757.293168361, "kgf/cm2": 98066.5}
+"""Units of stress in pascals, to convert moduli from test data to the unit of a scene: those that
+messages on test data show (`measurements.quantities.UNITS`), whose library no simulation loads.
+"""
 
 
 def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceModel]:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from ..identification import MODES
 from ..identification.reporting import parameters_of, plain
-from ..results.figures import DIVERGING, STYLE
+from ..results.figures import DIVERGING, STYLE, spread
 from ..results.places import columns_of_measured
 from .regressor import SceneRegressor
 from .scatter import Rows
@@ -213,7 +213,7 @@ def _residual_maps(model: SceneRegressor, X: np.ndarray) -> Figure:
     field = X[:, 1] > 0
     steps = np.unique(X[field, 0])
     components = np.unique(X[field, 1]).astype(int)
-    steps = steps[np.unique(np.linspace(0, len(steps) - 1, MOST_MAPS).round().astype(int))]
+    steps = steps[spread(len(steps), MOST_MAPS)]
     reach = np.ptp(X[field, 2:4], axis=0)
     width = 1.3
     size = (

@@ -19,10 +19,10 @@ from ..discretization.mesh_facts import describe_mesh
 from ..identification.campaign import Source, TestFacts, option_of, read_sources, sources
 from ..identification.data import test_data_of
 from ..identification.written import table_of
-from ..measurements import files_at, is_field, read_fields, read_tables
-from ..measurements.readings import SOURCES
+from ..measurements import files_at, is_field, read_fields
+from ..measurements.plausible import SOURCES
 from ..measurements.specimens import MechanicalTests
-from ..measurements.table import Block, Column, TableFile
+from ..measurements.table import Block, Column
 from ..results import figures, measured
 from ..results.files import write_text
 from .command import check_folder, with_fields
@@ -41,14 +41,14 @@ SIGNS = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blanks", ".": "point
 """Names of separators and decimal signs."""
 
 SHOWN = ("specimen", "mode", "taken", "branches", "stretch", "nominal_stress")
-"""What a table shows of each specimen."""
+"""Columns of the table of specimens."""
 
 MARK = "# Test data, written by pdsurrogate data\n"
 """First line of a written table; only such a file is replaced."""
 
 
 class Seen(NamedTuple):
-    """What is known of files: their name, plain values for JSON, tables by title, remarks, what is
+    """Description of files: their name, plain values for JSON, tables by title, remarks, what is
     missing, and a function that draws them.
     """
 
@@ -96,7 +96,7 @@ def data(
     found = sources(tests, stated)
     if tests:
         read = read_sources(found)
-        seen.append(_seen_tests(found, read))
+        seen.append(_seen_tests(read))
     _check_places(plot, table, len(seen))
     for one in seen:
         for title, rows in one.tables.items():
@@ -191,14 +191,10 @@ def _seen_field(form: str, files: Sequence[str], unit: str | None, up: bool | No
     )
 
 
-def _seen_tests(found: list[Source], read: MechanicalTests) -> Seen:
+def _seen_tests(read: MechanicalTests) -> Seen:
     """Return what is known of tables of machines, and of the tests in them."""
-    tables = [
-        read_tables(path, columns=stated.get("columns"), units=stated.get("units"))
-        for path, stated in found
-    ]
     titles, forms = {}, []
-    for file in tables:
+    for file in read.tables:
         rows = [
             {
                 "table": block.title or f"{number}",
@@ -242,7 +238,7 @@ def _seen_tests(found: list[Source], read: MechanicalTests) -> Seen:
     unit = f" ({read.unit})" if read.unit else ""
     broken = break_rows(read.at_break)
     return Seen(
-        found[0][0].stem,
+        read.tables[0].path.stem,
         {"file": read.name, "kind": "tests", "files": forms, "columns": columns}
         | {"unit": read.unit, "specimens": tests, "at_break": broken}
         | {"remarks": list(read.assumed), "missing": list(read.missing)},
@@ -256,7 +252,7 @@ def _seen_tests(found: list[Source], read: MechanicalTests) -> Seen:
         },
         read.assumed,
         read.missing,
-        lambda: _drawn_tests(read, tables, unit),
+        lambda: _drawn_tests(read, unit),
     )
 
 
@@ -272,7 +268,7 @@ def _in_words(value: Any) -> Any:
     return ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
 
 
-def _drawn_tests(read: MechanicalTests, tables: list[TableFile], unit: str) -> Figure:
+def _drawn_tests(read: MechanicalTests, unit: str) -> Figure:
     """Return a figure of the branches of tests, or of columns that are no tests yet."""
     if read.specimens:
         curves = [
@@ -286,10 +282,10 @@ def _drawn_tests(read: MechanicalTests, tables: list[TableFile], unit: str) -> F
             for one in read.specimens
         ]
         return measured.tests_figure(curves, "stretch", f"nominal stress{unit}")
-    first, second = _two_columns(tables[0].blocks[0])
+    first, second = _two_columns(read.tables[0].blocks[0])
     drawn = {"not complete": (first.values, second.values)}
     labels = [one.heading + (f" ({one.unit})" if one.unit else "") for one in (first, second)]
-    return measured.tests_figure([(tables[0].path.name, drawn)], *labels)
+    return measured.tests_figure([(read.tables[0].path.name, drawn)], *labels)
 
 
 def _two_columns(block: Block) -> list[Column]:

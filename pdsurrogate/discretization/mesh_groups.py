@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..body import CellMesh
-from ..body.cell_mesh import FACES, side_numbers
+from ..body.cell_mesh import FACES, numbers_in
 from ..decks import EDGE, Deck, Elements
 from .mesh_cells import CELL_TYPES, centroids, corners_of, kind_of
 
@@ -54,13 +54,10 @@ class MeshFile:
         if not self.side_groups:
             return dict(self.cell_groups)
         corners, owners = self.cells.sides()
-        lists = [corners, *self.side_groups.values()]
-        numbers = np.split(
-            side_numbers(np.concatenate(lists)), np.cumsum([len(each) for each in lists])[:-1]
-        )
+        own, *groups = numbers_in(corners, *self.side_groups.values())
         return self.cell_groups | {
-            name: np.unique(owners[np.isin(numbers[0], members)])
-            for name, members in zip(self.side_groups, numbers[1:], strict=True)
+            name: np.unique(owners[np.isin(own, members)])
+            for name, members in zip(self.side_groups, groups, strict=True)
         }
 
 
@@ -85,6 +82,7 @@ def with_groups(
     follows each of their names.
     """
     sets = contents.sets
+    places = contents.points
     every = MeshFile(mesh, {}, {})
     labels: dict[str, list[str]] = {}
     neither = []
@@ -103,22 +101,9 @@ def with_groups(
             if kind in CELL_TYPES[mesh.dimension]:
                 cells.append(of_cell[begin + np.flatnonzero(chosen)])
                 begin += len(chosen)
-                known = np.array(FACES[mesh.dimension, corners_of(kind)])
-                owners, numbers = of_surface[np.isin(of_surface[:, 0], each.numbers)].T
-                if each.type.startswith(("S", "M3D")):  # S1, S2 are the faces of a shell, S3 its
-                    numbers = np.where(numbers < EDGE, numbers - 2, numbers - EDGE)  # first edge
-                if (numbers < 0).any():
-                    raise ValueError(
-                        f"body.file: surface {name} is a face (S1, S2) of {each.type} elements; the"
-                        " boundary of a sheet is made of edges, in CalculiX S3 to S6, in Abaqus E1"
-                        " to E4 (plane elements, CPS and CPE, have the edges S1 to S4)"
-                    )
-                if (numbers >= len(known)).any():
-                    raise ValueError(f"body.file: surface {name}: a {kind} has {len(known)} faces")
-                rows = np.searchsorted(each.numbers, owners)
-                faces.append(each.nodes[rows[:, None], known[numbers]])
+                faces.append(_faces_in(name, of_surface, each, mesh.dimension))
             elif kind.startswith("line" if mesh.dimension == 2 else CELL_TYPES[2]):
-                sides.append(side_of(contents.points, each)[chosen])
+                sides.append(side_of(places, each)[chosen])
         found = {}
         if any(map(len, cells)):
             found["ELSET"] = "cell_groups", np.unique(np.concatenate(cells))
@@ -131,8 +116,8 @@ def with_groups(
         if not found and there:
             neither.append(name)
         labels[name] = [f"{name} ({word})" for word in found]
-        for label, (kind, members) in zip(labels[name], found.values(), strict=True):
-            getattr(every, kind)[label] = members
+        for label, (groups, own) in zip(labels[name], found.values(), strict=True):
+            getattr(every, groups)[label] = own
     if neither:
         warnings.warn(
             f"body.file: groups without cells or sides of cells are left out: {', '.join(neither)}",
@@ -155,6 +140,29 @@ def with_groups(
             for groups in (every.cell_groups, every.side_groups)
         ),
     )
+
+
+def _faces_in(name: str, surface: np.ndarray, cells: Elements, dimension: int) -> np.ndarray:
+    """Return the nodes of the sides of cells in a surface of some name, given by elements and
+    their faces as in `Sets`.
+
+    Raise ValueError for a face that is no side of its cell.
+    """
+    kind = kind_of(cells.kind)
+    sides = np.array(FACES[dimension, corners_of(kind)])
+    owners, numbers = surface[np.isin(surface[:, 0], cells.numbers)].T
+    if cells.type.startswith(("S", "M3D")):  # S1 and S2 are the faces of a shell, S3 its first edge
+        numbers = np.where(numbers < EDGE, numbers - 2, numbers - EDGE)
+    if (numbers < 0).any():
+        raise ValueError(
+            f"body.file: surface {name} is a face (S1, S2) of {cells.type} elements; the boundary"
+            " of a sheet is made of edges, in CalculiX S3 to S6, in Abaqus E1 to E4 (plane"
+            " elements, CPS and CPE, have the edges S1 to S4)"
+        )
+    if (numbers >= len(sides)).any():
+        raise ValueError(f"body.file: surface {name}: a {kind} has {len(sides)} faces")
+    rows = np.searchsorted(cells.numbers, owners)
+    return cells.nodes[rows[:, None], sides[numbers]]
 
 
 def _of_nodes(mesh: CellMesh, chosen: np.ndarray) -> tuple[str, np.ndarray]:

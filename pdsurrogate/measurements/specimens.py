@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .table import TableFile
+
 MODES = "uniaxial", "equibiaxial", "pure-shear"
 """Modes of loading, in which one stretch and one stress describe a test."""
 
@@ -149,8 +151,8 @@ class MechanicalTests:
     ranges : tuple of dict
         Least and greatest value of every column of numbers: "table", "column", "quantity",
         "least", "greatest", "unit" (mm, N, s, MPa where the unit is known).
-    rows : int
-        Number of rows of all tables.
+    tables : tuple of TableFile
+        The files as they were read.
     """
 
     name: str
@@ -159,7 +161,12 @@ class MechanicalTests:
     assumed: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     ranges: tuple[dict, ...] = ()
-    rows: int = 0
+    tables: tuple[TableFile, ...] = ()
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of all tables."""
+        return sum(len(block.lines) for file in self.tables for block in file.blocks)
 
     @property
     def lateral_stretches(self) -> dict[int, float]:

@@ -15,6 +15,7 @@ from ..scenes import Dynamics, Rectangle, Region, Scene, StepDynamics
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.grips import prescribed_in
 from ..scenes.model import EDGES
+from ..scenes.pulled import pulled_grip
 from ..scenes.references import reference_level
 from ..scenes.regions import label_of_region
 from ..solvers.held import Held
@@ -170,7 +171,7 @@ def measures_of(scene: Scene, areas: dict[str, float]) -> Measures:
     """
     if not scene.stretched:
         return Measures(None, None, areas, lambda parameter: {})
-    grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
+    grip = pulled_grip(scene)
     stress = NominalStress(grip.edge, areas[grip.edge], scene.grips.index(grip))
     # Other outlines have no straight edges to read displacements from.
     lateral = 1 - scene.loaded_axis if isinstance(scene.body, Rectangle) else None

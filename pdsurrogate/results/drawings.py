@@ -76,12 +76,7 @@ def chosen_states(result) -> list[int]:
         begin = len(result.states) - len(broken)
         shares = np.linspace(0.1, 1.0, MOST_PANELS)
         return sorted({*(begin + np.searchsorted(broken, shares * broken[-1])).tolist()})
-    return _spread(len(result.states), MOST_PANELS)
-
-
-def _spread(count: int, most: int) -> list[int]:
-    """Return at most so many of the numbers below a count, evenly spread."""
-    return np.linspace(0, count - 1, min(most, count)).round().astype(int).tolist()
+    return figures.spread(len(result.states), MOST_PANELS)
 
 
 def title_of(result, number: int) -> str:

@@ -44,6 +44,9 @@ STYLE = matplotlib.rc_params_from_file(
 )
 """Settings of Matplotlib for all figures."""
 
+PLAIN = "#d9dde3"
+"""Color of cells in no region or group."""
+
 OUTLINE: dict[str, Any] = {"colors": "0.2", "linewidths": 0.6, "capstyle": "round", "snap": False}
 """Line around a deformed body."""
 
@@ -99,6 +102,13 @@ def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
     )
 
 
+def spread(count: int, most: int) -> list[int]:
+    """Return at most so many of the numbers below a count, evenly spread, the last one among
+    them.
+    """
+    return np.linspace(count - 1, 0, min(most, count)).round().astype(int)[::-1].tolist()
+
+
 def limits_of(values: np.ndarray, greatest: float = 0.0) -> Limits:
     """Return the ends of a color scale: symmetric about zero for values of both signs, else the
     least and the greatest value.
@@ -142,6 +152,17 @@ def draw_cells(axis, cells: CellMesh, displacement: np.ndarray, values: np.ndarr
     high = polygons.max(axis=(0, 1))
     axis.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     return drawn
+
+
+def draw_mesh(axis, cells: CellMesh, colors: np.ndarray) -> None:
+    """Draw undeformed cells in the plane in their `colors` (RGBA), shape (n, 4), and their
+    outline.
+    """
+    polygons = polygons_of(cells, np.zeros_like(cells.nodes))
+    # The stub of PolyCollection leaves out that it takes one array of polygons.
+    drawn = PolyCollection(polygons, facecolors=colors, edgecolors="white", linewidths=0.2)  # type: ignore[arg-type]
+    axis.add_collection(drawn)
+    axis.add_collection(LineCollection(cells.nodes[cells.outer_sides[0]], **OUTLINE))
 
 
 def curves_figure(

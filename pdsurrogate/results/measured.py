@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import matplotlib
 import numpy as np
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -20,9 +20,6 @@ MOST_STEPS = 4
 
 MOST_ARROWS = 400
 """Greatest number of arrows in a panel: more would cover each other."""
-
-NO_GROUP = "#d9dde3"
-"""Color of cells in no group."""
 
 
 def tests_figure(
@@ -52,7 +49,7 @@ def field_figure(field: MeasuredField) -> Figure:
     the color of their size.
     """
     steps = np.unique(field.step)
-    steps = steps[np.unique(np.linspace(0, len(steps) - 1, MOST_STEPS).round().astype(int))]
+    steps = steps[figures.spread(len(steps), MOST_STEPS)]
     size = np.linalg.norm(field.displacements, axis=1)
     limits = figures.limits_of(size[np.isin(field.step, steps)])
     with matplotlib.rc_context(figures.STYLE):
@@ -86,7 +83,9 @@ def mesh_figure(
     ]
     names = by_size[0] + by_size[1]
     palette = matplotlib.colormaps["tab20" if len(names) > 10 else "tab10"]
-    colors = np.array([*(palette(k % palette.N) for k in range(len(names))), to_rgba(NO_GROUP)])
+    colors = np.array(
+        [*(palette(k % palette.N) for k in range(len(names))), to_rgba(figures.PLAIN)]
+    )
     shown = np.full(len(cells), len(names))
     for number, name in enumerate(by_size[0]):
         shown[cell_groups[name]] = number
@@ -103,13 +102,7 @@ def mesh_figure(
             figures.draw_outside(axes, cells, cells.nodes, colors[shown], box, figures.PLACES)
         else:
             axes = figure.subplots()
-            polygons = figures.polygons_of(cells, np.zeros_like(cells.nodes))
-            style = {"edgecolors": "white", "linewidths": 0.2}
-            # The stub of PolyCollection leaves out that it takes one array of polygons.
-            axes.add_collection(PolyCollection(polygons, facecolors=colors[shown], **style))  # type: ignore[arg-type]
-            axes.add_collection(
-                LineCollection(cells.nodes[cells.outer_sides[0]], **figures.OUTLINE)
-            )
+            figures.draw_mesh(axes, cells, colors[shown])
             for number, name in sides:
                 lines = LineCollection(
                     cells.nodes[side_groups[name]], colors=colors[[number]], linewidths=2

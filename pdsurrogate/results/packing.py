@@ -11,6 +11,7 @@ import numpy as np
 
 from ..progress import event
 from ..scenes import Units
+from .figures import spread
 from .measures import label_of, scalars_of
 from .places import cells_at, displacements_at
 from .states import Fields
@@ -158,7 +159,7 @@ def packed(
     """
     count = len(result.states)
     every = names_of(result.states[count - 1][1], first)
-    shown = np.linspace(count - 1, 0, min(most, count)).round().astype(int)[::-1].tolist()
+    shown = spread(count, most)
     names, inside = every, True
     while True:
         pieces = Pieces()

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import matplotlib
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
@@ -23,9 +22,6 @@ from ..scenes.shapes import Precut
 
 OBSTACLE = "#8b8f98"
 """Color of obstacles."""
-
-PLAIN = "#d9dde3"
-"""Color of cells in no region."""
 
 FEW = 8
 """Greatest number of points of a region that are marked by dots as well, since so few cells are
@@ -86,7 +82,7 @@ def preview(scene: Scene) -> Figure:
     problem = compile_scene(scene)
     with scene_errors(scene):
         marks = _marks(problem)
-    colors = np.tile(matplotlib.colors.to_rgba(PLAIN), (len(problem.body), 1))
+    colors = np.tile(matplotlib.colors.to_rgba(figures.PLAIN), (len(problem.body), 1))
     for mark in marks:
         colors[mark.points] = mark.color
     with matplotlib.rc_context(figures.STYLE):
@@ -182,11 +178,7 @@ def _in_the_plane(axes, problem: Problem, marks: list[_Mark], colors: np.ndarray
     low = nodes.min(axis=0)
     high = nodes.max(axis=0)
     extent = (high - low).max()
-    polygons = figures.polygons_of(body.cells, np.zeros_like(nodes))
-    # The stub of PolyCollection leaves out that it takes one array of polygons.
-    cells = PolyCollection(polygons, facecolors=colors, edgecolors="white", linewidths=0.2)  # type: ignore[arg-type]
-    axes.add_collection(cells)
-    axes.add_collection(LineCollection(nodes[body.cells.outer_sides[0]], **figures.OUTLINE))
+    figures.draw_mesh(axes, body.cells, colors)
     for cut in (cut for cut in scene.precuts if isinstance(cut, Precut)):
         axes.plot(*zip(cut.start, cut.end, strict=True), color="black", lw=2)
     for mark in marks:

@@ -2,8 +2,14 @@
 
 import numpy as np
 
+from .model import Grip
 from .regions import EDGES, label_of_region
 from .scene import Scene
+
+
+def pulled_grip(scene: Scene) -> Grip:
+    """Return the grip of a scene that moves farthest, the one at the upper end if two do."""
+    return max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
 
 
 def pulled_force(scene: Scene) -> tuple[str, float]:
@@ -11,9 +17,9 @@ def pulled_force(scene: Scene) -> tuple[str, float]:
     with which it is positive in tension.
     """
     if scene.stretched:
-        grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
-        axis, side = EDGES[grip.edge]
-        return f"forces.{grip.edge}.{axis}", float(side)
+        edge = pulled_grip(scene).edge
+        axis, side = EDGES[edge]
+        return f"forces.{edge}.{axis}", float(side)
     entries = [
         (abs(value), value, axis, entry)
         for entry in scene.prescribed

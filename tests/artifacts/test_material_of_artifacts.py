@@ -45,15 +45,25 @@ def test_a_built_in_scene_takes_the_law_of_the_card(store):
 
 
 def test_moduli_that_were_identified_come_along(store):
-    """In the scene's unit: those of Treloar's rubber are in MPa; those of another file are what
-    the file has.
+    """In the scene's unit: those of Treloar's rubber are in MPa; those of another file are in the
+    unit that its stresses were fitted in, or what the file has.
     """
     law = pds.materials.Gent(0.27, 54.0, CHAIN_LIMIT)
     scene = pds.load_scene("uniaxial")
     assert scene.units.stress == "kPa"
-    for data, factor in (("treloar", 1000.0), ("mine.csv", 1.0)):
+    for number, (data, factor) in enumerate(
+        (
+            ({"data": "treloar"}, 1000.0),
+            ({"data": "mine.csv"}, 1.0),
+            ({"data": "mine.csv", "stress_unit": "psi"}, 6.894757293168361),
+            ({"data": "mine.csv", "stress_unit": "ksi"}, 6894.757293168361),
+            ({"data": "mine.csv", "stress_unit": "bar"}, 100.0),
+            ({"data": "mine.csv", "stress_unit": "N/mm2"}, 1000.0),
+            ({"data": "mine.csv", "stress_unit": "kgf/cm2"}, 98.0665),
+        )
+    ):
         changed, _ = with_material(
-            scene, store(f"of-{data}", law, {"data": data, "law": law.describe()})
+            scene, store(f"data-{number}", law, {**data, "law": law.describe()})
         )
         found = changed.material.build()
         assert found.shear_modulus == pytest.approx(0.27 * factor, rel=1e-12)

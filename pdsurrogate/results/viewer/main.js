@@ -129,12 +129,14 @@ async function measuredBodies(entry) {
   return bodies;
 }
 
+// The name of the field of a component.
+const baseOf = (name) => name.replace(/_[123]{1,2}$/, "");
+
 // The ends of the scale of colors, as those of drawn pictures (limits_of of figures.py): symmetric
 // for values of both signs, and not below 1e-4 of the greatest component, which may be noise.
 function limitsOf(name) {
   const ends = (one) => body.fields[one].parts.flatMap((part) => (part ? part.slice(1) : []));
-  const base = name.replace(/_[123]{1,2}$/, "");
-  const all = Object.keys(body.fields).filter((one) => one.replace(/_[123]{1,2}$/, "") === base);
+  const all = Object.keys(body.fields).filter((one) => baseOf(one) === baseOf(name));
   const greatest = Math.max(...all.flatMap(ends).map(Math.abs), 1e-300);
   const [low, high] = ends(name).length ? [Math.min(...ends(name)), Math.max(...ends(name))] : [0, 1];
   const size = Math.max(-low, high);
@@ -611,7 +613,7 @@ function menu() {
   select.replaceChildren();
   const groups = {};
   for (const name of Object.keys(body.fields)) {
-    const base = name.replace(/_[123]{1,2}$/, "");
+    const base = baseOf(name);
     if (base === name) option(name, name.replaceAll("_", " "), select);
     else {
       groups[base] ??= Object.assign(document.createElement("optgroup"), { label: base.replaceAll("_", " ") });
@@ -832,8 +834,6 @@ async function begin() {
   await boxOf(data.bodies.simulated);
   fit();
   await show();
-  await section();
-  draw();
   if (asked.has("pick")) {
     const { clientWidth: width, clientHeight: height } = byId("stage");
     const [x, y] = asked.get("pick").split(",").map(Number);
