@@ -4,7 +4,6 @@ their options.
 python pipelines/reference.py     writes the marked blocks of the pages in docs/reference anew
 """
 
-import dataclasses
 import inspect
 import re
 from collections.abc import Callable, Iterator
@@ -52,6 +51,8 @@ TABLES = {
         "precuts.parallelogram": solids.ParallelogramCut,
         "precuts.disc": solids.DiscCut,
         "material": model.MaterialSpec,
+        "material.branches": model.BranchSpec,
+        "material.softening": model.SofteningSpec,
         "materials": model.Part,
         "regions": regions.Region,
         "regions.disc": regions.Disc,
@@ -316,14 +317,12 @@ def parameters(page: str, name: str) -> str:
         "| --- | --- | --- | --- | --- | --- |",
     ]
     least = {"shear_modulus": 0, "bulk_modulus": 0, **law.above}
-    for field in dataclasses.fields(law):
-        meaning, unit = meaning_and_unit(law, field.name)
-        default = list(field.default) if isinstance(field.default, tuple) else field.default
-        bound = f"> {least[field.name]:g}" if field.name in least else ""
-        searched = (
-            "{:g} to {:g}".format(*law.bounds[field.name]) if field.name in law.bounds else ""
-        )
-        cells = f"`{field.name}`", default_in_words(default), unit, bound, searched, meaning
+    for key, default in law.defaults().items():
+        meaning, unit = meaning_and_unit(law, key)
+        bound = f"> {least[key]:g}" if key in least else ""
+        searched = "{:g} to {:g}".format(*law.bounds[key]) if key in law.bounds else ""
+        shown = list(default) if isinstance(default, tuple) else default
+        cells = f"`{key}`", default_in_words(shown), unit, bound, searched, meaning
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 

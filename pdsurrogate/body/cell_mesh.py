@@ -318,10 +318,15 @@ def side_numbers(corners: np.ndarray) -> np.ndarray:
     return number
 
 
+def numbers_in(*lists: np.ndarray) -> list[np.ndarray]:
+    """Return the `side_numbers` of the sides in several lists, which have them in common."""
+    ends = np.cumsum([len(each) for each in lists])[:-1]
+    return np.split(side_numbers(np.concatenate(lists)), ends)
+
+
 def among(corners: np.ndarray, members: np.ndarray) -> np.ndarray:
     """Return flags of the sides (s,) that occur among `members`, both given by their nodes."""
-    numbers = side_numbers(np.concatenate([corners, members]))
-    return np.isin(numbers[: len(corners)], numbers[len(corners) :])
+    return np.isin(*numbers_in(corners, members))
 
 
 def outward(corners: np.ndarray) -> np.ndarray:

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..measurements import read_tables
-from ..measurements.quantities import factor
-from ..measurements.readings import amount_in
+from ..measurements.quantities import amount_in, factor
 from ..measurements.table import Block, Column
 from ..problem.program import stages_of
 from ..results.tables import column_name

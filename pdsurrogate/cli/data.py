@@ -20,7 +20,7 @@ from ..identification.campaign import Source, TestFacts, option_of, read_sources
 from ..identification.data import test_data_of
 from ..identification.written import table_of
 from ..measurements import files_at, is_field, read_fields
-from ..measurements.readings import SOURCES
+from ..measurements.plausible import SOURCES
 from ..measurements.specimens import MechanicalTests
 from ..measurements.table import Block, Column
 from ..results import figures, measured

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..measurements.quantities import factor
-from ..measurements.readings import amount_in
+from ..measurements.quantities import amount_in, factor
 from ..results import Result
 from ..results.files import replacing
 from ..results.places import pixel_grid, write_columns

@@ -5,7 +5,6 @@ scenes, and write a scene to start from.
 import json
 import re
 import sys
-from dataclasses import fields
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
@@ -35,17 +34,17 @@ def materials() -> None:
     rows = []
     for law in LAWS.values():
         default = law()
-        for number, field in enumerate(fields(law)):
-            value = np.atleast_1d(getattr(default, field.name))
-            low, high = law.bounds.get(field.name, (0, None))
+        for number, name in enumerate(law.defaults()):
+            value = np.atleast_1d(getattr(default, name))
+            low, high = law.bounds.get(name, (0, None))
             rows.append(
                 {
                     "law": "" if number else law.name,
-                    "parameter": field.name,
+                    "parameter": name,
                     "default": ", ".join(f"{item:.4g}" for item in value),
                     "search range": f"{low:g} to {high:g}"
                     if high is not None
-                    else "positive" * field.name.endswith("modulus"),
+                    else "positive" * name.endswith("modulus"),
                     "source": "" if number else law.reference,
                 }
             )

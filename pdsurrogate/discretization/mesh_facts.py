@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..body.cell_mesh import among
+from ..body.cell_mesh import numbers_in
 from .mesh_cells import sizes_of
 from .mesh_files import contents_of, in_body, kinds_of
 from .mesh_groups import MeshFile
@@ -64,15 +64,17 @@ class MeshFacts:
         """
         mesh = self.mesh
         faces = mesh.cells.faces[0]
+        own, *groups = numbers_in(faces, *mesh.side_groups.values())
+        listed = dict(zip(mesh.side_groups, groups, strict=True))
         rows = []
         for name, members in mesh.groups_of_cells().items():
-            if name in mesh.side_groups:
-                sides = faces[among(faces, mesh.side_groups[name])]
+            if name in listed:
+                sides = faces[np.isin(own, listed[name])]
                 counts = {"sides": len(sides), "nodes": len(np.unique(sides))}
             else:
                 chosen = np.isin(np.arange(len(mesh.cells)), members)
                 counts = {"sides": 0, "nodes": len(mesh.cells.only(chosen)[1])}
-            of = "sides" if name in mesh.side_groups else "cells"
+            of = "sides" if name in listed else "cells"
             rows.append({"group": name, "lists": of, "cells": len(members), **counts})
         return rows
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..body import CellMesh
-from ..body.cell_mesh import FACES, side_numbers
+from ..body.cell_mesh import FACES, numbers_in
 from ..decks import EDGE, Deck, Elements
 from .mesh_cells import CELL_TYPES, centroids, corners_of, kind_of
 
@@ -54,13 +54,10 @@ class MeshFile:
         if not self.side_groups:
             return dict(self.cell_groups)
         corners, owners = self.cells.sides()
-        lists = [corners, *self.side_groups.values()]
-        numbers = np.split(
-            side_numbers(np.concatenate(lists)), np.cumsum([len(each) for each in lists])[:-1]
-        )
+        own, *groups = numbers_in(corners, *self.side_groups.values())
         return self.cell_groups | {
-            name: np.unique(owners[np.isin(numbers[0], members)])
-            for name, members in zip(self.side_groups, numbers[1:], strict=True)
+            name: np.unique(owners[np.isin(own, members)])
+            for name, members in zip(self.side_groups, groups, strict=True)
         }
 
 

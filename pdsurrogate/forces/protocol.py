@@ -41,6 +41,8 @@ class ForceModel(ABC):
     differentiable : bool
         Whether Newton's method finds equilibria under this model, which derivatives of results and
         modes need.
+    remembers : tuple of str
+        Planes in which the model describes materials with branches or softening.
     stated : mapping, optional
         Errors that the card (the metadata of its artifact) of a learned model states, see
         `pdsurrogate.forces.agreement`.
@@ -61,6 +63,7 @@ class ForceModel(ABC):
     name: str
     family: str
     several_materials: tuple[str, ...] = ()
+    remembers: tuple[str, ...] = ()
     default_precision: str = "float64"
     mirrors_curves: bool = True
     differentiable: bool = True
@@ -120,6 +123,7 @@ class ForceModel(ABC):
             raise TypeError(f"settings must be ForceSettings(), not {settings!r}")
         settings.check(self.name, self.honored(settings.plane))
         self.check_material(checked_law(law))
+        _check_memory(self, law, settings.plane)
         return InternalForce(body, (MaterialPart(law, self, slice(None)),), settings)
 
     @abstractmethod
@@ -333,6 +337,7 @@ def bind_portions(
         spared = "outside" in honored and "outside" not in honors
         (replace(settings, outside=None) if spared else settings).check(portion.model.name, honors)
         portion.model.check_material(portion.law)
+        _check_memory(portion.model, portion.law, settings.plane)
         several = portion.model.several_materials
         if not several:
             raise ValueError(
@@ -348,6 +353,15 @@ def bind_portions(
                 " force=bond-energy"
             )
     return InternalForce(body, merged, settings)
+
+
+def _check_memory(model: ForceModel, law: Law, plane: str) -> None:
+    """Raise ValueError if a law has a memory that a model does not describe."""
+    if law.memory and plane not in model.remembers:
+        raise ValueError(
+            f"{model.name} does not describe branches or softening with plane={plane}; leave them"
+            " out of the material"
+        )
 
 
 def _same(model: ForceModel, other: ForceModel) -> bool:

@@ -204,11 +204,10 @@ def sources(references: Iterable[str | Path], stated: Mapping[str, Any]) -> list
         check_path(reference, "test data")
         name, _, mode = str(reference).rpartition(":")
         own = dict(stated)
-        if not name or Path(reference).exists():
-            name = str(reference)
-        elif mode in MODES:
+        colon = name and not Path(reference).exists()
+        if colon and mode in MODES:
             own["mode"] = mode
-        elif Path(name).exists():
+        elif colon and Path(name).exists():
             raise ValueError(f"{reference}: unknown mode {mode!r}; {suggestion(mode, MODES)}")
         else:
             name = str(reference)

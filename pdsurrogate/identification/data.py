@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..arguments import check_path, suggestion
+from ..arguments import suggestion
 from ..measurements import MechanicalTests, read_tests
 from ..measurements.specimens import BIAXIAL
 from .campaign import read_sources, sources
@@ -214,8 +214,6 @@ def load_test_data(*references: str | Path, **stated: Any) -> TestData:
     >>> data.up_to(3.0).stretches.shape[1]
     2
     """
-    for reference in references:
-        check_path(reference, "test data")
     names = test_data_names()
     if any(str(reference) in names for reference in references):
         if len(references) > 1 or stated:
@@ -242,12 +240,13 @@ def test_data_of(tests: MechanicalTests) -> TestData:
     if tests.missing:
         raise ValueError("; ".join(tests.missing))
     found: list[tuple] = []
+    scatter = tests.scatter
     for specimen in tests.specimens:
         weights = np.where(np.isnan(specimen.weight), 1.0, specimen.weight)
         if len({*np.isnan(specimen.weight[specimen.chosen])}) > 1:
             raise ValueError(f"{tests.name}: some rows have no weight: all have one, or none")
-        if not np.isfinite(specimen.weight).any() and specimen.mode in tests.scatter:
-            weights = tests.scatter[specimen.mode].weights(specimen.nominal_stress)
+        if not np.isfinite(specimen.weight).any() and specimen.mode in scatter:
+            weights = scatter[specimen.mode].weights(specimen.nominal_stress)
         for place in np.flatnonzero(specimen.chosen):
             row, first, weight = specimen.row[place], specimen.stretch[place], weights[place]
             if not 0 < weight < np.inf:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..materials.dictionary import Term
 from ..measurements.branches import branches, records
+from ..measurements.plausible import MOST_STRETCH
 from .averaging import columns_of, isochoric, nonnegative
 from .data import BIAXIAL, MODES, TestData, TestDataWarning
 from .stress_regressor import StressRegressor
@@ -69,11 +70,6 @@ TERMS = [
 ]
 """Terms of an energy that stands for all admissible energies: powers of stretches, their
 inverses and the first invariant.
-"""
-
-MOST_STRETCH = 15.0
-"""Greatest stretch that rubber bears: natural rubber breaks at 8 to 10, and soft gels at up to some
-15. Of greater ones a remark says so if strains in their place describe the stresses better.
 """
 
 CHANGED_VOLUME = 0.1

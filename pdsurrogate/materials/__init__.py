@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from .covariance import LawCovariance
 from .invariant_laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHookean, Yeoh
 from .law import InvariantLaw, Law, PrincipalStretchLaw
+from .memory import Branch, Memory, Softening
 from .polyconvex import Polyconvex
 from .stretch_laws import FullNetwork, Ogden
 
@@ -23,13 +24,16 @@ LAWS: dict[str, type[Law]] = {
 __all__ = [
     "LAWS",
     "ArrudaBoyce",
+    "Branch",
     "FullNetwork",
     "Gent",
     "LawCovariance",
+    "Memory",
     "MooneyRivlin",
     "NeoHookean",
     "Ogden",
     "Polyconvex",
+    "Softening",
     "Yeoh",
 ]
 """Names that type checkers of users' programs accept."""

@@ -8,14 +8,15 @@ Energies and stresses are dimensionless, in units of the law's shear modulus.
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from numbers import Real
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from ..html_tables import html_facts
+from .memory import Memory
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,9 @@ class Law(ABC):
     bulk_modulus : float
         Bulk modulus in the undeformed state, in the same unit. The default, 100 shear moduli, is
         the paper's; rubber has about 1,000.
+    memory : Memory
+        Branches and softening beside the elastic energy; by default none. Moduli and energies are
+        in the unit of `shear_modulus`.
     """
 
     name: ClassVar[str]
@@ -49,19 +53,34 @@ class Law(ABC):
 
     shear_modulus: float = 1.0
     bulk_modulus: float = 100.0
+    memory: Memory = field(default=Memory(), kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(field.default, Real) or field.name in ("shear_modulus", "bulk_modulus"):
-                check_number(value, f"{self.name}: {field.name}")
+        if not isinstance(self.memory, Memory):
+            raise TypeError(f"{self.name}: memory must be a Memory, not {self.memory!r}")
+        for key, default in self.defaults().items():
+            value = getattr(self, key)
+            if isinstance(default, Real) or key in ("shear_modulus", "bulk_modulus"):
+                check_number(value, f"{self.name}: {key}")
             if not np.all(np.isfinite(value)):
-                raise ValueError(f"{self.name}: {field.name} must be finite, not {value}")
+                raise ValueError(f"{self.name}: {key} must be finite, not {value}")
         for key, least in {"shear_modulus": 0, "bulk_modulus": 0, **self.above}.items():
             if getattr(self, key) <= least:
                 bound = f"above {least:g}" if least else "positive"
                 raise ValueError(f"{self.name}: {key} must be {bound}, not {getattr(self, key):g}")
         self.check()
+
+    @classmethod
+    def defaults(cls) -> dict[str, Any]:
+        """Return the names of the parameters of the elastic energy, with their defaults.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> list(pds.materials.Gent.defaults())
+        ['shear_modulus', 'bulk_modulus', 'chain_limit']
+        """
+        return {each.name: each.default for each in fields(cls) if each.name != "memory"}
 
     def check(self) -> None:  # noqa: B027  (most laws have no such parameter)
         """Check the parameters of this law other than the moduli; by default check nothing.
@@ -161,7 +180,7 @@ class Law(ABC):
         >>> pds.materials.Gent(chain_limit=60.0).shape
         {'chain_limit': 60.0}
         """
-        return {field.name: getattr(self, field.name) for field in fields(self)[2:]}
+        return {key: getattr(self, key) for key in list(self.defaults())[2:]}
 
     def scaled(self, factor: float) -> Self:
         """Return a copy of the law with all moduli multiplied by a factor, for example for another
@@ -185,7 +204,10 @@ class Law(ABC):
         NeoHookean(shear_modulus=400.0, bulk_modulus=40000.0)
         """
         return replace(
-            self, shear_modulus=self.shear_modulus * factor, bulk_modulus=self.bulk_modulus * factor
+            self,
+            shear_modulus=self.shear_modulus * factor,
+            bulk_modulus=self.bulk_modulus * factor,
+            memory=self.memory.scaled(factor),
         )
 
     def describe(self) -> dict:
@@ -203,7 +225,8 @@ class Law(ABC):
         """
         return {
             "law": self.name,
-            **{field.name: getattr(self, field.name) for field in fields(self)},
+            **{key: getattr(self, key) for key in self.defaults()},
+            **self.memory.describe(),
         }
 
     def _repr_html_(self) -> str:

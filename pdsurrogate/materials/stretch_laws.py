@@ -121,13 +121,17 @@ class Ogden(PrincipalStretchLaw):
         )
 
     def scaled(self, factor: float) -> Self:
-        scaled = {
+        scaled: dict[str, Any] = {
             key: tuple(value * factor for value in getattr(self, key))
             for key in self.lists
             if key != "exponents"
         }
         return replace(
-            self, shear_modulus=NOT_GIVEN, bulk_modulus=self.bulk_modulus * factor, **scaled
+            self,
+            shear_modulus=NOT_GIVEN,
+            bulk_modulus=self.bulk_modulus * factor,
+            memory=self.memory.scaled(factor),
+            **scaled,
         )
 
     @property

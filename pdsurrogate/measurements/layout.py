@@ -13,10 +13,9 @@ from .quantities import (
     MECHANICAL,
     MODES,
     STATISTICS,
-    fits,
     found_in,
+    is_of_unit,
     quantities_of,
-    unit_in,
 )
 from .segments import TEXT, Segment, facts_of, kind_of, lines_of, segments, take_headings
 from .table import Block, Column
@@ -172,8 +171,7 @@ def block(segment: Segment, places: list[int], title: str, facts: dict[str, str]
         unknown = [
             place
             for place, one in enumerate(columns)
-            if kind_of(one.heading) is None and one.unit and (known := unit_in(one.unit))
-            if known and fits(known, quantity)
+            if is_of_unit(one.heading, one.unit, quantity)
         ]
         if len(unknown) == 1:
             columns[unknown[0]] = dataclasses.replace(columns[unknown[0]], quantities=(quantity,))

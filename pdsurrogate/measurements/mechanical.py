@@ -8,9 +8,9 @@ import numpy as np
 
 from ..arguments import suggestion
 from .branches import LEAST, branches, break_row, creep, energy_lost, records, stretch_at_zero
-from .quantities import factor
+from .quantities import UNITS
 from .reading import read_tables
-from .readings import UNITS, Readings
+from .readings import Readings
 from .specimens import BIAXIAL, MODES, AtBreak, Facts, MechanicalTests, Specimen
 from .table import Block, TableFile
 
@@ -224,7 +224,7 @@ def _specimens(readings: Readings, before: int) -> list[Specimen]:
 
 def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
     """Return rows of a table as a specimen, its branches recognized."""
-    lateral = readings.lateral(stretch)[rows]
+    lateral, across = (one[rows] for one in readings.across(stretch))
     stretch, stress = stretch[rows], stress[rows]
     time = readings.numbers("time")[rows]
     branch = np.full(len(rows), "loading", dtype="<U9")
@@ -268,9 +268,6 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
             f"{title or mode}: no rows of --branch {wanted}; there are {cycle.max()} cycles"
         )
     _tell(readings, title or mode, branch, cycle, chosen, lost, at_break)
-    across = readings.numbers("lateral-stress")[rows]
-    across = across / lateral if readings.true_stress else across
-    wanted_unit = readings.facts.stress_unit
     return Specimen(
         title or readings.where,
         mode,
@@ -278,7 +275,7 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
         stretch,
         stress,
         lateral,
-        across * factor("MPa", wanted_unit) if wanted_unit else across,
+        across,
         time,
         readings.numbers("weight")[rows],
         cycle,
@@ -357,9 +354,15 @@ def _ranges(block: Block, where: str) -> list[dict]:
         quantity = column.quantities[0] if column.quantities else None
         known = quantity is not None and column.unit is not None and quantity != "temperature"
         unit = UNITS.get(quantity or "", "1") if known else column.unit or ""
-        size = factor(column.unit, unit) if known else 1.0
-        span = float(np.nanmin(column.values) * size), float(np.nanmax(column.values) * size)
-        words = {"table": where, "column": column.heading}
-        words["quantity"] = " or ".join(column.quantities)
-        rows.append({**words, "least": span[0], "greatest": span[1], "unit": unit})
+        values = column.in_unit_of(str(quantity)) if known else column.values
+        rows.append(
+            {
+                "table": where,
+                "column": column.heading,
+                "quantity": " or ".join(column.quantities),
+                "least": float(np.nanmin(values)),
+                "greatest": float(np.nanmax(values)),
+                "unit": unit,
+            }
+        )
     return rows

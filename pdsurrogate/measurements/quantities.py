@@ -6,18 +6,18 @@ import re
 import unicodedata
 from functools import cache
 
-SI = {
+UNITS = {
     "time": "s",
     "force": "N",
-    "extension": "m",
-    "nominal-stress": "Pa",
-    "true-stress": "Pa",
-    "lateral-stress": "Pa",
+    "extension": "mm",
+    "nominal-stress": "MPa",
+    "true-stress": "MPa",
+    "lateral-stress": "MPa",
     "temperature": "K",
 }
-"""SI units of the quantities that have a dimension; all others are numbers."""
+"""Units to which quantities with a dimension are converted; all others are numbers."""
 
-UNITS = """
+KNOWN_UNITS = """
     N kN mN cN lbf kgf gf mm cm m um in Pa kPa MPa GPa psi ksi bar N/mm2 kgf/cm2 % mm/mm - s ms min
     h degC K
 """.split()  # noqa: SIM905
@@ -146,7 +146,7 @@ def within_brackets(text: str) -> str:
 @cache
 def unit_in(text: str) -> str | None:
     """Return a unit in the spelling of pint, "" for numbers; None for text that is no unit of
-    `SI` or of a number.
+    `UNITS` or of a number.
     """
     import pint
 
@@ -156,9 +156,9 @@ def unit_in(text: str) -> str | None:
         return ""
     if not re.fullmatch(r"[^\W\d][\w/*°·.]{0,15}|%", spelled):
         return None
-    known = {unit.lower(): unit for unit in UNITS}
+    known = {unit.lower(): unit for unit in KNOWN_UNITS}
     for one in (spelled, known.get(spelled.lower(), "")):
-        if len(one) == 1 and one not in UNITS:  # a letter is a heading rather than a year
+        if len(one) == 1 and one not in KNOWN_UNITS:  # a letter is a heading rather than a year
             continue
         try:
             dimension = _registry().parse_units(one).dimensionality
@@ -168,7 +168,7 @@ def unit_in(text: str) -> str | None:
         compound = one.partition("/")[2].removesuffix("**2")
         if one and (
             (dimension in _dimensions() and not compound)
-            or (compound and dimension in ({}, _dimensions()[3]))
+            or (compound and (dimension == {} or fits(one, "nominal-stress")))
             or one == "%"
         ):
             return one
@@ -177,14 +177,14 @@ def unit_in(text: str) -> str | None:
 
 @cache
 def _dimensions():
-    """Dimensions of `SI`, and those of area."""
-    return [_registry().parse_units(one).dimensionality for one in (*SI.values(), "m**2")]
+    """Dimensions of `UNITS`, and those of area."""
+    return [_registry().parse_units(one).dimensionality for one in (*UNITS.values(), "m**2")]
 
 
 def fits(unit: str, quantity: str) -> bool:
     """Whether a unit is one of a quantity."""
     dimension = _registry().parse_units(unit).dimensionality
-    return dimension == _registry().parse_units(SI.get(quantity, "")).dimensionality
+    return dimension == _registry().parse_units(UNITS.get(quantity, "")).dimensionality
 
 
 @cache
@@ -194,8 +194,34 @@ def factor(unit: str, to: str) -> float:
     """
     known, one = unit_in(unit), _registry().Quantity
     if known is None or one(1.0, known).dimensionality != one(1.0, unit_in(to)).dimensionality:
-        raise ValueError(f"{unit} is no unit like {to}; known are {', '.join(UNITS)}")
+        raise ValueError(f"{unit} is no unit like {to}; known are {', '.join(KNOWN_UNITS)}")
     return float((one(1.0, known) / one(1.0, unit_in(to))).to("").magnitude)
+
+
+def is_of_unit(heading: str, unit: str | None, *quantities: str) -> bool:
+    """Whether the unit of a column, and nothing in its heading, says that it is of one of some
+    quantities.
+    """
+    known = unit_in(unit or "")
+    return (
+        bool(known)
+        and found_in(KINDS, heading) is None
+        and any(fits(str(known), one) for one in quantities)
+    )
+
+
+def amount_in(text: str, to: str, what: str) -> float:
+    """Return a positive number with its unit, such as "25 mm", in a unit."""
+    found = re.fullmatch(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*([^\d\s].*?)\s*", str(text))
+    if not found:
+        raise ValueError(f"{what} must be a number with its unit, such as '12 {to}', not {text!r}")
+    try:
+        value = float(found[1]) * factor(found[2], to)
+    except ValueError as error:
+        raise ValueError(f"{what} {text!r}: {error}; right is a number such as '12 {to}'") from None
+    if not value > 0:
+        raise ValueError(f"{what} must be positive, not {text!r}")
+    return value
 
 
 def heading_and_unit(text: str) -> tuple[str, str | None]:

@@ -8,8 +8,8 @@ from pathlib import Path
 from ..arguments import check_path, suggestion
 from .decks import is_deck, rows_of_deck
 from .layout import Found, read_rows, with_specimens
-from .quantities import SI, factor, fits, plain, quantities_of, unit_in
-from .table import QUANTITIES, Block, Column, TableFile
+from .quantities import UNITS, factor, fits, plain, quantities_of, unit_in
+from .table import FAMILIES, QUANTITIES, Block, Column, TableFile
 from .text import Row, decimal_sign, decode, rows_of, value
 
 LARGEST = 200_000_000
@@ -45,9 +45,6 @@ FORMS = {
 
 MEASURED = {*QUANTITIES} - {"time", "mode", "cycle", "specimen", "weight", "temperature"}
 """Quantities that make a table one of a test."""
-
-FAMILIES = {"stress": "nominal-stress", "strain": "engineering-strain"}
-"""What a user may call a quantity, and what it then is, as in headings."""
 
 NEEDED = "a table of text, a workbook or a deck with test data is needed"
 
@@ -278,7 +275,7 @@ def _with_units(blocks: tuple[Block, ...], units: Mapping[str, str]) -> tuple[Bl
     for quantity, unit in units.items():
         _named(quantity)
         meant = {one for one in QUANTITIES if one == quantity or one.endswith(f"-{quantity}")}
-        factor(unit, SI.get(next(iter(meant)), "1"))  # refuses units of another kind
+        factor(unit, UNITS.get(next(iter(meant)), "1"))  # refuses units of another kind
         columns = [one for block in blocks for one in block.columns if meant & {*one.quantities}]
         if not columns:
             raise ValueError(f"there is no column of {quantity}; there are {_headings(blocks)}")

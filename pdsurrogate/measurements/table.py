@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from .quantities import UNITS, factor
+
 QUANTITIES = (
     "time",
     "force",
@@ -25,6 +27,9 @@ QUANTITIES = (
     "temperature",
 )
 """What a column of a mechanical test can be."""
+
+FAMILIES = {"stress": "nominal-stress", "strain": "engineering-strain"}
+"""What a user may call a quantity, and what it then is, as in headings."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,15 @@ class Column:
     unit: str | None
     quantities: tuple[str, ...]
     values: np.ndarray
+
+    def in_unit_of(self, quantity: str) -> np.ndarray:
+        """Return the numbers in the unit of a quantity (`UNITS`), as they are without a unit."""
+        if not self.unit:
+            return self.values
+        try:
+            return self.values * factor(self.unit, UNITS.get(quantity, "1"))
+        except ValueError as error:
+            raise ValueError(f"column {self.heading!r}: {error} (--unit {quantity}=...)") from None
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ SEPARATORS = ("\t", ";", ",", "|", " ")
 SAMPLE = 2000
 """Lines by which the separator and the decimal sign are found."""
 
-GROUPS = r"'\u2019\u00a0\u202f"
+GROUPS = "'\u2019\u00a0\u202f"
 """Signs between thousands, beside the point or comma that is not the decimal sign."""
 
 NUMBERS = {
@@ -33,10 +33,7 @@ NUMBERS = {
 }
 """Numbers by their decimal sign."""
 
-PLAIN = {
-    sign: str.maketrans(",\u2212", ".-", other + "'\u2019\u00a0\u202f")
-    for sign, other in (".,", ",.")
-}
+PLAIN = {sign: str.maketrans(",\u2212", ".-", other + GROUPS) for sign, other in (".,", ",.")}
 """What makes them numbers of Python."""
 
 MISSING = {"", "-", "--", "---", "n/a", "na", "nan", "null", "#n/a", "*", "*****"}

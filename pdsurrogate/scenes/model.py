@@ -16,7 +16,8 @@ from pydantic import (
 
 from ..arguments import suggestion
 from ..kernels.weights import WEIGHT_FUNCTIONS
-from ..materials import LAWS, Law
+from ..materials import LAWS, Branch, Law, Memory, Softening
+from ..materials.memory import from_prony
 from .loading import DynamicsSettings, Load, Prescribed, Probe, Step
 from .obstacles import Obstacle
 from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_names
@@ -61,6 +62,40 @@ precision.
 """
 
 
+class BranchSpec(StrictModel):
+    """Viscoelastic branch of a material.
+
+    Parameters
+    ----------
+    modulus : float
+        Shear modulus that the branch adds in fast motions. Unit: stress.
+    time : float
+        Relaxation time. Unit: time.
+    """
+
+    modulus: Positive
+    time: Positive
+
+
+class SofteningSpec(StrictModel):
+    """Softening of a material below its greatest isochoric energy so far (Mullins), by Ogden and
+    Roxburgh's factor.
+
+    Parameters
+    ----------
+    r : float
+        The stress falls by up to 1/r of its value. Unit: none.
+    m : float
+        Energy below the greatest one within which the stress falls. Unit: stress.
+    beta : float
+        Share of the greatest energy that adds to `m`. Unit: none.
+    """
+
+    r: Annotated[Finite, Field(ge=1)]
+    m: Annotated[Finite, Field(ge=0)]
+    beta: Annotated[Finite, Field(ge=0)] = 0.0
+
+
 class MaterialSpec(StrictModel):
     """Material in a scene: the name of a material law with its parameters, or ``"rigid"``.
 
@@ -68,6 +103,14 @@ class MaterialSpec(StrictModel):
     ----------
     law : str
         Name of a law, or ``"rigid"``.
+    branches : list of BranchSpec
+        Viscoelastic branches beside the elastic energy.
+    prony : list of pair of float
+        Branches as a Prony series: pairs of a ratio and a relaxation time. A ratio is the modulus
+        of the branch over that of fast motions, which `shear_modulus` and the moduli of all
+        branches add up to. Unit: none, time.
+    softening : SofteningSpec, optional
+        Softening below the greatest energy so far.
     **extra_data : float or list of float
         Parameters of the law.
     """
@@ -75,6 +118,9 @@ class MaterialSpec(StrictModel):
     model_config = ConfigDict(extra="allow", frozen=True)
 
     law: str
+    branches: tuple[BranchSpec, ...] = ()
+    prony: tuple[tuple[Positive, Positive], ...] = ()
+    softening: SofteningSpec | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -85,11 +131,11 @@ class MaterialSpec(StrictModel):
 
     def model_post_init(self, _) -> None:
         if self.rigid:
-            if self.model_extra:
-                raise ValueError(
-                    f"{RIGID} has no parameters; remove {next(iter(self.model_extra))}"
-                )
+            if given := self.model_fields_set - {"law"} | set(self.model_extra or {}):
+                raise ValueError(f"{RIGID} has no parameters; remove {min(given)}")
             return
+        if self.branches and self.prony:
+            raise ValueError("branches and prony are two forms of one thing; give one")
         law = self.build()
         for key in ("shear_modulus", "bulk_modulus"):
             value = getattr(law, key)
@@ -115,7 +161,7 @@ class MaterialSpec(StrictModel):
         if self.law not in LAWS:
             raise ValueError(f"unknown law {self.law!r}; {suggestion(self.law, sorted(LAWS))}")
         law = LAWS[self.law]
-        known = {field.name for field in dataclasses.fields(law)}
+        known = law.defaults()
         given: dict[str, Any] = {}
         for key, value in (self.model_extra or {}).items():
             if key not in known:
@@ -134,12 +180,16 @@ class MaterialSpec(StrictModel):
             except OverflowError:
                 raise ValueError(f"{key} is too large a number") from None
         try:
-            return law(**given)
+            built = law(**given)
         except TypeError:
             raise ValueError(
                 f"{self.law}: a parameter is a list instead of a number, or a number instead of a"
                 " list"
             ) from None
+        branches = tuple(Branch(each.modulus, each.time) for each in self.branches)
+        softening = Softening(**self.softening.model_dump()) if self.softening else None
+        memory = Memory(branches or from_prony(built.shear_modulus, self.prony), softening)
+        return dataclasses.replace(built, memory=memory)
 
 
 class Criterion(StrictModel):

@@ -1,0 +1,118 @@
+"""Memory of rubber beside its elastic energy: viscoelastic branches and softening."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Viscoelastic branch, with the energy modulus/2 (Cbar : C_k^-1 - 3) of an internal variable
+    C_k of determinant 1.
+
+    C_k follows Cbar, the isochoric right Cauchy-Green tensor, by C_k' = (Cbar - (Cbar : C_k^-1)/3
+    C_k) / time.
+
+    Parameters
+    ----------
+    modulus : float
+        Shear modulus that the branch adds in fast motions, in the unit of the law's.
+    time : float
+        Relaxation time.
+    """
+
+    modulus: float
+    time: float
+
+    def __post_init__(self) -> None:
+        for key in ("modulus", "time"):
+            value = getattr(self, key)
+            if not 0 < value < math.inf:
+                raise ValueError(f"{key} of a branch must be positive and finite, not {value}")
+
+
+@dataclass(frozen=True)
+class Softening:
+    """Softening of the isochoric energy W below its greatest value W_max so far (Mullins), by the
+    factor eta = 1 - erf((W_max - W)/(m + beta W_max))/r of Ogden and Roxburgh (1999).
+
+    Parameters
+    ----------
+    r : float
+        At least 1: the stress falls by up to 1/r of its value.
+    m : float
+        Energy per volume, in the unit of the law's shear modulus.
+    beta : float
+        Not negative; `m` and `beta` are not both zero.
+    """
+
+    r: float
+    m: float
+    beta: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.r < math.inf:
+            raise ValueError(f"r of softening must be at least 1, not {self.r}")
+        for key in ("m", "beta"):
+            value = getattr(self, key)
+            if not 0 <= value < math.inf:
+                raise ValueError(f"{key} of softening must not be negative, not {value}")
+        if self.m == self.beta == 0:
+            raise ValueError("m and beta of softening must not both be zero")
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Branches and softening of a material; the memory of an elastic material is empty, and false.
+
+    Parameters
+    ----------
+    branches : tuple of Branch
+    softening : Softening, optional
+
+    Examples
+    --------
+    >>> from pdsurrogate.materials import Branch, Memory
+    >>> Memory((Branch(0.4, 2.0), Branch(0.1, 50.0))).modulus
+    0.5
+    """
+
+    branches: tuple[Branch, ...] = ()
+    softening: Softening | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self.branches) or self.softening is not None
+
+    @property
+    def modulus(self) -> float:
+        """Shear modulus that all branches add in fast motions."""
+        return sum(branch.modulus for branch in self.branches)
+
+    def scaled(self, factor: float) -> Self:
+        """Return the memory with all moduli and energies multiplied by a factor."""
+        softening = self.softening
+        return replace(
+            self,
+            branches=tuple(Branch(each.modulus * factor, each.time) for each in self.branches),
+            softening=softening and replace(softening, m=softening.m * factor),
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """Return the keys of a material that state this memory, ``branches`` and ``softening``."""
+        found: dict[str, Any] = {}
+        if self.branches:
+            found["branches"] = [vars(each).copy() for each in self.branches]
+        if self.softening is not None:
+            found["softening"] = vars(self.softening).copy()
+        return found
+
+
+def from_prony(shear_modulus: float, pairs: Sequence[tuple[float, float]]) -> tuple[Branch, ...]:
+    """Return the branches of a Prony series: each pair is the ratio of a branch's modulus to that
+    of fast motions, which `shear_modulus` (of slow motions) and all branches add up to, and a time.
+    """
+    slow = 1 - sum(ratio for ratio, _ in pairs)
+    if slow <= 0:
+        raise ValueError(f"the ratios of prony add up to {1 - slow:g}; they must stay below 1")
+    return tuple(Branch(ratio / slow * shear_modulus, time) for ratio, time in pairs)

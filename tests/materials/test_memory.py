@@ -1,0 +1,47 @@
+"""Branches and softening as part of a law and of a scene's material."""
+
+import pytest
+
+import pdsurrogate as pds
+from pdsurrogate.materials import Branch, Gent, Memory, NeoHookean, Softening
+from pdsurrogate.scenes.model import MaterialSpec
+
+
+def test_prony_ratios_are_of_the_modulus_of_fast_motions():
+    law = MaterialSpec(
+        law="neo-hookean", shear_modulus=0.5, prony=[[0.3, 1.0], [0.2, 10.0]]
+    ).build()
+    assert [branch.modulus for branch in law.memory.branches] == pytest.approx([0.3, 0.2])
+    assert law.shear_modulus + law.memory.modulus == pytest.approx(1.0)
+
+
+def test_a_law_with_memory_is_described_and_read_again():
+    law = Gent(0.6, 60.0, 15.0, memory=Memory((Branch(0.4, 2.0),), Softening(1.5, 0.1, 0.1)))
+    assert MaterialSpec.model_validate(law.describe()).build() == law
+    scaled = law.scaled(1e3)
+    assert scaled.memory.branches[0] == Branch(400.0, 2.0)
+    assert scaled.memory.softening == Softening(1.5, 100.0, 0.1)
+    assert law.parameters.tolist() == Gent(0.6, 60.0, 15.0).parameters.tolist()
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"branches": [{"modulus": -1.0, "time": 2.0}]}, "branches.0.modulus"),
+        ({"branches": [{"modulus": 1.0}]}, "branches.0"),
+        ({"prony": [[0.5, 1.0], [0.6, 2.0]]}, "must stay below 1"),
+        ({"prony": [[0.5, 1.0]], "branches": [{"modulus": 1.0, "time": 1.0}]}, "give one"),
+        ({"softening": {"r": 0.5, "m": 1.0}}, "softening.r"),
+        ({"softening": {"r": 2.0, "m": 0.0}}, "must not both be zero"),
+    ],
+)
+def test_memories_without_sense_are_refused(given, told):
+    with pytest.raises(ValueError, match=told):
+        MaterialSpec(law="neo-hookean", **given)
+
+
+def test_a_model_without_memory_refuses_branches():
+    body = pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
+    law = NeoHookean(memory=Memory((Branch(1.0, 1.0),)))
+    with pytest.raises(ValueError, match="does not describe branches"):
+        pds.forces.NOSBForce().bind(body, law, pds.ForceSettings())
