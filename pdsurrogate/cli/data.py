@@ -16,7 +16,7 @@ from typer import Argument, Option
 
 from ..decks import files_of
 from ..discretization.mesh_facts import describe_mesh
-from ..identification.campaign import Source, TestFacts, option_of, read_sources, sources
+from ..identification.campaign import Source, TestFacts, Up, option_of, read_sources, sources
 from ..identification.data import test_data_of
 from ..identification.written import table_of
 from ..measurements import files_at, is_field, read_fields
@@ -70,10 +70,7 @@ def data(
         Option(metavar="PLACE", help="Draw into this file (.png), or into files of this folder."),
     ] = None,
     facts: TestFacts,
-    up: Annotated[
-        bool | None,
-        Option("--up/--down", help="Direction of y in a field, if its file does not say it."),
-    ] = None,
+    up: Up = None,
     table: Annotated[
         Path | None,
         Option("--out", metavar="FILE.csv", help="Write the completed tests as test data."),
