@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BaseModel
 from typer import Option
 
+from ..identification.campaign import Up
 from ..measurements import files_at, is_field, read_fields
 from ..measurements.dialects import OWN
 from ..measurements.field import MeasuredField
@@ -43,10 +44,7 @@ class FieldFacts(BaseModel):
             help="Place in the image, in the axes of the file, of the origin of the scene.",
         ),
     ] = None
-    up: Annotated[
-        bool | None,
-        Option("--up/--down", help="Whether y and v point upward, if the files do not say it."),
-    ] = None
+    up: Up = None
     subset: Annotated[
         float | None,
         Option(help="Width of a subset: points nearer to an edge than half of it are left out."),

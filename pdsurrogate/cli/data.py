@@ -16,7 +16,7 @@ from typer import Argument, Option
 
 from ..decks import files_of
 from ..discretization.mesh_facts import describe_mesh
-from ..identification.campaign import Source, TestFacts, option_of, read_sources, sources
+from ..identification.campaign import Source, TestFacts, Up, option_of, read_sources, sources
 from ..identification.data import test_data_of
 from ..identification.written import table_of
 from ..measurements import files_at, is_field, read_fields
@@ -25,8 +25,9 @@ from ..measurements.specimens import MechanicalTests
 from ..measurements.table import Block, Column
 from ..results import figures, measured
 from ..results.files import write_text
+from ..scenes.model import with_unit
 from .command import check_folder, with_fields
-from .identify import break_rows
+from .identify import AT_BREAK, break_rows
 from .terminal import note, print_json, print_rows, warn, writing
 
 FILES_HELP = (
@@ -69,10 +70,7 @@ def data(
         Option(metavar="PLACE", help="Draw into this file (.png), or into files of this folder."),
     ] = None,
     facts: TestFacts,
-    up: Annotated[
-        bool | None,
-        Option("--up/--down", help="Direction of y in a field, if its file does not say it."),
-    ] = None,
+    up: Up = None,
     table: Annotated[
         Path | None,
         Option("--out", metavar="FILE.csv", help="Write the completed tests as test data."),
@@ -235,7 +233,6 @@ def _seen_tests(read: MechanicalTests) -> Seen:
         }
         for row in read.ranges
     ]
-    unit = f" ({read.unit})" if read.unit else ""
     broken = break_rows(read.at_break)
     return Seen(
         read.tables[0].path.stem,
@@ -245,14 +242,14 @@ def _seen_tests(read: MechanicalTests) -> Seen:
         titles
         | {"Columns": columns}
         | {
-            f"Tests: stretch and nominal stress{unit}": [
+            with_unit("Tests: stretch and nominal stress", read.unit): [
                 {key: row[key] for key in SHOWN} for row in tests
             ],
-            f"At break: stress and work per volume{unit}": broken,
+            with_unit(AT_BREAK, read.unit): broken,
         },
         read.assumed,
         read.missing,
-        lambda: _drawn_tests(read, unit),
+        lambda: _drawn_tests(read),
     )
 
 
@@ -268,7 +265,7 @@ def _in_words(value: Any) -> Any:
     return ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
 
 
-def _drawn_tests(read: MechanicalTests, unit: str) -> Figure:
+def _drawn_tests(read: MechanicalTests) -> Figure:
     """Return a figure of the branches of tests, or of columns that are no tests yet."""
     if read.specimens:
         curves = [
@@ -281,10 +278,10 @@ def _drawn_tests(read: MechanicalTests, unit: str) -> Figure:
             )
             for one in read.specimens
         ]
-        return measured.tests_figure(curves, "stretch", f"nominal stress{unit}")
+        return measured.tests_figure(curves, "stretch", with_unit("nominal stress", read.unit))
     first, second = _two_columns(read.tables[0].blocks[0])
     drawn = {"not complete": (first.values, second.values)}
-    labels = [one.heading + (f" ({one.unit})" if one.unit else "") for one in (first, second)]
+    labels = [with_unit(one.heading, one.unit) for one in (first, second)]
     return measured.tests_figure([(read.tables[0].path.name, drawn)], *labels)
 
 

@@ -10,6 +10,7 @@ from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
 from ..results import figures
 from ..results.files import write_json
+from ..scenes.model import with_unit
 from .command import Overwrite, ReportFolder, check_folder, with_fields
 from .terminal import (
     Bar,
@@ -25,6 +26,9 @@ DATA_HELP = (
     "Test data: treloar, kawabata, files of testing machines (FILE:MODE states the mode of one), or"
     " a campaign (tests.toml); may be repeated."
 )
+
+AT_BREAK = "At break: stress and work per volume"
+"""Title of a table of states at break."""
 
 BulkModulus = Annotated[
     float | None,
@@ -124,8 +128,7 @@ def print_identified(report: dict) -> None:
 def print_break(rows: TestData) -> None:
     """Print the states in which specimens broke."""
     if rows.tests is not None:
-        unit = f" ({rows.unit})" if rows.unit else ""
-        print_rows(f"At break: stress and work per volume{unit}", break_rows(rows.tests.at_break))
+        print_rows(with_unit(AT_BREAK, rows.unit), break_rows(rows.tests.at_break))
 
 
 def break_rows(at_break: dict[str, dict]) -> list[dict]:

@@ -34,6 +34,14 @@ def _pairs(value: list[str] | None) -> list[str] | None:
 
 
 Texts = Annotated[list[str] | None, BeforeValidator(_as_texts)]
+Up = Annotated[
+    bool | None,
+    Option(
+        "--up/--down", help="Whether y and v of a field point upward, if its files do not say it."
+    ),
+]
+"""Direction of the axes of a field, as an option."""
+
 Text = Annotated[str | None, BeforeValidator(lambda one: str(one) if type(one) is int else one)]
 
 

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 
 from ..body.cell_mesh import CellMesh, among
 from ..measurements.field import MeasuredField
+from ..scenes.model import with_unit
 from . import figures
 
 MOST_STEPS = 4
@@ -52,6 +53,7 @@ def field_figure(field: MeasuredField) -> Figure:
     steps = steps[figures.spread(len(steps), MOST_STEPS)]
     size = np.linalg.norm(field.displacements, axis=1)
     limits = figures.limits_of(size[np.isin(field.step, steps)])
+    x1, x2, label = (with_unit(what, field.unit) for what in (*figures.PLACES[:2], "displacement"))
     with matplotlib.rc_context(figures.STYLE):
         figure = Figure(figsize=(2.6 * max(len(steps), 2), 3.2), layout="constrained")
         axes = figure.subplots(1, len(steps), squeeze=False, sharey=True)[0]
@@ -62,9 +64,9 @@ def field_figure(field: MeasuredField) -> Figure:
             few = rows[:: -(-len(rows) // MOST_ARROWS)]
             arrows = {"angles": "xy", "width": 0.003, "color": "0.2"}
             axis.quiver(*field.places[few, :2].T, *field.displacements[few, :2].T, **arrows)
-            axis.set(aspect="equal", title=f"image {step}", xlabel=f"x₁ ({field.unit})")
-        axes[0].set_ylabel(f"x₂ ({field.unit})")
-        figure.colorbar(colors, ax=axes, label=f"displacement ({field.unit})", aspect=30)
+            axis.set(aspect="equal", title=f"image {step}", xlabel=x1)
+        axes[0].set_ylabel(x2)
+        figure.colorbar(colors, ax=axes, label=label, aspect=30)
         return figure
 
 

@@ -17,6 +17,8 @@ from pdsurrogate.artifacts.material import material_on
 from pdsurrogate.calibration.field_files import FieldFacts
 from pdsurrogate.calibration.measurement_files import measurements
 from pdsurrogate.cli import app
+from pdsurrogate.measurements import read_fields
+from pdsurrogate.results.measured import field_figure
 
 MACHINES = Path(__file__).parents[1] / "data" / "machines"
 TRUTH = json.loads((MACHINES / "TRUTH.json").read_text("utf-8"))
@@ -303,6 +305,9 @@ def test_fields_and_meshes_are_described_and_drawn(tmp_path):
         "STIFF": 1,
     }
     assert {path.name for path in (tmp_path / "drawn").iterdir()} == {"F.png", "part.png"}
+    axes = field_figure(read_fields(field)).axes  # the file does not state the unit of the scene
+    assert [axes[0].get_xlabel(), axes[0].get_ylabel()] == ["x₁", "x₂"]
+    assert axes[-1].get_ylabel() == "displacement"
     refused = invoke("data", field, mesh, "--plot", tmp_path / "one.png")
     assert "there are 2 pictures" in refused.stderr
     assert "--mode is for tables of tests" in invoke("data", field, *MODE).stderr

@@ -14,15 +14,6 @@ from pdsurrogate.scenes import Units
 
 
 @pytest.fixture(scope="module")
-def sheet(tmp_path_factory):
-    """A sheet of 3 x 1 cm, stretched along x1 about its left edge, which contracts to x2 = 0.5."""
-    folder = tmp_path_factory.mktemp("sheet") / "out"
-    scene = pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.5])
-    pds.simulate(scene, "neo-hookean").save(folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
 def block(tmp_path_factory):
     folder = tmp_path_factory.mktemp("block") / "out"
     scene = pds.load_scene(
@@ -36,9 +27,9 @@ def show(folder, *arguments):
     return CliRunner().invoke(app, ["show", str(folder), *map(str, arguments)])
 
 
-def test_fields_lie_on_the_pixels_of_an_image(sheet, tmp_path):
+def test_fields_lie_on_the_pixels_of_an_image(folder, tmp_path):
     place = ["--pixels-per", "mm", "2", "--origin", "10", "30"]
-    done = show(sheet, "--grid", tmp_path / "image.npz", *place, "--field", "stress_11")
+    done = show(folder, "--grid", tmp_path / "image.npz", *place, "--field", "stress_11")
     assert done.exit_code == 0, done.output
     image = dict(np.load(tmp_path / "image.npz"))
     # 20 pixels per cm: the sheet has columns 10 to 70 and rows 30 up to 10.
@@ -48,7 +39,7 @@ def test_fields_lie_on_the_pixels_of_an_image(sheet, tmp_path):
     inside = np.isfinite(image["u"])
     assert inside[:, 10:31, 10:71].all()
     assert inside.sum() == 2 * 21 * 61
-    result = pds.load_result(sheet)
+    result = pds.load_result(folder)
     for state, stretch in enumerate((1.2, 1.5)):
         lateral = 2 * result.levels[state]["greatest_lateral_displacement_reference"]
         u = (stretch - 1) * (image["x"] - 10.0)
@@ -60,7 +51,7 @@ def test_fields_lie_on_the_pixels_of_an_image(sheet, tmp_path):
         result.levels[1]["nominal_stress_reference"], rel=1e-4
     )
     # The table has the same numbers, and the reader of such tables takes it.
-    assert show(sheet, "--grid", tmp_path / "image.csv", *place).exit_code == 0
+    assert show(folder, "--grid", tmp_path / "image.csv", *place).exit_code == 0
     field = read_fields(tmp_path / "image.csv", up=False)
     assert field.unit == "px"
     assert len(field.step) == 2 * 21 * 61
@@ -81,8 +72,8 @@ def test_a_hole_has_no_values(tmp_path):
     assert inside.sum() == pytest.approx(61 * 81 - np.pi * 8**2, rel=0.02)
 
 
-def test_the_history_is_that_of_a_machine(sheet, block, tmp_path):
-    done = show(sheet, "--machine", tmp_path / "test.csv", "--thickness", "2mm")
+def test_the_history_is_that_of_a_machine(folder, block, tmp_path):
+    done = show(folder, "--machine", tmp_path / "test.csv", "--thickness", "2mm")
     assert done.exit_code == 0, done.output
     (table,) = read_tables(tmp_path / "test.csv").blocks
     assert [(one.quantities, one.unit) for one in table.columns] == [
@@ -92,7 +83,7 @@ def test_the_history_is_that_of_a_machine(sheet, block, tmp_path):
     extension, load = (one.values for one in table.columns)
     np.testing.assert_allclose(extension, [0, 6, 15], atol=1e-6)  # of 30 mm
     # kPa on 1 cm x 2 mm
-    stresses = [level["nominal_stress"] for level in pds.load_result(sheet).levels]
+    stresses = [level["nominal_stress"] for level in pds.load_result(folder).levels]
     np.testing.assert_allclose(load, [0, *np.array(stresses) * 1e3 * 0.01 * 0.002], rtol=1e-9)
     done = show(block, "--machine", tmp_path / "block.csv")
     assert done.exit_code == 0, done.output
@@ -102,8 +93,8 @@ def test_the_history_is_that_of_a_machine(sheet, block, tmp_path):
     assert load[1] == pytest.approx(level["nominal_stress"] * 1e3 * 1e-6, rel=1e-6)
 
 
-def test_a_machine_has_the_time_of_dynamics(sheet, tmp_path):
-    result = pds.load_result(sheet)
+def test_a_machine_has_the_time_of_dynamics(folder, tmp_path):
+    result = pds.load_result(folder)
     rows = [{**row, "time": 0.5 * number} for number, row in enumerate(result.history, 1)]
     scene = result.scene.model_copy(update={"units": Units(length="mm", stress="MPa", time="ms")})
     timed = dataclasses.replace(result, history=rows, scene=scene)
@@ -179,11 +170,11 @@ def test_a_machine_has_the_time_of_dynamics(sheet, tmp_path):
     ],
 )
 def test_what_cannot_be_written_is_told_in_one_line(
-    sheet, tmp_path, monkeypatch, arguments, message
+    folder, tmp_path, monkeypatch, arguments, message
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.csv").write_text("mine")
-    done = show(sheet, *arguments)
+    done = show(folder, *arguments)
     assert done.exit_code == 2, done.output
     assert message in done.stderr
     assert "Traceback" not in done.output

@@ -28,14 +28,6 @@ NEEDS_BROWSER = pytest.mark.skipif(BROWSER is None, reason="there is no Chromium
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("saved") / "out"
-    scene = pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.5])
-    pds.simulate(scene, "neo-hookean").save(folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
 def block():
     scene = pds.load_scene("bonded-block", spacing=0.125, stretches=[1.1, 1.2])
     return pds.simulate(scene, "bond-energy")

@@ -22,15 +22,6 @@ def picture_of(path):
     return picture
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("saved") / "out"
-    pds.simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.5]), "neo-hookean").save(
-        folder
-    )
-    return folder
-
-
 def test_pictures_of_a_saved_run(folder, tmp_path):
     done = invoke(
         "show",
