@@ -372,10 +372,26 @@ class InternalForce:
         return reduce(add, (term.mean_stress() for term in self.terms))
 
     def energy(self) -> float:
-        """Return the stored energy per unit thickness in the state last evaluated, for a force
-        that `has_energy`.
+        """Return the energy per unit thickness in the state last evaluated of which the forces are
+        the derivative, for a force that `has_energy`.
         """
         return reduce(add, (term.energy() for term in self.terms))
+
+    def stored(self) -> float:
+        """Return the energy stored at the positions last evaluated in the history last accepted;
+        `energy`, of which the forces are the derivative, may contain what a step dissipates.
+        """
+        return reduce(add, (term.stored() for term in self.terms))
+
+    def dissipated(self) -> dict[str, float]:
+        """Return what accepted states have dissipated since the body was at rest, by its cause,
+        "branches" or "softening", on this rank; empty without memory.
+        """
+        found: dict[str, float] = {}
+        for term in self.terms:
+            for cause, energy in term.dissipated().items():
+                found[cause] = found.get(cause, 0.0) + energy
+        return found
 
     def tangent(self, positions: np.ndarray) -> scipy.sparse.linalg.LinearOperator:
         """Return minus the derivative of the forces at positions (n, d), see `tangent_of`."""

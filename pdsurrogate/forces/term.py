@@ -235,6 +235,18 @@ class Term(ABC):
         """
         raise TypeError(f"{type(self).__name__} has no energy")
 
+    def stored(self) -> float:
+        """Return the energy stored at the positions last evaluated, for a term with memory in the
+        history last accepted: without what a step dissipates, which `energy` may contain.
+        """
+        return self.energy()
+
+    def dissipated(self) -> dict[str, float]:
+        """Return what accepted states have dissipated since the body was at rest, by its cause,
+        "branches" or "softening", on this rank; it follows from the history alone.
+        """
+        return {}
+
     def released_by(self, motion: np.ndarray) -> float | None:
         """Return the energy released by a motion of the undeformed points, see `released_by` of
         `internal_force`; None without energy.

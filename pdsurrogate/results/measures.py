@@ -32,7 +32,7 @@ def strain_energy(force: InternalForce) -> float:
     deformation gradients of the rank's own points instead.
     """
     if force.has_energy:
-        return force.energy()
+        return force.stored()
     return float(force.stress_and_energy()[1] @ (force.body.volumes * force.body.share.own))
 
 

@@ -288,7 +288,9 @@ class Equilibria:
             nonlocal greatest
             run.residual = residual
             logger.debug("%d evaluations, residual %.3g", began + evaluations, residual)
-            energy = {"energy": run.strain_energy()} if run.force.has_energy else {}
+            energy = (
+                {"energy": run.body.share.total(run.force.energy())} if run.force.has_energy else {}
+            )
             run.note(target, residual=residual, **energy)
             # The residual falls over many decades: its logarithm says how much of the search is
             # done.
