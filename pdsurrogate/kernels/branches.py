@@ -1,0 +1,241 @@
+"""Viscoelastic branches: a step in time of the internal variable C_k as the minimization of an
+energy, theory (91)-(96).
+
+A branch of modulus mu has the energy mu/2 (Cb : M - 3), M = C_k^-1, of an internal variable C_k of
+determinant 1, and Cb is the isochoric right Cauchy-Green tensor. With C_k at the end of a step the
+unimodular part of B + b Cb, where det B = 1 and b is a number, both of which the beginning of the
+step determines, the step is the minimum over C_k of the energy
+
+    mu/2 [Cb : M + (B : M)/b] + constant,   W_step = 3 mu/2 [(det(B + b Cb)^(1/3) - 1)/b - 1].
+
+The stress is that of mu/2 Cb : M at fixed M. W_step is mu/2 (Cb : M - 3) if b = 0, a sudden step.
+
+`tensors_of` makes these functions for symmetric tensors with the components 11, 12, 22, 33 in the
+plane, and 11, 12, 13, 22, 23, 33 in space. All take tuples of reals of either precision, or of
+arrays from Python, and are inlined into their callers.
+"""
+
+from functools import cache
+from types import ModuleType
+
+from ..engine.compile import inlined
+from .algebra import entries, scalar, total
+from .elementary import exponential, inverse_cube_root, like, select
+
+LONGEST = 1e30
+"""Greatest duration of a step, in relaxation times: longer ones, infinite ones too, count as this
+one, after which nothing of C_k is left. Its cube is finite in double precision.
+"""
+
+GREATEST = {"float32": 1e10, "float64": 1e32}
+"""Greatest coefficient b by precision: its cube must be finite. The overstress that a longer step
+would leave is this number times smaller than the modulus.
+"""
+
+SERIES = 0.01
+"""Number of relaxation times below which integrals of exponentials are computed by their series,
+whose error is then below rounding.
+"""
+
+
+@inlined
+def weights_of_ends(k):
+    """Return exp(-k) and the integrals over u from 0 to 1 of (1 - u) exp(-k (1 - u)) and u exp(-k
+    (1 - u)).
+
+    They weigh C_k and Cb at the beginning and Cb at the end of a step in which Cb is linear.
+    """
+    decay = exponential(-k)
+    small = select(k < SERIES, k, 0.0)
+    safe = select(k < SERIES, 1.0, k)
+    begin = (1.0 - (1.0 + safe) * decay) / (safe * safe)
+    end = (safe - 1.0 + decay) / (safe * safe)
+    x = small
+    first = 0.5 - x * (1 / 3 - x * (1 / 8 - x * (1 / 30 - x * (1 / 144 - x / 840))))
+    last = 0.5 - x * (1 / 6 - x * (1 / 24 - x * (1 / 120 - x * (1 / 720 - x / 5040))))
+    return decay, select(k < SERIES, first, begin), select(k < SERIES, last, end)
+
+
+@inlined
+def weights_of_overstress(h):
+    """Return the integrals over u from 0 to h of f0^2, f0 f1 and f1^2, where f1 = (1 -
+    exp(-u))/(1 - exp(-h)) = 1 - f0.
+
+    f0 and f1 weigh the overstresses at both ends of a step of h relaxation times.
+    """
+    x = select(h < 5 * SERIES, h, 0.0)
+    even = x * (1 / 3 + x * x * (1 / 180 - x * x / 5040))
+    odd = x * x * (1 / 12 - x * x * (1 / 720 - x * x / 30240))
+    mixed = x * (1 / 6 - x * x * (1 / 180 - x * x / 5040))
+    # Overstresses below rounding must not count in very long steps.
+    h = select(h < 5 * SERIES, 1.0, select(h < 1e12, h, 1e12))
+    decay = exponential(-h)
+    risen = 1.0 - decay
+    both = 0.5 * risen * (1.0 + decay)
+    square = risen * risen
+    series = x > 0.0
+    return (
+        select(series, even - odd, (both - 2.0 * decay * risen + decay * decay * h) / square),
+        select(series, mixed, (risen - decay * h - both + decay * risen) / square),
+        select(series, even + odd, (h - 2.0 * risen + both) / square),
+    )
+
+
+@cache
+def tensors_of(dimension):
+    """Return the module of functions on symmetric tensors and steps of branches, for bodies in the
+    plane (2) or in space (3); it is made once for each.
+    """
+    found = ModuleType(f"{__name__}_{dimension}")
+    vars(found).update(_components(dimension))
+    vars(found).update(_steps(found))
+    return found
+
+
+def _components(d):
+    """Return, by name, the functions on the components of tensors of a body in `d` dimensions."""
+    axes = range(3)
+    kept = [(0, 0), (0, 1), (1, 1), (2, 2)] if d == 2 else [(r, c) for r in axes for c in axes[r:]]
+    Z = {place: n for n, (r, c) in enumerate(kept) for place in ((r, c), (c, r))}
+    numbers = range(len(kept))
+
+    def at(name, r, c):
+        """Return the expression of a component, or of zero."""
+        return f"{name}[{Z[r, c]}]" if (r, c) in Z else "0.0"
+
+    def product(*factors):
+        return None if "0.0" in factors else " * ".join(factors)
+
+    def summed(plus, minus=()):
+        """Return the sum of products that are not zero."""
+        terms = [term for term in plus if term] + [f"(-{term})" for term in minus if term]
+        return total(terms) if terms else "0.0"
+
+    def cofactor(name, r, c):
+        a, b, e, f = (r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3
+        return summed(
+            [product(at(name, a, e), at(name, b, f))], [product(at(name, a, f), at(name, b, e))]
+        )
+
+    def green(r, c):
+        """Return the expression of an entry of F^T F, for F by columns."""
+        if d == 2 and r == 2:
+            return "C33"
+        return total(f"F[{r * d + k}] * F[{c * d + k}]" for k in range(d))
+
+    both = [n for n, (r, c) in enumerate(kept) for _ in range(1 + (r != c))]
+    full = [(r, c) for c in axes for r in axes if (r, c) in Z]
+    W = {place: n for n, place in enumerate(full)}
+    mixed = [
+        summed([product(at("A", r, k), at("M", k, c)) for k in axes])
+        + (" - mean" if r == c else "")
+        for r, c in full
+    ]
+    return {
+        "TENSOR": len(kept),
+        "DIAGONAL": tuple(float(r == c) for r, c in kept),
+        # The tensors in rows of a block, in the precision of x, and in rows of records.
+        "tensor_at": entries("rows, k", [f"rows[{n}, k]" for n in numbers]),
+        "tensor_in": entries("rows, at, k, x", [f"like(x, rows[at + {n}, k])" for n in numbers]),
+        "tensor_of": entries("records, k, at", [f"records[k, at + {n}]" for n in numbers]),
+        "scaled": entries("factor, A", [f"factor * A[{n}]" for n in numbers]),
+        # A + factor G, and A : G.
+        "combined": entries("A, factor, G", [f"A[{n}] + factor * G[{n}]" for n in numbers]),
+        "contraction": scalar("A, G", total(f"A[{n}] * G[{n}]" for n in both)),
+        "cofactor_of": entries("A", [cofactor("A", r, c) for r, c in kept]),
+        # det A from A and its cofactor, by the first row; in the plane by the entry 33.
+        "determinant_by": scalar(
+            "A, cofactor",
+            "A[3] * cofactor[3]" if d == 2 else total(f"A[{n}] * cofactor[{n}]" for n in range(3)),
+        ),
+        # C = F^T F; in the plane C33 is given.
+        "green": entries("F, C33", [green(r, c) for r, c in kept]),
+        # F A by columns, in the plane without the entry 33; the overstress A M - mean I, which is
+        # not symmetric, and the trace of a product of two.
+        "gradient_times": entries(
+            "F, A",
+            [
+                total(f"F[{k * d + r}] * A[{Z[k, c]}]" for k in range(d))
+                for c in range(d)
+                for r in range(d)
+            ],
+        ),
+        "mixed_product": entries("A, M, mean", mixed),
+        "trace_of_product": scalar("S, R", total(f"S[{W[r, c]}] * R[{W[c, r]}]" for r, c in full)),
+    }
+
+
+def _steps(tensors):
+    """Return, by name, the functions for steps of branches on the tensors of a module."""
+
+    @inlined
+    def isochoric(C, volume_ratio):
+        """Return Cb = J^(-2/3) C of C = F^T F and J = det F."""
+        r = inverse_cube_root(volume_ratio)
+        return tensors.scaled(r * r, C)
+
+    @inlined
+    def begin_step(C_k, Cb, h):
+        """Return (B, b) of a step of h relaxation times from the state C_k, Cb.
+
+        The rate lambda = Cb : C_k^-1/3 of the beginning holds for the whole step, and Cb changes
+        linearly in time.
+        """
+        h = select(h < LONGEST, h, LONGEST)
+        rate = tensors.contraction(Cb, tensors.cofactor_of(C_k)) * (1.0 / 3.0)
+        decay, begin, end = weights_of_ends(rate * h)
+        B = tensors.combined(tensors.scaled(decay, C_k), h * begin, Cb)
+        r = inverse_cube_root(tensors.determinant_by(B, tensors.cofactor_of(B)))
+        return tensors.scaled(r, B), r * h * end
+
+    @inlined
+    def take_step(B, b, Cb, cofactor):
+        """Return M = C_k^-1 at the end of a step and W_step, of a branch of modulus 1; `cofactor`
+        is that of Cb.
+        """
+        one = like(Cb[0], 1.0)
+        A = tensors.combined(B, b, Cb)
+        of_A = tensors.cofactor_of(A)
+        determinant = tensors.determinant_by(A, of_A)
+        r = inverse_cube_root(determinant)
+        square = r * r
+        root = determinant * square
+        # (det A - 1)/b, without a difference of nearly equal numbers; det B = det Cb = 1.
+        slope = tensors.contraction(of_A, Cb) - b * (tensors.contraction(cofactor, B) + b + b)
+        energy = like(one, 1.5) * (slope / (root * root + root + one) - one)
+        return tensors.scaled(square, of_A), energy
+
+    @inlined
+    def end_step(B, b, Cb):
+        """Return C_k at the end of a step."""
+        A = tensors.combined(B, b, Cb)
+        return tensors.scaled(
+            inverse_cube_root(tensors.determinant_by(A, tensors.cofactor_of(A))), A
+        )
+
+    @inlined
+    def dissipation(Cb_0, C_0, Cb_1, C_1, h):
+        """Return the energy that a branch of modulus 1 dissipates in a step of h relaxation times
+        between two states (Cb, C_k).
+
+        The overstress Cb M - (Cb : M)/3 I relaxes exponentially from its value at the beginning to
+        that at the end.
+        """
+        M_0 = tensors.cofactor_of(C_0)
+        M_1 = tensors.cofactor_of(C_1)
+        s_0 = tensors.mixed_product(Cb_0, M_0, tensors.contraction(Cb_0, M_0) * (1.0 / 3.0))
+        s_1 = tensors.mixed_product(Cb_1, M_1, tensors.contraction(Cb_1, M_1) * (1.0 / 3.0))
+        first, both, last = weights_of_overstress(h)
+        return 0.5 * (
+            first * tensors.trace_of_product(s_0, s_0)
+            + 2.0 * both * tensors.trace_of_product(s_0, s_1)
+            + last * tensors.trace_of_product(s_1, s_1)
+        )
+
+    return {
+        "isochoric": isochoric,
+        "begin_step": begin_step,
+        "take_step": take_step,
+        "end_step": end_step,
+        "dissipation": dissipation,
+    }
