@@ -44,8 +44,8 @@ _OF_STATES = ("PLANES", "SHEETS", "dimension_of", "plane_strain", "plane_stress"
 def __getattr__(name: str):
     # States load numba, which a scene and its laws do without: a scene with a mistake is refused
     # before it is loaded.
-    if name == "homogeneous":
-        return import_module(".homogeneous", __name__)
+    if name in ("histories", "homogeneous"):
+        return import_module(f".{name}", __name__)
     if name in _OF_STATES:
         return getattr(import_module(".states", __name__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,86 @@
+"""Homogeneous histories: against an integration by SciPy, exact elastic states, and creep."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import pdsurrogate as pds
+from pdsurrogate.materials import Branch, Memory, Softening, homogeneous
+from pdsurrogate.materials.histories import LOGS, stress_history, stretch_history
+
+KNOTS = np.array([0.0, 1.0, 3.0, 4.0])
+STRETCHES = np.array([1.0, 2.0, 2.0, 1.2])
+
+
+def integrated(mode, times):
+    """Return nominal stresses at KNOTS[1:] of neo-Hookean rubber with branches of modulus 1."""
+
+    def squares(t):
+        return np.exp(2 * np.array(LOGS[mode](np.log(np.interp(t, KNOTS, STRETCHES)), 0.0)))
+
+    def rate(t, c, time):
+        return (squares(t) - (squares(t) / c).sum() / 3 * c) / time
+
+    stress = []
+    states = [np.ones(3) for _ in times]
+    for first, last in itertools.pairwise(KNOTS):
+        for k, time in enumerate(times):
+            states[k] = solve_ivp(
+                rate, (first, last), states[k], "LSODA", args=(time,), rtol=1e-10, atol=1e-12
+            ).y[:, -1]
+        s = squares(last)
+        along = s + sum(s / c for c in states)
+        stress.append((along[0] - along[2]) / np.sqrt(s[0]))
+    return np.array(stress)
+
+
+@pytest.mark.parametrize("mode", LOGS)
+def test_the_step_is_of_second_order(mode):
+    law = pds.materials.NeoHookean(memory=Memory((Branch(1.0, 1.0), Branch(1.0, 30.0))))
+    expected = integrated(mode, [1.0, 30.0])
+    errors = []
+    for n in (20, 40, 160):
+        time = np.linspace(0, 4, 4 * n + 1)
+        found = stress_history(law, mode, time, np.interp(time, KNOTS, STRETCHES), True)
+        errors.append(np.abs(found.nominal_stress[[n, 3 * n, 4 * n]] - expected).max())
+    assert errors[0] / errors[1] > 3
+    assert errors[2] < 2e-6 * expected.max()
+
+
+@pytest.mark.parametrize("mode", LOGS)
+def test_an_elastic_history_consists_of_exact_states_which_creep_reverses(mode):
+    law = pds.materials.Gent(chain_limit=30.0, bulk_modulus=50.0)
+    exact = {"uniaxial": homogeneous.uniaxial, "equibiaxial": homogeneous.equibiaxial}
+    stretches = [1.0, 1.5, 0.8]
+    expected = [exact.get(mode, homogeneous.pure_shear)(law, one) for one in stretches]
+    found = stress_history(law, mode, range(3), stretches)
+    stress = [one.nominal_stress for one in expected]
+    assert found.nominal_stress == pytest.approx(stress, rel=1e-8, abs=1e-9)
+    back = stretch_history(law, mode, range(3), stress)
+    assert back.stretches[:, 0] == pytest.approx(stretches, rel=1e-8)
+
+
+def test_a_great_bulk_modulus_gives_the_incompressible_history():
+    memory = Memory((Branch(0.5, 1.0),), Softening(1.5, 0.1, 0.1))
+    law = pds.materials.Yeoh(bulk_modulus=1e7, memory=memory)
+    path = [0, 1, 1, 5, 6], [1.0, 2.0, 1.8, 1.8, 2.2]
+    kept = stress_history(law, "uniaxial", *path, incompressible=True)
+    found = stress_history(law, "uniaxial", *path)
+    assert found.nominal_stress == pytest.approx(kept.nominal_stress, rel=1e-6)
+    creep = stretch_history(law, "uniaxial", path[0], kept.nominal_stress, incompressible=True)
+    assert creep.stretches == pytest.approx(kept.stretches, rel=1e-8)
+
+
+def test_what_no_history_has_is_refused():
+    law = pds.materials.NeoHookean()
+    for mode, time, stretch, words in (
+        ("shear", [0, 1], [1, 1], "mode must be uniaxial"),
+        ("uniaxial", [0, 2, 1], [1, 1, 1], "1 follows 2"),
+        ("uniaxial", [0, 1], [1, -1], "positive"),
+        ("uniaxial", [0, 1], [1], "a value for each time"),
+        ("uniaxial", [0, np.inf], [1, 1], "finite"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            stress_history(law, mode, time, stretch)
