@@ -11,6 +11,7 @@ from ..artifacts.store import load_card, load_surrogate
 from ..identification import figure, load_test_data, reporting
 from ..identification.campaign import TestFacts
 from ..identification.data import TestData
+from ..identification.history_report import fitted_history, report_of_history
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import StressRegressor, bulk_arguments
 from ..learning.fitting import TooInexact
@@ -20,9 +21,11 @@ from .command import OneLaw, SetLaw, check_folder, law_of, with_fields
 from .evaluate import print_errors
 from .identify import (
     DATA_HELP,
+    Branches,
     BulkModulus,
     BulkRatio,
     Terms,
+    number_of_branches,
     print_break,
     print_by_mode,
     print_identified,
@@ -63,6 +66,7 @@ def fit(
     free: Annotated[
         bool, Option("--free", help="With --data: identify a polyconvex energy instead of a law.")
     ] = False,
+    branches: Branches = None,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
     force_fit: Annotated[
@@ -94,8 +98,11 @@ def fit(
     law = law or "neo-hookean"
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
-        if bulk or force_fit or free or facts.stated():
-            options = "--free, --bulk-modulus, --bulk-ratio, --force-fit and what is said of tests"
+        if bulk or force_fit or free or branches is not None or facts.stated():
+            options = (
+                "--free, --branches, --bulk-modulus, --bulk-ratio, --force-fit and what is said of"
+                " tests"
+            )
             raise ValueError(f"{options} need --data; without data, set parameters with --set")
         tests = None
         report = None
@@ -106,11 +113,19 @@ def fit(
             raise ValueError(
                 "--data identifies the parameters of the law, --set sets them: choose one"
             )
+        name_of_law = None if free else law
         with Bar(f"Fitting {'an energy' if free else law} to {', '.join(data)}"):
-            rows = load_test_data(*data, **facts.stated())
-            model = reporting.fitted(rows, None if free else law, terms or N_TERMS, bulk)
-            report = reporting.examined(model, rows)
-        tests = (rows, model)
+            rows = load_test_data(*data, history=branches is not None, **facts.stated())
+            if branches is None:
+                model = reporting.fitted(rows, name_of_law, terms or N_TERMS, bulk)
+                report = reporting.examined(model, rows)
+                tests = (rows, model)
+            else:  # bond forces have no history: the artifact is of the elastic energy
+                number = number_of_branches(branches)
+                model = fitted_history(rows, name_of_law, number, bulk)
+                report = report_of_history(model, rows)
+                tests = None
+                settings = settings.model_copy(update={"energy": True})
         hull = None
         material = model.law_
         if free:

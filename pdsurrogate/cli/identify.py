@@ -1,11 +1,13 @@
 """Command ``identify``, which finds parameters of laws from test data."""
 
+from pathlib import Path
 from typing import Annotated
 
 from typer import Argument, Option
 
 from ..identification import TestData, figure, fitted_laws, load_test_data, reporting
 from ..identification.campaign import TestFacts
+from ..identification.history_report import figure_of_history, fitted_history, report_of_history
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
 from ..results import figures
@@ -27,6 +29,9 @@ DATA_HELP = (
     " a campaign (tests.toml); may be repeated."
 )
 
+MOST = 6
+"""Most branches that can be asked for."""
+
 AT_BREAK = "At break: stress and work per volume"
 """Title of a table of states at break."""
 
@@ -43,6 +48,24 @@ BulkRatio = Annotated[
 Terms = Annotated[
     int | None, Option(help=f"Number of terms of Ogden's law (default: {N_TERMS}).", min=1, max=4)
 ]
+Branches = Annotated[
+    str | None,
+    Option(
+        "--branches",
+        metavar="auto|N",
+        help="Fit viscoelastic branches to tests with times as well: so many, or as many as"
+        " describe curves that are left out.",
+    ),
+]
+
+
+def number_of_branches(branches: str) -> int | None:
+    """Return the number of branches that an option states, None for a choice of the number."""
+    if branches == "auto":
+        return None
+    if not branches.isdigit() or int(branches) > MOST:
+        raise ValueError(f"--branches must be auto, or a number from 0 to {MOST}, not {branches!r}")
+    return int(branches)
 
 
 @with_fields(facts=TestFacts)
@@ -59,6 +82,7 @@ def identify(
     facts: TestFacts,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
+    branches: Branches = None,
     hold_out: Annotated[
         bool,
         Option(
@@ -73,16 +97,22 @@ def identify(
     given.
     """
     names = law or fitted_laws()
-    rows = load_test_data(*data, **facts.stated())
+    rows = load_test_data(*data, history=branches is not None, **facts.stated())
     if terms is not None and "ogden" not in names:
         raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
-    terms = terms or N_TERMS
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     check_folder(folder, "identify.json", overwrite)
+    if branches is not None:
+        if stretch is not None or hold_out or terms is not None:
+            raise ValueError("--up-to, --hold-out and --terms do not go with --branches")
+        _identify_histories(rows, law or [None], branches, bulk, folder)
+        return
     if stretch is not None:
         rows = rows.up_to(stretch)
     with Bar(rows.name):
-        models, reports, held_out = reporting.identify(rows, names, terms, bulk, hold_out)
+        models, reports, held_out = reporting.identify(
+            rows, names, terms or N_TERMS, bulk, hold_out
+        )
     for report in reports:
         print_identified(report)
     print_break(rows)
@@ -110,6 +140,29 @@ def identify(
         note(f"Results in {folder}")
 
 
+def _identify_histories(
+    rows: TestData, laws: list[str] | list[None], branches: str, bulk: dict, folder: Path | None
+) -> None:
+    """Fit laws with branches to tests with times, print the reports and write them."""
+    number = number_of_branches(branches)
+    with Bar(rows.name):
+        models = [fitted_history(rows, law, number, bulk) for law in laws]
+    reports = [report_of_history(model, rows) for model in models]
+    for report in reports:
+        print_identified(report)
+        for text in (*report["refusals"], *report["remarks"]):
+            warn(text)
+    print_break(rows)
+    print_json({"laws": reports})
+    if folder is not None:
+        with writing(folder):
+            write_json(folder / "identify.json", {"laws": reports})
+            for model in models:
+                name = "identify" if len(models) == 1 else f"identify-{model.law}"
+                figures.save(figure_of_history(model, rows), folder / f"{name}.png")
+        note(f"Results in {folder}")
+
+
 def print_identified(report: dict) -> None:
     """Print a report of an identification: parameters, differences from the tests, and modes
     that were not measured.
@@ -123,6 +176,8 @@ def print_identified(report: dict) -> None:
         {mode: {"R^2": scores.get(mode), **row} for mode, row in report["differences"].items()},
     )
     print_rows(f"{title}: modes that were not measured", report.get("unmeasured", []))
+    print_rows(f"{title}: curves", report.get("curves", []))
+    print_rows(f"{title}: stresses left out of the fit", report.get("cross_validation", []))
 
 
 def print_break(rows: TestData) -> None:

@@ -42,7 +42,9 @@ Up = Annotated[
 ]
 """Direction of the axes of a field, as an option."""
 
-Text = Annotated[str | None, BeforeValidator(lambda one: str(one) if type(one) is int else one)]
+Text = Annotated[
+    str | None, BeforeValidator(lambda one: str(one) if type(one) in (int, float) else one)
+]
 
 
 def _pairs_of(texts: list[str] | None) -> dict[str, str]:
@@ -124,6 +126,8 @@ class TestFacts(TableFacts):
         "engineering" or "true".
     branch : str or int, optional
         Branch to take: "loading" (default), "unloading", "all", or the number of a cycle.
+    rate : str or float, optional
+        Rate of stretch, per second, of tests without times.
     zero : str, optional
         Whether a stretch at zero force that is not 1 is moved to 1: "shift" (default) or "keep".
     stress_unit : str, optional
@@ -157,6 +161,9 @@ class TestFacts(TableFacts):
             metavar="BRANCH",
             help="Rows to take: loading (default), unloading, all, or the number of a cycle.",
         ),
+    ] = None
+    rate: Annotated[
+        Text, Option(metavar="RATE", help="Rate of stretch per second of tests without times.")
     ] = None
     zero: Annotated[
         str | None,

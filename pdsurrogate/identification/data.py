@@ -47,6 +47,10 @@ class TestData:
         n.
     tests : MechanicalTests, optional
         What the rows were chosen from: specimens with all of their rows, cycles, times and breaks.
+    time : ndarray, shape (n,), optional
+        NaN where the tests have no times, as by default.
+    curve : ndarray of int, shape (n,), optional
+        Number of the specimen, from 0; by default 0.
     """
 
     __test__ = False  # not a test case, whatever pytest thinks of the name
@@ -58,10 +62,17 @@ class TestData:
     weight: np.ndarray
     row: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
     tests: MechanicalTests | None = None
+    time: np.ndarray = field(default_factory=lambda: np.empty(0))
+    curve: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
 
     def __post_init__(self) -> None:
-        if not len(self.row):
-            object.__setattr__(self, "row", np.arange(1, len(self) + 1))
+        for key, values in (
+            ("row", np.arange(1, len(self) + 1)),
+            ("time", np.full(len(self), np.nan)),
+            ("curve", np.zeros(len(self), dtype=int)),
+        ):
+            if not len(getattr(self, key)):
+                object.__setattr__(self, key, values)
 
     def __len__(self) -> int:
         return len(self.nominal_stress)
@@ -106,7 +117,22 @@ class TestData:
             self.weight[rows],
             self.row[rows],
             self.tests,
+            self.time[rows],
+            self.curve[rows],
         )
+
+    def histories(self) -> np.ndarray:
+        """Return the rows as a `HistoryRegressor` takes them, shape (n, 4): stretches, time and
+        curve; raise ValueError for rows without a time, and for biaxial ones.
+        """
+        if BIAXIAL in self.modes:
+            raise ValueError(f"{self.name}: biaxial tests are not fitted with branches: use --law")
+        if timeless := np.flatnonzero(np.isnan(self.time)).tolist():
+            raise ValueError(
+                f"{self.name}: {self.row_in_words(timeless[0])} has no time: branches need a column"
+                " of times, or the rate of stretch (--rate)"
+            )
+        return np.column_stack([self.stretches, self.time, self.curve])
 
     def row_in_words(self, number: int) -> str:
         """Return the number in the file, mode, stretch and stress of a row as text for a
@@ -168,7 +194,7 @@ def test_data_names() -> list[str]:
     )
 
 
-def load_test_data(*references: str | Path, **stated: Any) -> TestData:
+def load_test_data(*references: str | Path, history: bool = False, **stated: Any) -> TestData:
     """Return test data by name (``treloar``, ``kawabata``), or from files of testing machines,
     workbooks, decks or plain tables.
 
@@ -183,6 +209,9 @@ def load_test_data(*references: str | Path, **stated: Any) -> TestData:
         Name of shipped data; or paths of files, whose rows make one data set, with a mode after a
         colon (``"ps.csv:pure-shear"``) if it is that of the file alone; or a campaign
         (``"tests.toml"``), which names files and states what they leave open.
+    history : bool
+        Whether all rows up to a break are taken unless ``branch`` says otherwise: loading,
+        unloading and holds, as fits of branches need them.
     **stated
         What the files leave open, such as ``mode="uniaxial"``, ``gauge_length="25 mm"``,
         ``area="12 mm2"``: arguments of `pdsurrogate.measurements.read_tests`.
@@ -222,6 +251,8 @@ def load_test_data(*references: str | Path, **stated: Any) -> TestData:
         tests = read_tests(file, units={"stress": "MPa"})
         return test_data_of(replace(tests, name=str(references[0])))
     found = sources(references, stated)
+    if history:
+        found = [(path, {"branch": "all", **facts}) for path, facts in found]
     if missing := [path for path, _ in found if not path.exists()]:
         raise ValueError(
             f"cannot read test data {missing[0]}: there is no such file;"
@@ -241,7 +272,7 @@ def test_data_of(tests: MechanicalTests) -> TestData:
         raise ValueError("; ".join(tests.missing))
     found: list[tuple] = []
     scatter = tests.scatter
-    for specimen in tests.specimens:
+    for number, specimen in enumerate(tests.specimens):
         weights = np.where(np.isnan(specimen.weight), 1.0, specimen.weight)
         if len({*np.isnan(specimen.weight[specimen.chosen])}) > 1:
             raise ValueError(f"{tests.name}: some rows have no weight: all have one, or none")
@@ -251,20 +282,22 @@ def test_data_of(tests: MechanicalTests) -> TestData:
             row, first, weight = specimen.row[place], specimen.stretch[place], weights[place]
             if not 0 < weight < np.inf:
                 raise ValueError(f"{tests.name}, row {row}: weight must be positive")
-            along = specimen.nominal_stress[place]
+            along, time = specimen.nominal_stress[place], specimen.time[place]
             if specimen.mode == BIAXIAL:
                 second, across = specimen.lateral_stretch[place], specimen.lateral_stress[place]
-                found.append((BIAXIAL, first, second, along, weight, row))
-                found.append((BIAXIAL, second, first, across, weight, row))
+                found.append((BIAXIAL, first, second, along, weight, time, number, row))
+                found.append((BIAXIAL, second, first, across, weight, time, number, row))
             else:
                 second = MODES[specimen.mode](first)
-                found.append((specimen.mode, first, second, along, weight, row))
+                found.append((specimen.mode, first, second, along, weight, time, number, row))
     if not found:
         raise ValueError(f"{tests.name}: there are no rows")
     found.sort(key=lambda one: one[-1])
-    mode, first, second, stress, weight, row = (np.array(one) for one in zip(*found, strict=True))
+    mode, first, second, stress, weight, time, curve, row = (
+        np.array(one) for one in zip(*found, strict=True)
+    )
     stretches = np.stack([first, second], axis=1)
-    return TestData(tests.name, mode, stretches, stress, weight, row, tests)
+    return TestData(tests.name, mode, stretches, stress, weight, row, tests, time, curve)
 
 
 for _ in (test_data_names, test_data_of):

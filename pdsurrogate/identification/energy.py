@@ -159,7 +159,7 @@ class EnergyRegressor(StressRegressor):
         """
         terms = OF_TESTS
         X, y, root = self._used(X, y, sample_weight)
-        _warn_of_few_modes(X)
+        warn_of_few_modes(X)
         margin = wave_margin(terms, max(STABLE_TO, X.max(), 1 / X.min()))
         volume = np.ones_like(y)
         right = root * y
@@ -325,7 +325,7 @@ def ordered_logs(X: np.ndarray) -> np.ndarray:
     return -np.sort(-np.column_stack([logs, -logs.sum(axis=1)]), axis=1)[:, :2]
 
 
-def _warn_of_few_modes(X: np.ndarray) -> None:
+def warn_of_few_modes(X: np.ndarray) -> None:
     """Warn of data of one state or one mode of loading, which leave most of an energy
     undetermined.
     """

@@ -59,11 +59,11 @@ def report(model: StressRegressor, data: TestData) -> dict:
         "differences": differences(data, predicted),
         "volume_ratio": float(np.nanmax(volume)) if np.isfinite(volume).any() else None,
         "residuals": standardized(model, data),
-        **_of_tests(data),
+        **facts_of_tests(data),
     }
 
 
-def _of_tests(data: TestData) -> dict:
+def facts_of_tests(data: TestData) -> dict:
     """Return the unit of the stresses, and states at break with a deviation of None for one
     specimen, if the tests have them.
     """

@@ -171,11 +171,10 @@ class LawCovariance:
 
 
 def numbers_of(law: Law) -> dict[str, float]:
-    """Return the independent numbers of a law by dotted key; those of a law of sums of terms
-    imply its shear modulus.
+    """Return the independent numbers of a law's elastic energy by dotted key; those of a law of
+    sums of terms imply its shear modulus.
     """
-    found = law.describe()
-    del found["law"]
+    found = {key: getattr(law, key) for key in law.defaults()}
     if isinstance(law, Ogden):
         del found["shear_modulus"]
     flat: dict[str, float] = {}

@@ -211,37 +211,39 @@ def branch_states(time: np.ndarray, squares: np.ndarray, times: ArrayLike) -> np
 
     Parameters
     ----------
-    time : ndarray, shape (n,)
-    squares : ndarray, shape (n, 3)
+    time : ndarray, shape (n, ...)
+        Of one history, or of several side by side.
+    squares : ndarray, shape (n, ..., 3)
     times : array-like, shape (n_branches,)
         Relaxation times.
 
     Returns
     -------
-    ndarray, shape (n, n_branches, 3)
+    ndarray, shape (n, ..., n_branches, 3)
     """
     times = np.asarray(times, dtype=float)
-    found = np.ones((len(time), len(times), 3))
-    steps = np.diff(time)[:, None] / times
+    found = np.ones((*time.shape, len(times), 3))
+    steps = np.diff(time, axis=0)[..., None] / times
+    squares = squares[..., None, :]
     for row, step in enumerate(steps, start=1):
         found[row] = advanced(found[row - 1], squares[row - 1], step)(squares[row])
     return found
 
 
 def advanced(states: np.ndarray, before: np.ndarray, step: np.ndarray) -> Callable:
-    """Return the function that gives internal variables (n_branches, 3) after a step by the squares
-    of stretches (3,) at its end.
+    """Return the function that gives internal variables (..., n_branches, 3) after a step by the
+    squares of stretches (..., 1, 3) at its end.
 
-    `step` (n_branches,) is the time of the step over the relaxation times, `before` (3,) are the
-    squares at the beginning.
+    `step` (..., n_branches) is the time of the step over the relaxation times, `before` (..., 1, 3)
+    are the squares at the beginning.
     """
     k = step * (before / states).sum(axis=-1) / 3
     low = k < SERIES
     safe = np.where(low, 1.0, k)
     mean = np.where(low, 1 - k * (1 / 2 - k * (1 / 6 - k / 24)), -np.expm1(-safe) / safe)
     last = np.where(low, 1 / 2 - k * (1 / 6 - k * (1 / 24 - k / 120)), (1 - mean) / safe)
-    known = np.exp(-k)[:, None] * states + (step * (mean - last))[:, None] * before
-    weight = (step * last)[:, None]
+    known = np.exp(-k)[..., None] * states + (step * (mean - last))[..., None] * before
+    weight = (step * last)[..., None]
 
     def at(after: np.ndarray) -> np.ndarray:
         grown = known + weight * after

@@ -130,11 +130,26 @@ def _check(facts: Facts) -> None:
     ):
         if value is not None and value not in known:
             raise ValueError(f"unknown {what} {value!r}; {suggestion(str(value), known)}")
+    if facts.rate is not None:
+        _rate(facts)
     branch = facts.branch
     if not (branch is None or branch in BRANCHES or str(branch).isdigit()):
         raise ValueError(
             f"branch must be {', '.join(BRANCHES)} or the number of a cycle, not {branch!r}"
         )
+
+
+def _rate(facts: Facts) -> float:
+    """Return the rate of stretch that is stated; raise ValueError unless it is positive."""
+    try:
+        rate = float(str(facts.rate))
+    except ValueError:
+        rate = np.nan
+    if not 0 < rate < np.inf:
+        raise ValueError(
+            f"rate must be a positive number, the rate of stretch per second, not {facts.rate!r}"
+        )
+    return rate
 
 
 def _tests(file: TableFile, facts: Facts, used: set[str]) -> MechanicalTests:
@@ -227,6 +242,10 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
     lateral, across = (one[rows] for one in readings.across(stretch))
     stretch, stress = stretch[rows], stress[rows]
     time = readings.numbers("time")[rows]
+    if readings.facts.rate is not None:
+        if np.isfinite(time).any():
+            raise ValueError(f"{readings.where}: --rate is stated, but there are times already")
+        time = np.abs(np.diff(stretch, prepend=stretch[0])).cumsum() / _rate(readings.facts)
     branch = np.full(len(rows), "loading", dtype="<U9")
     cycle, end, at_break = np.ones(len(rows), dtype=int), len(rows), None
     lost, zero = None, 1.0

@@ -33,6 +33,8 @@ class Facts:
         "engineering" or "true", where headings do not say which.
     branch : str or int, optional
         "loading" (default: the first loading), "unloading", "all", or the number of a cycle.
+    rate : str or float, optional
+        Rate of stretch, per second, of tests without times.
     zero : str, optional
         "shift" (default) moves the stretch at zero force to 1 where it is not, "keep" does not.
     stress_unit : str, optional
@@ -51,6 +53,7 @@ class Facts:
     strain: str | None = None
     stress: str | None = None
     branch: str | int | None = None
+    rate: str | float | None = None
     zero: str | None = None
     stress_unit: str | None = None
 
@@ -181,10 +184,13 @@ class MechanicalTests:
 
     @property
     def scatter(self) -> dict[str, "Scatter"]:
-        """Scatter of the stresses by mode, for modes with several specimens that differ."""
+        """Scatter of the stresses by mode, for modes with several specimens that differ and whose
+        rows are of loading alone.
+        """
         found = {}
-        for mode in dict.fromkeys(one.mode for one in self.specimens if one.mode != BIAXIAL):
-            curves = [one.curve() for one in self.specimens if one.mode == mode]
+        loaded = [one for one in self.specimens if (one.branch[one.chosen] == "loading").all()]
+        for mode in dict.fromkeys(one.mode for one in loaded if one.mode != BIAXIAL):
+            curves = [one.curve() for one in loaded if one.mode == mode]
             scatter = Scatter.of([curve for curve in curves if len(curve[0]) > 1])
             if scatter is not None:
                 found[mode] = scatter

@@ -1,0 +1,102 @@
+"""Reports and figures of fits of branches to stresses over time."""
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..results.figures import STYLE
+from .data import TestData
+from .examination import POOR
+from .history_regressor import FREE, HistoryRegressor
+from .reporting import differences, facts_of_tests, parameters_of
+
+
+def fitted_history(
+    data: TestData, law: str | None, branches: int | None, bulk: dict[str, float]
+) -> HistoryRegressor:
+    """Fit a law, or an energy without one, and branches to test data; `branches` is None for a
+    choice by cross-validation.
+    """
+    regressor = HistoryRegressor(law or FREE, branches, **bulk)
+    return regressor.fit(data.histories(), data.nominal_stress, data.weight)
+
+
+def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
+    """Return a report of a fit of branches as plain values.
+
+    ``curves`` has the RMS error of each specimen relative to its greatest stress, ``rates`` the
+    least and greatest rate of stretch, ``cross_validation`` the errors of stresses left out by
+    number of branches.
+    """
+    predicted = model.predict(data.histories())
+    form = "energy without a law" if model.law == FREE else model.law
+    curves = []
+    for number in np.unique(data.curve):
+        rows = data.curve == number
+        off = predicted[rows] - data.nominal_stress[rows]
+        curves.append(
+            {
+                "specimen": data.tests.specimens[number].name if data.tests else str(number),
+                "mode": str(data.mode[rows][0]),
+                "rows": int(rows.sum()),
+                "duration": float(np.ptp(data.time[rows])),
+                "greatest_stretch": float(data.stretches[rows, 0].max()),
+                "relative_rms": float(
+                    np.sqrt((off**2).mean()) / np.abs(data.nominal_stress[rows]).max()
+                ),
+            }
+        )
+    scores = data.r_squared(predicted)
+    refusals = [
+        f"{form} with branches describes {mode} worse than the mean stress does (R^2 below 0)"
+        for mode, score in scores.items()
+        if not score >= 0
+    ]
+    remarks = [
+        f"{form} with branches describes {mode} poorly: R^2 is {score:.3g}, below {POOR:g}"
+        for mode, score in scores.items()
+        if 0 <= score < POOR
+    ]
+    if model.at_bound_:
+        remarks.append(
+            f"{form}: {', '.join(model.at_bound_)} reached a bound of the search range: the data do"
+            " not determine it; tests at other rates, or held for longer, would."
+        )
+    if not model.law_.memory:
+        remarks.append(
+            f"{form}: the data show no relaxation beyond their errors, so that there are no"
+            " branches; --branches 1 asks for one"
+        )
+    return {
+        "form": f"{form} with branches",
+        "data": data.name,
+        "rows": len(data),
+        **parameters_of(model),
+        "rates": list(model.rates_),
+        "curves": curves,
+        "cross_validation": model.cross_validation_,
+        "r_squared": scores,
+        "differences": differences(data, predicted),
+        **facts_of_tests(data),
+        "refusals": refusals,
+        "remarks": remarks,
+    }
+
+
+def figure_of_history(model: HistoryRegressor, data: TestData) -> Figure:
+    """Return a figure with a panel for each mode of loading: the stresses of each curve, and lines
+    of the fit.
+    """
+    predicted = model.predict(data.histories())
+    with matplotlib.rc_context(STYLE):
+        drawn = Figure(figsize=(3.4 * len(data.modes), 2.9), layout="constrained")
+        axes = drawn.subplots(1, len(data.modes), squeeze=False)[0]
+        for axis, mode in zip(axes, data.modes, strict=True):
+            axis.set(title=mode, xlabel="stretch")
+            for number in np.unique(data.curve[data.mode == mode]).tolist():
+                rows = data.curve == number
+                stretch, color = data.stretches[rows, 0], f"C{number % 10}"
+                axis.plot(stretch, data.nominal_stress[rows], ".", ms=2, color=color)
+                axis.plot(stretch, predicted[rows], "-", lw=1, color=color)
+        axes[0].set_ylabel(f"nominal stress{f' ({data.unit})' if data.unit else ''}")
+        return drawn

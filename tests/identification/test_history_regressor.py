@@ -1,0 +1,144 @@
+"""Elastic energies and branches from stresses over time: laws found again, and their refusals."""
+
+import time
+
+import numpy as np
+import pytest
+
+import pdsurrogate as pds
+from pdsurrogate.identification import HistoryRegressor
+from pdsurrogate.identification.history_report import fitted_history, report_of_history
+from pdsurrogate.materials import Branch, Memory
+from pdsurrogate.materials.histories import LOGS, stress_history
+
+BRANCHES = Branch(0.5, 2.0), Branch(0.3, 40.0)
+LAWS = [
+    pds.materials.NeoHookean(memory=Memory(BRANCHES)),
+    pds.materials.Gent(chain_limit=30.0, memory=Memory(BRANCHES[:1])),
+    pds.materials.Yeoh(second=-0.05, third=0.01, memory=Memory(BRANCHES)),
+    pds.materials.MooneyRivlin(second_share=0.3, memory=Memory(BRANCHES[1:])),
+]
+
+
+def cycles(law, scatter=0.0, rows=80, rates=(0.01, 0.1, 1.0), seed=0):
+    """Return loading, a hold and unloading in two modes at several rates, with errors."""
+    random = np.random.default_rng(seed)
+    X, y = [], []
+    for mode in ("uniaxial", "equibiaxial"):
+        for rate in rates:
+            knots = np.cumsum([0, 1 / rate, 1 / rate, 1 / rate])
+            at = np.linspace(0, knots[-1], rows)
+            stretch = np.interp(at, knots, [1, 2, 2, 1.1])
+            lateral = np.exp(LOGS[mode](np.log(stretch), 0 * at)[1])
+            stress = stress_history(law, mode, at, stretch, incompressible=True).nominal_stress
+            curve = np.full(rows, len(X))
+            X.append(np.stack([stretch, lateral, at, curve], axis=1))
+            y.append(stress + scatter * np.abs(stress).max() * random.standard_normal(rows))
+    return np.concatenate(X), np.concatenate(y)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_a_law_is_found_again_within_two_standard_errors(law):
+    """Of normal errors 5 % exceed two standard errors; the number of branches is always right."""
+    memory = law.memory.branches
+    elastic = [getattr(law, key) for key in law.defaults() if key != "bulk_modulus"]
+    wanted = [*elastic, *(one.modulus for one in memory), *(one.time for one in memory)]
+    off = []
+    for seed in range(6):
+        found = HistoryRegressor(law.name).fit(*cycles(law, 0.01, seed=seed))
+        assert len(found.law_.memory.branches) == len(memory)
+        off.append(np.abs((found.parameters_ - wanted) / found.standard_errors_))
+    assert (np.array(off) < 2).mean() > 0.85
+    assert np.max(off) < 3.5
+    glassy = found.law_.shear_modulus + found.law_.memory.modulus
+    assert found.law_.bulk_modulus == pytest.approx(1000 * glassy)
+
+
+def test_exact_stresses_give_the_law_and_no_further_branch():
+    law = LAWS[0]
+    X, y = cycles(law)
+    found = HistoryRegressor("neo-hookean", branches=3).fit(X, y)
+    assert found.parameters_ == pytest.approx([1.0, 0.5, 0.3, 2.0, 40.0], rel=1e-5)
+    assert found.predict(X) == pytest.approx(y, abs=1e-6)
+    assert found.rates_ == pytest.approx((0.01, 1.0), rel=0.1)
+
+
+def test_an_energy_without_a_law_predicts_a_rate_that_is_left_out():
+    X, y = cycles(LAWS[0], 0.01)
+    known = X[:, 3] % 3 != 1
+    found = HistoryRegressor().fit(X[known], y[known])
+    exact = cycles(LAWS[0])[1]
+    assert np.abs(found.predict(X[~known]) - exact[~known]).max() < 0.02 * exact[~known].max()
+    assert found.domain_hull()
+
+
+def test_elastic_stresses_have_no_branches():
+    law = pds.materials.NeoHookean()
+    found = HistoryRegressor("neo-hookean").fit(*cycles(law, 0.01))
+    assert not found.law_.memory
+
+
+def test_what_cannot_be_fitted_is_refused():
+    X, y = cycles(LAWS[0])
+    for changed, words in (
+        (X[:, :3], "four columns"),
+        (X * [1, 1, 0, 1], "no time passes"),
+        (X * [1, 1, -1, 1], "must not decrease"),
+        (X * [-1, 1, 1, 1], "positive"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            HistoryRegressor("neo-hookean").fit(changed, y)
+    with pytest.raises(ValueError, match="ogden is not fitted"):
+        HistoryRegressor("ogden").fit(X, y)
+    with pytest.raises(ValueError, match="would flow"):
+        fluid = pds.materials.NeoHookean(1e-12, 1.0, memory=Memory(BRANCHES[:1]))
+        HistoryRegressor("neo-hookean").fit(*cycles(fluid))
+
+
+def table(path, heading, columns):
+    """Write a table of a cycle of one specimen or more."""
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=heading, comments="")
+    return path
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    X, y = cycles(LAWS[0], 0.002)
+    one = X[:, 3] < 3
+    columns = X[one, 3] + 1, X[one, 2], X[one, 0], y[one]
+    path = tmp_path_factory.mktemp("cycles") / "cycles.csv"
+    return table(path, "specimen,time (s),stretch,nominal stress (MPa)", columns)
+
+
+def test_a_file_with_times_is_taken_whole(file):
+    assert len(pds.load_test_data(file, mode="uniaxial")) < 120
+    data = pds.load_test_data(file, history=True, mode="uniaxial")
+    assert len(data) == 240
+    assert data.histories()[:, 3].max() == 2
+    assert (data.weight == 1).all()
+    model = fitted_history(data, "neo-hookean", None, {})
+    report = report_of_history(model, data)
+    assert [round(one["greatest_stretch"], 1) for one in report["curves"]] == [2.0] * 3
+    assert max(one["relative_rms"] for one in report["curves"]) < 0.004
+    assert not report["refusals"]
+    assert data.where(data.curve == 1).time.max() == pytest.approx(30, rel=0.01)
+
+
+def test_a_rate_stands_for_times(tmp_path):
+    stretch = np.r_[np.linspace(1, 2, 30), np.linspace(2, 1.2, 30)[1:]]
+    path = table(tmp_path / "a.csv", "stretch,nominal stress (MPa)", (stretch, stretch - 1))
+    data = pds.load_test_data(path, history=True, mode="uniaxial", rate="0.1", zero="keep")
+    assert data.time[-1] == pytest.approx(18)
+    plain = pds.load_test_data(path, history=True, mode="uniaxial", zero="keep")
+    with pytest.raises(ValueError, match="has no time"):
+        plain.histories()
+    with pytest.raises(ValueError, match="rate must be a positive number"):
+        pds.load_test_data(path, mode="uniaxial", rate="-1")
+
+
+@pytest.mark.slow
+def test_two_thousand_rows_take_less_than_five_seconds():
+    X, y = cycles(LAWS[0], 0.01, rows=334)
+    began = time.process_time()
+    HistoryRegressor().fit(X, y)
+    assert time.process_time() - began < 5
