@@ -80,13 +80,19 @@ class PairEnergy(MaterialTerm):
             all_volumes = np.ones(sum(sizes))
             volumes = np.split(all_volumes, np.cumsum(sizes)[:-1])
             self.parts = [
-                SelectivePairs(*one, *more)
-                for one, *more in zip(each, volumes, self._own_bonds, strict=True)
+                SelectivePairs(*one, *more, None if whole else number)
+                for number, (one, *more) in enumerate(
+                    zip(each, volumes, self._own_bonds, strict=True)
+                )
             ]
             self.volume = VolumeEnergy(binding, self.shares, self.parts, all_volumes)
         else:
             self.parts = [PairEnergies(*one) for one in each]
         self._energy = 0.0
+        self._memories = [part.memory for part in self.parts if part.memory is not None]
+        for memory in self._memories:
+            self.remember(*memory.state)
+        self._begun = not self._memories
         self._stresses = aligned_rows((len(body.all_points), d * d))
         self._on_points = np.zeros((len(body.all_points), d))
         self._on_jumps = None if whole else np.zeros((len(body), d))
@@ -156,6 +162,8 @@ class PairEnergy(MaterialTerm):
         and of points without a finite force.
         """
         self._energy = np.nan
+        if not self._begun:
+            self._begin()
         found = steps()
         outside, _, inside_out = zip(*(part.counts() for part in self.parts), strict=True)
         invalid = sum(found[: -self._after])
@@ -168,8 +176,37 @@ class PairEnergy(MaterialTerm):
             out += self._on_jumps
         return list(outside), sum(inside_out), sum(found[-self._sums :])
 
+    def elapse(self) -> None:
+        self._begun = not self._memories
+
+    def _begin(self) -> None:
+        """Compute what evaluations need of the history, once for a state and a time."""
+        for memory in self._memories:
+            memory.begin(self.kinematics.elapsed)
+        self._begun = True
+
+    def accept(self, elapsed: float) -> None:
+        self.kinematics.form_gradients()
+        for points in self.materials:
+            for step in points.seen:
+                step()
+        for memory in self._memories:
+            memory.accept.give_number("elapsed", elapsed)
+            memory.accept()
+
     def energy(self) -> float:
         return self._energy
+
+    def stored(self) -> float:
+        if not self._memories or np.isnan(self._energy):
+            return self._energy
+        return sum(part.unit * part.stored() for part in self.parts)
+
+    def dissipated(self) -> dict[str, float]:
+        if not self._memories:
+            return {}
+        found = sum(memory.dissipated() for memory in self._memories).tolist()
+        return dict(zip(("branches", "softening"), found, strict=True))
 
     def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
         """Return the forces of pairs on their first points: from the energies of the pairs, and

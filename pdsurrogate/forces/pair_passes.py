@@ -2,7 +2,9 @@
 that compute them.
 """
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +17,9 @@ from .binding import Binding
 from .bond_shares import BondShares
 from .domain import EVERYWHERE
 from .material_points import MaterialPoints
+
+if TYPE_CHECKING:
+    from .pair_memory import PairMemory
 
 
 class EnergyDerivatives(NamedTuple):
@@ -81,11 +86,16 @@ class PairsWithEnergy(Pairs):
     moments : ndarray, shape (n_blocks * BLOCK, d d)
         Derivatives of the pairs' energies by the deformation gradient of either end, see
         `pdsurrogate.kernels.bond_energy.pair_energies`.
+    energies : ndarray, shape (n_blocks,)
+        Sums of the energies of blocks of pairs, divided by the shear modulus.
     find : BoundPass
         Compiled pass that computes energies, forces and moments.
+    memory : PairMemory or None
+        Branches and softening of the material; None if it is elastic.
     """
 
     find: BoundPass
+    memory: PairMemory | None = None
 
     def __init__(self, model, points: MaterialPoints, geometry: np.ndarray, precision: str) -> None:
         super().__init__(model, points, precision)
@@ -97,13 +107,13 @@ class PairsWithEnergy(Pairs):
             (points.first, points.second),
             geometry,
         )
-        self._energies = np.zeros(len(geometry))
+        self.energies = np.zeros(len(geometry))
 
     def energy(self) -> float:
         """Return the total energy of the material's pairs in the state last evaluated, divided
         by the shear modulus.
         """
-        return float(self._energies.sum())
+        return float(self.energies.sum())
 
 
 class PairEnergies(PairsWithEnergy):
@@ -159,7 +169,7 @@ class PairEnergies(PairsWithEnergy):
             aligned_rows((threads, 4, BLOCK)),
         )
         memory = *buffers, compiled.memory(threads, precision), kinematics.scratch
-        results = self._counts, self._energies, self.forces, self.moments
+        results = self._counts, self.energies, self.forces, self.moments
         self.find = kinematics.bind(
             bond_energy.pair_energies, *self.places, self.pairs, *energy, memory, results
         )
@@ -191,6 +201,8 @@ class SelectivePairs(PairsWithEnergy):
         Array that receives det F_ij of the pairs.
     own : ndarray of bool, shape (n_bonds,), or None
         Directed bonds of the material's points; None if these are all.
+    number : int, optional
+        Number of the material, in a body of several.
 
     Attributes
     ----------
@@ -217,6 +229,7 @@ class SelectivePairs(PairsWithEnergy):
         weights: np.ndarray,
         volumes: np.ndarray,
         own,
+        number: int | None = None,
     ) -> None:
         dimension = points.positions.shape[1]
         chunks = binding.kinematics.chunks
@@ -235,11 +248,6 @@ class SelectivePairs(PairsWithEnergy):
         self.buffers = aligned_rows(
             (chunks.threads, selective_energy.buffer_rows(dimension), BLOCK), value=1
         )
-        memory = (
-            self.buffers
-            if isochoric.precision == "float64"
-            else aligned_rows(self.buffers.shape, isochoric.precision, 1)
-        )
         self.find_volumes = binding.kinematics.bind(
             selective_energy.pair_volumes[dimension],
             *self.places,
@@ -247,29 +255,50 @@ class SelectivePairs(PairsWithEnergy):
             self.buffers,
             volumes,
         )
-        shares_and_energy = (self.end_shares, *isochoric.arguments)
-        results = (
-            self._energies,
-            self.forces,
-            self.moments,
-        )
-        self.find = binding.kinematics.bind(
-            selective_energy.pair_energies[dimension],
-            *self.places,
-            self.pressures,
-            self.pairs,
-            *shares_and_energy,
-            memory,
-            results,
-        )
+        if points.law.memory:
+            from .pair_memory import PairMemory  # here, because only memory needs its kernels
+
+            self.memory = PairMemory(binding, self, number)
+            self.find = self.memory.find
+        else:
+            memory = (
+                self.buffers
+                if isochoric.precision == "float64"
+                else aligned_rows(self.buffers.shape, isochoric.precision, 1)
+            )
+            shares_and_energy = (self.end_shares, *isochoric.arguments)
+            results = (
+                self.energies,
+                self.forces,
+                self.moments,
+            )
+            self.find = binding.kinematics.bind(
+                selective_energy.pair_energies[dimension],
+                *self.places,
+                self.pressures,
+                self.pairs,
+                *shares_and_energy,
+                memory,
+                results,
+            )
 
     def set_parameters(self, model) -> None:
         super().set_parameters(model)
         self.isochoric.parameters[:] = self.points.law.parameters
         self.isochoric.weights[:] = model.isochoric_weights
+        if self.memory is not None:
+            self.memory.set_parameters()
 
     def energy(self) -> float:
         return super().energy() + float(self.volume_energies.sum())
+
+    def stored(self) -> float:
+        """Return the stored energy in the state last evaluated, divided by the shear modulus;
+        `energy` is that of which the forces are the derivative.
+        """
+        if self.memory is None:
+            return self.energy()
+        return self.memory.stored() + float(self.volume_energies.sum())
 
     def counts(self) -> tuple[int, int, int]:
         """Return the number of pairs outside the domain since the last call, and two zeros:

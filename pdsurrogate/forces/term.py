@@ -147,6 +147,11 @@ class Term(ABC):
         self.materials: list[MaterialPoints] = []
         self.watches: list[OutsideCounter] = []
 
+    def remember(self, *arrays: StateArray) -> None:
+        """Add arrays to the history that depend on the materials of the body."""
+        self.state += arrays
+        self.kept |= {array.name: array.values for array in arrays}
+
     def set_parameters(self, portions: Sequence[MaterialPart]) -> None:
         """Replace laws and models in place by others of the same kinds, on the same points, that
         differ in numbers alone.
@@ -188,6 +193,9 @@ class Term(ABC):
         """Return what the term adds to stress and energy density of the points, see
         `InternalForce.stress_and_energy`.
         """
+
+    def elapse(self) -> None:  # noqa: B027 - most terms have no history
+        """Take notice that `Kinematics.elapsed` has been set, or the history has been restored."""
 
     def accept(self, elapsed: float) -> None:  # noqa: B027 - most terms have no history
         """Add to the history the state at the positions in `kinematics`, reached in a time
