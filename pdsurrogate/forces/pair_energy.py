@@ -2,7 +2,10 @@
 (48)-(52), (56), (57).
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +26,9 @@ from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
 from .term import MaterialTerm, OutsideCounter, whole_volume
 from .volume_energy import VolumeEnergy
+
+if TYPE_CHECKING:
+    from .pair_memory import PairMemory
 
 
 class PairEnergy(MaterialTerm):
@@ -80,18 +86,18 @@ class PairEnergy(MaterialTerm):
             all_volumes = np.ones(sum(sizes))
             volumes = np.split(all_volumes, np.cumsum(sizes)[:-1])
             self.parts = [
-                SelectivePairs(*one, *more, None if whole else number)
-                for number, (one, *more) in enumerate(
-                    zip(each, volumes, self._own_bonds, strict=True)
-                )
+                SelectivePairs(*one, *more)
+                for one, *more in zip(each, volumes, self._own_bonds, strict=True)
             ]
             self.volume = VolumeEnergy(binding, self.shares, self.parts, all_volumes)
         else:
             self.parts = [PairEnergies(*one) for one in each]
         self._energy = 0.0
-        self._memories = [part.memory for part in self.parts if part.memory is not None]
-        for memory in self._memories:
-            self.remember(*memory.state)
+        self._memories = [
+            self._memory_of(number)
+            for number, points in enumerate(self.materials)
+            if points.law.memory
+        ]
         self._begun = not self._memories
         self._stresses = aligned_rows((len(body.all_points), d * d))
         self._on_points = np.zeros((len(body.all_points), d))
@@ -134,6 +140,15 @@ class PairEnergy(MaterialTerm):
             sum(isinstance(step, BoundPass) for step in steps) for steps in (after, to_points)
         )
         self.places = bool(leading)
+
+    def _memory_of(self, number: int) -> PairMemory:
+        """Return the memory of a material, which becomes part of the history."""
+        from .pair_memory import PairMemory  # here, for few materials have one
+
+        memory = PairMemory(self.binding, self.parts[number], number)
+        self.state += memory.state
+        self.kept |= {array.name: array.values for array in memory.state}
+        return memory
 
     def set_parameters(self, portions: Sequence[MaterialPart]) -> None:
         super().set_parameters(portions)

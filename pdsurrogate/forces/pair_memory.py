@@ -2,20 +2,14 @@
 the passes that read it and add to it.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import selective_memory
 from ..kernels.branches import GREATEST, tensors_of
 from .binding import Binding
+from .pair_passes import SelectivePairs
 from .term import StateArray
-
-if TYPE_CHECKING:
-    from .pair_passes import SelectivePairs
 
 
 class PairMemory:
@@ -25,9 +19,9 @@ class PairMemory:
     ----------
     binding : Binding
     part : SelectivePairs
-        Pairs whose material has a memory; their pass `find` is replaced.
-    number : int or None
-        Number of the material, in a body of several.
+        Pairs of the material, which get this memory and its pass.
+    number : int
+        Number of the material.
 
     Attributes
     ----------
@@ -35,11 +29,11 @@ class PairMemory:
         History, with a row for every pair of the body: C_k of the branches, Cb, the greatest
         isochoric energy per volume, and the energies dissipated by branches and by softening. Rows
         of C_k and Cb have the components of `pdsurrogate.kernels.branches`.
-    accept, find : BoundPass
-        Passes that add a state to the history, and that compute energies, forces and moments.
+    accept : BoundPass
+        Pass that adds a state to the history, after the time that is its argument ``elapsed``.
     """
 
-    def __init__(self, binding: Binding, part: SelectivePairs, number: int | None) -> None:
+    def __init__(self, binding: Binding, part: SelectivePairs, number: int) -> None:
         kinematics = binding.kinematics
         body = kinematics.body
         d = body.dimension
@@ -54,7 +48,7 @@ class PairMemory:
         self._owned = body.share.own[body.bonds.first]
         self._moduli, self._times = np.zeros((2, branches))
         self._softening = np.zeros(3 * softened)
-        end = "" if number is None else f"_{number}"
+        end = "" if binding.whole else f"_{number}"
         pairs = len(body.bonds.first)
         history = (
             np.tile(tensors.DIAGONAL, (pairs, branches)),
@@ -104,7 +98,7 @@ class PairMemory:
             memory,
             buffers,
         )
-        self.find = kinematics.bind(
+        part.find = kinematics.bind(
             selective_memory.pair_energies[d],
             *part.places,
             part.pressures,
@@ -116,6 +110,7 @@ class PairMemory:
             (part.energies, stored, part.forces, part.moments),
         )
         self.set_parameters()
+        part.memory = self
 
     def set_parameters(self) -> None:
         """Take the memory of the law of the part's points."""

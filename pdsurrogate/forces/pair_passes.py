@@ -2,9 +2,7 @@
 that compute them.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,9 +15,6 @@ from .binding import Binding
 from .bond_shares import BondShares
 from .domain import EVERYWHERE
 from .material_points import MaterialPoints
-
-if TYPE_CHECKING:
-    from .pair_memory import PairMemory
 
 
 class EnergyDerivatives(NamedTuple):
@@ -95,7 +90,7 @@ class PairsWithEnergy(Pairs):
     """
 
     find: BoundPass
-    memory: PairMemory | None = None
+    memory: Any = None
 
     def __init__(self, model, points: MaterialPoints, geometry: np.ndarray, precision: str) -> None:
         super().__init__(model, points, precision)
@@ -201,8 +196,6 @@ class SelectivePairs(PairsWithEnergy):
         Array that receives det F_ij of the pairs.
     own : ndarray of bool, shape (n_bonds,), or None
         Directed bonds of the material's points; None if these are all.
-    number : int, optional
-        Number of the material, in a body of several.
 
     Attributes
     ----------
@@ -229,7 +222,6 @@ class SelectivePairs(PairsWithEnergy):
         weights: np.ndarray,
         volumes: np.ndarray,
         own,
-        number: int | None = None,
     ) -> None:
         dimension = points.positions.shape[1]
         chunks = binding.kinematics.chunks
@@ -256,31 +248,27 @@ class SelectivePairs(PairsWithEnergy):
             volumes,
         )
         if points.law.memory:
-            from .pair_memory import PairMemory  # here, because only memory needs its kernels
-
-            self.memory = PairMemory(binding, self, number)
-            self.find = self.memory.find
-        else:
-            memory = (
-                self.buffers
-                if isochoric.precision == "float64"
-                else aligned_rows(self.buffers.shape, isochoric.precision, 1)
-            )
-            shares_and_energy = (self.end_shares, *isochoric.arguments)
-            results = (
-                self.energies,
-                self.forces,
-                self.moments,
-            )
-            self.find = binding.kinematics.bind(
-                selective_energy.pair_energies[dimension],
-                *self.places,
-                self.pressures,
-                self.pairs,
-                *shares_and_energy,
-                memory,
-                results,
-            )
+            return  # a `PairMemory` has the pass
+        memory = (
+            self.buffers
+            if isochoric.precision == "float64"
+            else aligned_rows(self.buffers.shape, isochoric.precision, 1)
+        )
+        shares_and_energy = (self.end_shares, *isochoric.arguments)
+        results = (
+            self.energies,
+            self.forces,
+            self.moments,
+        )
+        self.find = binding.kinematics.bind(
+            selective_energy.pair_energies[dimension],
+            *self.places,
+            self.pressures,
+            self.pairs,
+            *shares_and_energy,
+            memory,
+            results,
+        )
 
     def set_parameters(self, model) -> None:
         super().set_parameters(model)

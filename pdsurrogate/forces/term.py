@@ -147,11 +147,6 @@ class Term(ABC):
         self.materials: list[MaterialPoints] = []
         self.watches: list[OutsideCounter] = []
 
-    def remember(self, *arrays: StateArray) -> None:
-        """Add arrays to the history that depend on the materials of the body."""
-        self.state += arrays
-        self.kept |= {array.name: array.values for array in arrays}
-
     def set_parameters(self, portions: Sequence[MaterialPart]) -> None:
         """Replace laws and models in place by others of the same kinds, on the same points, that
         differ in numbers alone.
