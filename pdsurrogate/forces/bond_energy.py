@@ -102,6 +102,7 @@ class EnergyModel(ForceModel):
     """
 
     family = "bond energy"
+    remembers = ("strain", "space")
     domain: Domain | None
 
     @property

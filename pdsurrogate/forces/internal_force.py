@@ -83,9 +83,9 @@ class InternalForce:
         Term that reports the distance of the state from the training data: `domain_deviation`,
         `beyond_data`. At most one term may have a model with training data.
     stiffness_moduli : float or ndarray, shape (n,)
-        Shear modulus that measures the stiffness around a point. With several materials it is the
-        mean over the bonds of the point, where each bond has the mean modulus of its two ends,
-        since bonds across an interface stiffen all points that they reach.
+        Shear modulus, with that of all branches, that measures the stiffness around a point. With
+        several materials it is the mean over the bonds of the point, where each bond has the mean
+        modulus of its two ends, since bonds across an interface stiffen all points that they reach.
     force_scale : float or ndarray, shape (n,)
         Shear modulus that scales the force on a point. With several materials it is the greatest
         among the point and its neighbors, since forces and their rounding errors are that large.
@@ -130,16 +130,20 @@ class InternalForce:
         self.portion_of = (
             None if isinstance(portions[0].points, slice) else _numbers_of(body, portions)
         )
-        self.stiffness_moduli = self.force_scale = self.law.shear_modulus
+        elastic = [portion.law.shear_modulus for portion in portions]
+        glassy = [portion.law.shear_modulus + portion.law.memory.modulus for portion in portions]
+        self.force_scale = max(elastic)
+        self.stiffness_moduli = max(glassy)
         if self.portion_of is not None:
-            moduli = np.array([*(portion.law.shear_modulus for portion in portions), np.inf])[
-                self.portion_of
-            ]
+            moduli = np.array([*elastic, np.inf])[self.portion_of]
             held = settings.plane != "stress"
             kinematics.interfaces = Interfaces(
                 kinematics, self.portion_of, moduli, self.has_energy, held, settings.breakable
             )
-            self.stiffness_moduli, self.force_scale = self._moduli(moduli)
+            self.stiffness_moduli, self.force_scale = self._moduli(moduli, max(elastic))
+            if glassy != elastic:
+                moduli = np.array([*glassy, np.inf])[self.portion_of]
+                self.stiffness_moduli, _ = self._moduli(moduli, max(glassy))
         self.interfaces = kinematics.interfaces
         binding = Binding(kinematics, portions, settings, self.precision, self.portion_of)
         self.terms = [kind(replace(binding, number=number)) for number, kind in enumerate(kinds)]
@@ -161,16 +165,16 @@ class InternalForce:
                 "two terms of a force keep arrays of one name, of"
                 f" {[array.name for array in self.states]}"
             )
-        self._remembering = [term for term in self.terms if term.keeps]
+        self._remembering = [term for term in self.terms if term.kept]
         self.history = {
             name: values for term in self._remembering for name, values in term.kept.items()
         }
         self.evaluations = self.pairs_outside = self.most_outside = self.timed = 0
         self.seconds = 0.0
 
-    def _moduli(self, moduli: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _moduli(self, moduli: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
         """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and
-        ghosts, which are infinite for rigid ones.
+        ghosts, which are infinite for rigid ones, and the greatest one of a material.
         """
         body = self.body
         bonds = body.bonds
@@ -184,8 +188,8 @@ class InternalForce:
             np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners])
         )
         around[apart] = moduli[owners[apart]]
-        moduli = np.minimum(moduli, self.law.shear_modulus)  # rigid points have none of their own
-        around = np.minimum(around, self.law.shear_modulus)
+        moduli = np.minimum(moduli, most)  # rigid points have none of their own
+        around = np.minimum(around, most)
         weights = body.weigh(length) * body.all_volumes[bonds.neighbors]
         stiffness = (
             moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)
@@ -241,9 +245,11 @@ class InternalForce:
 
     def elapse(self, time: float) -> None:
         """Set the time since the state that was last accepted, at which the next evaluations try
-        states of a body with history.
+        states of a body with history; to be called, too, after `history` was restored.
         """
         self._kinematics.elapsed = time
+        for term in self._remembering:
+            term.elapse()
 
     def accept(self, positions: np.ndarray) -> None:
         """Accept a state of the body: add it to the `history`, which evaluations never change, and
@@ -258,7 +264,7 @@ class InternalForce:
             self._kinematics.place(positions)
             for term in self._remembering:
                 term.accept(self._kinematics.elapsed)
-        self._kinematics.elapsed = 0.0
+        self.elapse(0.0)
 
     def pass_bonds(self, out: np.ndarray) -> None:
         """Write the forces to `out` from the states of the points as last computed, without checks;

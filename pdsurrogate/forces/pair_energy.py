@@ -2,7 +2,10 @@
 (48)-(52), (56), (57).
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +26,9 @@ from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
 from .term import MaterialTerm, OutsideCounter, whole_volume
 from .volume_energy import VolumeEnergy
+
+if TYPE_CHECKING:
+    from .pair_memory import PairMemory
 
 
 class PairEnergy(MaterialTerm):
@@ -87,6 +93,12 @@ class PairEnergy(MaterialTerm):
         else:
             self.parts = [PairEnergies(*one) for one in each]
         self._energy = 0.0
+        self._memories = [
+            self._memory_of(number)
+            for number, points in enumerate(self.materials)
+            if points.law.memory
+        ]
+        self._begun = not self._memories
         self._stresses = aligned_rows((len(body.all_points), d * d))
         self._on_points = np.zeros((len(body.all_points), d))
         self._on_jumps = None if whole else np.zeros((len(body), d))
@@ -129,6 +141,15 @@ class PairEnergy(MaterialTerm):
         )
         self.places = bool(leading)
 
+    def _memory_of(self, number: int) -> PairMemory:
+        """Return the memory of a material, which becomes part of the history."""
+        from .pair_memory import PairMemory  # here, for few materials have one
+
+        memory = PairMemory(self.binding, self.parts[number], number)
+        self.state += memory.state
+        self.kept |= {array.name: array.values for array in memory.state}
+        return memory
+
     def set_parameters(self, portions: Sequence[MaterialPart]) -> None:
         super().set_parameters(portions)
         self._model = portions[0].model
@@ -156,6 +177,8 @@ class PairEnergy(MaterialTerm):
         and of points without a finite force.
         """
         self._energy = np.nan
+        if not self._begun:
+            self._begin()
         found = steps()
         outside, _, inside_out = zip(*(part.counts() for part in self.parts), strict=True)
         invalid = sum(found[: -self._after])
@@ -168,8 +191,37 @@ class PairEnergy(MaterialTerm):
             out += self._on_jumps
         return list(outside), sum(inside_out), sum(found[-self._sums :])
 
+    def elapse(self) -> None:
+        self._begun = not self._memories
+
+    def _begin(self) -> None:
+        """Compute what evaluations need of the history, once for a state and a time."""
+        for memory in self._memories:
+            memory.begin(self.kinematics.elapsed)
+        self._begun = True
+
+    def accept(self, elapsed: float) -> None:
+        self.kinematics.form_gradients()
+        for points in self.materials:
+            for step in points.seen:
+                step()
+        for memory in self._memories:
+            memory.accept.give_number("elapsed", elapsed)
+            memory.accept()
+
     def energy(self) -> float:
         return self._energy
+
+    def stored(self) -> float:
+        if not self._memories or np.isnan(self._energy):
+            return self._energy
+        return sum(part.unit * part.stored() for part in self.parts)
+
+    def dissipated(self) -> dict[str, float]:
+        if not self._memories:
+            return {}
+        found = sum(memory.dissipated() for memory in self._memories).tolist()
+        return dict(zip(("branches", "softening"), found, strict=True))
 
     def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
         """Return the forces of pairs on their first points: from the energies of the pairs, and

@@ -2,7 +2,7 @@
 that compute them.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -81,11 +81,16 @@ class PairsWithEnergy(Pairs):
     moments : ndarray, shape (n_blocks * BLOCK, d d)
         Derivatives of the pairs' energies by the deformation gradient of either end, see
         `pdsurrogate.kernels.bond_energy.pair_energies`.
+    energies : ndarray, shape (n_blocks,)
+        Sums of the energies of blocks of pairs, divided by the shear modulus.
     find : BoundPass
         Compiled pass that computes energies, forces and moments.
+    memory : PairMemory or None
+        Branches and softening of the material; None if it is elastic.
     """
 
     find: BoundPass
+    memory: Any = None
 
     def __init__(self, model, points: MaterialPoints, geometry: np.ndarray, precision: str) -> None:
         super().__init__(model, points, precision)
@@ -97,13 +102,13 @@ class PairsWithEnergy(Pairs):
             (points.first, points.second),
             geometry,
         )
-        self._energies = np.zeros(len(geometry))
+        self.energies = np.zeros(len(geometry))
 
     def energy(self) -> float:
         """Return the total energy of the material's pairs in the state last evaluated, divided
         by the shear modulus.
         """
-        return float(self._energies.sum())
+        return float(self.energies.sum())
 
 
 class PairEnergies(PairsWithEnergy):
@@ -159,7 +164,7 @@ class PairEnergies(PairsWithEnergy):
             aligned_rows((threads, 4, BLOCK)),
         )
         memory = *buffers, compiled.memory(threads, precision), kinematics.scratch
-        results = self._counts, self._energies, self.forces, self.moments
+        results = self._counts, self.energies, self.forces, self.moments
         self.find = kinematics.bind(
             bond_energy.pair_energies, *self.places, self.pairs, *energy, memory, results
         )
@@ -235,11 +240,6 @@ class SelectivePairs(PairsWithEnergy):
         self.buffers = aligned_rows(
             (chunks.threads, selective_energy.buffer_rows(dimension), BLOCK), value=1
         )
-        memory = (
-            self.buffers
-            if isochoric.precision == "float64"
-            else aligned_rows(self.buffers.shape, isochoric.precision, 1)
-        )
         self.find_volumes = binding.kinematics.bind(
             selective_energy.pair_volumes[dimension],
             *self.places,
@@ -247,9 +247,16 @@ class SelectivePairs(PairsWithEnergy):
             self.buffers,
             volumes,
         )
+        if points.law.memory:
+            return  # a `PairMemory` has the pass
+        memory = (
+            self.buffers
+            if isochoric.precision == "float64"
+            else aligned_rows(self.buffers.shape, isochoric.precision, 1)
+        )
         shares_and_energy = (self.end_shares, *isochoric.arguments)
         results = (
-            self._energies,
+            self.energies,
             self.forces,
             self.moments,
         )
@@ -267,9 +274,19 @@ class SelectivePairs(PairsWithEnergy):
         super().set_parameters(model)
         self.isochoric.parameters[:] = self.points.law.parameters
         self.isochoric.weights[:] = model.isochoric_weights
+        if self.memory is not None:
+            self.memory.set_parameters()
 
     def energy(self) -> float:
         return super().energy() + float(self.volume_energies.sum())
+
+    def stored(self) -> float:
+        """Return the stored energy in the state last evaluated, divided by the shear modulus;
+        `energy` is that of which the forces are the derivative.
+        """
+        if self.memory is None:
+            return self.energy()
+        return self.memory.stored() + float(self.volume_energies.sum())
 
     def counts(self) -> tuple[int, int, int]:
         """Return the number of pairs outside the domain since the last call, and two zeros:

@@ -189,6 +189,9 @@ class Term(ABC):
         `InternalForce.stress_and_energy`.
         """
 
+    def elapse(self) -> None:  # noqa: B027 - most terms have no history
+        """Take notice that `Kinematics.elapsed` has been set, or the history has been restored."""
+
     def accept(self, elapsed: float) -> None:  # noqa: B027 - most terms have no history
         """Add to the history the state at the positions in `kinematics`, reached in a time
         `elapsed` since the state accepted before.

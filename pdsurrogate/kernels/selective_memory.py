@@ -1,0 +1,354 @@
+"""Branches and softening of the isochoric energy of the bonds: passes of a selective energy with
+memory, theory (91)-(97).
+
+Trials read the coefficients of their steps, which `begin_steps` computes from the history once for
+a step in time, and `accept_steps` adds an accepted state to the history.
+"""
+
+import math
+
+import numpy as np
+
+from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from
+from ..engine.compile import inlined, widest_vectors
+from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import fetch
+from .algebra import ByDimension
+from .branches import tensors_of
+from .elementary import like
+from .selective_energy import (
+    RESULT_ROWS,
+    STATE_ROWS,
+    buffer_rows,
+    evaluate_isochoric_energy,
+    gradient_of_bond,
+)
+
+AT_REST = 1 / math.sqrt(math.pi)
+"""Value of `_integrated` at 0."""
+
+LEAST = 1e-300
+"""Least scale of softening, by which a difference of zero is divided at rest if m = 0."""
+
+
+def memory_rows(dimension: int) -> int:
+    """Return the number of rows of a thread's buffer for a pass with memory: Cb, the sums of M and
+    of W_step over the branches, and J^(-2/3), after those of `selective_energy`.
+    """
+    return buffer_rows(dimension) + 2 * tensors_of(dimension).TENSOR + 2
+
+
+@inlined
+def _integrated(z):
+    """Return the integral of erf from 0 to z, plus `AT_REST`."""
+    return z * math.erf(z) + math.exp(-z * z) * AT_REST
+
+
+@inlined
+def softening_loss(greatest, softening):
+    """Return the energy that softening (r, m, beta) has dissipated once the greatest energy was
+    `greatest`.
+    """
+    scale = max(softening[1] + softening[2] * greatest, LEAST)
+    return scale / softening[0] * (_integrated(greatest / scale) - AT_REST)
+
+
+@inlined
+def soften(energy, greatest, softening):
+    """Return the factor eta at an energy W, its integral over W at the greatest energy before, and
+    the stored energy.
+
+    Beyond the greatest energy before, the integral is W plus a constant, a potential of the step;
+    the energy stored is then less.
+    """
+    scale = max(softening[1] + softening[2] * greatest, LEAST)
+    below = max(greatest - energy, 0.0) / scale
+    regained = scale / softening[0] * (_integrated(below) - AT_REST)
+    potential = energy - softening_loss(greatest, softening) + regained
+    stored = energy - softening_loss(energy, softening) if energy > greatest else potential
+    return 1.0 - math.erf(below) / softening[0], potential, stored
+
+
+@ByDimension
+def begin_steps(algebra):
+    """Build the pass that computes the coefficients of the branches for trials at a time."""
+    tensors = tensors_of(algebra.DIMENSION)
+    tensor = tensors.TENSOR
+
+    @Pass
+    def begin_steps(
+        chunk, elapsed, unit, pairs, times, softening, greatest_b, history, buffers, coefficients
+    ):
+        """Write (B, b) of every branch and, with softening, the greatest energy of every pair to
+        `coefficients` (n_blocks, rows, BLOCK).
+
+        `pairs` are the numbers of the pairs in the `history`: C_k of the branches, Cb, the greatest
+        energies, and dissipated energies, which are not read. `greatest_b` bounds b, and energies
+        of the history are divided by `unit`.
+        """
+        states, strains, greatest, _ = history
+        widest_vectors()
+        C_k = block_rows(buffers[chunk.thread])
+        Cb = rows_from(C_k, tensor)
+        count = pairs.shape[0]
+        for block in share_of(coefficients.shape[0], chunk):
+            at = block * BLOCK
+            size = min(BLOCK, count - at)
+            into = block_rows(coefficients[block])
+            for k in range(size):
+                put_column(Cb, k, tensors.tensor_of(strains, pairs[at + k], 0))
+            for branch in range(times.shape[0]):
+                h = elapsed / times[branch]
+                for k in range(size):
+                    put_column(C_k, k, tensors.tensor_of(states, pairs[at + k], branch * tensor))
+                found = rows_from(into, branch * (tensor + 1))
+                for k in range(size):
+                    B, b = tensors.begin_step(
+                        tensors.tensor_at(C_k, k), tensors.tensor_at(Cb, k), h
+                    )
+                    put_column(found, k, (*B, min(b, greatest_b)))
+            if softening.shape[0] > 0:
+                last = coefficients.shape[1] - 1
+                for k in range(size):
+                    into[last, k] = greatest[pairs[at + k]] / unit
+
+    return begin_steps
+
+
+@ByDimension
+def pair_energies(algebra):
+    """Build the pass that computes energies, forces and moments of pairs with memory."""
+    tensors = tensors_of(algebra.DIMENSION)
+    of_bond = gradient_of_bond(algebra)
+    tensor = tensors.TENSOR
+    matrix = algebra.MATRIX
+    dimension = algebra.DIMENSION
+    state_rows = matrix + dimension
+    result_rows = state_rows + STATE_ROWS
+    strain_rows = result_rows + RESULT_ROWS
+    sum_rows = strain_rows + tensor
+    length = dimension
+    volume = dimension + 1
+    fetch_geometry = fetch(4 * (dimension + 2))
+    fetch_shares = fetch(4 * 2)
+    fetch_force = fetch(4 * dimension, to_write=True)
+    fetch_moment = fetch(4 * matrix, to_write=True)
+
+    @Pass
+    def pair_energies(
+        chunk,
+        positions,
+        gradients,
+        pressures,
+        pairs,
+        shares,
+        energy,
+        constants,
+        memory,
+        buffers,
+        results,
+    ):
+        """Compute energies, forces and moments of pairs as `selective_energy.pair_energies`, with
+        branches and softening.
+
+        `memory` are the moduli of the branches over the shear modulus, the parameters of softening
+        or none, and the coefficients of `begin_steps`. The results begin with two arrays of
+        energies of blocks: those of which forces and moments are the derivatives, and those that
+        are stored.
+        """
+        ends, geometry = pairs
+        first, second = ends
+        energies, stored, forces, moments = results
+        moduli, softening, coefficients = memory
+        widest_vectors()
+        sums = block_rows(buffers[chunk.thread])
+        bonds = rows_from(sums, matrix)
+        states = rows_from(sums, state_rows)
+        result = rows_from(sums, result_rows)
+        strains = rows_from(sums, strain_rows)
+        added = rows_from(sums, sum_rows)
+        one = like(sums[0, 0], 1.0)
+        zero = like(one, 0.0)
+        third = like(one, 1.0 / 3.0)
+        counted = geometry.shape[1] - 1
+        modulus = 0.0
+        for branch in range(moduli.shape[0]):
+            modulus += moduli[branch]
+        for block in share_of(geometry.shape[0], chunk):
+            at = block * BLOCK
+            reference = block_rows(geometry[block])
+            share = block_rows(shares[block])
+            steps = block_rows(coefficients[block])
+            for k in range(0, BLOCK, 4):
+                algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
+                fetch_force(forces, (at + k) * dimension)
+                fetch_moment(moments, (at + k) * matrix)
+            for k in range(BLOCK):
+                F = of_bond(sums, bonds, reference, k)
+                put_column(sums, k, F)
+                put_column(states, k, algebra.response_state(F, one))
+                C = tensors.green(F, one)
+                Cb = tensors.isochoric(C, algebra.determinant(F))
+                put_column(strains, k, Cb)
+                put_column(added, k, (*tensors.scaled(zero, Cb), zero, Cb[0] / C[0]))
+            evaluate_isochoric_energy(energy, constants, states, result)
+            # The bonds are no longer needed: their rows are reused for pressures and stored
+            # energies.
+            for k in range(BLOCK):
+                bonds[0, k] = (
+                    share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]
+                )
+                bonds[1, k] = result[3, k]
+            if softening.shape[0] > 0:
+                greatest = rows_from(steps, coefficients.shape[1] - 1)
+                for k in range(BLOCK):
+                    eta, potential, rest = soften(
+                        np.float64(result[3, k]), np.float64(greatest[0, k]), softening
+                    )
+                    for row in range(3):
+                        result[row, k] *= eta
+                    result[3, k] = potential
+                    bonds[1, k] = rest
+            for branch in range(moduli.shape[0]):
+                step = rows_from(steps, branch * (tensor + 1))
+                weight = like(one, moduli[branch])
+                for k in range(BLOCK):
+                    Cb = tensors.tensor_at(strains, k)
+                    M, gained = tensors.take_step(
+                        tensors.tensor_at(step, k), step[tensor, k], Cb, tensors.cofactor_of(Cb)
+                    )
+                    summed = tensors.combined(tensors.tensor_at(added, k), weight, M)
+                    put_column(added, k, (*summed, added[tensor, k] + weight * gained))
+            total = 0.0
+            kept = 0.0
+            for k in range(BLOCK):
+                F = algebra.matrix_column_at(sums, k)
+                n = algebra.column_in(reference, k, F[0])
+                V = like(F[0], reference[volume, k])
+                state = states[0, k], states[1, k], states[2, k]
+                found = result[0, k], result[1, k], result[2, k]
+                M = tensors.tensor_at(added, k)
+                mean = tensors.contraction(M, tensors.tensor_at(strains, k))
+                cofactor = algebra.cofactor(F)
+                P = algebra.first_piola(F, state, found, V)
+                # Branches: J^(-2/3) F (M - (M : C)/3 C^-1).
+                P = algebra.plus_matrix(
+                    P,
+                    algebra.times_matrix(V * added[tensor + 1, k], tensors.gradient_times(F, M)),
+                )
+                q = bonds[0, k] - V * mean * third / algebra.determinant(F)
+                P = algebra.plus_matrix(P, algebra.times_matrix(q, cofactor))
+                total += reference[counted, k] * (result[3, k] + added[tensor, k])
+                kept += reference[counted, k] * (bonds[1, k] + 0.5 * (mean - 3.0 * modulus))
+                traction = algebra.matrix_times_vector(P, n)
+                across = algebra.add_outer_product(P, algebra.times(like(F[0], -1.0), traction), n)
+                put_column(bonds, k, algebra.times(like(F[0], reference[length, k]), traction))
+                put_column(sums, k, algebra.times_matrix(like(F[0], 0.5), across))
+            for k in range(0, BLOCK, 4):
+                algebra.put_vectors(bonds, k, forces, at + k)
+                algebra.put_matrices(sums, k, moments, at + k)
+                fetch_geometry(geometry, (at + BLOCK + k) * geometry.shape[1])
+                fetch_shares(shares, (at + BLOCK + k) * 2)
+            energies[block] = total
+            stored[block] = kept
+
+    return pair_energies
+
+
+@ByDimension
+def accept_steps(algebra):
+    """Build the pass that adds the state of every pair to the history."""
+    tensors = tensors_of(algebra.DIMENSION)
+    of_bond = gradient_of_bond(algebra)
+    tensor = tensors.TENSOR
+    matrix = algebra.MATRIX
+    state_rows = matrix + algebra.DIMENSION
+    # Rows of Cb, of dissipated energies, and of the history: Cb and C_k.
+    lost_row = tensor
+    before_row = tensor + 1
+    volume = algebra.DIMENSION + 1
+
+    @Pass
+    def accept_steps(
+        chunk,
+        elapsed,
+        unit,
+        positions,
+        gradients,
+        ends,
+        geometry,
+        energy,
+        constants,
+        pairs,
+        moduli,
+        times,
+        softening,
+        history,
+        memory,
+        buffers,
+    ):
+        """Bring the `history`, see `begin_steps`, to the state at these positions, a time `elapsed`
+        after the last one.
+
+        Dissipated energies of branches and of softening are added, and are in units in which
+        `unit` is the shear modulus. `memory` holds the states and results of the isochoric energy,
+        `buffers` all else in double precision.
+        """
+        all_states, all_strains, all_greatest, dissipated = history
+        widest_vectors()
+        sums = block_rows(buffers[chunk.thread])
+        bonds = rows_from(sums, matrix)
+        strains = rows_from(sums, state_rows)
+        before = rows_from(strains, before_row)
+        C_k = rows_from(before, tensor)
+        states = rows_from(block_rows(memory[chunk.thread]), state_rows)
+        result = rows_from(states, STATE_ROWS)
+        count = pairs.shape[0]
+        for block in share_of(geometry.shape[0], chunk):
+            at = block * BLOCK
+            size = min(BLOCK, count - at)
+            reference = block_rows(geometry[block])
+            for k in range(0, BLOCK, 4):
+                algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
+            if softening.shape[0] > 0:
+                for k in range(BLOCK):
+                    state = algebra.response_state(of_bond(sums, bonds, reference, k), 1.0)
+                    put_column(states, k, state)
+                evaluate_isochoric_energy(energy, constants, states, result)
+                for k in range(size):
+                    pair = pairs[at + k]
+                    old = all_greatest[pair] / unit
+                    new = max(old, np.float64(result[3, k]))
+                    lost = softening_loss(new, softening) - softening_loss(old, softening)
+                    dissipated[pair, 1] += unit * reference[volume, k] * lost
+                    all_greatest[pair] = unit * new
+            for k in range(BLOCK):
+                F = of_bond(sums, bonds, reference, k)
+                Cb = tensors.isochoric(tensors.green(F, 1.0), algebra.determinant(F))
+                put_column(strains, k, (*Cb, 0.0))
+            for k in range(size):
+                put_column(before, k, tensors.tensor_of(all_strains, pairs[at + k], 0))
+                for n in range(tensor):
+                    all_strains[pairs[at + k], n] = strains[n, k]
+            for branch in range(times.shape[0]):
+                h = elapsed / times[branch]
+                place = branch * tensor
+                for k in range(size):
+                    put_column(C_k, k, tensors.tensor_of(all_states, pairs[at + k], place))
+                for k in range(BLOCK):
+                    Cb = tensors.tensor_at(strains, k)
+                    old = tensors.tensor_at(before, k)
+                    begun = tensors.tensor_at(C_k, k)
+                    B, b = tensors.begin_step(begun, old, h)
+                    ended = tensors.end_step(B, b, Cb)
+                    strains[lost_row, k] += moduli[branch] * tensors.dissipation(
+                        old, begun, Cb, ended, h
+                    )
+                    put_column(C_k, k, ended)
+                for k in range(size):
+                    for n in range(tensor):
+                        all_states[pairs[at + k], place + n] = C_k[n, k]
+            for k in range(size):
+                dissipated[pairs[at + k], 0] += unit * reference[volume, k] * strains[lost_row, k]
+
+    return accept_steps

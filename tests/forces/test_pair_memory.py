@@ -1,0 +1,263 @@
+"""Branches and softening of selective energies, against a material point integrated in NumPy."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.special import erf
+
+import pdsurrogate as pds
+from pdsurrogate.forces import ForceSettings, MaterialPart, bind_portions
+from pdsurrogate.materials import Branch, Memory, NeoHookean, Softening
+from pdsurrogate.testing.bodies import lattice, of_points
+
+PLANES = ("strain", "space")
+SOFTENING = Softening(1.6, 0.1, 0.2)
+BRANCHES = (Branch(3.0, 1.0), Branch(0.5, 20.0))
+MU = 2.0
+
+
+def law(branches=BRANCHES, softening=SOFTENING, shear_modulus=MU):
+    memory = Memory(tuple(branches), softening)
+    return NeoHookean(shear_modulus=shear_modulus, bulk_modulus=60.0, memory=memory)
+
+
+def bound(plane, *laws, breakable=False, precision="float64"):
+    """A small body whose force describes the laws, the second one beyond the middle."""
+    body = of_points(lattice(*((0.6, 0.5) if plane == "strain" else (0.5, 0.4, 0.4))))
+    beyond = body.points[:, 0] > 0.3
+    points = [slice(None)] if len(laws) == 1 else [np.flatnonzero(~beyond), np.flatnonzero(beyond)]
+    settings = ForceSettings(plane=plane, precision=precision, breakable=breakable)
+    parts = zip(laws, points, strict=True)
+    model = pds.BondEnergyForce()
+    if len(laws) == 1:
+        return model.bind(body, laws[0], settings)
+    return bind_portions(body, [MaterialPart(one, model, at) for one, at in parts], settings)
+
+
+def evaluate(force, positions):
+    out = np.empty_like(positions)
+    force(positions, out)
+    return out
+
+
+def unimodular(matrix):
+    return matrix / np.cbrt(np.linalg.det(matrix))
+
+
+def gradients(plane, count=4):
+    rng = np.random.default_rng(7)
+    d = 2 if plane == "strain" else 3
+    return [np.eye(d) + 0.2 * rng.normal(size=(d, d)) for _ in range(count)]
+
+
+def moved(force, plane, seed=0):
+    """Positions far from at rest and from homogeneous ones."""
+    rng = np.random.default_rng(seed)
+    points = force.body.points
+    return points @ gradients(plane)[seed].T + 0.01 * rng.normal(size=points.shape)
+
+
+def check_gradient(force, positions, rtol=1e-8):
+    """Forces are minus the derivative of the energy, and have no resultant and no moment."""
+    rng = np.random.default_rng(5)
+    found = evaluate(force, positions)
+    motion = rng.normal(size=positions.shape)
+    step = 1e-6
+    energies = []
+    for sign in (1, -1):
+        evaluate(force, positions + sign * step * motion)
+        energies.append(force.energy())
+    derivative = (energies[0] - energies[1]) / (2 * step)
+    scale = np.linalg.norm(found) * np.linalg.norm(motion)
+    assert abs(derivative + (found * motion).sum()) < rtol * scale
+    moments = positions.T @ found
+    assert np.abs(found.sum(axis=0)).max() < 1e-12 * np.abs(found).sum()
+    assert np.abs(moments - moments.T).max() < 1e-11 * np.abs(found).sum()
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_homogeneous_motion_is_that_of_a_material_point(plane):
+    """Stress, stored and dissipated energies; the elastic part is that of the law alone."""
+    force = bound(plane, law())
+    elastic = bound(plane, NeoHookean(shear_modulus=MU, bulk_modulus=60.0))
+    d = force.body.dimension
+    volume = force.body.volumes.sum()
+    C_k = [np.eye(3) for _ in BRANCHES]
+    before, most = np.eye(3), 0.0
+    for F, dt in zip(gradients(plane), (0.3, 0.0, 4.0, np.inf), strict=True):
+        force.elapse(dt)
+        evaluate(force, force.body.points @ F.T)
+        evaluate(elastic, elastic.body.points @ F.T)
+        G = np.eye(3)
+        G[:d, :d] = F
+        C = G.T @ G
+        Cb = unimodular(C)
+        M = np.zeros((3, 3))
+        energy = 0.0
+        for k, branch in enumerate(BRANCHES):
+            h = dt / branch.time
+            rate = np.trace(before @ np.linalg.inv(C_k[k])) / 3
+            x = rate * h
+            if h == np.inf:
+                C_k[k] = Cb
+            elif h > 0:
+                m, q = -np.expm1(-x) / x, (x + np.expm1(-x)) / x**2
+                C_k[k] = unimodular(np.exp(-x) * C_k[k] + h * (m - q) * before + h * q * Cb)
+            M += branch.modulus * np.linalg.inv(C_k[k])
+            energy += branch.modulus * (np.trace(Cb @ np.linalg.inv(C_k[k])) - 3) / 2
+        before = Cb
+        W = MU / 2 * (np.trace(Cb) - 3)
+        scale = SOFTENING.m + SOFTENING.beta * most
+        eta = 1 - erf(max(most - W, 0) / scale) / SOFTENING.r
+        inverse = np.linalg.inv(G).T
+
+        def isochoric(M, G=G, C=C, inverse=inverse):
+            return np.linalg.det(G) ** (-2 / 3) * (G @ M - np.trace(M @ C) / 3 * inverse)
+
+        expected = isochoric(M) + (eta - 1) * isochoric(MU * np.eye(3))
+        np.testing.assert_allclose(
+            force.mean_stress() - elastic.mean_stress(), expected[:d, :d], atol=1e-11
+        )
+        most = max(most, W)
+        scale = SOFTENING.m + SOFTENING.beta * most
+        softened = quad(lambda w, s=scale, m=most: erf((m - w) / s) / SOFTENING.r, 0, W)[0]
+        np.testing.assert_allclose(
+            force.stored() - elastic.energy(), (energy - softened) * volume, atol=1e-11
+        )
+        force.accept(force.body.points @ F.T)
+        evaluate(force, force.body.points @ F.T)
+        np.testing.assert_allclose(force.energy(), force.stored(), rtol=1e-12)
+        lost = quad(lambda w, s=scale, m=most: erf((m - w) / s) / SOFTENING.r, 0, most)[0]
+        np.testing.assert_allclose(force.dissipated()["softening"], lost * volume, rtol=1e-10)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_forces_are_the_derivative_of_the_potential(plane):
+    force = bound(plane, law())
+    for number, dt in enumerate((0.7, 0.0, np.inf)):
+        force.elapse(dt)
+        check_gradient(force, moved(force, plane, number))
+        force.accept(moved(force, plane, number))
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_trials_leave_no_trace_and_histories_can_be_restored(plane):
+    force = bound(plane, law())
+    first, second = moved(force, plane, 1), moved(force, plane, 2)
+    force.elapse(0.5)
+    force.accept(first)
+    kept = {name: array.copy() for name, array in force.history.items()}
+    force.elapse(2.0)
+    expected = evaluate(force, second)
+    evaluate(force, first)
+    for name, array in force.history.items():
+        assert np.array_equal(array, kept[name])
+    assert np.array_equal(evaluate(force, second), expected)
+    force.accept(second)
+    assert not np.array_equal(evaluate(force, second), expected)
+    for name, array in force.history.items():
+        array[:] = kept[name]
+    force.elapse(2.0)
+    assert np.array_equal(evaluate(force, second), expected)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_turning_the_body_turns_the_forces(plane):
+    rng = np.random.default_rng(2)
+    d = 2 if plane == "strain" else 3
+    Q = np.linalg.qr(rng.normal(size=(d, d)))[0]
+    Q[0] *= np.linalg.det(Q)
+    force, turned = bound(plane, law()), bound(plane, law())
+    positions = [moved(force, plane, number) for number in range(2)]
+    for one, turn in ((force, np.eye(d)), (turned, Q)):
+        one.elapse(0.5)
+        one.accept(positions[0])  # rotations between accepted states do not count either
+        one.elapse(0.5)
+        one.last = evaluate(one, positions[1] @ turn.T)
+    np.testing.assert_allclose(turned.last, force.last @ Q.T, atol=1e-12)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_relaxed_states_are_those_of_the_elastic_law(plane):
+    force = bound(plane, law(softening=None))
+    elastic = bound(plane, NeoHookean(shear_modulus=MU, bulk_modulus=60.0))
+    positions = moved(force, plane)
+    force.elapse(np.inf)
+    np.testing.assert_allclose(evaluate(force, positions), evaluate(elastic, positions), atol=1e-12)
+    np.testing.assert_allclose(force.stored(), elastic.energy(), rtol=1e-12)
+
+
+def test_sudden_states_are_those_of_the_glassy_law():
+    force = bound("space", law(softening=None))
+    glassy = bound("space", NeoHookean(shear_modulus=MU + 3.5, bulk_modulus=60.0))
+    np.testing.assert_allclose(
+        evaluate(force, moved(force, "space")), evaluate(glassy, moved(force, "space")), atol=1e-12
+    )
+    assert force.stiffness_moduli == glassy.stiffness_moduli
+
+
+@pytest.mark.parametrize("modulus", [1e-6, 1e6])
+@pytest.mark.parametrize("time", [1e-6, 1e6])
+def test_extreme_branches(modulus, time):
+    force = bound("space", law([Branch(modulus, time)], None))
+    for number in range(3):
+        force.elapse(1.0)
+        check_gradient(force, moved(force, "space", number), 1e-7)
+        force.accept(moved(force, "space", number))
+        assert 0 <= force.dissipated()["branches"] < np.inf
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_two_materials(plane):
+    """Each material has the memory of its own bonds; one without memory keeps none."""
+    force = bound(plane, law(), NeoHookean(shear_modulus=5.0, bulk_modulus=60.0))
+    assert {name[-2:] for name in force.history} == {"_0"}
+    force.elapse(0.7)
+    force.accept(moved(force, plane))
+    force.elapse(0.4)
+    check_gradient(force, moved(force, plane, 1))
+    both = bound(plane, law(), law())
+    alone = bound(plane, law())
+    for one in (both, alone):
+        one.elapse(0.7)
+        one.accept(moved(force, plane))
+        one.elapse(0.2)
+        one.last = evaluate(one, moved(force, plane, 1))
+    assert np.array_equal(both.last, alone.last)  # equal materials are merged
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_broken_pairs_have_no_branches(plane):
+    force = bound(plane, law(), breakable=True)
+    force.elapse(0.7)
+    force.accept(moved(force, plane))
+    dissipated = force.dissipated()
+    pairs = np.arange(0, len(force.body.bonds.first), 7)
+    force.break_bonds(pairs)
+    assert force.dissipated() == dissipated
+    force.elapse(0.7)
+    check_gradient(force, moved(force, plane, 1))
+    force.accept(moved(force, plane, 1))
+    changed = force.history["dissipated_energies"][pairs].sum(axis=0)
+    again = bound(plane, law(), breakable=True)
+    again.elapse(0.7)
+    again.accept(moved(force, plane))
+    np.testing.assert_array_equal(changed, again.history["dissipated_energies"][pairs].sum(axis=0))
+
+
+def test_elastic_materials_load_nothing_for_memory():
+    code = """
+import sys
+import numpy as np
+import pdsurrogate as pds
+body = pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
+settings = pds.ForceSettings(plane="strain")
+force = pds.BondEnergyForce().bind(body, pds.materials.NeoHookean(), settings)
+force(body.points, np.empty_like(body.points))
+assert not force.history
+assert not [name for name in sys.modules if "branches" in name or "pair_memory" in name]
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
