@@ -41,6 +41,9 @@ SAME_TIME = 0.2
 branches are those of one, to a percent.
 """
 
+CERTAIN = 2.0
+"""Least modulus of a branch, in its standard errors, in a choice of the number of branches."""
+
 MOST_EVALUATIONS = 100
 """Most evaluations of a refinement; a few tens are usual."""
 
@@ -356,7 +359,8 @@ class HistoryRegressor(StressRegressor):
         """Fit all parameters from a start, with free times, and store them.
 
         The coefficients of a shape and times are a non-negative least-squares fit. Branches without
-        a modulus are left out, and of two with nearly the same time one is.
+        a modulus are left out, and of two with nearly the same time one is; and, unless their
+        number is given, those whose modulus is within its error.
         """
         low, high = np.array([*elastic.shapes.values()]).reshape(-1, 2).T
         logarithmic, s, count = low > 0, len(low), len(elastic.names)
@@ -453,6 +457,13 @@ class HistoryRegressor(StressRegressor):
                 columns.append((root * slope)[:, None])
         slopes = np.column_stack(columns)
         slopes[:, n + k :] /= np.r_[np.where(logarithmic, shape, 1.0), times]
+        found = _covariance(slopes, off)
+        if self.branches is None and k:
+            certain = moduli / np.sqrt(np.diag(found)[n : n + k])
+            if certain.min() < CERTAIN:
+                fewer = np.delete(times, certain.argmin())
+                self._refined(elastic, curves, y, root, shape, fewer)
+                return
         ways = np.r_[np.arange(n), n + k + np.arange(s), n + np.arange(k), n + k + s + np.arange(k)]
         names = [elastic.names[one] for one in linear] + list(elastic.shapes)
         names += [f"{what}_{number}" for what in ("modulus", "time") for number in range(1, k + 1)]
@@ -472,7 +483,7 @@ class HistoryRegressor(StressRegressor):
             law_from(values),
             names,
             values,
-            _covariance(slopes[:, ways], off),
+            found[np.ix_(ways, ways)],
             [name for name, on in zip(names, bounded, strict=True) if on],
         )
 
