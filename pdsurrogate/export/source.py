@@ -5,10 +5,12 @@ and states that check the file.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import erf
 
 from ..artifacts.places import find_artifact
 from ..artifacts.store import called, law_of, load_card, load_surrogate
 from ..forces import EnergyNetwork, IsochoricNetwork
+from ..kernels.branches import tensors_of
 from ..materials import InvariantLaw, Law, PrincipalStretchLaw, solid
 from ..materials.consistency import check_consistency
 from ..materials.states import cofactor, invariants
@@ -62,6 +64,19 @@ class Source:
             else (self.law.shear_modulus, self.law.bulk_modulus)
         )
 
+    @property
+    def n_state(self) -> int:
+        """Number of state variables: six for every branch, six for C, one for softening."""
+        memory = self.law.memory
+        branches = len(memory.branches)
+        return 6 * (branches + bool(branches)) + (memory.softening is not None)
+
+    @property
+    def time_step(self) -> float:
+        """Duration of the steps of the check: the first relaxation time."""
+        branches = self.law.memory.branches
+        return branches[0].time if branches else 1.0
+
     def energy_and_stress(self, F) -> tuple[np.ndarray, np.ndarray]:
         """Return the energy density (n,) and the first Piola-Kirchhoff stress of deformation
         gradients of shape (n, 3, 3) or (n, 2, 2).
@@ -86,6 +101,45 @@ class Source:
         )
         return energy, stress
 
+    def _remembered(self, F, energy, stress) -> tuple[np.ndarray, np.ndarray]:
+        """Return stored energy and stress with branches and softening, at states (n, 3, 3) that
+        follow one another from rest, each after `time_step`.
+        """
+        law = self.law
+        mu = law.shear_modulus
+        J3 = invariants(F)[-1]
+        U, slope, _ = (mu * part for part in law.volumetric(J3, law.parameters))
+        volumetric = slope[:, None, None] * cofactor(F)
+        W = energy - U
+        if softening := law.memory.softening:
+            peak = np.maximum(np.maximum.accumulate(W), 0)
+            width = softening.m + softening.beta * peak
+            at_peak, z = peak / width, (peak - W) / width
+            lost = peak * erf(at_peak) - (peak - W) * erf(z)
+            lost += width / np.sqrt(np.pi) * (np.exp(-(at_peak**2)) - np.exp(-(z**2)))
+            eta = 1 - erf(z) / softening.r
+            energy = energy - lost / softening.r
+            stress = eta[:, None, None] * (stress - volumetric) + volumetric
+        inverse = np.linalg.inv(F).swapaxes(1, 2)
+        Cb = np.cbrt(J3**-2)[:, None, None] * (F.swapaxes(1, 2) @ F)
+        upper = np.triu_indices(3)
+        steps = tensors_of(3)
+        for branch in law.memory.branches:
+            C_k, before = (list(np.eye(3)[upper]) for _ in range(2))
+            for row, now in enumerate(Cb):
+                C_k = steps.end_step(
+                    *steps.begin_step(C_k, before, self.time_step / branch.time), now[upper]
+                )
+                before = now[upper]
+                M = np.zeros((3, 3))
+                M[upper] = steps.cofactor_of(C_k)
+                M = M + M.T - np.diag(np.diag(M))
+                share = np.sum(now * M)
+                energy[row] += branch.modulus / 2 * (share - 3)
+                drive = np.cbrt(J3[row] ** -2) * F[row] @ M
+                stress[row] += branch.modulus * (drive - share / 3 * inverse[row])
+        return energy, stress
+
     def states(self) -> np.ndarray:
         """Return rows of F, energy density and first Piola-Kirchhoff stress at a few random
         deformations within the limit of the law.
@@ -100,6 +154,8 @@ class Source:
             F[np.linalg.det(F) < 0] = F[np.linalg.det(F) < 0][:, ::-1]
             with np.errstate(all="ignore"):  # beyond the limit of the law
                 energy, stress = self.energy_and_stress(F)
+                if self.law.memory:
+                    energy, stress = self._remembered(F, energy, stress)
             stretches = np.sqrt(stretches)
         return np.hstack([F.reshape(N_STATES, -1), energy[:, None], stress.reshape(N_STATES, -1)])
 

@@ -143,6 +143,17 @@ def exported(source: Source, target: str) -> str:
     Raise ValueError if an expression of the law cannot be written in other languages.
     """
     found = TARGETS[target]
+    if source.law.memory and target in ("ufl", "c"):
+        raise ValueError(
+            f"{source.law.name}: an energy alone has no memory, and this material has"
+            f" {' and '.join(source.law.memory.describe())}; export to felupe or umat, which keep"
+            " state variables"
+        )
+    if source.law.memory and source.is_sheet:
+        raise ValueError(
+            f"{source.title}: the learned energy of a sheet has no thickness, which its branches"
+            f" and softening need; export the law {source.law.name}, which has one"
+        )
     try:
         tags, parts = _parts(source, found.language, target == "ufl")
     except ValueError as error:
@@ -187,14 +198,18 @@ def _parts(source: Source, language: Language, energy_alone: bool) -> tuple[set[
     """
     law = source.law
     network = source.network
-    tags = {"begin", "check", "end"}
-    found = {}
+    softening = law.memory.softening
+    tags = {"begin", "check", "end", "memory" if law.memory else "elastic"}
+    found = _memory(source, language)
 
     def body(function, arguments: str, results: str, *more) -> str:
         return language.body(
             function, arguments, results.split()[0] if energy_alone else results, *more
         )
 
+    tags |= {"branches"} if law.memory.branches else set()
+    tags |= {"softening"} if softening else set()
+    tags |= {"alone"} if bool(law.memory.branches) != bool(softening) else set()
     if source.is_sheet:
         tags |= {"sheet"}
     else:
@@ -236,6 +251,34 @@ def _parts(source: Source, language: Language, energy_alone: bool) -> tuple[set[
     return tags, found
 
 
+def _memory(source: Source, language: Language) -> dict:
+    """Return the constants of branches and softening in units of the shear modulus, and the
+    arguments by which a template passes their state on, empty without memory.
+    """
+    mu = source.law.shear_modulus
+    memory = source.law.memory
+    softening = memory.softening
+    constants = softening and {**vars(softening), "m": softening.m / mu}
+    rows = np.array([[each.modulus / mu, each.time] for each in memory.branches])
+    first = 1 + (source.network is not None)
+    size = source.n_state
+    fortran = language is FORTRAN
+    peak = (" PEAK," if fortran else "peak, ") if softening else ""
+    return {
+        "peak": peak,
+        "new_peak": f" NEW({size})," if peak else "",
+        "past": " OLD, NEW, DT," if memory else "",
+        "statev": " OLD, NEW, DTIME," if memory else "",
+        "n_state": size,
+        "first": first,
+        "depvar": first + size - 1,
+        "branches": language.table(rows),
+        "n_branches": len(rows),
+        "time_step": language.literal(source.time_step),
+        **{key: language.literal(value) for key, value in (constants or {}).items()},
+    }
+
+
 def _header(source: Source, target: Target) -> str:
     """Return the comment at the beginning of a file: name, origin, units, domain and use."""
     sheet = " of a sheet under plane stress" if source.is_sheet else ""
@@ -257,8 +300,11 @@ def _header(source: Source, target: Target) -> str:
             if target.language is FORTRAN
             else ""
         )
+    if size := source.n_state:
+        use += _use_of_memory(size, source, target)
+    kind = "Energy with memory" if source.law.memory else "Hyperelastic energy"
     facts = (
-        f"Hyperelastic energy{sheet}: {source.title}.",
+        f"{kind}{sheet}: {source.title}.",
         f"Written by pdsurrogate {__version__}.",
         *source.facts,
     )
@@ -272,6 +318,33 @@ def _header(source: Source, target: Target) -> str:
         return "\n".join(lines) + "\n"
     lines = [f"{target.comment}{line}".rstrip() for line in lines]
     return "\n".join(["/*", *lines, " */"] if target.language is C else lines)
+
+
+def _use_of_memory(size: int, source: Source, target: Target) -> str:
+    """Return how to give the time of a step and the state variables, in sentences."""
+    if target.language is FORTRAN:
+        first = 1 + (source.network is not None)
+        how = (
+            f" *Depvar must be at least {first + size - 1}: STATEV({first}:{first + size - 1}) are"
+            " {what}. The time of a step is DTIME, that of the increment. SSE is the stored energy;"
+            " SPD and SCD stay as they are, so that the energy dissipated is not accounted for."
+        )
+    else:
+        how = (
+            " FElupe gives no time to a material: a substep lasts Material.time_step, to be set"
+            " before it is solved, or by time = felupe.thermal.TimeStep([solid, material]) as"
+            " first of the items of a felupe.Step with ramp={{time: times}}. State variables are"
+            " {what}."
+        )
+    what = []
+    if source.law.memory.branches:
+        what.append("the six components of C_k - I of every branch and of the isochoric C - I")
+    if source.law.memory.softening:
+        what.append("the greatest isochoric energy")
+    scaled = (
+        " All are 0 at rest. Moduli of branches and m of softening scale with the shear modulus."
+    )
+    return how.format(what=" and ".join(what)) + scaled
 
 
 def _near_rest(law: Law) -> dict[str, float]:

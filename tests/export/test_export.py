@@ -238,11 +238,14 @@ class UMAT:
             "-Wno-unused-dummy-argument",
         ).umat_
 
-    def __call__(self, F, ntens):
-        """Stress, tangent, factor of the increment, energy and state variable."""
+    def __call__(self, F, ntens, state=None, duration=0.0):
+        """Stress, tangent, factor of the increment, energy and state variable; `state` becomes
+        that at the end of the increment.
+        """
         full = np.eye(3)
         full[: len(F), : len(F)] = F
-        stress, state, tangent = np.zeros(ntens), np.zeros(1), np.zeros((ntens, ntens), order="F")
+        stress, tangent = np.zeros(ntens), np.zeros((ntens, ntens), order="F")
+        state = np.zeros(1) if state is None else state
         zeros = [
             np.zeros(shape) for shape in (ntens, ntens, ntens, ntens, 2, 1, 1, 3, (3, 3), (3, 3))
         ]
@@ -277,7 +280,7 @@ class UMAT:
                 strain,
                 dstrain,
                 time,
-                number,
+                ctypes.byref(ctypes.c_double(duration)),
                 number,
                 number,
                 predef,
@@ -288,7 +291,7 @@ class UMAT:
                 whole(3),
                 whole(ntens - 3),
                 whole(ntens),
-                whole(1),
+                whole(len(state)),
                 address(props),
                 whole(len(props)),
                 coordinates,

@@ -130,17 +130,154 @@ $terms
         G = G + W(2:4)
       END DO
       END
+%% softening
+C
+C     Softening of W, its derivatives G and H along the axes, by the
+C     factor eta of Ogden and Roxburgh; PEAK is the greatest W so far.
+C     W becomes the stored energy.
+C
+      SUBROUTINE KPDSOF(PEAK, W, G, H)
+      IMPLICIT NONE
+      REAL*8 PEAK, W, G(3), H(3), WIDTH, Z, MOST, SLOPE, ROOT
+      ROOT = SQRT(ACOS(-1.D0))
+      PEAK = MAX(PEAK, W)
+      WIDTH = $m + $beta*PEAK
+      WIDTH = MAX(WIDTH, 1.D-300)
+      Z = MIN((PEAK - W)/WIDTH, 1.D100)
+      MOST = PEAK/WIDTH
+      SLOPE = 0.D0
+      IF (W .LT. PEAK) SLOPE = 2.D0*EXP(-Z*Z)/($r*WIDTH*ROOT)
+      G = G - SUM(G)/3.D0
+      H = (1.D0 - ERF(Z)/$r)*H + SLOPE*G*G
+      G = (1.D0 - ERF(Z)/$r)*G
+      W = W - (PEAK*ERF(MOST) - (PEAK - W)*ERF(Z)
+     &  + WIDTH/ROOT*(EXP(-MOST*MOST) - EXP(-Z*Z)))/$r
+      END
+%% branches
+C
+C     Tensor I + S of the components 11, 22, 33, 12, 13, 23 of S.
+C
+      SUBROUTINE KPDTEN(S, A)
+      IMPLICIT NONE
+      REAL*8 S(6), A(3,3)
+      A(1,:) = (/1.D0 + S(1), S(4), S(5)/)
+      A(2,:) = (/S(4), 1.D0 + S(2), S(6)/)
+      A(3,:) = (/S(5), S(6), 1.D0 + S(3)/)
+      END
+C
+C     Components of A - I.
+C
+      SUBROUTINE KPDCOM(A, S)
+      IMPLICIT NONE
+      REAL*8 A(3,3), S(6)
+      S = (/A(1,1) - 1.D0, A(2,2) - 1.D0, A(3,3) - 1.D0, A(1,2),
+     &  A(1,3), A(2,3)/)
+      END
+C
+C     Cofactor B of A.
+C
+      SUBROUTINE KPDCOF(A, B)
+      IMPLICIT NONE
+      REAL*8 A(3,3), B(3,3)
+      INTEGER I, J, K, L, M, N
+      DO I = 1, 3
+        K = MOD(I, 3) + 1
+        L = MOD(I + 1, 3) + 1
+        DO J = 1, 3
+          M = MOD(J, 3) + 1
+          N = MOD(J + 1, 3) + 1
+          B(I,J) = A(K,M)*A(L,N) - A(K,N)*A(L,M)
+        END DO
+      END DO
+      END
+C
+C     Branches after a step of the duration DT, added to the energy, P
+C     and A. STATE, of C_k and then Cb less I, is that of the beginning
+C     and becomes that of the end. Columns of T: modulus over shear
+C     modulus, and relaxation time of a branch. The equation C_k' = (Cb
+C     - (Cb : C_k^-1)/3 C_k)/time is solved with the rate of the
+C     beginning and Cb linear in time; the stress is that at fixed C_k.
+C
+      SUBROUTINE KPDBRA(F, DET, MU, DT, STATE, ENERGY, P, A)
+      IMPLICIT NONE
+      REAL*8 F(3,3), DET, MU, DT, STATE(*), ENERGY, P(3,3), A(3,3,3,3)
+      REAL*8 T(2,$n_branches), C(3,3), CN(3,3), CK(3,3), D(3,3), M(3,3)
+      REAL*8 Q(3,3), R(3,3), X(3,3), EYE(3,3), S, SQ, W, H, Y, B
+      REAL*8 FIRST, LAST, ROOT, SHRINK
+      INTEGER I, J, K, L, N
+      SAVE T
+$branches
+      EYE = 0.D0
+      DO I = 1, 3
+        EYE(I,I) = 1.D0
+      END DO
+      SHRINK = DET**(-2.D0/3.D0)
+      C = SHRINK*MATMUL(TRANSPOSE(F), F)
+      CALL KPDCOF(F, D)
+      D = D/DET
+      CALL KPDTEN(STATE(6*$n_branches + 1), CN)
+      CALL KPDCOM(C, STATE(6*$n_branches + 1))
+      DO N = 1, $n_branches
+        CALL KPDTEN(STATE(6*N - 5), CK)
+        CALL KPDCOF(CK, M)
+        H = MIN(DT/T(2,N), 1.D30)
+        Y = H*SUM(CN*M)/3.D0
+        IF (Y .LT. 0.01D0) THEN
+          FIRST = 0.5D0 - Y*(1.D0/3.D0 - Y*(0.125D0 - Y*(1.D0/30.D0
+     &      - Y/144.D0)))
+          LAST = 0.5D0 - Y*(1.D0/6.D0 - Y*(1.D0/24.D0 - Y*(1.D0/120.D0
+     &      - Y/720.D0)))
+        ELSE
+          FIRST = (1.D0 - (1.D0 + Y)*EXP(-Y))/Y**2
+          LAST = (Y - 1.D0 + EXP(-Y))/Y**2
+        END IF
+        CK = EXP(-Y)*CK + H*FIRST*CN + H*LAST*C
+        CALL KPDCOF(CK, M)
+        ROOT = SUM(CK(1,:)*M(1,:))**(1.D0/3.D0)
+        CALL KPDCOM(CK/ROOT, STATE(6*N - 5))
+        M = M/ROOT**2
+        B = SHRINK*H*LAST/ROOT
+        W = MU*T(1,N)*SHRINK
+        Q = MATMUL(F, M)
+        R = MATMUL(Q, TRANSPOSE(F))
+        S = R(1,1) + R(2,2) + R(3,3)
+        SQ = SUM(R*R)
+        X = 2.D0/3.D0*(B*(MATMUL(R, Q) - S/3.D0*Q) - Q)
+        ENERGY = ENERGY + MU*T(1,N)/2.D0*(SHRINK*S - 3.D0)
+        P = P + W*(Q - S/3.D0*D)
+        S = S/3.D0
+        DO L = 1, 3
+          DO K = 1, 3
+            DO J = 1, 3
+              DO I = 1, 3
+                A(I,J,K,L) = A(I,J,K,L) + W*(X(I,J)*D(K,L)
+     &            + D(I,J)*X(K,L) + S*D(I,L)*D(K,J)
+     &            + 2.D0/3.D0*(S + B*(S*S - SQ/3.D0))*D(I,J)*D(K,L)
+     &            + (EYE(I,K) - B*R(I,K))*M(J,L)
+     &            + B*(2.D0/3.D0*Q(I,J)*Q(K,L) - Q(I,L)*Q(K,J)))
+              END DO
+            END DO
+          END DO
+        END DO
+      END DO
+      END
 %% space
 C
 C     Energy at log-stretches E, its derivatives T by E (principal
 C     Kirchhoff stresses) and H, in units of the shear modulus.
 C
-      SUBROUTINE KPDPRI(E, PROPS, ENERGY, T, H)
+      SUBROUTINE KPDPRI(E,$peak PROPS, ENERGY, T, H)
       IMPLICIT NONE
       REAL*8 E(3), PROPS(*), ENERGY, T(3), H(3,3)
+%% softening
+      REAL*8 PEAK
+%% space
       REAL*8 G(3), D(3), U(3), VOLUME
       INTEGER I, J
       CALL KPDATS(E - SUM(E)/3.D0, ENERGY, G, D)
+%% softening
+      CALL KPDSOF(PEAK, ENERGY, G, D)
+%% space
       VOLUME = EXP(SUM(E))
       CALL KPDVOL(VOLUME, PROPS(2)/PROPS(1), U)
       ENERGY = ENERGY + U(1)
@@ -228,15 +365,24 @@ C     There is no state unless det F > 0.
       END
 C
 C     Energy density, first Piola-Kirchhoff stress P and tangent dP/dF.
+%% memory
+C     The state NEW at the end of a step of the duration DT follows OLD.
+%% end
 C
-      SUBROUTINE KPDEVA(F, PROPS, ENERGY, P, A)
+      SUBROUTINE KPDEVA(F,$past PROPS, ENERGY, P, A)
       IMPLICIT NONE
+%% memory
+      REAL*8 OLD($n_state), NEW($n_state), DT
+%% end
       REAL*8 F($d,$d), PROPS(*), ENERGY, P($d,$d), A($d,$d,$d,$d)
       REAL*8 E($d), V($d,$d), N($d,$d), T($d), H($d,$d)
       REAL*8 S($d), DET, DIRECT, SLOPE, CROSS
       INTEGER I, J, K, L, M, O
       CALL KPDJAC(F, E, V, DET)
-      CALL KPDPRI(E, PROPS, ENERGY, T, H)
+%% memory
+      NEW = OLD
+%% end
+      CALL KPDPRI(E,$new_peak PROPS, ENERGY, T, H)
       ENERGY = PROPS(1)*ENERGY
       T = PROPS(1)*T
       H = PROPS(1)*H
@@ -281,19 +427,25 @@ C           limit for equal ones.
           END DO
         END DO
       END DO
+%% branches
+      CALL KPDBRA(F, DET, PROPS(1), DT, NEW, ENERGY, P, A)
+%% end
       END
 %% space
 C
 C     Newton's method for the stretch F(3,3) of the thickness at which
 C     the stress across a sheet vanishes (plane stress).
 C
-      SUBROUTINE KPDTHK(F, PROPS, ENERGY, P, A)
+      SUBROUTINE KPDTHK(F,$past PROPS, ENERGY, P, A)
       IMPLICIT NONE
+%% memory
+      REAL*8 OLD($n_state), NEW($n_state), DT
+%% space
       REAL*8 F(3,3), PROPS(*), ENERGY, P(3,3), A(3,3,3,3), STEP
       INTEGER I
       F(3,3) = 1.D0/(F(1,1)*F(2,2) - F(1,2)*F(2,1))
       DO I = 1, 50
-        CALL KPDEVA(F, PROPS, ENERGY, P, A)
+        CALL KPDEVA(F,$past PROPS, ENERGY, P, A)
         STEP = MIN(MAX(P(3,3)/A(3,3,3,3), -F(3,3)), F(3,3)/2.D0)
         IF (ABS(STEP) .LE. 1.D-14*F(3,3)) EXIT
         F(3,3) = F(3,3) - STEP
@@ -317,16 +469,23 @@ C
       REAL*8 F($d,$d),P($d,$d),A($d,$d,$d,$d),TAU($d,$d),B($d,$d,$d,$d)
       REAL*8 E($d),V($d,$d),FULL($voigt,$voigt),DET,EYE($d,$d)
       INTEGER I,J,K,L,M,N,II($voigt),JJ($voigt),AT($voigt)
+%% memory
+      REAL*8 OLD($n_state), NEW($n_state)
+%% end
 %% space
       DATA II /1,2,3,1,1,2/, JJ /1,2,3,2,3,3/
+%% memory
+      IF (NSTATV .LT. $depvar) STOP '*Depvar must be at least $depvar'
+      OLD = STATEV($first:$depvar)
+%% space
       F = DFGRD1
 C     In plane stress (11, 22, 12) the thickness is to be found.
       IF (NTENS .EQ. 3) THEN
         F(3,:) = 0.D0
         F(:,3) = 0.D0
-        CALL KPDTHK(F, PROPS, SSE, P, A)
+        CALL KPDTHK(F,$statev PROPS, SSE, P, A)
       ELSE
-        CALL KPDEVA(F, PROPS, SSE, P, A)
+        CALL KPDEVA(F,$statev PROPS, SSE, P, A)
       END IF
       CALL KPDJAC(F, E, V, DET)
 %% sheet
@@ -389,6 +548,9 @@ C     that it lacks; in plane stress the one across is eliminated.
           DDSDDE(M,N) = FULL(AT(M),AT(N))
         END DO
       END DO
+%% memory
+      STATEV($first:$depvar) = NEW
+%% end
 C     Ask for a smaller increment where the material has no state.
       IF (IEEE_IS_NAN(SSE)) PNEWDT = 0.25D0
 %% network

@@ -1,0 +1,157 @@
+"""Exported files of materials with memory, driven through cycles with a hold, against the stresses
+of homogeneous histories.
+"""
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from test_export import (
+    II,
+    JJ,
+    UMAT,
+    imported,
+    jaumann,
+    needs_gfortran,
+    slope_of,
+    soft,
+    written,
+)
+
+import pdsurrogate as pds
+from pdsurrogate.export import exported, source_of_artifact, source_of_law
+from pdsurrogate.materials import LAWS, Branch, Memory, Softening
+from pdsurrogate.materials.histories import stress_history
+
+BRANCHES = (Branch(0.8, 2.0), Branch(1.7, 0.05))
+SOFTENING = Softening(1.5, 0.1, 0.2)
+MEMORIES = {
+    "branches": Memory(BRANCHES),
+    "softening": Memory((), SOFTENING),
+    "both": Memory(BRANCHES, SOFTENING),
+}
+TIMES = np.array([0.0, 0.2, 1.0, 1.0, 4.0, 4.5, 6.0, 9.0, 1e9, 1e9 + 1])
+STRETCHES = np.array([1.0, 1.2, 1.8, 2.0, 2.0, 1.5, 1.02, 1.7, 1.7, 2.3])
+
+
+def remembering(name, kind):
+    return type(soft(LAWS[name]))(
+        **{key: getattr(soft(LAWS[name]), key) for key in LAWS[name].defaults()},
+        memory=MEMORIES[kind],
+    )
+
+
+@pytest.fixture(params=[("gent", "branches"), ("ogden", "softening"), ("yeoh", "both")])
+def source(request):
+    return source_of_law(remembering(*request.param))
+
+
+@pytest.fixture
+def course(source):
+    """Durations, gradients and Kirchhoff stresses of a uniaxial cycle whose axes are turned."""
+    history = stress_history(source.law, "uniaxial", TIMES, STRETCHES)
+    one, other = np.linalg.qr(np.random.default_rng(5).standard_normal((2, 3, 3)))[0]
+    one, other = (turn * np.linalg.det(turn) for turn in (one, other))
+    F = one @ (history.stretches[:, :, None] * other)
+    along = one @ np.diag([1.0, 0.0, 0.0]) @ one.T
+    kirchhoff = (history.nominal_stress * STRETCHES)[:, None, None] * along
+    return np.diff(TIMES, prepend=0.0), F, kirchhoff
+
+
+def test_felupe_file(source, course, tmp_path):
+    path = written(source, "felupe", tmp_path)
+    material = imported(path).Material()
+    state = np.zeros((*material.x[-1].shape, 1, 1))
+    size = abs(course[2]).max()
+    for duration, F, kirchhoff in zip(*course, strict=True):
+        material.time_step = duration
+        before = state
+
+        def stress(G, before=before):
+            return material.gradient([G[:, :, None, None], before])[0][..., 0, 0]
+
+        P, state = material.gradient([F[:, :, None, None], before])
+        assert np.allclose(P[..., 0, 0] @ F.T, kirchhoff, rtol=0, atol=1e-9 * size)
+    # At the last state the energy grows beyond W_max: the curvature jumps there.
+    material.time_step, F = 0.3, 0.97 * F + 0.05 * np.eye(3)[::-1]
+    tangent = material.hessian([F[:, :, None, None], state])[0][..., 0, 0]
+    slopes = [
+        slope_of(lambda G: stress(G, state), F, np.eye(3)[:, [k]] * np.eye(3)[m], 1e-4)
+        for k in range(3)
+        for m in range(3)
+    ]
+    slopes = np.moveaxis(np.array(slopes).reshape(3, 3, 3, 3), (0, 1), (2, 3))
+    assert abs(tangent - slopes).max() <= 1e-8 * abs(tangent).max()
+    assert np.allclose(tangent, tangent.transpose(2, 3, 0, 1), atol=1e-12 * abs(tangent).max())
+    subprocess.run([sys.executable, path], check=True)
+
+
+@needs_gfortran
+def test_umat(source, course, tmp_path):
+    umat = UMAT(source, tmp_path)
+    state = np.zeros(source.n_state)
+    for duration, F, kirchhoff in zip(*course, strict=True):
+        stress, *_ = umat(F, 6, state, duration)
+        exact = kirchhoff[II, JJ] / np.linalg.det(F)
+        assert abs(stress - exact).max() <= 1e-9 * max(abs(exact).max(), source.law.shear_modulus)
+    F = 0.97 * F + 0.05 * np.eye(3)[::-1]
+    order = np.arange(6)
+
+    def kirchhoff(G):
+        values = umat(G, 6, state.copy(), 0.3)[0] * np.linalg.det(G)
+        return values[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+
+    tangent = umat(F, 6, state.copy(), 0.3)[1]
+    difference = tangent - jaumann(kirchhoff, F, order) / np.linalg.det(F)
+    assert abs(difference).max() <= 1e-7 * abs(tangent).max()
+
+
+@needs_gfortran
+def test_umat_of_sheets_finds_the_thickness(tmp_path):
+    law = remembering("gent", "both")
+    history = stress_history(law, "uniaxial", TIMES, STRETCHES)
+    umat = UMAT(source_of_law(law), tmp_path)
+    state = np.zeros(umat_size := source_of_law(law).n_state)
+    assert umat_size == 19
+    for duration, stretches, nominal in zip(
+        np.diff(TIMES, prepend=0.0), history.stretches, history.nominal_stress, strict=True
+    ):
+        stress, *_ = umat(np.diag(stretches[:2]), 3, state, duration)
+        exact = nominal * stretches[0] / stretches.prod()
+        assert np.allclose(stress, [exact, 0, 0], rtol=0, atol=1e-8 * law.shear_modulus)
+
+
+def test_checks_of_files_know_the_durations(tmp_path):
+    path = written(source_of_law(remembering("yeoh", "both")), "felupe", tmp_path)
+    text = path.read_text()
+    path.write_text(text.replace("0.32, 2.0]", "0.32, 2.001]"))
+    assert path.read_text() != text
+    assert subprocess.run([sys.executable, path], capture_output=True).returncode == 1
+
+
+@pytest.mark.parametrize("target", ["ufl", "c"])
+def test_energies_alone_are_refused(target):
+    with pytest.raises(ValueError, match=r"an energy alone has no memory.*branches and softening"):
+        exported(source_of_law(remembering("gent", "both")), target)
+
+
+def test_learned_energies_of_sheets_are_refused():
+    source = source_of_artifact("neo-hookean-energy")
+    law = pds.materials.NeoHookean(memory=MEMORIES["branches"])
+    with pytest.raises(ValueError, match="has no thickness"):
+        exported(type(source)(source.title, law, source.network, ()), "umat")
+
+
+def test_a_learned_isochoric_energy_remembers(tmp_path):
+    found = source_of_artifact("neo-hookean-isochoric")
+    law = type(found.law)(
+        **{key: getattr(found.law, key) for key in found.law.defaults()}, memory=MEMORIES["both"]
+    )
+    source = type(found)(found.title, law, found.network, ())
+    subprocess.run([sys.executable, written(source, "felupe", tmp_path)], check=True)
+    text = exported(source, "umat")
+    assert max(map(len, text.splitlines())) <= 72
+    assert "STATEV(2:20)" in text
+    assert re.search(r"STATEV\(2:20\) = NEW", text)
