@@ -1,11 +1,15 @@
 """Elastic energies and branches from stresses over time: laws found again, and their refusals."""
 
+import json
 import time
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import pdsurrogate as pds
+from pdsurrogate.artifacts.material import with_material
+from pdsurrogate.cli import app
 from pdsurrogate.identification import HistoryRegressor
 from pdsurrogate.identification.history_report import fitted_history, report_of_history
 from pdsurrogate.materials import Branch, Memory
@@ -144,3 +148,30 @@ def test_two_thousand_rows_take_less_than_five_seconds():
     began = time.process_time()
     HistoryRegressor().fit(X, y)
     assert time.process_time() - began < 5
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_the_command_reports_branches_and_refuses_what_does_not_go_with_them(file):
+    told = [file, "--mode", "uniaxial", "--law", "neo-hookean", "--branches"]
+    done = invoke("identify", *told, "auto", "--json")
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.stdout)["laws"][0]
+    assert [one["time"] for one in found["law"]["branches"]] == pytest.approx([2, 40], rel=0.1)
+    assert found["rates"] == pytest.approx([0.01, 1], rel=0.1)
+    for wrong, words in ((["some"], "auto, or a number"), (["1", "--hold-out"], "do not go")):
+        done = invoke("identify", *told, *wrong)
+        assert done.exit_code
+        assert words in " ".join(done.output.split())
+
+
+@pytest.mark.slow
+def test_an_artifact_gives_its_branches_to_a_scene(file, tmp_path):
+    told = ["--mode", "uniaxial", "--branches", "2", "--samples", "2000", "--out", tmp_path]
+    done = invoke("fit", "relaxing", "--data", file, *told)
+    assert done.exit_code == 0, done.output
+    scene, _ = with_material(pds.load_scene("uniaxial"), tmp_path / "relaxing" / "1")
+    times = [one.time for one in scene.law().memory.branches]
+    assert times == pytest.approx([2, 40], rel=0.1)
