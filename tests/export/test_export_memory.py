@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from test_export import (
     II,
     JJ,
@@ -31,6 +32,7 @@ MEMORIES = {
     "branches": Memory(BRANCHES),
     "softening": Memory((), SOFTENING),
     "both": Memory(BRANCHES, SOFTENING),
+    "slow": Memory((Branch(0.8, 2.0), Branch(1.7, 0.5))),  # many steps of 1/640 a relaxation time
 }
 TIMES = np.array([0.0, 0.2, 1.0, 1.0, 4.0, 4.5, 6.0, 9.0, 1e9, 1e9 + 1])
 STRETCHES = np.array([1.0, 1.2, 1.8, 2.0, 2.0, 1.5, 1.02, 1.7, 1.7, 2.3])
@@ -86,6 +88,48 @@ def test_felupe_file(source, course, tmp_path):
     assert abs(tangent - slopes).max() <= 1e-8 * abs(tangent).max()
     assert np.allclose(tangent, tangent.transpose(2, 3, 0, 1), atol=1e-12 * abs(tangent).max())
     subprocess.run([sys.executable, path], check=True)
+
+
+def test_a_cycle_of_shear_is_that_of_an_independent_integration(tmp_path):
+    """The principal axes turn; the equation of C_k is integrated by SciPy at 1e-11."""
+    law, N, ends = remembering("gent", "slow"), 640, [0.0, 1.0, 2.0, 3.0]
+    source = source_of_law(law)
+    module, moduli = imported(written(source, "felupe", tmp_path)), source.moduli
+
+    def gradient(t):
+        shear = np.interp(t, ends, [0, 0.8, 0.8, 0.2])
+        return np.diag([1 + shear / 2, 1 - shear / 8, 1.0]) + shear * np.eye(3, k=1)
+
+    def isochoric(t):
+        F = gradient(t)
+        return np.linalg.det(F) ** (-2 / 3) * F.T @ F
+
+    def rate(t, C_k, time):
+        C_k, Cb = C_k.reshape(3, 3), isochoric(t)
+        return ((Cb - np.trace(Cb @ np.linalg.inv(C_k)) / 3 * C_k) / time).ravel()
+
+    states = [np.eye(3).ravel() for _ in law.memory.branches]
+    state, now = np.zeros(module.STATE), 0.0
+    for end in ends[1:]:
+        for _ in range(N):
+            now += 1 / N
+            _, P, _, state = module.evaluate(gradient(now), state, 1 / N, *moduli)
+        F = gradient(end)
+        over = np.zeros((3, 3))
+        for k, branch in enumerate(law.memory.branches):
+            states[k] = solve_ivp(
+                rate,
+                (end - 1, end),
+                states[k],
+                "DOP853",
+                args=(branch.time,),
+                rtol=1e-11,
+                atol=1e-12,
+            ).y[:, -1]
+            mixed = isochoric(end) @ np.linalg.inv(states[k].reshape(3, 3))
+            over += branch.modulus * np.linalg.inv(F).T @ (mixed - np.trace(mixed) / 3 * np.eye(3))
+        relaxed = module.evaluate(F, np.zeros(module.STATE), np.inf, *moduli)[1]
+        assert np.allclose(P - relaxed, over, rtol=0, atol=1e-6)
 
 
 @needs_gfortran
