@@ -383,22 +383,6 @@ class InternalForce:
         """
         return reduce(add, (term.energy() for term in self.terms))
 
-    def stored(self) -> float:
-        """Return the energy stored at the positions last evaluated in the history last accepted;
-        `energy`, of which the forces are the derivative, may contain what a step dissipates.
-        """
-        return reduce(add, (term.stored() for term in self.terms))
-
-    def dissipated(self) -> dict[str, float]:
-        """Return what accepted states have dissipated since the body was at rest, by its cause,
-        "branches" or "softening", on this rank; empty without memory.
-        """
-        found: dict[str, float] = {}
-        for term in self.terms:
-            for cause, energy in term.dissipated().items():
-                found[cause] = found.get(cause, 0.0) + energy
-        return found
-
     def tangent(self, positions: np.ndarray) -> scipy.sparse.linalg.LinearOperator:
         """Return minus the derivative of the forces at positions (n, d), see `tangent_of`."""
         return tangent_of(self, positions)
@@ -548,6 +532,25 @@ def released_by(force: InternalForce, motion: np.ndarray) -> float | None:
     """
     parts = [term.released_by(motion) for term in force.terms]
     return None if None in parts else sum(parts)
+
+
+def stored_by(force: InternalForce) -> float:
+    """Return the energy stored at the positions last evaluated in the history last accepted;
+    `InternalForce.energy`, of which the forces are the derivative, may contain what a step
+    dissipates.
+    """
+    return reduce(add, (term.stored() for term in force.terms))
+
+
+def dissipated_by(force: InternalForce) -> dict[str, float]:
+    """Return what accepted states have dissipated since the body was at rest, by its cause,
+    "branches" or "softening", on this rank; empty without memory.
+    """
+    found: dict[str, float] = {}
+    for term in force.terms:
+        for cause, energy in term.dissipated().items():
+            found[cause] = found.get(cause, 0.0) + energy
+    return found
 
 
 def _term_with_volumes(terms: Sequence[Term], plane: str) -> MaterialTerm:

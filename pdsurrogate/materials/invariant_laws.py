@@ -21,6 +21,8 @@ class NeoHookean(InvariantLaw):
         Initial shear modulus mu. Unit: stress.
     bulk_modulus : float
         Initial bulk modulus K; the paper uses 100 mu throughout. Unit: stress.
+    memory : Memory, optional
+        Branches and softening beside the elastic energy; by default none.
 
     References
     ----------
@@ -56,6 +58,8 @@ class MooneyRivlin(InvariantLaw):
         Initial shear modulus mu, 2 (C10 + C01). Unit: stress.
     bulk_modulus : float
         Initial bulk modulus K. Unit: stress.
+    memory : Memory, optional
+        Branches and softening beside the elastic energy; by default none.
     second_share : float
         C01/(C10 + C01), from 0 to 1. Outside this interval one of the two constants is negative,
         and large strains are unstable. The default is an example, not a fit. Unit: none.
@@ -105,6 +109,8 @@ class Yeoh(InvariantLaw):
         Initial shear modulus mu, 2 C10. Unit: stress.
     bulk_modulus : float
         Initial bulk modulus K. Unit: stress.
+    memory : Memory, optional
+        Branches and softening beside the elastic energy; by default none.
     second : float
         a = C20/C10, above -sqrt(3 third). Below this bound the stress decreases at some strain. The
         default is an example, not a fit. Unit: none.
@@ -169,6 +175,8 @@ class Gent(InvariantLaw):
     bulk_modulus : float
         Initial bulk modulus K; equal to 2/D in the paper, where D = 0.01 gives K = 200 mu. Unit:
         stress.
+    memory : Memory, optional
+        Branches and softening beside the elastic energy; by default none.
     chain_limit : float
         Limit Jm of I1bar - 3; 120 in the paper's section 6.7. Unit: none.
 
@@ -243,6 +251,8 @@ class ArrudaBoyce(InvariantLaw):
         Unit: stress.
     bulk_modulus : float
         Initial bulk modulus K. Unit: stress.
+    memory : Memory, optional
+        Branches and softening beside the elastic energy; by default none.
     chain_links : float
         Number N of links of a chain. Unit: none.
 

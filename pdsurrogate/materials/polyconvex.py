@@ -34,6 +34,8 @@ class Polyconvex(Ogden):
         Unit: stress.
     bulk_modulus : float, optional
         Initial bulk modulus K; 100 mu by default. Unit: stress.
+    memory : Memory, optional
+        Branches and softening beside the elastic energy; by default none.
     moduli : tuple of float
         Moduli mu_k, up to eight; each has the sign of its exponent. Unit: stress.
     exponents : tuple of float

@@ -40,6 +40,8 @@ class Ogden(PrincipalStretchLaw):
         must equal this sum. Unit: stress.
     bulk_modulus : float, optional
         Initial bulk modulus K; 100 mu by default. Unit: stress.
+    memory : Memory, optional
+        Branches and softening beside the elastic energy; by default none.
     moduli : tuple of float
         Moduli mu_k, one to eight; each has the sign of its exponent, because large strains are
         unstable otherwise. Unit: stress.
@@ -199,6 +201,8 @@ class FullNetwork(PrincipalStretchLaw):
         Initial shear modulus mu; n kT follows from it. Unit: stress.
     bulk_modulus : float
         Initial bulk modulus K. Unit: stress.
+    memory : Memory, optional
+        Branches and softening beside the elastic energy; by default none.
     chain_links : float
         Number N of links of a chain. With the default the law ends at a stretch of sqrt(60) = 7.7,
         just beyond Treloar's greatest stretch, 7.6. Unit: none.

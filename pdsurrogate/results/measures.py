@@ -14,6 +14,7 @@ import numpy as np
 from ..arguments import suggestion
 from ..body import Body, fields_at
 from ..forces import InternalForce
+from ..forces.internal_force import stored_by
 from ..materials.states import principal_stretches
 from ..ranks import Share
 from ..scenes import Probe, Units
@@ -32,7 +33,7 @@ def strain_energy(force: InternalForce) -> float:
     deformation gradients of the rank's own points instead.
     """
     if force.has_energy:
-        return force.stored()
+        return stored_by(force)
     return float(force.stress_and_energy()[1] @ (force.body.volumes * force.body.share.own))
 
 
