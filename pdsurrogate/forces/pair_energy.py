@@ -397,6 +397,39 @@ class PairEnergy(MaterialTerm):
         return found if self.volume is None else self.volume.smoothing.matrix() @ found
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
+        stress, energy = self._elastic_stress_and_energy()
+        if self._memories and not self._begun:
+            self._begin()
+        for part in self.parts:
+            if part.memory is not None:
+                self._add_memory(part, stress, energy)
+        return stress, energy
+
+    def _add_memory(self, part: SelectivePairs, stress: np.ndarray, energy: np.ndarray) -> None:
+        """Add branches and softening of a material to the elastic stress and energy density of its
+        points, from means over their bonds.
+        """
+        plane = PLANES[self.kinematics.plane]
+        M, eta, stored = part.memory.at_points(plane.isochoric_state)
+        _, at = part.points.own
+        F = self.kinematics.deformation_gradients()[at]
+        law = part.points.law
+        ones, zeros = np.ones(len(F)), np.zeros(len(F))
+        elastic, _ = plane.stress_and_energy(
+            law, F, ones, zeros, part.isochoric.evaluate(*plane.isochoric_state(F))
+        )
+        full = np.zeros((len(F), 3, 3))
+        full[:, 2, 2] = 1.0
+        full[:, : F.shape[1], : F.shape[1]] = F
+        J = np.linalg.det(full)[:, None, None]
+        FM = full @ M
+        mean = np.einsum("nij,nij->n", FM, full)[:, None, None] / 3
+        inverse = np.linalg.inv(full).swapaxes(1, 2)
+        stress[at] += (eta - 1)[:, None, None] * elastic
+        stress[at] += part.unit * np.cbrt(J) ** -2 * (FM - mean * inverse)
+        energy[at] += part.unit * stored
+
+    def _elastic_stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
         part = self.parts[0]
         plane = PLANES[self.kinematics.plane]
         if not self.binding.whole or part.model.domain is None:

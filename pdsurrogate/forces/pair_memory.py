@@ -7,7 +7,9 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import selective_memory
 from ..kernels.branches import GREATEST, tensors_of
+from ..kernels.selective_memory import soften
 from .binding import Binding
+from .kinematics import matrices
 from .pair_passes import SelectivePairs
 from .term import StateArray
 
@@ -71,6 +73,7 @@ class PairMemory:
             coefficients[:, first : first + tensors.TENSOR] = np.reshape(tensors.DIAGONAL, (-1, 1))
         buffers = aligned_rows((threads, selective_memory.memory_rows(d), BLOCK), value=1)
         memory = buffers if precision == "float64" else aligned_rows(buffers.shape, precision, 1)
+        self._coefficients = coefficients
         stored = np.zeros(len(part.geometry))
         self._stored = stored
         self._begin = kinematics.bind(
@@ -129,6 +132,53 @@ class PairMemory:
         """
         self._begin.give_number("elapsed", elapsed)
         self._begin()
+
+    def at_points(self, isochoric_state) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return means over the bonds of the points of the material in the state last evaluated:
+        sums of M over the branches as matrices (k, 3, 3), in units of the shear modulus, and
+        factors eta (k,) of softening and stored energies (k,) of branches.
+
+        `isochoric_state` returns the arguments of the isochoric energy for gradients (n, d, d).
+        """
+        part = self._part
+        d = part.forces.shape[1]
+        tensors = tensors_of(d)
+        first, second = part.points.first, part.points.second
+        positions, columns = part.places
+        reference = part.geometry.swapaxes(0, 1).reshape(part.geometry.shape[1], -1)
+        n = reference[:d].T
+        mean = matrices(columns[first] + columns[second]) / 2
+        along = (positions[second] - positions[first]) * reference[d, :, None]
+        F = mean + (along - np.einsum("bij,bj->bi", mean, n))[:, :, None] * n[:, None]
+        F[reference[d + 1] == 0] = np.eye(d)
+        rows = self._coefficients.swapaxes(0, 1).reshape(self._coefficients.shape[1], -1)
+        Cb = tensors.isochoric(
+            tensors.green(F.transpose(2, 1, 0).reshape(d * d, -1), 1.0), np.linalg.det(F)
+        )
+        total = np.zeros((len(Cb), len(first)))
+        for branch, modulus in enumerate(self._moduli):
+            B = rows[branch * (len(Cb) + 1) :]
+            M, _ = tensors.take_step(B[: len(Cb)], B[len(Cb)], Cb, tensors.cofactor_of(Cb))
+            total += modulus * np.array(M)
+        energy = (tensors.contraction(total, Cb) - 3 * self._moduli.sum()) / 2
+        eta = np.ones(len(first))
+        if len(self._softening):
+            W = part.isochoric.evaluate(*isochoric_state(F))[3]
+            eta = np.array(
+                [soften(*pair, self._softening)[0] for pair in zip(W, rows[-1], strict=True)]
+            )
+        shares = part.end_shares.swapaxes(0, 1).reshape(2, -1)
+        whole = np.zeros(len(positions))
+        found = np.zeros((len(positions), len(Cb) + 2))
+        for end, share in zip((first, second), shares, strict=True):
+            np.add.at(whole, end, share)
+            np.add.at(found, end, share[:, None] * np.column_stack([*total, eta, energy]))
+        found[:, len(Cb)] += whole == 0  # a point without bonds is as at rest
+        found = (found.T / np.where(whole > 0, whole, 1.0))[:, part.points.own[0]]
+        M = np.zeros((found.shape[1], 3, 3))
+        for (r, c), values in zip(tensors.PLACES, found, strict=False):
+            M[:, r, c] = M[:, c, r] = values
+        return M, found[-2], found[-1]
 
     def stored(self) -> float:
         """Return the stored isochoric energy in the state last evaluated, divided by the shear

@@ -133,6 +133,7 @@ def _components(d):
     ]
     return {
         "TENSOR": len(kept),
+        "PLACES": kept,
         "DIAGONAL": tuple(float(r == c) for r, c in kept),
         # The tensors in rows of a block, in the precision of x, and in rows of records.
         "tensor_at": entries("rows, k", [f"rows[{n}, k]" for n in numbers]),

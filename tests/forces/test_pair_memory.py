@@ -122,6 +122,10 @@ def test_homogeneous_motion_is_that_of_a_material_point(plane):
         np.testing.assert_allclose(
             force.mean_stress() - elastic.mean_stress(), expected[:d, :d], atol=1e-11
         )
+        of_points = force.stress_and_energy()[0] - elastic.stress_and_energy()[0]
+        np.testing.assert_allclose(
+            of_points, np.broadcast_to(expected, of_points.shape), atol=1e-11
+        )
         most = max(most, W)
         scale = SOFTENING.m + SOFTENING.beta * most
         softened = quad(lambda w, s=scale, m=most: erf((m - w) / s) / SOFTENING.r, 0, W)[0]
