@@ -165,13 +165,14 @@ def show(
 
 
 def _print_history(result: Result) -> None:
-    """Print the rows of the history in equilibrium or, if there are none, its last ten rows, and
-    the names of the fields.
+    """Print the rows of the history in equilibrium and the last ten in dynamics, and the names of
+    the fields.
 
     Columns of moments and displacements are left out, as are columns of zeros, and columns of
     forces that nowhere exceed `SHOWN_SHARE` times the greatest force.
     """
-    rows = [row for row in result.history if "time" not in row] or result.history[-10:]
+    rows = [row for row in result.history if "time" not in row]
+    rows += [row for row in result.history if "time" in row][-10:]
     greatest = {
         column: max(abs(row.get(column, 0)) for row in rows)
         for column in columns_of(rows)

@@ -122,7 +122,7 @@ def read_description(path: Path | Traversable, kind: str) -> dict[str, Any]:
                 f"{path}: the file has more than {MOST_BYTES / 2**20:.0f} MiB, so it is not a scene"
                 " or study"
             )
-        return tomllib.loads(content.decode("utf-8").replace("\r\n", "\n"))
+        return tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except OSError as error:
         raise SceneError(f"cannot read {kind} file {path}: {error.strerror}") from None
     except UnicodeDecodeError:

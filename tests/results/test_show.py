@@ -52,6 +52,18 @@ def test_pictures_of_a_saved_run(folder, tmp_path):
     }
 
 
+def test_equilibria_and_the_end_of_dynamics_are_printed(tmp_path):
+    scene = {"spacing": 0.25, "stretches": [1.1]}
+    dynamics = {"stretch": 1.12, "stretch_rate": 2.0, "density": 1e-4}
+    result = pds.simulate(pds.load_scene("uniaxial", scene, dynamics=dynamics), "bond-energy")
+    result.save(tmp_path / "out")
+    shown = invoke("show", tmp_path / "out").stdout
+    rows = [row for row in result.history if "time" not in row]
+    rows += [row for row in result.history if "time" in row][-10:]
+    assert len(rows) > len([row for row in rows if "time" in row]) > 0
+    assert all(f"{row['strain_energy']:.4g}" in shown for row in rows)
+
+
 def test_a_state_in_space_is_drawn_from_its_files(tmp_path):
     pds.simulate(pds.load_scene("bonded-block", spacing=0.25, stretches=1.1), "bond-energy").save(
         tmp_path / "out"

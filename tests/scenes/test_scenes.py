@@ -334,9 +334,10 @@ travel = 1.0
 """
 
 
-def test_scene_files(tmp_path):
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_scene_files(tmp_path, encoding):
     path = tmp_path / "mine.toml"
-    path.write_text(GOOD)
+    path.write_text(GOOD, encoding)
     scene = load_scene(path)
     assert scene.loaded_axis == 1
     assert scene.grips[0].holds == "all"
