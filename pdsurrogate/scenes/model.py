@@ -9,8 +9,10 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    SerializerFunctionWrapHandler,
     ValidationInfo,
     field_validator,
+    model_serializer,
     model_validator,
 )
 
@@ -96,6 +98,10 @@ class SofteningSpec(StrictModel):
     beta: Annotated[Finite, Field(ge=0)] = 0.0
 
 
+MEMORY = "branches", "prony", "softening"
+"""Keys of a material that state its memory."""
+
+
 class MaterialSpec(StrictModel):
     """Material in a scene: the name of a material law with its parameters, or ``"rigid"``.
 
@@ -130,10 +136,16 @@ class MaterialSpec(StrictModel):
             return value.describe()
         return {"law": value} if isinstance(value, str) else value
 
+    @model_serializer(mode="wrap")
+    def _without_empty_memory(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out what an elastic material does not have."""
+        return {key: value for key, value in dump(self).items() if value or key not in MEMORY}
+
     def model_post_init(self, _) -> None:
         if self.rigid:
-            if given := self.model_fields_set - {"law"} | set(self.model_extra or {}):
-                raise ValueError(f"{RIGID} has no parameters; remove {min(given)}")
+            given = [key for key in MEMORY if getattr(self, key)] + list(self.model_extra or {})
+            if given:
+                raise ValueError(f"{RIGID} has no parameters; remove {given[0]}")
             return
         if self.branches and self.prony:
             raise ValueError("branches and prony are two forms of one thing; give one")
