@@ -57,7 +57,7 @@ def test_equilibria_and_the_end_of_dynamics_are_printed(tmp_path):
     dynamics = {"stretch": 1.12, "stretch_rate": 2.0, "density": 1e-4}
     result = pds.simulate(pds.load_scene("uniaxial", scene, dynamics=dynamics), "bond-energy")
     result.save(tmp_path / "out")
-    shown = invoke("show", tmp_path / "out").stdout
+    shown = invoke("show", tmp_path / "out", "--out", tmp_path).stdout
     rows = [row for row in result.history if "time" not in row]
     rows += [row for row in result.history if "time" in row][-10:]
     assert len(rows) > len([row for row in rows if "time" in row]) > 0
