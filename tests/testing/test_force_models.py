@@ -215,8 +215,8 @@ def test_loads_that_are_small_beside_the_tolerance_are_found(monkeypatch):
 
 def test_energy_that_is_made_is_found(monkeypatch):
     """An energy that is stated a tenth too large leaves no account within 1 %."""
-    stated = PairEnergy.energy
-    monkeypatch.setattr(PairEnergy, "energy", lambda term: 1.1 * stated(term))
+    stated = PairEnergy.stored
+    monkeypatch.setattr(PairEnergy, "stored", lambda term: 1.1 * stated(term))
     lacks("energy_account")
 
 
