@@ -1,5 +1,5 @@
-"""What files of tests leave open, as options and keys say it, and campaigns: TOML files that name
-the files of many tests with it.
+"""Facts that files of tests lack, as options and keys, and campaigns: TOML files that name the
+files of many tests with these facts.
 """
 
 import itertools
@@ -54,7 +54,7 @@ def _pairs_of(texts: list[str] | None) -> dict[str, str]:
 
 
 class TableFacts(StrictModel):
-    """What a table of a machine may leave open.
+    """Statements of a user about a table of a machine that the table may lack.
 
     Parameters
     ----------
@@ -105,8 +105,8 @@ class TableFacts(StrictModel):
 
 
 class TestFacts(TableFacts):
-    """What a file of mechanical tests may leave open; each is an option of the commands that take
-    tests, and a key of campaigns.
+    """Statements of a user about a file of mechanical tests; each is an option of the commands that
+    take tests, and a key of campaigns.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ from .text import Row
 
 @dataclasses.dataclass
 class Found:
-    """What is found in the sheets of a file so far: tables, facts of all of them and of
+    """Contents of the sheets of a file found so far: tables, facts of all of them and of
     specimens by their names, and notes.
     """
 

@@ -18,7 +18,7 @@ SOURCES = {
 """Quantities from which stretch and nominal stress follow, the most direct one first."""
 
 TRUE = {"engineering-strain": "true-strain", "nominal-stress": "true-stress"}
-"""What headings without "engineering" or "nominal" may mean as well."""
+"""Quantities that headings without "engineering" or "nominal" may mean as well."""
 
 AGREE = 0.02
 """Fraction of their range by which two columns that say the same may differ. Chosen: twice the
@@ -50,7 +50,7 @@ class Reading:
 
     @property
     def option(self) -> str:
-        """What names this reading after --column."""
+        """Text that chooses this reading after --column."""
         return f"{self.quantity}={self.column.heading!r}"
 
     def agrees(self, other: "Reading") -> bool:

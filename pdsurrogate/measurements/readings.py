@@ -1,4 +1,4 @@
-"""What the columns of a table mean together: readings of stretch and stress, which must agree."""
+"""Readings of stretch and stress from the columns of a table, which must agree."""
 
 import re
 from dataclasses import replace

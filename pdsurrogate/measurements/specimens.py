@@ -16,7 +16,7 @@ BIAXIAL = "biaxial"
 
 @dataclass(frozen=True)
 class Facts:
-    """What a user states of tests beside what their files state themselves.
+    """Statements of a user about tests, beside those of their files.
 
     Attributes
     ----------

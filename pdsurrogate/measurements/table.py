@@ -26,10 +26,10 @@ QUANTITIES = (
     "weight",
     "temperature",
 )
-"""What a column of a mechanical test can be."""
+"""Quantities that a column of a mechanical test can hold."""
 
 FAMILIES = {"stress": "nominal-stress", "strain": "engineering-strain"}
-"""What a user may call a quantity, and what it then is, as in headings."""
+"""Short names of quantities, for users and headings, with the quantities that they mean."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Block:
 
 @dataclass(frozen=True)
 class TableFile:
-    """What a file of tables is, and its tables.
+    """File of tables: its form, its notes and its tables.
 
     Attributes
     ----------

@@ -34,7 +34,7 @@ NUMBERS = {
 """Numbers by their decimal sign."""
 
 PLAIN = {sign: str.maketrans(",\u2212", ".-", other + GROUPS) for sign, other in (".,", ",.")}
-"""What makes them numbers of Python."""
+"""Tables of characters that turn them into numbers of Python, by decimal sign."""
 
 MISSING = {"", "-", "--", "---", "n/a", "na", "nan", "null", "#n/a", "*", "*****"}
 """Cells without a value, in small letters."""

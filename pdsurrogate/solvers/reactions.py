@@ -1,4 +1,4 @@
-"""What supports exert on a body: reactions at points and planes, and their moments."""
+"""Reactions of supports on a body, at points and planes, and their moments."""
 
 from __future__ import annotations
 
