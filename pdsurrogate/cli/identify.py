@@ -7,6 +7,7 @@ from typer import Argument, Option
 
 from ..identification import TestData, figure, fitted_laws, load_test_data, reporting
 from ..identification.campaign import TestFacts
+from ..identification.history_regressor import MOST_STATED
 from ..identification.history_report import figure_of_history, fitted_history, report_of_history
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
@@ -28,9 +29,6 @@ DATA_HELP = (
     "Test data: treloar, kawabata, files of testing machines (FILE:MODE states the mode of one), or"
     " a campaign (tests.toml); may be repeated."
 )
-
-MOST = 6
-"""Most branches that can be asked for."""
 
 AT_BREAK = "At break: stress and work per volume"
 """Title of a table of states at break."""
@@ -63,8 +61,10 @@ def number_of_branches(branches: str) -> int | None:
     """Return the number of branches that an option states, None for a choice of the number."""
     if branches == "auto":
         return None
-    if not branches.isdigit() or int(branches) > MOST:
-        raise ValueError(f"--branches must be auto, or a number from 0 to {MOST}, not {branches!r}")
+    if not branches.isdigit() or int(branches) > MOST_STATED:
+        raise ValueError(
+            f"--branches must be auto, or a number from 0 to {MOST_STATED}, not {branches!r}"
+        )
     return int(branches)
 
 

@@ -5,12 +5,12 @@ and states that check the file.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import erf
 
 from ..artifacts.places import find_artifact
 from ..artifacts.store import called, law_of, load_card, load_surrogate
 from ..forces import EnergyNetwork, IsochoricNetwork
 from ..kernels.branches import tensors_of
+from ..kernels.selective_memory import soften
 from ..materials import InvariantLaw, Law, PrincipalStretchLaw, solid
 from ..materials.consistency import check_consistency
 from ..materials.states import cofactor, invariants
@@ -112,13 +112,11 @@ class Source:
         volumetric = slope[:, None, None] * cofactor(F)
         W = energy - U
         if softening := law.memory.softening:
+            numbers = softening.r, softening.m, softening.beta
             peak = np.maximum(np.maximum.accumulate(W), 0)
-            width = softening.m + softening.beta * peak
-            at_peak, z = peak / width, (peak - W) / width
-            lost = peak * erf(at_peak) - (peak - W) * erf(z)
-            lost += width / np.sqrt(np.pi) * (np.exp(-(at_peak**2)) - np.exp(-(z**2)))
-            eta = 1 - erf(z) / softening.r
-            energy = energy - lost / softening.r
+            states = zip(W, peak, strict=True)
+            eta, W, _ = np.array([soften(*state, numbers) for state in states]).T
+            energy = W + U
             stress = eta[:, None, None] * (stress - volumetric) + volumetric
         inverse = np.linalg.inv(F).swapaxes(1, 2)
         Cb = np.cbrt(J3**-2)[:, None, None] * (F.swapaxes(1, 2) @ F)

@@ -22,7 +22,7 @@ from .bond_shares import BondShares
 from .errors import at_point, why_invalid
 from .kinematics import matrices
 from .material_points import material_sums
-from .pair_passes import PairEnergies, SelectivePairs
+from .pair_passes import PairEnergies, SelectivePairs, bond_gradients
 from .steps import Steps
 from .term import MaterialTerm, OutsideCounter, whole_volume
 from .volume_energy import VolumeEnergy
@@ -414,10 +414,12 @@ class PairEnergy(MaterialTerm):
         _, at = part.points.own
         F = self.kinematics.deformation_gradients()[at]
         law = part.points.law
-        ones, zeros = np.ones(len(F)), np.zeros(len(F))
-        elastic, _ = plane.stress_and_energy(
-            law, F, ones, zeros, part.isochoric.evaluate(*plane.isochoric_state(F))
-        )
+        if law.memory.softening is not None:
+            ones, zeros = np.ones(len(F)), np.zeros(len(F))
+            elastic, _ = plane.stress_and_energy(
+                law, F, ones, zeros, part.isochoric.evaluate(*plane.isochoric_state(F))
+            )
+            stress[at] += (eta - 1)[:, None, None] * elastic
         full = np.zeros((len(F), 3, 3))
         full[:, 2, 2] = 1.0
         full[:, : F.shape[1], : F.shape[1]] = F
@@ -425,7 +427,6 @@ class PairEnergy(MaterialTerm):
         FM = full @ M
         mean = np.einsum("nij,nij->n", FM, full)[:, None, None] / 3
         inverse = np.linalg.inv(full).swapaxes(1, 2)
-        stress[at] += (eta - 1)[:, None, None] * elastic
         stress[at] += part.unit * np.cbrt(J) ** -2 * (FM - mean * inverse)
         energy[at] += part.unit * stored
 
@@ -488,8 +489,8 @@ class PairEnergy(MaterialTerm):
         )
         length = np.linalg.norm(vectors, axis=1)[:, None]
         n = vectors / length
-        F = matrices(gradients[first] + gradients[second]) / 2
-        return F + (between / length - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
+        means = matrices(gradients[first] + gradients[second]) / 2
+        return bond_gradients(means, between / length, n)
 
     def _without_energy(self) -> str:
         """Return an error message that names a point with a bond that has no energy, and the

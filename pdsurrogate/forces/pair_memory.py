@@ -7,10 +7,10 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import selective_memory
 from ..kernels.branches import GREATEST, tensors_of
-from ..kernels.selective_memory import soften
+from ..materials.histories import softened
 from .binding import Binding
 from .kinematics import matrices
-from .pair_passes import SelectivePairs
+from .pair_passes import SelectivePairs, bond_gradients
 from .term import StateArray
 
 
@@ -149,7 +149,7 @@ class PairMemory:
         n = reference[:d].T
         mean = matrices(columns[first] + columns[second]) / 2
         along = (positions[second] - positions[first]) * reference[d, :, None]
-        F = mean + (along - np.einsum("bij,bj->bi", mean, n))[:, :, None] * n[:, None]
+        F = bond_gradients(mean, along, n)
         F[reference[d + 1] == 0] = np.eye(d)
         rows = self._coefficients.swapaxes(0, 1).reshape(self._coefficients.shape[1], -1)
         Cb = tensors.isochoric(
@@ -164,9 +164,8 @@ class PairMemory:
         eta = np.ones(len(first))
         if len(self._softening):
             W = part.isochoric.evaluate(*isochoric_state(F))[3]
-            eta = np.array(
-                [soften(*pair, self._softening)[0] for pair in zip(W, rows[-1], strict=True)]
-            )
+            softening = part.points.law.memory.scaled(1 / part.unit).softening
+            eta = softened(softening, W, rows[-1])
         shares = part.end_shares.swapaxes(0, 1).reshape(2, -1)
         whole = np.zeros(len(positions))
         found = np.zeros((len(positions), len(Cb) + 2))

@@ -30,6 +30,13 @@ class EnergyDerivatives(NamedTuple):
     by_area_area: np.ndarray
 
 
+def bond_gradients(means: np.ndarray, along: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Return the deformation gradients of pairs (k, d, d), theory (27), from the means of those of
+    both ends, the deformed bond vectors over the undeformed lengths, and the directions (k, d).
+    """
+    return means + (along - np.einsum("bij,bj->bi", means, n))[:, :, None] * n[:, None]
+
+
 class Pairs:
     """Base class for the pairs (undirected bonds) of one material with the array of their forces.
 

@@ -19,13 +19,7 @@ from ..materials.polyconvex import law_of, stiffness_of
 from .averaging import columns_of, isochoric, nonnegative
 from .branch_search import Choice, Curves, choose
 from .energy import NEGLIGIBLE, EnergyRegressor, half_planes, mode_of, warn_of_few_modes
-from .regressor import (
-    DIFFERENCE,
-    FAILED,
-    WELL_POSED,
-    _axes,
-    check_fitted,
-)
+from .regressor import DIFFERENCE, FAILED, axes_of, check_fitted, covariance_at
 from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, incompressible_stress
 
 FREE = "energy"
@@ -43,6 +37,9 @@ branches are those of one, to a percent.
 
 CERTAIN = 2.0
 """Least modulus of a branch, in its standard errors, in a choice of the number of branches."""
+
+MOST_STATED = 6
+"""Most branches that can be asked for."""
 
 MOST_EVALUATIONS = 100
 """Most evaluations of a refinement; a few tens are usual."""
@@ -135,7 +132,7 @@ class HistoryRegressor(StressRegressor):
 
     _parameter_constraints: ClassVar = {
         "law": [str],
-        "branches": [Interval(Integral, 0, 6, closed="both"), None],
+        "branches": [Interval(Integral, 0, MOST_STATED, closed="both"), None],
         **BULK_CONSTRAINTS,
     }
 
@@ -339,7 +336,7 @@ class HistoryRegressor(StressRegressor):
             return np.empty(0)
         low, high = np.array(list(elastic.shapes.values())).T
         best, least = None, np.inf
-        for values in product(*_axes(low, high)):
+        for values in product(*axes_of(low, high)):
             shape = np.array(values)
             try:
                 unit = elastic.columns(shape)
@@ -457,7 +454,7 @@ class HistoryRegressor(StressRegressor):
                 columns.append((root * slope)[:, None])
         slopes = np.column_stack(columns)
         slopes[:, n + k :] /= np.r_[np.where(logarithmic, shape, 1.0), times]
-        found = _covariance(slopes, off)
+        found = covariance_at(slopes, off @ off)
         if self.branches is None and k:
             certain = moduli / np.sqrt(np.diag(found)[n : n + k])
             if certain.min() < CERTAIN:
@@ -486,17 +483,6 @@ class HistoryRegressor(StressRegressor):
             found[np.ix_(ways, ways)],
             [name for name, on in zip(names, bounded, strict=True) if on],
         )
-
-
-def _covariance(slopes: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """Return the first-order covariance of parameters, infinite where they are not determined."""
-    size = np.linalg.norm(slopes, axis=0)
-    size[size == 0] = 1.0
-    information = (slopes / size).T @ (slopes / size)
-    free = len(residuals) - len(size)
-    if free <= 0 or not np.linalg.cond(information) < WELL_POSED:
-        return np.full(information.shape, np.inf)
-    return residuals @ residuals / free * np.linalg.inv(information) / np.outer(size, size)
 
 
 def rates_of(curves: Curves) -> tuple[float, float]:

@@ -85,6 +85,19 @@ def check_fitted(law: str) -> None:
         )
 
 
+def covariance_at(jacobian: np.ndarray, squares: float) -> np.ndarray:
+    """Return the first-order covariance of parameters at a solution, infinite if they are not
+    determined, from the derivatives of the residuals and the sum of the squares of these.
+    """
+    size = np.linalg.norm(jacobian, axis=0)
+    size[size == 0] = 1.0
+    information = (jacobian / size).T @ (jacobian / size)
+    free = len(jacobian) - len(size)
+    if free <= 0 or not np.linalg.cond(information) < WELL_POSED:
+        return np.full(information.shape, np.inf)
+    return squares / free * np.linalg.inv(information) / np.outer(size, size)
+
+
 @dataclass(eq=False, repr=False)
 class LawRegressor(StressRegressor):
     """Least-squares fit of the parameters of a law to nominal stresses.
@@ -208,13 +221,7 @@ class LawRegressor(StressRegressor):
         values, jacobian, found = self._refined(best, X, y, root, states)
         names = self.unknowns()
         at_bound = [name for name, active in zip(names, found.active_mask, strict=True) if active]
-        size = np.linalg.norm(jacobian, axis=0)
-        size[size == 0] = 1.0
-        information = (jacobian / size).T @ (jacobian / size)
-        free = len(y) - len(values)
-        covariance = np.full(information.shape, np.inf)
-        if free > 0 and np.linalg.cond(information) < WELL_POSED:
-            covariance = 2 * found.cost / free * np.linalg.inv(information) / np.outer(size, size)
+        covariance = covariance_at(jacobian, 2 * found.cost)
         self._store(self.law_of(values), names, values, covariance, at_bound)
         return self
 
@@ -392,7 +399,7 @@ class LawRegressor(StressRegressor):
         neighbor excels, with the best modulus.
         """
         low, high, _ = self.search_range(np.empty(0), max(np.abs(y).max(), 1e-300))
-        axes = _axes(low[1:], high[1:])
+        axes = axes_of(low[1:], high[1:])
         shapes = list(product(*axes))
         shape = [len(axis) for axis in axes]
         moduli = np.zeros(len(shapes))
@@ -441,7 +448,7 @@ def _incompressible(law: Law, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return incompressible_stress(law, X), np.ones(len(X))
 
 
-def _axes(low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
+def axes_of(low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
     """Return the axes of a grid of candidates, between bounds, for the dimensionless parameters
     of a law.
     """

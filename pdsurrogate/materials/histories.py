@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import erf
 
+from ..kernels.branches import weights_of_ends
 from .law import InvariantLaw, Law, PrincipalStretchLaw
 from .memory import Softening
 
@@ -24,9 +25,6 @@ LOGS: dict[str, Callable] = {
 """Logarithms of the principal stretches by those of the stretch along the stress and of the volume
 ratio, by mode of loading; the third is that of the thickness, which is free of stress.
 """
-
-SERIES = 0.01
-"""Exponent of a step below which its weights are series, with a rounding error of some 1e-12."""
 
 ITERATIONS = 60
 DIFFERENCE = 1e-7
@@ -237,13 +235,9 @@ def advanced(states: np.ndarray, before: np.ndarray, step: np.ndarray) -> Callab
     `step` (..., n_branches) is the time of the step over the relaxation times, `before` (..., 1, 3)
     are the squares at the beginning.
     """
-    k = step * (before / states).sum(axis=-1) / 3
-    low = k < SERIES
-    safe = np.where(low, 1.0, k)
-    mean = np.where(low, 1 - k * (1 / 2 - k * (1 / 6 - k / 24)), -np.expm1(-safe) / safe)
-    last = np.where(low, 1 / 2 - k * (1 / 6 - k * (1 / 24 - k / 120)), (1 - mean) / safe)
-    known = np.exp(-k)[..., None] * states + (step * (mean - last))[..., None] * before
-    weight = (step * last)[..., None]
+    decay, begin, end = weights_of_ends(step * (before / states).sum(axis=-1) / 3)
+    known = decay[..., None] * states + (step * begin)[..., None] * before
+    weight = (step * end)[..., None]
 
     def at(after: np.ndarray) -> np.ndarray:
         grown = known + weight * after
