@@ -72,6 +72,33 @@ def gradient_of_bond(algebra):
     return of_bond
 
 
+@inlined
+def pressure_of(shares, pressures, ends, at, k):
+    """Return the pressure of pair k of a block that begins at pair `at`: the sum of those of both
+    `ends`, each times the share of the pair in the volume of the point.
+    """
+    first, second = ends
+    return shares[0, k] * pressures[first[at + k]] + shares[1, k] * pressures[second[at + k]]
+
+
+def parts_of_stress(algebra):
+    """Build the function that writes the force and the moment of a pair from its stress."""
+    length = algebra.DIMENSION
+
+    @inlined
+    def put_parts(forces, moments, reference, k, P):
+        """Write P n/l and P (I - n (x) n)/2 of pair k into columns k of `forces` and `moments`; P
+        is its stress times its volume, and `reference` holds n and 1/l.
+        """
+        n = algebra.column_in(reference, k, P[0])
+        traction = algebra.matrix_times_vector(P, n)
+        across = algebra.add_outer_product(P, algebra.times(like(P[0], -1.0), traction), n)
+        put_column(forces, k, algebra.times(like(P[0], reference[length, k]), traction))
+        put_column(moments, k, algebra.times_matrix(like(P[0], 0.5), across))
+
+    return put_parts
+
+
 @ByDimension
 def pair_volumes(algebra):
     """Build the pass that computes det F_ij, the volume ratio, of every pair of points."""
@@ -190,11 +217,11 @@ def pair_energies(algebra):
     which include the points' pressures.
     """
     of_bond = gradient_of_bond(algebra)
+    put_parts = parts_of_stress(algebra)
     matrix = algebra.MATRIX
     dimension = algebra.DIMENSION
     state_rows = matrix + dimension
     result_rows = matrix + dimension + STATE_ROWS
-    length = dimension
     volume = dimension + 1
     fetch_geometry = fetch(4 * (dimension + 2))
     fetch_shares = fetch(4 * 2)
@@ -218,7 +245,6 @@ def pair_energies(algebra):
         gradient of either point.
         """
         ends, geometry = pairs
-        first, second = ends
         energies, forces, moments = results
         widest_vectors()
         sums = block_rows(buffers[chunk.thread])
@@ -241,21 +267,15 @@ def pair_energies(algebra):
             evaluate_isochoric_energy(energy, constants, states, result)
             # The bonds are no longer needed: their first row is reused for the pressures.
             for k in range(BLOCK):
-                bonds[0, k] = (
-                    share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]
-                )
+                bonds[0, k] = pressure_of(share, pressures, ends, at, k)
             total = 0.0
             for k in range(BLOCK):
                 F = algebra.matrix_column_at(sums, k)
-                n = algebra.column_in(reference, k, F[0])
                 state = states[0, k], states[1, k], states[2, k]
                 found = result[0, k], result[1, k], result[2, k]
                 P = algebra.first_piola(F, state, found, like(F[0], reference[volume, k]))
                 P = algebra.plus_matrix(P, algebra.times_matrix(bonds[0, k], algebra.cofactor(F)))
-                traction = algebra.matrix_times_vector(P, n)
-                across = algebra.add_outer_product(P, algebra.times(like(F[0], -1.0), traction), n)
-                put_column(bonds, k, algebra.times(like(F[0], reference[length, k]), traction))
-                put_column(sums, k, algebra.times_matrix(like(F[0], 0.5), across))
+                put_parts(bonds, sums, reference, k, P)
                 total += reference[counted, k] * result[3, k]
             for k in range(0, BLOCK, 4):
                 algebra.put_vectors(bonds, k, forces, at + k)

@@ -22,6 +22,8 @@ from .selective_energy import (
     buffer_rows,
     evaluate_isochoric_energy,
     gradient_of_bond,
+    parts_of_stress,
+    pressure_of,
 )
 
 AT_REST = 1 / math.sqrt(math.pi)
@@ -120,6 +122,7 @@ def pair_energies(algebra):
     """Build the pass that computes energies, forces and moments of pairs with memory."""
     tensors = tensors_of(algebra.DIMENSION)
     of_bond = gradient_of_bond(algebra)
+    put_parts = parts_of_stress(algebra)
     tensor = tensors.TENSOR
     matrix = algebra.MATRIX
     dimension = algebra.DIMENSION
@@ -127,7 +130,6 @@ def pair_energies(algebra):
     result_rows = state_rows + STATE_ROWS
     strain_rows = result_rows + RESULT_ROWS
     sum_rows = strain_rows + tensor
-    length = dimension
     volume = dimension + 1
     fetch_geometry = fetch(4 * (dimension + 2))
     fetch_shares = fetch(4 * 2)
@@ -157,7 +159,6 @@ def pair_energies(algebra):
         are stored.
         """
         ends, geometry = pairs
-        first, second = ends
         energies, stored, forces, moments = results
         moduli, softening, coefficients = memory
         widest_vectors()
@@ -195,9 +196,7 @@ def pair_energies(algebra):
             # The bonds are no longer needed: their rows are reused for pressures and stored
             # energies.
             for k in range(BLOCK):
-                bonds[0, k] = (
-                    share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]
-                )
+                bonds[0, k] = pressure_of(share, pressures, ends, at, k)
                 bonds[1, k] = result[3, k]
             if softening.shape[0] > 0:
                 greatest = rows_from(steps, coefficients.shape[1] - 1)
@@ -223,7 +222,6 @@ def pair_energies(algebra):
             kept = 0.0
             for k in range(BLOCK):
                 F = algebra.matrix_column_at(sums, k)
-                n = algebra.column_in(reference, k, F[0])
                 V = like(F[0], reference[volume, k])
                 state = states[0, k], states[1, k], states[2, k]
                 found = result[0, k], result[1, k], result[2, k]
@@ -240,10 +238,7 @@ def pair_energies(algebra):
                 P = algebra.plus_matrix(P, algebra.times_matrix(q, cofactor))
                 total += reference[counted, k] * (result[3, k] + added[tensor, k])
                 kept += reference[counted, k] * (bonds[1, k] + 0.5 * (mean - 3.0 * modulus))
-                traction = algebra.matrix_times_vector(P, n)
-                across = algebra.add_outer_product(P, algebra.times(like(F[0], -1.0), traction), n)
-                put_column(bonds, k, algebra.times(like(F[0], reference[length, k]), traction))
-                put_column(sums, k, algebra.times_matrix(like(F[0], 0.5), across))
+                put_parts(bonds, sums, reference, k, P)
             for k in range(0, BLOCK, 4):
                 algebra.put_vectors(bonds, k, forces, at + k)
                 algebra.put_matrices(sums, k, moments, at + k)
