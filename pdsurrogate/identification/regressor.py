@@ -394,6 +394,10 @@ class LawRegressor(StressRegressor):
     def shapes(self) -> list[tuple[float, ...]]:
         """Return the points of the coarse search: values of the parameters other than moduli.
 
+        Returns
+        -------
+        list of tuple of float
+
         Examples
         --------
         >>> import pdsurrogate as pds

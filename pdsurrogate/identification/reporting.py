@@ -293,14 +293,11 @@ def judged(model: StressRegressor, data: TestData, form: str) -> dict[str, list[
     found = examine(model, data)
     remarks = list(found.remarks)
     if model.at_bound_:
-        other = (
-            "tests at other rates, or held for longer, would"
-            if model.over_time
-            else ("or another law would fit better")
-        )
+        at_bound = f"{form}: {', '.join(model.at_bound_)}"
+        longer = " Tests at other rates, or held for longer, determine more." * model.over_time
         remarks.append(
-            f"{form}: {', '.join(model.at_bound_)} reached a bound of the search range: the data do"
-            f" not determine it, {other}."
+            f"{at_bound} reached a bound of the search range: the data do not determine it, or"
+            f" another law would fit better.{longer}"
         )
     return {"refusals": found.refusals, "remarks": remarks}
 
