@@ -11,7 +11,7 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..arguments import in_order
-from ..errors import OutsideDomainWarning
+from ..forces import OutsideDomainWarning
 from ..materials import Law
 from ..materials.memory import untested_rates
 from .averaging import nonnegative
