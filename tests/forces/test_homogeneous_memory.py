@@ -87,7 +87,7 @@ def test_cycles_by_160_steps_a_relaxation_time(plane, mode):
     rubber = Rubber(branches=((1.0, 1.0),))
     motion = Motion(plane, law_of(rubber))
     expected, found, _, _ = driven(motion, rubber, mode, 160)
-    # Cbar is straight within a step, an error of second order in the increments of strain.
+    # Theory (98): 1.5 and 0.3 times the square of an increment, of overstresses of 2 to 3.
     bound = {"uniaxial": 1e-6, "equibiaxial": 2e-5}.get(mode, 3e-6)
     assert np.abs(found - expected).max() < bound * np.abs(expected).max()
 
@@ -103,8 +103,8 @@ def test_overstress_of_steps_of_all_lengths(plane, step):
     expected, found, _, _ = driven(motion, rubber, mode, 1 / step, knots, values)
     relaxed = Rubber(K=100.0).history(mode, [0, 1, 2, 3], values, [1, 2, 3])
     greatest = np.abs(expected - relaxed[:, 3]).max()
-    # In plane strain Cbar changes faster, along a path that is straight within a step.
-    bound = 1e-3 if mode == "uniaxial" else 1e-2
+    # The straight path of a step: theory (98), u = 0 in uniaxial tension.
+    bound = 1e-3 if mode == "uniaxial" else 1e-3 + 1 / 120
     assert np.abs(found - expected).max() < bound * max(greatest, 1e-3)
 
 
