@@ -272,6 +272,7 @@ def accept_steps(algebra):
         gradients,
         ends,
         geometry,
+        volumes,
         energy,
         constants,
         pairs,
@@ -285,6 +286,7 @@ def accept_steps(algebra):
         """Bring the `history`, see `begin_steps`, to the state at these positions, a time `elapsed`
         after the last one.
 
+        `volumes` are the volume ratios of the pairs of a sheet under plane stress, else empty.
         Dissipated energies of branches and of softening are added, and are in units in which
         `unit` is the shear modulus. `memory` holds the states and results of the isochoric energy,
         `buffers` all else in double precision.
@@ -299,6 +301,7 @@ def accept_steps(algebra):
         states = rows_from(block_rows(memory[chunk.thread]), state_rows)
         result = rows_from(states, STATE_ROWS)
         count = pairs.shape[0]
+        free = volumes.shape[0] > 0
         for block in share_of(geometry.shape[0], chunk):
             at = block * BLOCK
             size = min(BLOCK, count - at)
@@ -309,6 +312,9 @@ def accept_steps(algebra):
                 for k in range(BLOCK):
                     state = algebra.response_state(of_bond(sums, bonds, reference, k), 1.0)
                     put_column(states, k, state)
+                if free:
+                    for k in range(BLOCK):
+                        states[2, k] = volumes[at + k]
                 evaluate_isochoric_energy(energy, constants, states, result)
                 for k in range(size):
                     pair = pairs[at + k]
@@ -319,7 +325,9 @@ def accept_steps(algebra):
                     all_greatest[pair] = unit * new
             for k in range(BLOCK):
                 F = of_bond(sums, bonds, reference, k)
-                Cb = tensors.isochoric(tensors.green(F, 1.0), algebra.determinant(F))
+                J = algebra.determinant(F)
+                J3 = volumes[at + k] if free else J
+                Cb = tensors.isochoric(tensors.green(F, (J3 / J) * (J3 / J)), J3)
                 put_column(strains, k, (*Cb, 0.0))
             for k in range(size):
                 put_column(before, k, tensors.tensor_of(all_strains, pairs[at + k], 0))
