@@ -22,10 +22,10 @@ from ..engine.passes import Pass, share_of
 from .algebra import algebra_of
 from .bond_energy import COLLAPSED
 from .branches import tensors_of
-from .elementary import exponential, inverse_cube_root
+from .elementary import inverse_cube_root
 from .node_state import MOST_ITERATIONS, end_volume_ratios, is_solved, step_volume_ratios
 from .selective_energy import gradient_of_bond, parts_of_stress
-from .selective_memory import LEAST, soften
+from .softening import soften, softening_factor
 
 plane = algebra_of(2)
 tensors = tensors_of(2)
@@ -73,15 +73,6 @@ def across_of_step(B, b, C, area, factors):
     r = inverse_cube_root(within * across)
     first = r * r * slope * (1.0 / 3.0)
     return first, r * (r * bend * (1.0 / 9.0) - (4.0 / 3.0) * b * first * first)
-
-
-@inlined
-def softening_factor(energy, greatest, softening):
-    """Return the factor eta of softening at an energy W, and its derivative by W."""
-    scale = max(softening[1] + softening[2] * greatest, LEAST)
-    below = max(greatest - energy, 0.0) / scale
-    slope = 2.0 / math.sqrt(math.pi) / (softening[0] * scale) * exponential(-below * below)
-    return 1.0 - math.erf(below) / softening[0], slope if below > 0.0 else 0.0
 
 
 @inline
@@ -259,10 +250,10 @@ def pair_energies(
             result[2, k] = result[4, k]
             result[3, k] = result[4, k]
         if softening.shape[0] > 0:
-            greatest = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
+            before = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
             call_block(isochoric, states, parameters, part)
             for k in range(BLOCK):
-                eta, potential, rest = soften(part[3, k], greatest[0, k], softening)
+                eta, potential, rest = soften(part[3, k], before[0, k], before[1, k], softening)
                 result[0, k] *= eta
                 result[1, k] *= eta
                 result[2, k] += rest - part[3, k]
