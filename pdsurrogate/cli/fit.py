@@ -122,7 +122,7 @@ def fit(
                 tests = (rows, model)
             else:  # bond forces have no history: the artifact is of the elastic energy
                 number = number_of_branches(branches)
-                model = fitted_history(rows, name_of_law, number, bulk)
+                model = fitted_history(rows, name_of_law, number, terms or N_TERMS, bulk)
                 report = report_of_history(model, rows)
                 tests = None
                 settings = settings.model_copy(update={"energy": True})

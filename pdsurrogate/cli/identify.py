@@ -103,9 +103,11 @@ def identify(
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     check_folder(folder, "identify.json", overwrite)
     if branches is not None:
-        if stretch is not None or hold_out or terms is not None:
-            raise ValueError("--up-to, --hold-out and --terms do not go with --branches")
-        _identify_histories(rows, law or [None], branches, bulk, folder)
+        if stretch is not None or hold_out:
+            raise ValueError("--up-to and --hold-out do not go with --branches")
+        if terms is not None and law is None:
+            raise ValueError("--terms needs --law ogden; without --law an energy is identified")
+        _identify_histories(rows, law or [None], branches, terms or N_TERMS, bulk, folder)
         return
     if stretch is not None:
         rows = rows.up_to(stretch)
@@ -141,12 +143,17 @@ def identify(
 
 
 def _identify_histories(
-    rows: TestData, laws: list[str] | list[None], branches: str, bulk: dict, folder: Path | None
+    rows: TestData,
+    laws: list[str] | list[None],
+    branches: str,
+    n_terms: int,
+    bulk: dict,
+    folder: Path | None,
 ) -> None:
     """Fit laws with branches to tests with times, print the reports and write them."""
     number = number_of_branches(branches)
     with Bar(rows.name):
-        models = [fitted_history(rows, law, number, bulk) for law in laws]
+        models = [fitted_history(rows, law, number, n_terms, bulk) for law in laws]
     reports = [report_of_history(model, rows) for model in models]
     for report in reports:
         print_identified(report)

@@ -6,19 +6,18 @@ from matplotlib.figure import Figure
 
 from ..results.figures import STYLE
 from .data import TestData
-from .examination import POOR
+from .examination import standardized
 from .history_regressor import FREE, HistoryRegressor
-from .reporting import differences, facts_of_tests, parameters_of
+from .reporting import differences, facts_of_tests, judged, parameters_of
 
 
 def fitted_history(
-    data: TestData, law: str | None, branches: int | None, bulk: dict[str, float]
+    data: TestData, law: str | None, branches: int | None, n_terms: int, bulk: dict[str, float]
 ) -> HistoryRegressor:
-    """Fit a law, or an energy without one, and branches to test data; `branches` is None for a
-    choice by cross-validation.
+    """Fit a law (Ogden's with `n_terms` terms), or an energy without one, and branches to test
+    data; `branches` is None for a choice by cross-validation.
     """
-    regressor = HistoryRegressor(law or FREE, branches, **bulk)
-    return regressor.fit(data.histories(), data.nominal_stress, data.weight)
+    return HistoryRegressor(law or FREE, branches, n_terms, **bulk).fit_tests(data)
 
 
 def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
@@ -46,24 +45,9 @@ def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
                 ),
             }
         )
-    scores = data.r_squared(predicted)
-    refusals = [
-        f"{form} with branches describes {mode} worse than the mean stress does (R^2 below 0)"
-        for mode, score in scores.items()
-        if not score >= 0
-    ]
-    remarks = [
-        f"{form} with branches describes {mode} poorly: R^2 is {score:.3g}, below {POOR:g}"
-        for mode, score in scores.items()
-        if 0 <= score < POOR
-    ]
-    if model.at_bound_:
-        remarks.append(
-            f"{form}: {', '.join(model.at_bound_)} reached a bound of the search range: the data do"
-            " not determine it; tests at other rates, or held for longer, would."
-        )
+    judgement = judged(model, data, form)
     if not model.law_.memory:
-        remarks.append(
+        judgement["remarks"].append(
             f"{form}: the data show no relaxation beyond their errors, so that there are no"
             " branches; --branches 1 asks for one"
         )
@@ -72,14 +56,14 @@ def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
         "data": data.name,
         "rows": len(data),
         **parameters_of(model),
-        "rates": list(model.rates_),
+        "rates": model.rates_ and [*model.rates_],
         "curves": curves,
         "cross_validation": model.cross_validation_,
-        "r_squared": scores,
+        "r_squared": data.r_squared(predicted),
         "differences": differences(data, predicted),
+        "residuals": standardized(model, data),
         **facts_of_tests(data),
-        "refusals": refusals,
-        "remarks": remarks,
+        **judgement,
     }
 
 
