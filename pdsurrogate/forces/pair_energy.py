@@ -143,11 +143,10 @@ class PairEnergy(MaterialTerm):
 
     def _memory_of(self, number: int) -> PairMemory:
         """Return the memory of a material, which becomes part of the history."""
-        # here, for few materials have one
-        if self.selective:
-            from .pair_memory import PairMemory as kind
-        else:
-            from .sheet_memory import SheetMemory as kind
+        from .pair_memory import PairMemory  # here, for few materials have one
+        from .sheet_memory import SheetMemory
+
+        kind = PairMemory if self.selective else SheetMemory
         memory = kind(self.binding, self.parts[number], number)
         self.state += memory.state
         self.kept |= {array.name: array.values for array in memory.state}

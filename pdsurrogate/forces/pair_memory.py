@@ -1,5 +1,5 @@
-"""Branches and softening of the pairs of one material with a selective energy: their history, and
-the passes that read it and add to it.
+"""Branches and softening of the pairs of one material: their history, and the passes that read it
+and add to it.
 """
 
 from collections.abc import Sequence

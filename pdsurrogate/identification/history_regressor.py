@@ -1,5 +1,6 @@
 """Regressor that finds an elastic energy and viscoelastic branches from stresses over time."""
 
+import warnings
 from dataclasses import dataclass, replace
 from numbers import Integral
 from typing import ClassVar
@@ -10,7 +11,9 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..arguments import in_order
+from ..forces import OutsideDomainWarning
 from ..materials import Law
+from ..materials.memory import untested_rates
 from .averaging import nonnegative
 from .branch_refinement import Form, refine, superfluous
 from .branch_search import Curves, choose
@@ -62,7 +65,8 @@ class HistoryRegressor(StressRegressor):
     hull_, stretch_range_
         States of the data, as of `EnergyRegressor`.
     rates_ : tuple of float
-        Least and greatest rate of stretch of the curves, in the inverse unit of time.
+        Least and greatest rate of stretch of the curves, in the inverse unit of time: the least one
+        is the mean rate of a whole curve, to which holds belong.
     n_features_in_ : int
 
     References
@@ -202,6 +206,11 @@ class HistoryRegressor(StressRegressor):
         ndarray, shape (n_samples,)
             In the unit of the data; NaN past the limit of the law.
 
+        Warns
+        -----
+        OutsideDomainWarning
+            If a rate of stretch is outside of those of the data.
+
         Examples
         --------
         >>> import numpy as np
@@ -216,7 +225,11 @@ class HistoryRegressor(StressRegressor):
         check_is_fitted(self)
         X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
         self._stretches(X)
-        return Curves.of(X).stress(self.law_)
+        curves = Curves.of(X)
+        rates = rates_of(curves) if self.law_.memory.branches else None
+        if rates and (words := untested_rates(self.rates_, *rates)):
+            warnings.warn(words, OutsideDomainWarning, stacklevel=2)
+        return curves.stress(self.law_)
 
     def law_of(self, values: ArrayLike) -> Law:
         """Return the law with given values of the fitted parameters.
@@ -318,16 +331,20 @@ class HistoryRegressor(StressRegressor):
         return form, np.concatenate([linear, shape, moduli[some], np.asarray(times)[some]])
 
 
-def rates_of(curves: Curves) -> tuple[float, float]:
-    """Return the least and greatest rate of stretch of curves: of each the median over its rows of
-    the rates that are at least a hundredth of its greatest, so that holds do not count.
+def rates_of(curves: Curves) -> tuple[float, float] | None:
+    """Return the least and greatest rate of stretch of curves, None for curves without motion or
+    time.
+
+    The least one is the mean rate of a whole curve. The greatest one is the median, over a curve's
+    rows, of the rates that are at least a hundredth of its greatest, so that holds do not count.
     """
-    stretch = np.sqrt(curves.squares[..., 0])
-    found = []
-    for time, one in zip(curves.time.T, stretch.T, strict=True):
-        passed = np.diff(time) > 0
-        rates = np.abs(np.diff(one))[passed] / np.diff(time)[passed]
-        moving = rates > 0.01 * rates.max(initial=0.0)
-        if moving.any():
-            found.append(float(np.median(rates[moving])))
-    return (min(found), max(found)) if found else (0.0, 0.0)
+    moved = np.abs(np.diff(np.sqrt(curves.squares[..., 0]), axis=0))
+    steps = np.diff(curves.time, axis=0)
+    rates = np.divide(moved, steps, out=np.zeros_like(moved), where=steps > 0)
+    going = (rates > 0.01 * rates.max(axis=0)) & (rates > 0)
+    found = [
+        (one.sum() / time.sum(), float(np.median(rate[some])))
+        for one, time, rate, some in zip(moved.T, steps.T, rates.T, going.T, strict=True)
+        if some.any()
+    ]
+    return (float(min(found)[0]), max(fast for _, fast in found)) if found else None

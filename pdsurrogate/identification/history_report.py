@@ -56,7 +56,7 @@ def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
         "data": data.name,
         "rows": len(data),
         **parameters_of(model),
-        "rates": list(model.rates_),
+        "rates": model.rates_ and [*model.rates_],
         "curves": curves,
         "cross_validation": model.cross_validation_,
         "r_squared": data.r_squared(predicted),

@@ -1,4 +1,4 @@
-"""Branches and softening of the pairs of a sheet under plane stress, theory (90)-(99).
+"""Branches and softening of the pairs of a sheet under plane stress, theory (99), (100).
 
 The thickness of a pair follows from the sum of all stresses: a first pass finds the volume ratio J3
 at which the energy of the step is least, and forces are the derivatives at this J3. All is in

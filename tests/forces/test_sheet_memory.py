@@ -1,4 +1,4 @@
-"""Branches and softening in sheets under plane stress with learned energies, and of single pairs."""
+"""Branches and softening in sheets under plane stress: learned energies, and single pairs."""
 
 import numpy as np
 import pytest

@@ -2,6 +2,7 @@
 
 import json
 import time
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.artifacts.material import with_material
 from pdsurrogate.cli import app
+from pdsurrogate.errors import OutsideDomainWarning
 from pdsurrogate.identification import HistoryRegressor, LawRegressor, TestData
 from pdsurrogate.identification.examination import examine
 from pdsurrogate.identification.history_report import fitted_history, report_of_history
@@ -77,7 +79,18 @@ def test_exact_stresses_give_the_law_and_no_further_branch():
     found = HistoryRegressor("neo-hookean", branches=3).fit(X, y)
     assert found.parameters_ == pytest.approx([1.0, 0.5, 0.3, 2.0, 40.0], rel=1e-5)
     assert found.predict(X) == pytest.approx(y, abs=1e-6)
-    assert found.rates_ == pytest.approx((0.01, 1.0), rel=0.1)
+    assert found.rates_ == pytest.approx((0.01 * 1.9 / 3, 0.9), rel=0.02)
+
+
+def test_rates_that_were_not_measured_are_said():
+    law = LAWS[0]
+    found = HistoryRegressor("neo-hookean", 2).fit(*cycles(law, 0.01, rates=(0.05, 0.1, 0.2)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found.predict(cycles(law, rates=(0.04, 0.1, 0.25))[0])
+    for rate, words in ((2.0, "up to 1.8, where those of the tests end at 0.18"), (0.005, "down to")):
+        with pytest.warns(OutsideDomainWarning, match=words):
+            found.predict(cycles(law, rates=(rate,))[0])
 
 
 def test_an_energy_without_a_law_predicts_a_rate_that_is_left_out():
@@ -186,7 +199,7 @@ def test_the_command_reports_branches_and_refuses_what_does_not_go_with_them(fil
     assert done.exit_code == 0, done.output
     found = json.loads(done.stdout)["laws"][0]
     assert [one["time"] for one in found["law"]["branches"]] == pytest.approx([2, 40], rel=0.1)
-    assert found["rates"] == pytest.approx([0.01, 1], rel=0.1)
+    assert found["rates"] == pytest.approx([0.01 * 1.9 / 3, 0.9], rel=0.02)
     for wrong, words in (
         (["some"], "auto, or a number"),
         (["1", "--hold-out"], "do not go"),
@@ -202,6 +215,10 @@ def test_an_artifact_gives_its_branches_to_a_scene(file, tmp_path):
     told = ["--mode", "uniaxial", "--branches", "2", "--samples", "2000", "--out", tmp_path]
     done = invoke("fit", "relaxing", "--data", file, *told)
     assert done.exit_code == 0, done.output
-    scene, _ = with_material(pds.load_scene("uniaxial"), tmp_path / "relaxing" / "1")
-    times = [one.time for one in scene.law().memory.branches]
-    assert times == pytest.approx([2, 40], rel=0.1)
+    scene = pds.load_scene("uniaxial")
+    minutes = scene.model_copy(update={"units": scene.units.model_copy(update={"time": "min"})})
+    for given, minute in ((scene, 1), (minutes, 60)):
+        found, model = with_material(given, tmp_path / "relaxing" / "1")
+        times = [one.time * minute for one in found.law().memory.branches]
+        assert times == pytest.approx([2, 40], rel=0.1)
+        assert model.domain.rates == pytest.approx([0.01 * 1.9 / 3, 0.9], rel=0.02)
