@@ -116,7 +116,7 @@ def chain_energy(y, beta):
     return y * beta - beta - logarithm((1 - decay) / (2 * beta)) + 0 * beta
 
 
-ERFC = (
+_ERFC = (
     1.2375126308378264,
     -0.1402405985855061,
     0.003585415485781718,
@@ -155,7 +155,7 @@ def polynomial(coefficients, real=float):
     return eval(f"lambda x: {nested}", names)
 
 
-scaled_complement = polynomial(ERFC)
+scaled_complement = polynomial(_ERFC)
 
 
 def error_function(x, decay):

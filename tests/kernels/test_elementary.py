@@ -136,7 +136,7 @@ def test_slope_and_curvature_of_activations(random, name):
 
 def test_error_function():
     x = np.concatenate([np.linspace(0, 8, 20001), np.geomspace(1e-300, 1e-2, 1000), [30.0, 1e100]])
-    decay = np.exp(-np.minimum(x, 30.0) ** 2)
+    decay = np.exp(-(np.minimum(x, 30.0) ** 2))
     for found in (
         elementary.error_function(x, decay),
         apply_to_both(elementary.error_function, x, decay),
