@@ -1,0 +1,312 @@
+"""Branches and softening of the pairs of a sheet under plane stress, theory (99), (100).
+
+The thickness of a pair follows from the sum of all stresses: a first pass finds the volume ratio J3
+at which the energy of the step is least, and forces are the derivatives at this J3. All is in
+double precision, whatever the precision of the forces.
+"""
+
+import math
+
+import numpy as np
+
+from ..engine.block_arrays import (
+    BLOCK,
+    block_rows,
+    pair_records,
+    put_column,
+    quad_records,
+    rows_from,
+)
+from ..engine.compile import call_block, inline, inlined, widest_vectors
+from ..engine.passes import Pass, share_of
+from .algebra import algebra_of
+from .bond_energy import COLLAPSED
+from .branches import tensors_of
+from .elementary import inverse_cube_root
+from .node_state import MOST_ITERATIONS, end_volume_ratios, is_solved, step_volume_ratios
+from .selective_energy import gradient_of_bond, parts_of_stress
+from .softening import soften, softening_factor
+
+plane = algebra_of(2)
+tensors = tensors_of(2)
+of_bond = gradient_of_bond(plane)
+put_parts = parts_of_stress(plane)
+
+TENSOR = tensors.TENSOR
+STATES = plane.MATRIX + plane.DIMENSION
+RESULT = STATES + 3
+ISOCHORIC = RESULT + 5
+STRAINS = ISOCHORIC + 5
+ADDED = STRAINS + TENSOR
+KNOWN = ADDED + TENSOR + 2
+BUFFER_ROWS = KNOWN + 6
+"""First rows of the parts of a thread's buffer, and its number of rows. Gradients and bond vectors
+begin at row 0; states (tr C, J, J3), the response of the law, its isochoric part, C or Cb, what
+branches add, and derivatives of their energy at a J3 nearby follow.
+"""
+
+LAST_STEP = 1e-7
+"""Greatest last relative step of J3: the error is about its square."""
+
+NEAR = math.sqrt(LAST_STEP)
+"""Greatest relative change of J3 over which the stress of branches across the sheet is known from
+its derivatives at the J3 before: it is smaller by mu/K than the volumetric part.
+"""
+
+
+@inlined
+def across_of_step(B, b, C, area, factors):
+    """Return the first and second derivatives of W_step by log J3, of a branch of modulus 1.
+
+    `C` is that of the plane, `area` its determinant J^2; `factors` are s and z of Cb = s C in the
+    plane and Cb33 = z. det(B + b Cb) is the product of a determinant in the plane and the entry
+    across it.
+    """
+    s, z = factors
+    linear = B[2] * C[0] - 2.0 * B[1] * C[1] + B[0] * C[2]
+    square = b * s * area
+    within = B[0] * B[2] - B[1] * B[1] + b * s * (linear + square)
+    across = B[3] + b * z
+    work = s * (linear + 2.0 * square)
+    slope = 2.0 * z * within - across * work
+    bend = 8.0 * z * (within - b * work) + 2.0 * across * s * (linear + 4.0 * square)
+    r = inverse_cube_root(within * across)
+    first = r * r * slope * (1.0 / 3.0)
+    return first, r * (r * bend * (1.0 / 9.0) - (4.0 / 3.0) * b * first * first)
+
+
+@inline
+def find_states(sums, reference, law, memory, steps):
+    """Compute the gradients of the pairs of a block and their states, with the J3 at which the
+    stress across the sheet vanishes, NaN if there is none, in the rows of a thread's buffer.
+
+    `sums` are the sums of the gradients of both points, `law` and `memory` as in `pair_energies`,
+    and `steps` the coefficients of the block.
+    """
+    bonds = rows_from(sums, plane.MATRIX)
+    states = rows_from(sums, STATES)
+    result = rows_from(sums, RESULT)
+    part = rows_from(sums, ISOCHORIC)
+    strains = rows_from(sums, STRAINS)
+    added = rows_from(sums, ADDED)
+    known = rows_from(sums, KNOWN)
+    response, isochoric, parameters = law
+    moduli, softening, _ = memory
+    for k in range(BLOCK):
+        F = of_bond(sums, bonds, reference, k)
+        state = plane.response_state(F, 1.0)
+        C = tensors.green(F, 1.0)
+        put_column(sums, k, F)
+        put_column(states, k, state)
+        put_column(strains, k, (C[0], C[1], C[2], state[1] * state[1]))
+        put_column(known, k, (0.0, 0.0, 0.0, 0.0, 0.0, 1.0 / (state[1] * state[1])))
+    for _ in range(MOST_ITERATIONS):
+        call_block(response, states, parameters, result)
+        if softening.shape[0] > 0:
+            greatest = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
+            call_block(isochoric, states, parameters, part)
+            for k in range(BLOCK):
+                eta, slope = softening_factor(part[3, k], greatest[0, k], softening)
+                across = part[2, k]
+                result[2, k] += (eta - 1.0) * across
+                result[3, k] += (eta - 1.0) * part[4, k] + slope * across * across / states[2, k]
+        if moduli.shape[0] > 0:
+            far = -1.0
+            for k in range(BLOCK):
+                far = max(far, abs(states[2, k] - known[2, k]) - NEAR * states[2, k])
+            if far > 0.0:
+                for k in range(BLOCK):
+                    J3 = states[2, k]
+                    r = inverse_cube_root(J3)
+                    s = r * r
+                    put_column(added, k, (s, s * J3 * J3 * known[5, k], 0.0, 0.0, r * s))
+                for branch in range(moduli.shape[0]):
+                    step = rows_from(steps, branch * (TENSOR + 1))
+                    weight = moduli[branch]
+                    for k in range(BLOCK):
+                        first, second = across_of_step(
+                            tensors.tensor_at(step, k),
+                            step[TENSOR, k],
+                            tensors.tensor_at(strains, k),
+                            strains[3, k],
+                            (added[0, k], added[1, k]),
+                        )
+                        added[2, k] += weight * first
+                        added[3, k] += weight * second
+                for k in range(BLOCK):
+                    J3 = states[2, k]
+                    change = J3 - known[2, k]
+                    third = (added[3, k] - known[1, k]) * (J3 / change)
+                    third = third if known[2, k] > 0.0 else 0.0
+                    near = abs(change) <= NEAR * J3
+                    known[0, k] = known[0, k] if near else added[2, k]
+                    known[1, k] = known[1, k] if near else added[3, k]
+                    known[2, k] = known[2, k] if near else J3
+                    known[3, k] = known[3, k] if near else third
+                    known[4, k] = known[4, k] if near else added[4, k]
+            for k in range(BLOCK):
+                x = (states[2, k] - known[2, k]) * known[4, k]
+                x = x - 0.5 * x * x
+                second = known[1, k] + x * known[3, k]
+                result[2, k] += known[0, k] + 0.5 * x * (known[1, k] + second)
+                result[3, k] += second * known[4, k]
+        if step_volume_ratios(BLOCK, states, result, added[0], LAST_STEP) < 0.0:
+            break
+    end_volume_ratios(BLOCK, states, result, added[0])
+    for k in range(BLOCK):
+        states[2, k] = states[2, k] if is_solved(states, result, k) else np.nan
+
+
+@Pass
+def pair_volumes(chunk, positions, gradients, pairs, law, memory, buffers, volumes):
+    """Compute the volume ratio J3 of every pair of points, at which the stress across the sheet
+    vanishes; NaN if there is none.
+    """
+    ends, geometry = pairs
+    coefficients = memory[2]
+    widest_vectors()
+    sums = block_rows(buffers[chunk.thread])
+    bonds = rows_from(sums, plane.MATRIX)
+    states = rows_from(sums, STATES)
+    for block in share_of(geometry.shape[0], chunk):
+        at = block * BLOCK
+        for k in range(0, BLOCK, 4):
+            plane.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
+        find_states(sums, block_rows(geometry[block]), law, memory, block_rows(coefficients[block]))
+        found = volumes[at : at + BLOCK]
+        for k in range(BLOCK):
+            found[k] = states[2, k]
+    return 0
+
+
+@Pass
+def pair_energies(
+    chunk,
+    positions,
+    gradients,
+    pairs,
+    law,
+    memory,
+    elastic,
+    buffers,
+    scratch,
+    results,
+):
+    """Compute the energy, the force and the moment of every pair, see `bond_energy.pair_energies`.
+
+    `pairs` are the numbers of the first and second points, and their geometry. `law` are the
+    addresses of the law's response under plane stress and of its isochoric part, which softening
+    needs, and its parameters. `memory` are the moduli of the branches over the shear modulus, the
+    parameters of softening or none, and the coefficients of `selective_memory.begin_steps`.
+    `elastic` is the address of the exact elastic energy, or 0. If it is given, energies, forces and
+    moments hold those of a learned elastic energy, to which the difference between the energy with
+    memory and the exact elastic one is added. The results are: `counts`, of which the first column
+    stays as it is; energies of blocks of which forces and moments are the derivatives, and those
+    that are stored; forces and moments.
+    """
+    ends, geometry = pairs
+    moduli, softening, coefficients = memory
+    response, isochoric, parameters = law
+    counts, energies, stored, forces, moments = results
+    widest_vectors()
+    sums = block_rows(buffers[chunk.thread])
+    bonds = rows_from(sums, plane.MATRIX)
+    states = rows_from(sums, STATES)
+    result = rows_from(sums, RESULT)
+    part = rows_from(sums, ISOCHORIC)
+    strains = rows_from(sums, STRAINS)
+    added = rows_from(sums, ADDED)
+    known = rows_from(sums, KNOWN)
+    counted = geometry.shape[1] - 1
+    modulus = 0.0
+    for branch in range(moduli.shape[0]):
+        modulus += moduli[branch]
+    small = 0
+    bad = 0
+    for block in share_of(geometry.shape[0], chunk):
+        at = block * BLOCK
+        reference = block_rows(geometry[block])
+        steps = block_rows(coefficients[block])
+        for k in range(0, BLOCK, 4):
+            plane.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
+        find_states(sums, reference, law, memory, steps)
+        few = 0.0
+        for k in range(BLOCK):
+            J3 = states[2, k]
+            C = strains[0, k], strains[1, k], strains[2, k], J3 * J3 * known[5, k]
+            r = inverse_cube_root(J3)
+            Cb = tensors.scaled(r * r, C)
+            put_column(strains, k, Cb)
+            put_column(added, k, (*tensors.scaled(0.0, Cb), 0.0, r * r))
+            # NaN is counted, too.
+            few += 0.0 if states[1, k] > COLLAPSED else 1.0
+        if few > 0.0:
+            small += int(few)
+            for k in range(BLOCK):
+                bad += 0 if states[1, k] > 0.0 else 1
+        call_block(response, states, parameters, result)
+        # Rows 2 and 3 are no longer needed: they hold the stored energy and the potential.
+        for k in range(BLOCK):
+            result[2, k] = result[4, k]
+            result[3, k] = result[4, k]
+        if softening.shape[0] > 0:
+            before = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
+            call_block(isochoric, states, parameters, part)
+            for k in range(BLOCK):
+                eta, potential, rest = soften(part[3, k], before[0, k], before[1, k], softening)
+                result[0, k] *= eta
+                result[1, k] *= eta
+                result[2, k] += rest - part[3, k]
+                result[3, k] += potential - part[3, k]
+        for branch in range(moduli.shape[0]):
+            step = rows_from(steps, branch * (TENSOR + 1))
+            weight = moduli[branch]
+            for k in range(BLOCK):
+                Cb = tensors.tensor_at(strains, k)
+                M, gained = tensors.take_step(
+                    tensors.tensor_at(step, k), step[TENSOR, k], Cb, tensors.cofactor_of(Cb)
+                )
+                summed = tensors.combined(tensors.tensor_at(added, k), weight, M)
+                put_column(added, k, (*summed, added[TENSOR, k] + weight * gained))
+        if elastic != 0:
+            call_block(elastic, states, moduli, moduli, response, parameters, moduli, scratch, part)
+            for k in range(BLOCK):
+                result[0, k] -= 2.0 * part[1, k]
+                result[1, k] -= states[1, k] * part[2, k]
+                result[2, k] -= part[0, k]
+                result[3, k] -= part[0, k]
+        total = 0.0
+        kept = 0.0
+        for k in range(BLOCK):
+            F = plane.matrix_column_at(sums, k)
+            V = np.float64(reference[3, k])
+            M = tensors.tensor_at(added, k)
+            Cb = tensors.tensor_at(strains, k)
+            mean = tensors.contraction(M, Cb)
+            # As in (7) the pressure is eliminated by the stress across the sheet, which is zero.
+            state = states[0, k], states[1, k], states[2, k]
+            P = plane.first_piola(F, state, (result[0, k], result[1, k] - M[3] * Cb[3]), V)
+            P = plane.plus_matrix(
+                P, plane.times_matrix(V * added[TENSOR + 1, k], tensors.gradient_times(F, M))
+            )
+            total += reference[counted, k] * (result[3, k] + added[TENSOR, k])
+            kept += reference[counted, k] * (result[2, k] + 0.5 * (mean - 3.0 * modulus))
+            put_parts(bonds, sums, reference, k, P)
+        if elastic != 0:
+            force = pair_records(forces[at : at + BLOCK])
+            moment = quad_records(moments[at : at + BLOCK])
+            for k in range(BLOCK):
+                for row in range(2):
+                    bonds[row, k] += force[k, row]
+                for row in range(4):
+                    sums[row, k] += moment[k, row]
+            kept += energies[block]
+            total += energies[block]
+        for k in range(0, BLOCK, 4):
+            plane.put_vectors(bonds, k, forces, at + k)
+            plane.put_matrices(sums, k, moments, at + k)
+        energies[block] = total
+        stored[block] = kept
+    counts[chunk.number, 1] = small
+    counts[chunk.number, 2] = bad
+    return 0
