@@ -11,8 +11,8 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..kernels import selective_memory
 from ..kernels.branches import GREATEST, tensors_of
+from ..kernels.softening import softening_factor
 from ..materials import PLANES
-from ..materials.histories import softened
 from .binding import Binding
 from .kinematics import Kinematics, matrices
 from .pair_passes import bond_gradients
@@ -70,8 +70,8 @@ class PairMemory:
         ]
         self._dissipated = history[3]
         numbers = np.arange(pairs, dtype=np.uint32)[part.points.pairs]
-        rows = branches * (tensors.TENSOR + 1) + softened
-        coefficients = aligned_rows((len(part.geometry), rows, BLOCK), precision)
+        rows = branches * (tensors.TENSOR + 1) + 2 * softened
+        coefficients = aligned_rows((len(part.geometry), rows, BLOCK))
         for branch in range(branches):
             first = branch * (tensors.TENSOR + 1)
             coefficients[:, first : first + tensors.TENSOR] = np.reshape(tensors.DIAGONAL, (-1, 1))
@@ -102,6 +102,7 @@ class PairMemory:
             self._moduli,
             self._times,
             self._softening,
+            coefficients,
             history,
             memory,
             buffers,
@@ -177,8 +178,8 @@ class PairMemory:
         energy = (tensors.contraction(total, Cb) - 3 * self._moduli.sum()) / 2
         eta = np.ones(len(F))
         if len(self._softening):
-            softening = part.points.law.memory.scaled(1 / part.unit).softening
-            eta = softened(softening, self._isochoric_energies(F, J3), rows[-1])
+            W = self._isochoric_energies(F, J3)
+            eta = softening_factor(W, rows[-2], self._softening)[0]
         found = self._means(np.column_stack([*total, eta, energy]), [*[0.0] * len(Cb), 1.0, 0.0])
         M = np.zeros((found.shape[1], 3, 3))
         for (r, c), values in zip(tensors.PLACES, found, strict=False):

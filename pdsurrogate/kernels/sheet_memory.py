@@ -5,8 +5,6 @@ at which the energy of the step is least, and forces are the derivatives at this
 double precision, whatever the precision of the forces.
 """
 
-import math
-
 import numpy as np
 
 from ..engine.block_arrays import (
@@ -22,10 +20,10 @@ from ..engine.passes import Pass, share_of
 from .algebra import algebra_of
 from .bond_energy import COLLAPSED
 from .branches import tensors_of
-from .elementary import exponential, inverse_cube_root
+from .elementary import inverse_cube_root
 from .node_state import MOST_ITERATIONS, limited_step
 from .selective_energy import gradient_of_bond, parts_of_stress
-from .selective_memory import LEAST, soften
+from .softening import soften, softening_factor
 
 plane = algebra_of(2)
 tensors = tensors_of(2)
@@ -99,15 +97,6 @@ def interpolated_step(residual, slope, J3, before):
     moves = (1.0 - before[2] / J3) * (step / J3)
     error = 4.0 * moves * moves + abs(third * third / (second * J3))
     return step, inverse, error if falls else np.inf
-
-
-@inlined
-def softening_factor(energy, greatest, softening):
-    """Return the factor eta of softening at an energy W, and its derivative by W."""
-    scale = max(softening[1] + softening[2] * greatest, LEAST)
-    below = max(greatest - energy, 0.0) / scale
-    slope = 2.0 / math.sqrt(math.pi) / (softening[0] * scale) * exponential(-below * below)
-    return 1.0 - math.erf(below) / softening[0], slope if below > 0.0 else 0.0
 
 
 @inline
@@ -283,10 +272,10 @@ def pair_energies(
             result[2, k] = result[4, k]
             result[3, k] = result[4, k]
         if softening.shape[0] > 0:
-            greatest = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
+            before = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
             call_block(isochoric, states, parameters, part)
             for k in range(BLOCK):
-                eta, potential, rest = soften(part[3, k], greatest[0, k], softening)
+                eta, potential, rest = soften(part[3, k], before[0, k], before[1, k], softening)
                 result[0, k] *= eta
                 result[1, k] *= eta
                 result[2, k] += rest - part[3, k]
