@@ -775,7 +775,7 @@ TABLES = {
             of_memory,
             [()],
             "plane",
-            "elastic (ns/bond): .1f",
+            "elastic (ns/pair): .1f",
             "first branch: .2f",
             "further branch: .2f",
             "softening: .2f",
