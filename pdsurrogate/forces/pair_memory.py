@@ -58,7 +58,7 @@ class PairMemory:
         pairs = len(body.bonds.first)
         history = (
             np.tile(tensors.DIAGONAL, (pairs, branches)),
-            np.tile(tensors.DIAGONAL, (pairs, 1)),
+            np.tile(tensors.DIAGONAL, (pairs if branches else 0, 1)),
             np.zeros(pairs if softened else 0),
             np.zeros((pairs, 2)),
         )
@@ -69,7 +69,9 @@ class PairMemory:
             if values.size
         ]
         self._dissipated = history[3]
-        numbers = np.arange(pairs, dtype=np.uint32)[part.points.pairs]
+        own = np.arange(pairs, dtype=np.uint32)[part.points.pairs]
+        numbers = np.zeros(len(part.forces), dtype=np.uint32)
+        numbers[: len(own)] = own
         rows = branches * (tensors.TENSOR + 1) + 2 * softened
         coefficients = aligned_rows((len(part.geometry), rows, BLOCK))
         for branch in range(branches):
@@ -99,6 +101,7 @@ class PairMemory:
             volumes,
             *energy,
             numbers,
+            len(own),
             self._moduli,
             self._times,
             self._softening,

@@ -46,34 +46,34 @@ def begin_steps(algebra):
         """Write (B, b) of every branch and, with softening, the greatest energy of every pair and
         what it has dissipated to `coefficients` (n_blocks, rows, BLOCK).
 
-        `pairs` are the numbers of the pairs in the `history`: C_k of the branches, Cb, the greatest
-        energies, and dissipated energies, which are not read. `greatest_b` bounds b, and energies
-        of the history are divided by `unit`.
+        `pairs` are the numbers of the pairs in the `history`, C_k of the branches, Cb, the greatest
+        energies, and dissipated energies, which are not read; they fill blocks, to which any number
+        may be added. `greatest_b` bounds b, and energies of the history are divided by `unit`.
         """
         states, strains, greatest, _ = history
         widest_vectors()
         C_k = block_rows(buffers[chunk.thread])
         Cb = rows_from(C_k, tensor)
-        count = pairs.shape[0]
         for block in share_of(coefficients.shape[0], chunk):
             at = block * BLOCK
-            size = min(BLOCK, count - at)
             into = block_rows(coefficients[block])
-            for k in range(size):
-                put_column(Cb, k, tensors.tensor_of(strains, pairs[at + k], 0))
+            if times.shape[0] > 0:
+                for k in range(0, BLOCK, 4):
+                    tensors.take_listed(strains, tensor, pairs, at + k, 0, Cb, k)
             for branch in range(times.shape[0]):
                 h = elapsed / times[branch]
-                for k in range(size):
-                    put_column(C_k, k, tensors.tensor_of(states, pairs[at + k], branch * tensor))
+                place = branch * tensor
+                for k in range(0, BLOCK, 4):
+                    tensors.take_listed(states, states.shape[1], pairs, at + k, place, C_k, k)
                 found = rows_from(into, branch * (tensor + 1))
-                for k in range(size):
+                for k in range(BLOCK):
                     B, b = tensors.begin_step(
                         tensors.tensor_at(C_k, k), tensors.tensor_at(Cb, k), h
                     )
                     put_column(found, k, (*B, min(b, greatest_b)))
             if softening.shape[0] > 0:
                 known = rows_from(into, times.shape[0] * (tensor + 1))
-                for k in range(size):
+                for k in range(BLOCK):
                     known[0, k] = greatest[pairs[at + k]] / unit
                 for k in range(BLOCK):
                     known[1, k] = softening_loss(known[0, k], softening)
@@ -248,6 +248,7 @@ def accept_steps(algebra):
         energy,
         constants,
         pairs,
+        count,
         moduli,
         times,
         softening,
@@ -257,7 +258,8 @@ def accept_steps(algebra):
         buffers,
     ):
         """Bring the `history`, see `begin_steps`, to the state at these positions, a time `elapsed`
-        after the last one, for which `begin_steps` has computed the `coefficients`.
+        after the last one, for which `begin_steps` has computed the `coefficients`; the first
+        `count` of the `pairs` are brought there.
 
         `volumes` are the volume ratios of the pairs of a sheet under plane stress, else empty.
         Dissipated energies of branches and of softening are added, and are in units in which
@@ -273,7 +275,7 @@ def accept_steps(algebra):
         C_k = rows_from(before, tensor)
         states = rows_from(block_rows(memory[chunk.thread]), state_rows)
         result = rows_from(states, STATE_ROWS)
-        count = pairs.shape[0]
+        width = all_states.shape[1]
         free = volumes.shape[0] > 0
         for block in share_of(geometry.shape[0], chunk):
             at = block * BLOCK
@@ -300,22 +302,25 @@ def accept_steps(algebra):
                     if strains[0, k] > known[0, k]:
                         all_greatest[pair] = unit * strains[0, k]
                     dissipated[pair, 1] += unit * reference[volume, k] * strains[1, k]
+            if times.shape[0] == 0:
+                continue
             for k in range(BLOCK):
                 F = of_bond(sums, bonds, reference, k)
                 J = algebra.determinant(F)
                 J3 = volumes[at + k] if free else J
                 Cb = tensors.isochoric(tensors.green(F, (J3 / J) * (J3 / J)), J3)
                 put_column(strains, k, (*Cb, 0.0))
+            for k in range(0, BLOCK, 4):
+                tensors.take_listed(all_strains, tensor, pairs, at + k, 0, before, k)
             for k in range(size):
-                put_column(before, k, tensors.tensor_of(all_strains, pairs[at + k], 0))
                 for n in range(tensor):
                     all_strains[pairs[at + k], n] = strains[n, k]
             for branch in range(times.shape[0]):
                 h = elapsed / times[branch]
                 place = branch * tensor
                 step = rows_from(steps, branch * (tensor + 1))
-                for k in range(size):
-                    put_column(C_k, k, tensors.tensor_of(all_states, pairs[at + k], place))
+                for k in range(0, BLOCK, 4):
+                    tensors.take_listed(all_states, width, pairs, at + k, place, C_k, k)
                 for k in range(BLOCK):
                     Cb = tensors.tensor_at(strains, k)
                     begun = tensors.tensor_at(C_k, k)
