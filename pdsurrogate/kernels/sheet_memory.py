@@ -17,6 +17,7 @@ from ..engine.block_arrays import (
 )
 from ..engine.compile import call_block, inline, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import fetch
 from .algebra import algebra_of
 from .bond_energy import COLLAPSED
 from .branches import tensors_of
@@ -29,6 +30,7 @@ plane = algebra_of(2)
 tensors = tensors_of(2)
 of_bond = gradient_of_bond(plane)
 put_parts = parts_of_stress(plane)
+fetch_steps = fetch(4 * (tensors.TENSOR + 1))
 
 TENSOR = tensors.TENSOR
 STATES = plane.MATRIX + plane.DIMENSION
@@ -73,6 +75,26 @@ def across_of_step(B, b, C, area, factors):
     r = inverse_cube_root(within * across)
     first = r * r * slope * (1.0 / 3.0)
     return first, r * (r * bend * (1.0 / 9.0) - (4.0 / 3.0) * b * first * first)
+
+
+@inlined
+def end_of_step(B, b, C, area, factors):
+    """Return M = C_k^-1 at the end of a step and W_step, of a branch of modulus 1, with the
+    arguments of `across_of_step`.
+    """
+    s, z = factors
+    linear = s * (B[2] * C[0] - 2.0 * B[1] * C[1] + B[0] * C[2] + b * s * area)
+    begun = B[0] * B[2] - B[1] * B[1]
+    within = begun + b * linear
+    across = B[3] + b * z
+    r = inverse_cube_root(within * across)
+    root = within * across * r * r
+    # (det(B + b Cb) - 1)/b, without a difference of nearly equal numbers; det B = det Cb = 1.
+    change = begun * z + across * linear
+    A = tensors.combined(B, b * s, C)
+    plane_part = r * r * across
+    M = plane_part * A[2], -plane_part * A[1], plane_part * A[0], r * r * within
+    return M, 1.5 * (change / (root * root + root + 1.0) - 1.0)
 
 
 @inlined
@@ -255,11 +277,9 @@ def pair_energies(
         few = 0.0
         for k in range(BLOCK):
             J3 = states[2, k]
-            C = strains[0, k], strains[1, k], strains[2, k], J3 * J3 * known[4, k]
             r = inverse_cube_root(J3)
-            Cb = tensors.scaled(r * r, C)
-            put_column(strains, k, Cb)
-            put_column(added, k, (*tensors.scaled(0.0, Cb), 0.0, r * r))
+            s = r * r
+            put_column(added, k, (0.0, 0.0, 0.0, 0.0, s, s * J3 * J3 * known[4, k]))
             # NaN is counted, too.
             few += 0.0 if states[1, k] > COLLAPSED else 1.0
         if few > 0.0:
@@ -280,16 +300,20 @@ def pair_energies(
                 result[1, k] *= eta
                 result[2, k] += rest - part[3, k]
                 result[3, k] += potential - part[3, k]
+        total = 0.0
         for branch in range(moduli.shape[0]):
             step = rows_from(steps, branch * (TENSOR + 1))
             weight = moduli[branch]
             for k in range(BLOCK):
-                Cb = tensors.tensor_at(strains, k)
-                M, gained = tensors.take_step(
-                    tensors.tensor_at(step, k), step[TENSOR, k], Cb, tensors.cofactor_of(Cb)
+                M, gained = end_of_step(
+                    tensors.tensor_at(step, k),
+                    step[TENSOR, k],
+                    tensors.tensor_at(strains, k),
+                    strains[3, k],
+                    (added[4, k], added[5, k]),
                 )
-                summed = tensors.combined(tensors.tensor_at(added, k), weight, M)
-                put_column(added, k, (*summed, added[TENSOR, k] + weight * gained))
+                put_column(added, k, tensors.combined(tensors.tensor_at(added, k), weight, M))
+                total += reference[counted, k] * (weight * gained)
         if elastic != 0:
             call_block(elastic, states, moduli, moduli, response, parameters, moduli, scratch, part)
             for k in range(BLOCK):
@@ -297,21 +321,19 @@ def pair_energies(
                 result[1, k] -= states[1, k] * part[2, k]
                 result[2, k] -= part[0, k]
                 result[3, k] -= part[0, k]
-        total = 0.0
         kept = 0.0
         for k in range(BLOCK):
             F = plane.matrix_column_at(sums, k)
             V = np.float64(reference[3, k])
             M = tensors.tensor_at(added, k)
-            Cb = tensors.tensor_at(strains, k)
-            mean = tensors.contraction(M, Cb)
+            s, z = added[4, k], added[5, k]
+            C = tensors.tensor_at(strains, k)
+            mean = s * (M[0] * C[0] + 2.0 * M[1] * C[1] + M[2] * C[2]) + z * M[3]
             # As in (7) the pressure is eliminated by the stress across the sheet, which is zero.
             state = states[0, k], states[1, k], states[2, k]
-            P = plane.first_piola(F, state, (result[0, k], result[1, k] - M[3] * Cb[3]), V)
-            P = plane.plus_matrix(
-                P, plane.times_matrix(V * added[TENSOR + 1, k], tensors.gradient_times(F, M))
-            )
-            total += reference[counted, k] * (result[3, k] + added[TENSOR, k])
+            P = plane.first_piola(F, state, (result[0, k], result[1, k] - M[3] * z), V)
+            P = plane.plus_matrix(P, plane.times_matrix(V * s, tensors.gradient_times(F, M)))
+            total += reference[counted, k] * result[3, k]
             kept += reference[counted, k] * (result[2, k] + 0.5 * (mean - 3.0 * modulus))
             put_parts(bonds, sums, reference, k, P)
         if elastic != 0:
@@ -327,6 +349,9 @@ def pair_energies(
         for k in range(0, BLOCK, 4):
             plane.put_vectors(bonds, k, forces, at + k)
             plane.put_matrices(sums, k, moments, at + k)
+            row = (block + 1) * coefficients.shape[1] * BLOCK
+            for branch in range(moduli.shape[0]):
+                fetch_steps(coefficients, row + (branch * BLOCK + k) * (TENSOR + 1))
         energies[block] = total
         stored[block] = kept
     counts[chunk.number, 1] = small
