@@ -28,15 +28,21 @@ def fitted_history(
 def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
     """Return a report of a fit of branches as plain values.
 
-    ``curves`` has the RMS error of each specimen relative to its greatest stress, ``rates`` the
-    least and greatest rate of stretch, ``cross_validation`` the errors of stresses left out by
-    number of branches.
+    ``curves`` has the RMS error of each specimen relative to its greatest stress, the factor of the
+    fit's stresses that describes the specimen best, and the error that is left with it; ``rates``
+    are the least and greatest rate of stretch, ``cross_validation`` the errors of stresses left out
+    by number of branches.
     """
     predicted = model.predict(model.rows_of(data))
     curves = []
     for number in np.unique(data.curve):
         rows = data.curve == number
-        off = predicted[rows] - data.nominal_stress[rows]
+        fit, stress = predicted[rows], data.nominal_stress[rows]
+        factor = float(fit @ stress / (fit @ fit))
+        rms, scaled = (
+            float(np.sqrt(((one - stress) ** 2).mean()) / np.abs(stress).max())
+            for one in (fit, factor * fit)
+        )
         curves.append(
             {
                 "specimen": data.tests.specimens[number].name if data.tests else str(number),
@@ -44,9 +50,9 @@ def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
                 "rows": int(rows.sum()),
                 "duration": float(np.ptp(data.time[rows])),
                 "greatest_stretch": float(data.stretches[rows, 0].max()),
-                "relative_rms": float(
-                    np.sqrt((off**2).mean()) / np.abs(data.nominal_stress[rows]).max()
-                ),
+                "relative_rms": rms,
+                "factor": factor,
+                "scaled_rms": scaled,
             }
         )
     judgement = judged(model, data, model.form)

@@ -223,6 +223,32 @@ def test_sudden_states_are_those_of_the_glassy_law(plane):
     assert force.stiffness_moduli == glassy.stiffness_moduli
 
 
+@pytest.mark.parametrize(("precision", "rounding"), [("float64", 3e-7), ("float32", 3e-6)])
+def test_learned_isochoric_energies_have_histories_in_doubles(precision, rounding):
+    settings = ForceSettings(plane="space", precision=precision)
+    exact = bound("space", law())
+    learned = pds.load_surrogate("neo-hookean-isochoric").bind(exact.body, law(), settings)
+    for number, dt in enumerate((0.7, 0.0, 3.0)):
+        for force in (exact, learned):
+            force.elapse(dt)
+            force.last = evaluate(force, moved(exact, "space", number))
+            force.accept(moved(exact, "space", number))
+        difference = np.abs(learned.last - exact.last).max()
+        assert difference < rounding * np.abs(exact.last).max()
+        assert stored_by(learned) == pytest.approx(stored_by(exact), rel=rounding)
+    before = [force.history["branch_states"].copy() for force in (exact, learned)]
+    np.testing.assert_allclose(*before, atol=rounding / 30)
+    for force in (exact, learned):  # shorter than what single precision resolves
+        for _ in range(20):
+            force.elapse(1e-8)
+            force.accept(moved(exact, "space", 2))
+    changes = [
+        force.history["branch_states"] - begun
+        for force, begun in zip((exact, learned), before, strict=True)
+    ]
+    np.testing.assert_allclose(changes[1], changes[0], atol=1e-6 * np.abs(changes[0]).max())
+
+
 @pytest.mark.parametrize("modulus", [1e-6, 1e6])
 @pytest.mark.parametrize("time", [1e-6, 1e6])
 @pytest.mark.parametrize("plane", ["space", "stress"])
