@@ -291,7 +291,17 @@ def pair_energies(
                 put_column(added, k, tensors.combined(tensors.tensor_at(added, k), weight, M))
                 total += reference[counted, k] * (weight * gained)
         if elastic != 0:
-            call_block(elastic, states, moduli, moduli, response, parameters, moduli, scratch, part)
+            call_block(
+                elastic,
+                states,
+                moduli,
+                moduli,
+                response,
+                parameters,
+                moduli,
+                scratch[chunk.thread],
+                part,
+            )
             for k in range(BLOCK):
                 result[0, k] -= 2.0 * part[1, k]
                 result[1, k] -= states[1, k] * part[2, k]
