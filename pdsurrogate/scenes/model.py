@@ -521,6 +521,7 @@ class SceneData(StrictModel):
     title: str = ""
     spacing: Annotated[Positive, Field(ge=LEAST_SPACING, le=MOST_SPACING)] | None
     stretches: Annotated[tuple[Level, ...], _OneOrMany] = ()
+    times: Annotated[tuple[Annotated[Finite, Field(ge=0)], ...], _OneOrMany] = ()
     body: AnyBody
     holes: tuple[AnyShape, ...] = ()
     precuts: tuple[AnyPrecut, ...] = ()
