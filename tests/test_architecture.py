@@ -214,7 +214,10 @@ def test_forces_and_loads_are_not_searched_for_what_they_may_have():
                 ), f"{module}: {asked}"
 
 
-SLOW = {"cli.simulation", "forces.pair_memory", "learning", "results", "run.preview"}
+SLOW = {
+    *("cli.simulation", "forces.pair_memory", "forces.sheet_memory"),
+    *("learning", "results", "run.preview"),
+}
 """What functions import of our own: rooms and files that load numba, scikit-learn, torch or
 matplotlib, or kernels for few materials.
 """

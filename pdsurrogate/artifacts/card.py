@@ -360,6 +360,9 @@ class DomainSpec(StrictModel):
     hull : list of triples of float, optional
         Convex hull of the test data behind the surrogate: half-planes (n1, n2, d), n1 log l1 + n2
         log l2 <= d, of the two greater of three principal stretches l of product 1. Unit: none.
+    rates : pair of float, optional
+        Least and greatest rate of stretch of the tests behind the branches of the material. Unit:
+        1/s.
     """
 
     least_stretch: Positive
@@ -372,6 +375,7 @@ class DomainSpec(StrictModel):
         ]
         | None
     ) = None
+    rates: tuple[Positive, Positive] | None = None
 
 
 class Card(StrictModel):

@@ -4,6 +4,7 @@ their own.
 
 import json
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 from ..forces import FORCES, ForceModel
@@ -23,6 +24,9 @@ PASCALS |= {"psi": 6894.757293168361, "ksi": 6894757.293168361, "kgf/cm2": 98066
 messages on test data show (`measurements.quantities.UNITS`), whose library no simulation loads.
 """
 
+SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
+"""Units of time in seconds, in which times of tests and relaxation times on cards are."""
+
 
 def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceModel]:
     """Return a scene, with a material for which a force model holds, and the force model.
@@ -30,7 +34,8 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     An exact force model leaves the scene as it is. With an artifact, a built-in scene with its
     default material takes the law on the artifact's card, with these moduli:
 
-    * moduli identified from test data with a unit are converted to the scene's unit of stress;
+    * moduli identified from test data with a unit are converted to the scene's unit of stress, and
+      relaxation times, in seconds, to its unit of time;
     * other identified or user-given moduli are taken as numbers in the scene's unit of stress;
     * moduli left at the law's defaults have no unit, and are scaled so that the shear modulus is
       that of the scene.
@@ -117,7 +122,9 @@ def material_on(card: Card, scene: Scene) -> Law:
     tests = card.training.get("identification") or {}
     unit = tests.get("stress_unit", "MPa" if tests.get("data") in DATA_OF_THE_PACKAGE else None)
     if unit in PASCALS and scene.units.stress in PASCALS:
-        return law.scaled(PASCALS[unit] / PASCALS[scene.units.stress])
+        law = law.scaled(PASCALS[unit] / PASCALS[scene.units.stress])
+    if tests and law.memory and scene.units.time in SECONDS:
+        law = replace(law, memory=law.memory.scaled(1.0, 1 / SECONDS[scene.units.time]))
     return law
 
 

@@ -102,7 +102,7 @@ class EnergyModel(ForceModel):
     """
 
     family = "bond energy"
-    remembers = ("strain", "space")
+    remembers = tuple(PLANES)
     domain: Domain | None
 
     @property

@@ -23,6 +23,9 @@ class Domain:
         Hull of the test data of an energy: half-planes (n1, n2, d) in the logarithms of the two
         greater of three principal stretches of product 1, the greatest first, n1 log l1 + n2 log l2
         <= d.
+    rates : tuple of float, optional
+        Least and greatest rate of stretch of the tests behind branches, per second
+        (`pdsurrogate.materials.memory.untested_rates`).
     """
 
     least_stretch: float
@@ -30,6 +33,7 @@ class Domain:
     least_bulk: float
     greatest_bulk: float
     hull: tuple[tuple[float, float, float], ...] | None = field(default=None, repr=False)
+    rates: tuple[float, float] | None = field(default=None, repr=False)
 
     @property
     def interior(self) -> Self:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -130,7 +130,7 @@ class PairEnergy(MaterialTerm):
         leading = [] if binding.number else self.kinematics.steps()
         after = [
             *after,
-            *(part.find for part in self.parts),
+            *(step for part in self.parts for step in part.steps),
             *to_points,
         ]
         self._find_forces, self._find_all = (
@@ -144,8 +144,10 @@ class PairEnergy(MaterialTerm):
     def _memory_of(self, number: int) -> PairMemory:
         """Return the memory of a material, which becomes part of the history."""
         from .pair_memory import PairMemory  # here, for few materials have one
+        from .sheet_memory import SheetMemory
 
-        memory = PairMemory(self.binding, self.parts[number], number)
+        kind = PairMemory if self.selective else SheetMemory
+        memory = kind(self.binding, self.parts[number], number)
         self.state += memory.state
         self.kept |= {array.name: array.values for array in memory.state}
         return memory
@@ -202,12 +204,13 @@ class PairEnergy(MaterialTerm):
 
     def accept(self, elapsed: float) -> None:
         self.kinematics.form_gradients()
+        if not self._begun:
+            self._begin()
         for points in self.materials:
             for step in points.seen:
                 step()
         for memory in self._memories:
-            memory.accept.give_number("elapsed", elapsed)
-            memory.accept()
+            memory.accept(elapsed)
 
     def energy(self) -> float:
         return self._energy
@@ -382,7 +385,10 @@ class PairEnergy(MaterialTerm):
 
     def volume_ratios(self) -> np.ndarray:
         if self.volume is None:
-            return super().volume_ratios()
+            found = super().volume_ratios()
+            for part in self._remembering():
+                found[part.points.own[1]] = part.memory.volume_ratios()
+            return found
         self.kinematics.form_gradients()
         self.body.share.agree(
             InvalidState(self._without_energy()) if self.volume.find_dilatations() else None
@@ -398,36 +404,46 @@ class PairEnergy(MaterialTerm):
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
         stress, energy = self._elastic_stress_and_energy()
-        if self._memories and not self._begun:
-            self._begin()
-        for part in self.parts:
-            if part.memory is not None:
-                self._add_memory(part, stress, energy)
+        for part in self._remembering():
+            self._add_memory(part, stress, energy)
         return stress, energy
 
-    def _add_memory(self, part: SelectivePairs, stress: np.ndarray, energy: np.ndarray) -> None:
+    def _remembering(self) -> list:
+        """Return the parts with memory, ready to be asked about points in the present state."""
+        if self._memories and not self._begun:
+            self._begin()
+        return [part for part in self.parts if part.memory is not None]
+
+    def _add_memory(self, part: Any, stress: np.ndarray, energy: np.ndarray) -> None:
         """Add branches and softening of a material to the elastic stress and energy density of its
         points, from means over their bonds.
         """
         plane = PLANES[self.kinematics.plane]
-        M, eta, stored = part.memory.at_points(plane.isochoric_state)
+        M, eta, stored = part.memory.at_points()
         _, at = part.points.own
         F = self.kinematics.deformation_gradients()[at]
+        J3 = self.volume_ratios()[at]
         law = part.points.law
         if law.memory.softening is not None:
-            ones, zeros = np.ones(len(F)), np.zeros(len(F))
-            elastic, _ = plane.stress_and_energy(
-                law, F, ones, zeros, part.isochoric.evaluate(*plane.isochoric_state(F))
+            elastic = (
+                plane.stress_and_energy(
+                    law, F, J3, 0 * J3, part.isochoric.evaluate(*plane.isochoric_state(F))
+                )
+                if self.selective
+                else plane.stress_and_energy(law, F, J3)
             )
-            stress[at] += (eta - 1)[:, None, None] * elastic
+            stress[at] += (eta - 1)[:, None, None] * elastic[0]
         full = np.zeros((len(F), 3, 3))
-        full[:, 2, 2] = 1.0
+        full[:, 2, 2] = 1.0 if self.selective else J3 / np.linalg.det(F)
         full[:, : F.shape[1], : F.shape[1]] = F
         J = np.linalg.det(full)[:, None, None]
         FM = full @ M
         mean = np.einsum("nij,nij->n", FM, full)[:, None, None] / 3
         inverse = np.linalg.inv(full).swapaxes(1, 2)
-        stress[at] += part.unit * np.cbrt(J) ** -2 * (FM - mean * inverse)
+        found = np.cbrt(J) ** -2 * (FM - mean * inverse)
+        if not self.selective:  # no stress across the sheet
+            found -= (found[:, 2, 2] * full[:, 2, 2])[:, None, None] * inverse
+        stress[at] += part.unit * found
         energy[at] += part.unit * stored
 
     def _elastic_stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
@@ -450,11 +466,17 @@ class PairEnergy(MaterialTerm):
             self.binding.outside == "fallback"
         ):  # the exact energy counts in the whole band where it is blended in
             learned = self.domain_deviation() < 0.5 * np.log(1 - BLEND)
-        stress[learned, :2, :2] = (
+        if law.memory:  # added to the elastic energy at the thickness without memory
+            _, exact, density = plane_stress.exact(law, F[learned])
+            stress[learned] -= exact
+            energy[learned] -= density
+        else:
+            stress[learned] = energy[learned] = 0.0
+        stress[learned, :2, :2] += (
             part.unit
             * plane_stress.in_plane_stress(F, 2 * found.by_trace, J * found.by_area)[learned]
         )
-        energy[learned] = part.unit * found.psi[learned]
+        energy[learned] += part.unit * found.psi[learned]
         return stress, energy
 
     def domain_deviation(self) -> np.ndarray | None:

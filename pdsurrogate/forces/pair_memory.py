@@ -1,16 +1,21 @@
-"""Branches and softening of the pairs of one material with a selective energy: their history, and
-the passes that read it and add to it.
+"""Branches and softening of the pairs of one material: their history, and the passes that read it
+and add to it.
 """
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.passes import BoundPass
 from ..kernels import selective_memory
 from ..kernels.branches import GREATEST, tensors_of
-from ..materials.histories import softened
+from ..kernels.softening import softening_factor
+from ..materials import PLANES
 from .binding import Binding
-from .kinematics import matrices
-from .pair_passes import SelectivePairs, bond_gradients
+from .kinematics import Kinematics, matrices
+from .pair_passes import bond_gradients
 from .term import StateArray
 
 
@@ -21,7 +26,8 @@ class PairMemory:
     ----------
     binding : Binding
     part : SelectivePairs
-        Pairs of the material, which get this memory and its pass.
+        Pairs of the material, which get this memory and its passes; in a sheet under plane stress
+        `PairEnergies` (`SheetMemory`).
     number : int
         Number of the material.
 
@@ -31,22 +37,20 @@ class PairMemory:
         History, with a row for every pair of the body: C_k of the branches, Cb, the greatest
         isochoric energy per volume, and the energies dissipated by branches and by softening. Rows
         of C_k and Cb have the components of `pdsurrogate.kernels.branches`.
-    accept : BoundPass
-        Pass that adds a state to the history, after the time that is its argument ``elapsed``.
     """
 
-    def __init__(self, binding: Binding, part: SelectivePairs, number: int) -> None:
+    def __init__(self, binding: Binding, part: Any, number: int) -> None:
         kinematics = binding.kinematics
         body = kinematics.body
         d = body.dimension
         law = part.points.law
-        isochoric = part.isochoric
-        precision = isochoric.precision
+        energy, precision, volumes = self._energy_of(part)
         tensors = tensors_of(d)
         branches = len(law.memory.branches)
         softened = law.memory.softening is not None
         threads = kinematics.chunks.threads
         self._part = part
+        self._plane = PLANES[kinematics.plane]
         self._owned = body.share.own[body.bonds.first]
         self._moduli, self._times = np.zeros((2, branches))
         self._softening = np.zeros(3 * softened)
@@ -54,7 +58,7 @@ class PairMemory:
         pairs = len(body.bonds.first)
         history = (
             np.tile(tensors.DIAGONAL, (pairs, branches)),
-            np.tile(tensors.DIAGONAL, (pairs, 1)),
+            np.tile(tensors.DIAGONAL, (pairs if branches else 0, 1)),
             np.zeros(pairs if softened else 0),
             np.zeros((pairs, 2)),
         )
@@ -65,9 +69,11 @@ class PairMemory:
             if values.size
         ]
         self._dissipated = history[3]
-        numbers = np.arange(pairs, dtype=np.uint32)[part.points.pairs]
-        rows = branches * (tensors.TENSOR + 1) + softened
-        coefficients = aligned_rows((len(part.geometry), rows, BLOCK), precision)
+        own = np.arange(pairs, dtype=np.uint32)[part.points.pairs]
+        numbers = np.zeros(len(part.forces), dtype=np.uint32)
+        numbers[: len(own)] = own
+        rows = branches * (tensors.TENSOR + 1) + 2 * softened
+        coefficients = aligned_rows((len(part.geometry), rows, BLOCK))
         for branch in range(branches):
             first = branch * (tensors.TENSOR + 1)
             coefficients[:, first : first + tensors.TENSOR] = np.reshape(tensors.DIAGONAL, (-1, 1))
@@ -87,33 +93,50 @@ class PairMemory:
             buffers,
             coefficients,
         )
-        self.accept = kinematics.bind(
+        self._accept = kinematics.bind(
             selective_memory.accept_steps[d],
             *(0.0, 1.0),
             *part.places,
             *part.pairs,
-            *isochoric.arguments,
+            volumes,
+            *energy,
             numbers,
+            len(own),
             self._moduli,
             self._times,
             self._softening,
+            coefficients,
             history,
             memory,
             buffers,
         )
-        part.find = kinematics.bind(
-            selective_memory.pair_energies[d],
+        self.set_parameters()
+        part.memory = self
+        steps = self._moduli, self._softening, coefficients
+        part.steps = self._steps_of(part, kinematics, steps, memory, stored)
+
+    def _energy_of(self, part: Any) -> tuple[tuple, str, np.ndarray]:
+        """Return the arguments of the isochoric energy, its precision, and the array of the volume
+        ratios of pairs, empty if the thickness is held.
+        """
+        return part.isochoric.arguments, part.isochoric.precision, np.zeros(0)
+
+    def _steps_of(
+        self, part: Any, kinematics: Kinematics, steps: tuple, memory: np.ndarray, stored
+    ) -> list[BoundPass]:
+        """Return the passes of an evaluation; `steps` are moduli, softening and coefficients."""
+        bound = kinematics.bind(
+            selective_memory.pair_energies[part.forces.shape[1]],
             *part.places,
             part.pressures,
             part.pairs,
             part.end_shares,
-            *isochoric.arguments,
-            (self._moduli, self._softening, coefficients),
+            *part.isochoric.arguments,
+            steps,
             memory,
             (part.energies, stored, part.forces, part.moments),
         )
-        self.set_parameters()
-        part.memory = self
+        return [bound]
 
     def set_parameters(self) -> None:
         """Take the memory of the law of the part's points."""
@@ -123,7 +146,7 @@ class PairMemory:
         self._times[:] = [branch.time for branch in scaled.branches]
         if scaled.softening is not None:
             self._softening[:] = scaled.softening.r, scaled.softening.m, scaled.softening.beta
-        for bound in (self._begin, self.accept):
+        for bound in (self._begin, self._accept):
             bound.give_number("unit", law.shear_modulus)
 
     def begin(self, elapsed: float) -> None:
@@ -133,51 +156,83 @@ class PairMemory:
         self._begin.give_number("elapsed", elapsed)
         self._begin()
 
-    def at_points(self, isochoric_state) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def accept(self, elapsed: float) -> None:
+        """Add the state at the positions to the history, a time `elapsed` after the last one."""
+        self._accept.give_number("elapsed", elapsed)
+        self._accept()
+
+    def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return means over the bonds of the points of the material in the state last evaluated:
         sums of M over the branches as matrices (k, 3, 3), in units of the shear modulus, and
         factors eta (k,) of softening and stored energies (k,) of branches.
-
-        `isochoric_state` returns the arguments of the isochoric energy for gradients (n, d, d).
         """
         part = self._part
         d = part.forces.shape[1]
         tensors = tensors_of(d)
-        first, second = part.points.first, part.points.second
-        positions, columns = part.places
-        reference = part.geometry.swapaxes(0, 1).reshape(part.geometry.shape[1], -1)
-        n = reference[:d].T
-        mean = matrices(columns[first] + columns[second]) / 2
-        along = (positions[second] - positions[first]) * reference[d, :, None]
-        F = bond_gradients(mean, along, n)
-        F[reference[d + 1] == 0] = np.eye(d)
+        F = self._gradients()
         rows = self._coefficients.swapaxes(0, 1).reshape(self._coefficients.shape[1], -1)
-        Cb = tensors.isochoric(
-            tensors.green(F.transpose(2, 1, 0).reshape(d * d, -1), 1.0), np.linalg.det(F)
-        )
-        total = np.zeros((len(Cb), len(first)))
+        J3, C33 = self._volumes(F)
+        Cb = tensors.isochoric(tensors.green(F.transpose(2, 1, 0).reshape(d * d, -1), C33), J3)
+        total = np.zeros((len(Cb), len(F)))
         for branch, modulus in enumerate(self._moduli):
             B = rows[branch * (len(Cb) + 1) :]
             M, _ = tensors.take_step(B[: len(Cb)], B[len(Cb)], Cb, tensors.cofactor_of(Cb))
             total += modulus * np.array(M)
         energy = (tensors.contraction(total, Cb) - 3 * self._moduli.sum()) / 2
-        eta = np.ones(len(first))
+        eta = np.ones(len(F))
         if len(self._softening):
-            W = part.isochoric.evaluate(*isochoric_state(F))[3]
-            softening = part.points.law.memory.scaled(1 / part.unit).softening
-            eta = softened(softening, W, rows[-1])
-        shares = part.end_shares.swapaxes(0, 1).reshape(2, -1)
-        whole = np.zeros(len(positions))
-        found = np.zeros((len(positions), len(Cb) + 2))
-        for end, share in zip((first, second), shares, strict=True):
-            np.add.at(whole, end, share)
-            np.add.at(found, end, share[:, None] * np.column_stack([*total, eta, energy]))
-        found[:, len(Cb)] += whole == 0  # a point without bonds is as at rest
-        found = (found.T / np.where(whole > 0, whole, 1.0))[:, part.points.own[0]]
+            W = self._isochoric_energies(F, J3)
+            eta = softening_factor(W, rows[-2], self._softening)[0]
+        found = self._means(np.column_stack([*total, eta, energy]), [*[0.0] * len(Cb), 1.0, 0.0])
         M = np.zeros((found.shape[1], 3, 3))
         for (r, c), values in zip(tensors.PLACES, found, strict=False):
             M[:, r, c] = M[:, c, r] = values
         return M, found[-2], found[-1]
+
+    def _gradients(self) -> np.ndarray:
+        """Return the deformation gradients of the pairs; I for one of volume zero."""
+        part = self._part
+        d = part.forces.shape[1]
+        first, second = part.points.first, part.points.second
+        positions, columns = part.places
+        reference = self._reference()
+        n = reference[:d].T
+        mean = matrices(columns[first] + columns[second]) / 2
+        along = (positions[second] - positions[first]) * reference[d, :, None]
+        F = bond_gradients(mean, along, n)
+        F[reference[d + 1] == 0] = np.eye(d)
+        return F
+
+    def _reference(self) -> np.ndarray:
+        """Return the geometry of the pairs, a column for each."""
+        geometry = self._part.geometry
+        return geometry.swapaxes(0, 1).reshape(geometry.shape[1], -1)
+
+    def _means(self, values: np.ndarray, at_rest: Sequence[float]) -> np.ndarray:
+        """Return means (m, k) of the `values` of pairs, a row for each, over the bonds of the
+        points of the material; a point without bonds is as at rest.
+        """
+        points = self._part.points
+        whole = np.zeros(len(points.positions))
+        found = np.zeros((len(whole), values.shape[1]))
+        for end, share in zip((points.first, points.second), self._shares(), strict=True):
+            np.add.at(whole, end, share)
+            np.add.at(found, end, share[:, None] * values)
+        found[whole == 0] = at_rest
+        return (found.T / np.where(whole > 0, whole, 1.0))[:, points.own[0]]
+
+    def _shares(self) -> np.ndarray:
+        """Return the shares of the pairs in the volumes of their two ends, one row for each end."""
+        return self._part.end_shares.swapaxes(0, 1).reshape(2, -1)
+
+    def _volumes(self, F: np.ndarray) -> tuple:
+        """Return volume ratios, and the squared stretches of the thickness, of the pairs."""
+        return np.linalg.det(F), 1.0
+
+    def _isochoric_energies(self, F: np.ndarray, J3: np.ndarray) -> np.ndarray:
+        """Return the isochoric energies of pairs, in units of the shear modulus."""
+        part = self._part
+        return part.isochoric.evaluate(*self._plane.isochoric_state(F))[3]
 
     def stored(self) -> float:
         """Return the stored isochoric energy in the state last evaluated, divided by the shear

@@ -90,13 +90,13 @@ class PairsWithEnergy(Pairs):
         `pdsurrogate.kernels.bond_energy.pair_energies`.
     energies : ndarray, shape (n_blocks,)
         Sums of the energies of blocks of pairs, divided by the shear modulus.
-    find : BoundPass
-        Compiled pass that computes energies, forces and moments.
+    steps : list of BoundPass
+        Compiled passes that compute energies, forces and moments; the last one does.
     memory : PairMemory or None
         Branches and softening of the material; None if it is elastic.
     """
 
-    find: BoundPass
+    steps: list[BoundPass]
     memory: Any = None
 
     def __init__(self, model, points: MaterialPoints, geometry: np.ndarray, precision: str) -> None:
@@ -111,16 +111,27 @@ class PairsWithEnergy(Pairs):
         )
         self.energies = np.zeros(len(geometry))
 
+    def set_parameters(self, model) -> None:
+        super().set_parameters(model)
+        if self.memory is not None:
+            self.memory.set_parameters()
+
     def energy(self) -> float:
         """Return the total energy of the material's pairs in the state last evaluated, divided
         by the shear modulus.
         """
         return float(self.energies.sum())
 
+    def stored(self) -> float:
+        """Return the stored energy in the state last evaluated, divided by the shear modulus;
+        `energy` is that of which the forces are the derivative.
+        """
+        return self.energy() if self.memory is None else self.memory.stored()
+
 
 class PairEnergies(PairsWithEnergy):
-    """Pairs of one material in a sheet under plane stress, whose whole energy the compiled pass
-    `find` computes.
+    """Pairs of one material in a sheet under plane stress, whose whole energy a compiled pass
+    computes.
 
     Parameters
     ----------
@@ -130,6 +141,13 @@ class PairEnergies(PairsWithEnergy):
     points : MaterialPoints
     weights : ndarray
         Volumes for which the energies of these pairs count.
+
+    Attributes
+    ----------
+    learned : bool
+        Whether the energy is learned.
+    count_rows : ndarray of int, shape (n_chunks, 3)
+        Counts of the chunks, see `counts`.
     """
 
     def __init__(
@@ -157,11 +175,16 @@ class PairEnergies(PairsWithEnergy):
             if domain
             else UNGUARDED
         )
-        self._counts = np.zeros((kinematics.chunks.number, 3), dtype=np.int64)
+        self.count_rows = np.zeros((kinematics.chunks.number, 3), dtype=np.int64)
+        exact = analytic_energy_density(precision).address
+        self.learned = compiled.address != exact
+        if points.law.memory and not self.learned:
+            self.steps = []
+            return  # a `SheetMemory` has the passes
         limits = (domain or EVERYWHERE).limits(precision)
         energy = (
             compiled.address,
-            analytic_energy_density(precision).address,
+            exact,
             compiled.constants(points),
             guard,
             limits,
@@ -171,10 +194,11 @@ class PairEnergies(PairsWithEnergy):
             aligned_rows((threads, 4, BLOCK)),
         )
         memory = *buffers, compiled.memory(threads, precision), kinematics.scratch
-        results = self._counts, self.energies, self.forces, self.moments
-        self.find = kinematics.bind(
+        results = self.count_rows, self.energies, self.forces, self.moments
+        bound = kinematics.bind(
             bond_energy.pair_energies, *self.places, self.pairs, *energy, memory, results
         )
+        self.steps = [bound]
 
     def set_parameters(self, model) -> None:
         super().set_parameters(model)
@@ -184,7 +208,7 @@ class PairEnergies(PairsWithEnergy):
         """Return the numbers of pairs outside the model's domain, of pairs with det F_ij below
         `COLLAPSED`, and of pairs inside out.
         """
-        return tuple(self._counts.sum(axis=0).tolist())
+        return tuple(self.count_rows.sum(axis=0).tolist())
 
 
 class SelectivePairs(PairsWithEnergy):
@@ -267,7 +291,7 @@ class SelectivePairs(PairsWithEnergy):
             self.forces,
             self.moments,
         )
-        self.find = binding.kinematics.bind(
+        bound = binding.kinematics.bind(
             selective_energy.pair_energies[dimension],
             *self.places,
             self.pressures,
@@ -276,24 +300,19 @@ class SelectivePairs(PairsWithEnergy):
             memory,
             results,
         )
+        self.steps = [bound]
 
     def set_parameters(self, model) -> None:
-        super().set_parameters(model)
         self.isochoric.parameters[:] = self.points.law.parameters
         self.isochoric.weights[:] = model.isochoric_weights
-        if self.memory is not None:
-            self.memory.set_parameters()
+        super().set_parameters(model)
 
     def energy(self) -> float:
         return super().energy() + float(self.volume_energies.sum())
 
     def stored(self) -> float:
-        """Return the stored energy in the state last evaluated, divided by the shear modulus;
-        `energy` is that of which the forces are the derivative.
-        """
-        if self.memory is None:
-            return self.energy()
-        return self.memory.stored() + float(self.volume_energies.sum())
+        volumetric = 0.0 if self.memory is None else float(self.volume_energies.sum())
+        return super().stored() + volumetric
 
     def counts(self) -> tuple[int, int, int]:
         """Return the number of pairs outside the domain since the last call, and two zeros:

@@ -8,9 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares, nnls
+from scipy.optimize import least_squares
 
-from ..materials.histories import branch_states
+from ..materials import Law, Softening
+from ..materials.histories import branch_states, isochoric, softened
+from .averaging import nonnegative
 
 PER_DECADE = 4
 COARSE = 2
@@ -38,11 +40,14 @@ class Curves(NamedTuple):
         Squares of the principal stretches of constant volume.
     place : tuple of ndarray, shape (n_rows,)
         Row and curve of every row of the data.
+    row : ndarray of int, shape (n, n_curves)
+        Row of the data.
     """
 
     time: np.ndarray
     squares: np.ndarray
     place: tuple[np.ndarray, np.ndarray]
+    row: np.ndarray
 
     @classmethod
     def of(cls, X: np.ndarray) -> "Curves":
@@ -67,7 +72,7 @@ class Curves(NamedTuple):
         at = np.array(padded).T
         first, second = X[at, 0], X[at, 1]
         squares = np.stack([first, second, 1 / (first * second)], axis=-1) ** 2
-        return cls(X[at, 2], squares, (place[0], place[1]))
+        return cls(X[at, 2], squares, (place[0], place[1]), at)
 
     def columns(self, times: Sequence[float] | np.ndarray) -> np.ndarray:
         """Return the nominal stresses of branches of modulus 1, shape (n_rows, n_times)."""
@@ -76,10 +81,44 @@ class Curves(NamedTuple):
         slopes = squares[:, None] / states
         return (slopes[..., 0] - slopes[..., 2]) / np.sqrt(squares[:, :1])
 
+    def elastic(self, law: Law) -> np.ndarray:
+        """Return the nominal stresses of the elastic energy of a law, softened if it softens, shape
+        (n_rows,).
+        """
+        logs = np.log(self.squares[self.place]) / 2
+        energy, slopes = isochoric(law, logs)
+        stress = (slopes[:, 0] - slopes[:, 2]) * np.exp(-logs[:, 0])
+        return stress * self.softened(law.memory.softening, energy)
+
+    def energy(self, law: Law) -> np.ndarray:
+        """Return the isochoric elastic energy of a law in each row."""
+        return isochoric(law, np.log(self.squares[self.place]) / 2)[0]
+
+    def softened(self, softening: Softening | None, energy: np.ndarray) -> np.ndarray:
+        """Return the factor of softening of each row, 1 without softening, by the energies."""
+        if softening is None:
+            return np.ones(len(energy))
+        return softened(softening, energy, self.peak(energy))
+
+    def stress(self, law: Law) -> np.ndarray:
+        """Return the nominal stresses of a law with memory, shape (n_rows,)."""
+        branches = law.memory.branches
+        moduli = np.array([one.modulus for one in branches])
+        return self.elastic(law) + self.columns([one.time for one in branches]) @ moduli
+
+    def peak(self, values: np.ndarray) -> np.ndarray:
+        """Return the greatest value of a curve up to each of its rows."""
+        return np.maximum.accumulate(values[self.row], axis=0)[self.place]
+
     @property
     def numbers(self) -> np.ndarray:
         """Number of the curve of each row, from 0."""
         return self.place[1]
+
+    @property
+    def strain(self) -> np.ndarray:
+        """First invariant less 3 of each row."""
+        return self.squares[self.place].sum(axis=-1) - 3
 
     def grid(self) -> np.ndarray:
         """Return relaxation times from the median interval between rows to the longest curve."""
@@ -131,9 +170,7 @@ class Candidates(NamedTuple):
     def solved(self, logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return coefficients, none negative, with branches of some times, and the residuals."""
         columns = np.column_stack([self.elastic, self.relaxing(logs)])
-        size = np.linalg.norm(columns, axis=0)
-        size[size == 0] = 1.0
-        found = nnls(columns / size, self.stress)[0] / size
+        found = nonnegative(columns, self.stress, np.ones(len(columns)))
         return found, columns @ found - self.stress
 
     def best(self, number: int) -> np.ndarray:
@@ -168,6 +205,8 @@ def choose(
     learning, 2009, section 7.10). All columns and `y` are divided by the greatest stresses of the
     curves.
     """
+    if number == 0:
+        return Choice(np.empty(0), [])
     table, logs = np.column_stack([elastic, relaxing, y]), np.log(grid)
 
     def of(*parts: np.ndarray) -> Candidates:

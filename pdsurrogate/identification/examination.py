@@ -12,6 +12,7 @@ from ..materials.dictionary import Term
 from ..measurements.branches import branches, records
 from ..measurements.plausible import MOST_STRETCH
 from .averaging import columns_of, isochoric, nonnegative
+from .branch_search import Curves
 from .data import BIAXIAL, MODES, TestData, TestDataWarning
 from .stress_regressor import StressRegressor
 
@@ -107,7 +108,7 @@ def fit_to_tests(
 
     Parameters
     ----------
-    regressor : LawRegressor or EnergyRegressor
+    regressor : LawRegressor, EnergyRegressor or HistoryRegressor
         Fitted in place; left unfitted if ValueError is raised.
     data : TestData
     force : bool
@@ -145,7 +146,7 @@ def fit_to_tests(
     'ogden'
     """
     regressor.forget()
-    regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
+    regressor.fit_tests(data)
     found = examine(regressor, data)
     if found.refusals and not force:
         regressor.forget()
@@ -159,17 +160,19 @@ def examine(model: StressRegressor, data: TestData) -> Examination:
     """Return refusals and remarks on errors in test data, or in the fit of a regressor to the
     test data.
     """
-    scores = data.r_squared(model.predict(data.stretches))
-    refusals = [*wrong_signs(data), *changes_of_volume(data)]
-    remarks = suspicions(data)
+    scores = data.r_squared(model.predict(model.rows_of(data)))
+    # In unloading rubber that relaxes may be pushed back, and rubber that softens is softer.
+    judged = data.where(_first_loading(data)) if model.over_time else data
+    refusals = [*wrong_signs(judged), *changes_of_volume(data)]
+    remarks = suspicions(judged, model.over_time)
     poorly = []
     for mode, value in scores.items():
         if value < 0:
-            worse = f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0)"
+            worse = f"{model.form} describes {mode} worse than the mean stress does (R^2 below 0)"
             refusals.append(f"{worse}: use another law, or correct the data")
         elif not value >= POOR:
             poorly.append(
-                f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}"
+                f"{model.form} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}"
             )
     return Examination(refusals, [*remarks, *poorly])
 
@@ -237,8 +240,9 @@ def _some(found: list[str]) -> list[str]:
     )
 
 
-def suspicions(data: TestData) -> list[str]:
-    """Return remarks on test data that look wrong for any law.
+def suspicions(data: TestData, over_time: bool = False) -> list[str]:
+    """Return remarks on test data that look wrong for any law, or, `over_time`, for any with
+    branches.
 
     The data are compared with an energy that stands for all that physics allows (`TERMS`), fitted
     so that single rows count little. Remarks name changes of the stresses of a mode that reduce the
@@ -246,9 +250,11 @@ def suspicions(data: TestData) -> list[str]:
     tried only where the residuals exceed `NOISE`.
     """
     best = data
-    predicted = _robust(data)
+    columns = _columns(data, over_time)
+    predicted = _robust(data, columns)
     before = _size(data, predicted)
-    changes = _changes(data) if before > NOISE or data.stretches.max() > MOST_STRETCH else []
+    faulty = before > NOISE or data.stretches.max() > MOST_STRETCH
+    changes = _changes(data, columns, over_time) if faulty else []
     # The changes after which residuals are small enough, and at most twice those after the best
     # change.
     explained = [
@@ -290,7 +296,7 @@ def standardized(model: StressRegressor, data: TestData, most: int = 5) -> list[
     """Return the `most` rows with the greatest residuals of a fit: measured and fitted stress,
     and residual in standard deviations.
     """
-    predicted = model.predict(data.stretches)
+    predicted = model.predict(model.rows_of(data))
     standing = _standing(data, predicted)
     rows = np.argsort(-np.abs(np.nan_to_num(standing, nan=np.inf)))[:most]
     return [
@@ -340,9 +346,9 @@ class _Change(NamedTuple):
     enough: float | None
 
 
-def _changes(data: TestData) -> list[_Change]:
+def _changes(data: TestData, columns: np.ndarray, over_time: bool) -> list[_Change]:
     """Return possible corrections of faulty data, the best first: of stress measure or unit, of
-    strains, and of unloading.
+    strains, and of unloading; `columns` are the `_columns` of the data.
     """
     stress = data.nominal_stress
     first = data.stretches[:, 0]
@@ -352,8 +358,8 @@ def _changes(data: TestData) -> list[_Change]:
         mode: str,
         words: str,
         mended: TestData,
+        columns: np.ndarray,
         enough: float | None = None,
-        columns: np.ndarray | None = None,
     ) -> None:
         predicted = _robust(mended, columns)
         found.append(_Change(_size(mended, predicted), mode, words, mended, predicted, enough))
@@ -362,8 +368,8 @@ def _changes(data: TestData) -> list[_Change]:
         rows = data.mode == mode
         if rows.all():
             break
-        add(mode, CAUCHY, replace(data, nominal_stress=np.where(rows, stress / first, stress)))
-        columns = _columns(data)
+        divided = replace(data, nominal_stress=np.where(rows, stress / first, stress))
+        add(mode, CAUCHY, divided, columns)
         others = 1 / (np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300) * ~rows
         predicted = columns @ nonnegative(columns, stress, others)
         some = rows & (np.abs(predicted) > 0)
@@ -375,24 +381,22 @@ def _changes(data: TestData) -> list[_Change]:
                 else f"{1 / factor:.3g} times too small"
             )
             words = f"the stresses look {size} compared with the other modes; check their unit"
-            add(mode, words, replace(data, nominal_stress=np.where(rows, stress / factor, stress)))
+            scaled = replace(data, nominal_stress=np.where(rows, stress / factor, stress))
+            add(mode, words, scaled, columns)
     else:
-        add("all modes", CAUCHY, replace(data, nominal_stress=stress / first))
+        add("all modes", CAUCHY, replace(data, nominal_stress=stress / first), columns)
     for whole, unit, share in ((100.0, " in per cent", "/100"), (1.0, "", "")):
         stretches = 1 + data.stretches / whole
         for mode in set(data.modes) - {BIAXIAL}:
             stretches[data.mode == mode, 1] = MODES[mode](stretches[data.mode == mode, 0])
         words = STRAINS.format(first.min(), first.max(), unit, share)
-        add(
-            "all modes",
-            words,
-            replace(data, stretches=stretches),
-            enough=1.0 if first.max() > MOST_STRETCH else None,
-        )
+        strained = replace(data, stretches=stretches)
+        enough = 1.0 if first.max() > MOST_STRETCH else None
+        add("all modes", words, strained, _columns(strained, over_time), enough)
     if data.modes == ["uniaxial"] and (first < 1).all():
         powers = np.array(POWERS, dtype=float)
         freely = (first[:, None] ** (powers - 1) - 1 / first[:, None]) / powers
-        add("uniaxial", FOAM, data, columns=freely)
+        add("uniaxial", FOAM, data, freely)
     turned = ~_first_loading(data)
     if turned.any():
         modes = sorted({*data.mode[turned].tolist()})
@@ -400,6 +404,7 @@ def _changes(data: TestData) -> list[_Change]:
             modes[0] if len(modes) == 1 else "all modes",
             HYSTERESIS.format(turned.sum(), len(data)),
             data.where(~turned),
+            columns[~turned],
         )
     return sorted(found, key=lambda one: one.size)
 
@@ -421,18 +426,22 @@ def _first_loading(data: TestData) -> np.ndarray:
     return first
 
 
-def _columns(data: TestData) -> np.ndarray:
+def _columns(data: TestData, over_time: bool) -> np.ndarray:
     """Return the design matrix of a linear fit: the nominal stress of each energy term of
-    `TERMS` with unit weight, at constant volume.
+    `TERMS` with unit weight, at constant volume, and, `over_time`, that of branches, if the data
+    have times.
     """
-    return columns_of(isochoric(data.stretches, np.ones(len(data))), data.stretches[:, 0], TERMS)
+    terms = columns_of(isochoric(data.stretches, np.ones(len(data))), data.stretches[:, 0], TERMS)
+    if not over_time or np.isnan(data.time).any():
+        return terms
+    curves = Curves.of(data.histories())
+    return np.column_stack([terms, curves.columns(curves.grid())])
 
 
-def _robust(data: TestData, columns: np.ndarray | None = None) -> np.ndarray:
-    """Return the stresses of the energy terms `TERMS`, or of other columns, fitted to measured
+def _robust(data: TestData, columns: np.ndarray) -> np.ndarray:
+    """Return the stresses of columns of a linear fit, `_columns` or others, fitted to measured
     ones, with little weight on outliers.
     """
-    columns = _columns(data) if columns is None else columns
     stress = data.nominal_stress
     size = np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300
     weight = np.ones(len(data))

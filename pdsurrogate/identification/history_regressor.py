@@ -1,69 +1,33 @@
 """Regressor that finds an elastic energy and viscoelastic branches from stresses over time."""
 
-from collections.abc import Callable
+import warnings
 from dataclasses import dataclass, replace
-from itertools import product
 from numbers import Integral
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..arguments import in_order
-from ..materials import LAWS, Branch, Law, Memory, Ogden
-from ..materials.dictionary import OF_TESTS
-from ..materials.polyconvex import law_of, stiffness_of
-from .averaging import columns_of, isochoric, nonnegative
-from .branch_search import Choice, Curves, choose
-from .energy import NEGLIGIBLE, EnergyRegressor, half_planes, mode_of, warn_of_few_modes
-from .regressor import DIFFERENCE, FAILED, axes_of, check_fitted, covariance_at
-from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, incompressible_stress
+from ..forces import OutsideDomainWarning
+from ..materials import Law
+from ..materials.memory import untested_rates
+from .branch_refinement import linear, refine, restart, superfluous
+from .branch_search import Curves, choose
+from .branch_start import Problem, parameters_of_softening, start_of
+from .data import TestData
+from .elastic_part import Elastic, elastic_of_law, elastic_without_law
+from .energy import EnergyRegressor, half_planes, warn_of_few_modes
+from .regressor import N_TERMS, LawRegressor, check_fitted
+from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor
 
 FREE = "energy"
 """Name of the elastic energy without a law, a sum of terms of the dictionary."""
 
-BEYOND = 10.0
-"""Factor by which times may lie beyond those of the grid: slower branches are elastic in the tests,
-and faster ones are a viscosity.
-"""
-
-SAME_TIME = 0.2
-"""Least difference of the logarithms of two relaxation times. Chosen: the stresses of two nearer
-branches are those of one, to a percent.
-"""
-
-CERTAIN = 2.0
-"""Least modulus of a branch, in its standard errors, in a choice of the number of branches."""
-
 MOST_STATED = 6
 """Most branches that can be asked for."""
-
-MOST_EVALUATIONS = 100
-"""Most evaluations of a refinement; a few tens are usual."""
-
-
-class Elastic(NamedTuple):
-    """Elastic energies whose stress is linear in some coefficients.
-
-    Attributes
-    ----------
-    names : list of str
-        Names of the coefficients.
-    shapes : dict of (float, float)
-        Bounds of the parameters on which the stress depends otherwise, by name.
-    columns : callable
-        ``columns(shape)`` returns the nominal stresses (n, n_coefficients) of unit coefficients.
-    law : callable
-        ``law(coefficients, shape, added)`` returns the law; `added` is the modulus of branches.
-    """
-
-    names: list[str]
-    shapes: dict[str, tuple[float, float]]
-    columns: Callable[[np.ndarray], np.ndarray]
-    law: Callable[[np.ndarray, np.ndarray, float], Law]
 
 
 @dataclass(eq=False, repr=False)
@@ -83,6 +47,12 @@ class HistoryRegressor(StressRegressor):
         of I1bar, and of I2bar if the data have several modes of loading.
     branches : int, optional
         Number of branches; by default chosen by cross-validation.
+    n_terms : int, default=3
+        Number of terms of Ogden's law; without effect for other laws.
+    softening : bool, default=False
+        Whether the elastic energy softens in unloading (Mullins), by the parameters of
+        `pdsurrogate.materials.Softening`; beta is 0 if all curves unload from nearly one stretch.
+        Each curve is that of a new specimen.
     bulk_ratio : float, default=1000
         K over the shear modulus in fast motions, of elastic energy and branches together.
     bulk_modulus : float, optional
@@ -93,14 +63,16 @@ class HistoryRegressor(StressRegressor):
     law_ : Law
         Law with its memory.
     parameter_names_, parameters_, covariance_, standard_errors_, at_bound_
-        Coefficients and parameters of the elastic energy, then moduli and times of branches.
+        Coefficients and parameters of the elastic energy, those of softening, then moduli and times
+        of branches.
         Standard errors do not contain errors that rows of a curve have in common.
     cross_validation_ : list of dict
         Errors of left-out stresses by number of branches (`branch_search.Choice`).
     hull_, stretch_range_
         States of the data, as of `EnergyRegressor`.
     rates_ : tuple of float
-        Least and greatest rate of stretch of the curves, in the inverse unit of time.
+        Least and greatest rate of stretch of the curves, in the inverse unit of time: the least one
+        is the mean rate of a whole curve, to which holds belong.
     n_features_in_ : int
 
     References
@@ -129,15 +101,20 @@ class HistoryRegressor(StressRegressor):
     """
 
     columns = ("stretch", "lateral_stretch", "time", "curve")
+    over_time: ClassVar[bool] = True
 
     _parameter_constraints: ClassVar = {
         "law": [str],
         "branches": [Interval(Integral, 0, MOST_STATED, closed="both"), None],
+        "n_terms": [Interval(Integral, 1, 4, closed="both")],
+        "softening": ["boolean"],
         **BULK_CONSTRAINTS,
     }
 
     law: str = FREE
     branches: int | None = None
+    n_terms: int = N_TERMS
+    softening: bool = False
     bulk_ratio: float = BULK_RATIO
     bulk_modulus: float | None = None
 
@@ -145,6 +122,45 @@ class HistoryRegressor(StressRegressor):
         tags = super().__sklearn_tags__()
         tags.input_tags.positive_only = False
         return tags
+
+    @property
+    def form(self) -> str:
+        """Fitted form in words.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.identification.HistoryRegressor("gent", softening=True).form
+        'gent with branches and softening'
+        """
+        parts = ["branches"] * (self.branches != 0) + ["softening"] * self.softening
+        law = "energy without a law" if self.law == FREE else self.law
+        return f"{law} with {' and '.join(parts)}" if parts else law
+
+    def rows_of(self, data: TestData) -> np.ndarray:
+        """Return the rows of test data as `fit` and `predict` take them.
+
+        Parameters
+        ----------
+        data : TestData
+
+        Returns
+        -------
+        ndarray, shape (n_samples, 4)
+
+        Raises
+        ------
+        ValueError
+            If a row has no time, which branches need, or tests are biaxial.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar")
+        >>> pds.identification.HistoryRegressor(branches=0).rows_of(data).shape[1]
+        4
+        """
+        return data.histories(timed=self.branches != 0)
 
     def fit(self, X, y, sample_weight=None):
         """Fit elastic energy and branches to nominal stresses.
@@ -166,8 +182,8 @@ class HistoryRegressor(StressRegressor):
         Raises
         ------
         ValueError
-            If X has other columns, a stretch is not positive, times decrease or do not pass, or the
-            law is unknown or cannot be fitted.
+            If X has other columns, a stretch is not positive, times decrease or do not pass, no
+            curve unloads but softening is asked for, or the law is unknown or cannot be fitted.
 
         Examples
         --------
@@ -185,7 +201,7 @@ class HistoryRegressor(StressRegressor):
         X, y, weight = self._checked(X, y, sample_weight)
         self._stretches(X)
         curves = Curves.of(X)
-        if not (np.diff(curves.time, axis=0) > 0).any():
+        if self.branches != 0 and not (np.diff(curves.time, axis=0) > 0).any():
             raise ValueError("no time passes in the data: branches need a column of times")
         numbers = curves.numbers
         peak = np.array([np.abs(y[numbers == one]).max() for one in range(numbers.max() + 1)])
@@ -194,23 +210,36 @@ class HistoryRegressor(StressRegressor):
         root = np.sqrt(weight) / peak[numbers]
         if self.law == FREE:
             warn_of_few_modes(X[:, :2])
-        elastic = self._elastic(X)
-        grid = curves.grid()
+        softening = parameters_of_softening(curves) if self.softening else ()
+        problem = Problem(self._elastic(X[:, :2]), curves, y, root, softening)
+        grid = curves.grid() if self.branches != 0 else np.ones(0)
         relaxing = curves.columns(grid)
-        shape = self._start(elastic, relaxing, y, root)
-        chosen: Choice = choose(
-            root[:, None] * elastic.columns(shape),
+        start = start_of(self.law, problem, relaxing)
+        chosen = choose(
+            root[:, None] * start.columns,
             grid,
             root[:, None] * relaxing,
             root * y,
             numbers,
             self.branches,
         )
+        times = chosen.times
+        while True:
+            form, values = linear(self.law, problem, start, times)
+            found = refine(problem, form, values)
+            left_out = superfluous(form, found, chosen=self.branches is None)
+            if not len(left_out):
+                break
+            start = restart(problem, form, found.values)
+            times = np.delete(form.parts(found.values)[-1], left_out)
         self.cross_validation_ = chosen.errors
         self.rates_ = rates_of(curves)
         self.hull_ = half_planes(X[:, :2])
         self.stretch_range_ = float(X[:, :2].min()), float(X[:, :2].max())
-        self._refined(elastic, curves, y, root, shape, chosen.times)
+        self._form = form
+        bounds = [name for name, one in zip(form.names, found.at_bound, strict=True) if one]
+        law = self.law_of(found.values)
+        self._store(law, form.names, found.values, found.covariance, bounds)
         return self
 
     def predict(self, X: ArrayLike) -> np.ndarray:
@@ -226,6 +255,11 @@ class HistoryRegressor(StressRegressor):
         ndarray, shape (n_samples,)
             In the unit of the data; NaN past the limit of the law.
 
+        Warns
+        -----
+        OutsideDomainWarning
+            If a rate of stretch is outside of those of the data.
+
         Examples
         --------
         >>> import numpy as np
@@ -240,10 +274,11 @@ class HistoryRegressor(StressRegressor):
         check_is_fitted(self)
         X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
         self._stretches(X)
-        branches = self.law_.memory.branches
-        stress = incompressible_stress(self.law_, X[:, :2])
-        relaxing = Curves.of(X).columns([one.time for one in branches])
-        return stress + relaxing @ np.array([one.modulus for one in branches])
+        curves = Curves.of(X)
+        rates = rates_of(curves) if self.law_.memory.branches else None
+        if rates and (words := untested_rates(self.rates_, *rates)):
+            warnings.warn(words, OutsideDomainWarning, stacklevel=2)
+        return curves.stress(self.law_)
 
     def law_of(self, values: ArrayLike) -> Law:
         """Return the law with given values of the fitted parameters.
@@ -268,7 +303,8 @@ class HistoryRegressor(StressRegressor):
         >>> found.law_of([2.0]).shear_modulus
         2.0
         """
-        return self._law_from(np.asarray(values, dtype=float))
+        law = self._form.law(np.asarray(values, dtype=float))
+        return replace(law, bulk_modulus=self._bulk(law.shear_modulus + law.memory.modulus))
 
     def domain_hull(self) -> list[list[float]]:
         """Return the half-planes that bound the states of the data, as
@@ -299,202 +335,28 @@ class HistoryRegressor(StressRegressor):
         super()._stretches(X[:, :2])
         return X
 
-    def _elastic(self, X: np.ndarray) -> Elastic:
-        """Return the elastic energies of the regressor's law for data X."""
-        states = X[:, :2]
+    def _elastic(self, states: np.ndarray) -> Elastic:
+        """Return the elastic energies of the regressor's law for stretches (n, 2)."""
         if self.law == FREE:
-            one_mode = len({*mode_of(states)[np.abs(np.log(states[:, 0])) > 0.05]}) < 2
-            terms = [
-                term for term in OF_TESTS if term.polyconvex and not (one_mode and term.row[0] < 2)
-            ]
-            table = columns_of(isochoric(states, np.ones(len(X))), X[:, 0], terms)
-
-            def sum_of(sizes: np.ndarray, _: np.ndarray, added: float) -> Law:
-                return law_of(terms, sizes, self._bulk(stiffness_of(terms, sizes) + added))
-
-            return Elastic([f"weight of {one}" for one in terms], {}, lambda _: table, sum_of)
+            return elastic_without_law(states)
         check_fitted(self.law)
-        if self.law == Ogden.name:
-            raise ValueError(
-                "ogden is not fitted with branches: leave the law out, which finds an energy"
-                " without one, or name another law"
-            )
-        kind = LAWS[self.law]
-
-        def unit(shape: np.ndarray) -> np.ndarray:
-            return incompressible_stress(kind(1.0, 1.0, *map(float, shape)), states)[:, None]
-
-        def with_shape(sizes: np.ndarray, shape: np.ndarray, added: float) -> Law:
-            modulus = float(sizes[0])
-            return kind(modulus, self._bulk(modulus + added), *map(float, shape))
-
-        return Elastic(["shear_modulus"], dict(kind.bounds), unit, with_shape)
-
-    def _start(self, elastic: Elastic, relaxing, y, root) -> np.ndarray:
-        """Return the parameters of a grid with which energy and all branches describe y best."""
-        if not elastic.shapes:
-            return np.empty(0)
-        low, high = np.array(list(elastic.shapes.values())).T
-        best, least = None, np.inf
-        for values in product(*axes_of(low, high)):
-            shape = np.array(values)
-            try:
-                unit = elastic.columns(shape)
-            except ValueError:
-                continue
-            if not np.isfinite(unit).all():
-                continue
-            columns = np.column_stack([unit, relaxing])
-            error = ((root * (columns @ nonnegative(columns, y, root) - y)) ** 2).sum()
-            if error < least:
-                best, least = shape, error
-        if best is None:
-            raise ValueError(f"{self.law} cannot be fitted: it does not reach the stretches")
-        return best
-
-    def _refined(self, elastic: Elastic, curves: Curves, y, root, shape, times) -> None:
-        """Fit all parameters from a start, with free times, and store them.
-
-        The coefficients of a shape and times are a non-negative least-squares fit. Branches without
-        a modulus are left out, and of two with nearly the same time one is; and, unless their
-        number is given, those whose modulus is within its error.
-        """
-        low, high = np.array([*elastic.shapes.values()]).reshape(-1, 2).T
-        logarithmic, s, count = low > 0, len(low), len(elastic.names)
-        grid = curves.grid()
-        ends = np.log([grid[0] / BEYOND, grid[-1] * BEYOND])
-
-        def searched(values):
-            return np.log(values, out=np.array(values, dtype=float), where=logarithmic)
-
-        def shape_of(x):
-            return np.exp(x[:s], out=np.array(x[:s]), where=logarithmic)
-
-        def elastic_at(x):
-            try:
-                return elastic.columns(shape_of(x))
-            except ValueError:  # parameters between the bounds that are not those of a law
-                return np.full((len(y), count), np.nan)
-
-        def solved(own, relaxing):
-            """Return residuals and coefficients."""
-            table = np.column_stack([own, relaxing])
-            if not np.isfinite(table).all():
-                return np.full(len(y), FAILED), np.zeros(table.shape[1])
-            sizes = nonnegative(table, y, root)
-            return root * (table @ sizes - y), sizes
-
-        def residuals(x):
-            return solved(elastic_at(x), curves.columns(np.exp(x[s:])))[0]
-
-        def jacobian(x):
-            own, k = elastic_at(x), len(x) - s
-            relaxing = curves.columns(np.exp(np.r_[x[s:], x[s:] + DIFFERENCE]))
-            here = solved(own, relaxing[:, :k])[0]
-            columns = []
-            for place in range(s):
-                step = np.zeros(len(x))
-                step[place] = DIFFERENCE * (1 if 2 * x[place] < lower[place] + upper[place] else -1)
-                changed = solved(elastic_at(x + step), relaxing[:, :k])[0]
-                columns.append((changed - here) / step[place])
-            for place in range(k):
-                moved = relaxing[:, :k].copy()
-                moved[:, place] = relaxing[:, k + place]
-                columns.append((solved(own, moved)[0] - here) / DIFFERENCE)
-            return np.array(columns).T
-
-        x = np.concatenate([searched(shape), np.log(times)])
-        while True:
-            k = len(x) - s
-            lower = np.concatenate([searched(low), np.full(k, ends[0])])
-            upper = np.concatenate([searched(high), np.full(k, ends[1])])
-            at_bound = np.zeros(len(x), dtype=bool)
-            if len(x):
-                edge = 1e-9 * (upper - lower)
-                found = least_squares(
-                    residuals,
-                    np.clip(x, lower + edge, upper - edge),
-                    jacobian,
-                    bounds=(lower, upper),
-                    x_scale="jac",
-                    xtol=1e-9,
-                    ftol=1e-9,
-                    gtol=1e-12,
-                    max_nfev=MOST_EVALUATIONS,
-                )
-                x, at_bound = found.x, found.active_mask != 0
-            order = np.argsort(x[s:])
-            x[s:], at_bound[s:] = x[s:][order], at_bound[s:][order]
-            times = np.exp(x[s:])
-            own, relaxing = elastic_at(x), curves.columns(times)
-            off, sizes = solved(own, relaxing)
-            moduli = sizes[count:]
-            idle = np.flatnonzero(moduli <= NEGLIGIBLE * moduli.max(initial=0.0))
-            same = np.flatnonzero(np.diff(x[s:]) < SAME_TIME)
-            if not len(idle) and not len(same):
-                break
-            x = np.delete(x, s + (idle if len(idle) else same[:1]))
-        stress = np.linalg.norm(root[:, None] * own, axis=0) * sizes[:count]
-        linear = np.flatnonzero(stress > NEGLIGIBLE * np.linalg.norm(root * y))
-        if not len(linear):
-            raise ValueError(
-                f"{self.law}: no part of the stresses is elastic, so that the rubber would flow;"
-                " add tests that are slower, or that are held for longer"
-            )
-        n, shape = len(linear), shape_of(x)
-        columns = [root[:, None] * np.column_stack([own[:, linear], relaxing])]
-        if len(x):  # by a shape and times at given coefficients
-            steps = DIFFERENCE * np.eye(len(x))
-            inward = np.where(2 * x < lower + upper, 1.0, -1.0)
-            for step in steps * inward[:, None]:
-                moved = np.column_stack(
-                    [elastic_at(x + step), curves.columns(np.exp((x + step)[s:]))]
-                )
-                slope = (moved - np.column_stack([own, relaxing])) @ sizes / step.sum()
-                columns.append((root * slope)[:, None])
-        slopes = np.column_stack(columns)
-        slopes[:, n + k :] /= np.r_[np.where(logarithmic, shape, 1.0), times]
-        found = covariance_at(slopes, off @ off)
-        if self.branches is None and k:
-            certain = moduli / np.sqrt(np.diag(found)[n : n + k])
-            if certain.min() < CERTAIN:
-                fewer = np.delete(times, certain.argmin())
-                self._refined(elastic, curves, y, root, shape, fewer)
-                return
-        ways = np.r_[np.arange(n), n + k + np.arange(s), n + np.arange(k), n + k + s + np.arange(k)]
-        names = [elastic.names[one] for one in linear] + list(elastic.shapes)
-        names += [f"{what}_{number}" for what in ("modulus", "time") for number in range(1, k + 1)]
-        values = np.concatenate([sizes[:count][linear], shape, moduli, times])
-
-        def law_from(values: np.ndarray) -> Law:
-            sizes = np.zeros(count)
-            sizes[linear] = values[:n]
-            moduli, times = values[n + s : n + s + k].tolist(), values[n + s + k :].tolist()
-            law = elastic.law(sizes, values[n : n + s], sum(moduli))
-            memory = Memory(tuple(Branch(*one) for one in zip(moduli, times, strict=True)))
-            return replace(law, memory=memory)
-
-        self._law_from = law_from
-        bounded = np.r_[np.zeros(n, dtype=bool), at_bound[:s], np.zeros(k, bool), at_bound[s:]]
-        self._store(
-            law_from(values),
-            names,
-            values,
-            found[np.ix_(ways, ways)],
-            [name for name, on in zip(names, bounded, strict=True) if on],
-        )
+        return elastic_of_law(LawRegressor(self.law, self.n_terms), states)
 
 
-def rates_of(curves: Curves) -> tuple[float, float]:
-    """Return the least and greatest rate of stretch of curves: of each the median over its rows of
-    the rates that are at least a hundredth of its greatest, so that holds do not count.
+def rates_of(curves: Curves) -> tuple[float, float] | None:
+    """Return the least and greatest rate of stretch of curves, None for curves without motion or
+    time.
+
+    The least one is the mean rate of a whole curve. The greatest one is the median, over a curve's
+    rows, of the rates that are at least a hundredth of its greatest, so that holds do not count.
     """
-    stretch = np.sqrt(curves.squares[..., 0])
-    found = []
-    for time, one in zip(curves.time.T, stretch.T, strict=True):
-        passed = np.diff(time) > 0
-        rates = np.abs(np.diff(one))[passed] / np.diff(time)[passed]
-        moving = rates > 0.01 * rates.max(initial=0.0)
-        if moving.any():
-            found.append(float(np.median(rates[moving])))
-    return (min(found), max(found)) if found else (0.0, 0.0)
+    moved = np.abs(np.diff(np.sqrt(curves.squares[..., 0]), axis=0))
+    steps = np.diff(curves.time, axis=0)
+    rates = np.divide(moved, steps, out=np.zeros_like(moved), where=steps > 0)
+    going = (rates > 0.01 * rates.max(axis=0)) & (rates > 0)
+    found = [
+        (one.sum() / time.sum(), float(np.median(rate[some])))
+        for one, time, rate, some in zip(moved.T, steps.T, rates.T, going.T, strict=True)
+        if some.any()
+    ]
+    return (float(min(found)[0]), max(fast for _, fast in found)) if found else None

@@ -6,34 +6,43 @@ from matplotlib.figure import Figure
 
 from ..results.figures import STYLE
 from .data import TestData
-from .examination import POOR
+from .examination import standardized
 from .history_regressor import FREE, HistoryRegressor
-from .reporting import differences, facts_of_tests, parameters_of
+from .reporting import differences, facts_of_tests, judged, parameters_of
 
 
 def fitted_history(
-    data: TestData, law: str | None, branches: int | None, bulk: dict[str, float]
+    data: TestData,
+    law: str | None,
+    branches: int | None,
+    n_terms: int,
+    softening: bool,
+    bulk: dict[str, float],
 ) -> HistoryRegressor:
-    """Fit a law, or an energy without one, and branches to test data; `branches` is None for a
-    choice by cross-validation.
+    """Fit a law (Ogden's with `n_terms` terms), or an energy without one, with branches and
+    softening to test data; `branches` is None for a choice by cross-validation.
     """
-    regressor = HistoryRegressor(law or FREE, branches, **bulk)
-    return regressor.fit(data.histories(), data.nominal_stress, data.weight)
+    return HistoryRegressor(law or FREE, branches, n_terms, softening, **bulk).fit_tests(data)
 
 
 def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
     """Return a report of a fit of branches as plain values.
 
-    ``curves`` has the RMS error of each specimen relative to its greatest stress, ``rates`` the
-    least and greatest rate of stretch, ``cross_validation`` the errors of stresses left out by
-    number of branches.
+    ``curves`` has the RMS error of each specimen relative to its greatest stress, the factor of the
+    fit's stresses that describes the specimen best, and the error that is left with it; ``rates``
+    are the least and greatest rate of stretch, ``cross_validation`` the errors of stresses left out
+    by number of branches.
     """
-    predicted = model.predict(data.histories())
-    form = "energy without a law" if model.law == FREE else model.law
+    predicted = model.predict(model.rows_of(data))
     curves = []
     for number in np.unique(data.curve):
         rows = data.curve == number
-        off = predicted[rows] - data.nominal_stress[rows]
+        fit, stress = predicted[rows], data.nominal_stress[rows]
+        factor = float(fit @ stress / (fit @ fit))
+        rms, scaled = (
+            float(np.sqrt(((one - stress) ** 2).mean()) / np.abs(stress).max())
+            for one in (fit, factor * fit)
+        )
         curves.append(
             {
                 "specimen": data.tests.specimens[number].name if data.tests else str(number),
@@ -41,45 +50,35 @@ def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
                 "rows": int(rows.sum()),
                 "duration": float(np.ptp(data.time[rows])),
                 "greatest_stretch": float(data.stretches[rows, 0].max()),
-                "relative_rms": float(
-                    np.sqrt((off**2).mean()) / np.abs(data.nominal_stress[rows]).max()
-                ),
+                "relative_rms": rms,
+                "factor": factor,
+                "scaled_rms": scaled,
             }
         )
-    scores = data.r_squared(predicted)
-    refusals = [
-        f"{form} with branches describes {mode} worse than the mean stress does (R^2 below 0)"
-        for mode, score in scores.items()
-        if not score >= 0
-    ]
-    remarks = [
-        f"{form} with branches describes {mode} poorly: R^2 is {score:.3g}, below {POOR:g}"
-        for mode, score in scores.items()
-        if 0 <= score < POOR
-    ]
-    if model.at_bound_:
-        remarks.append(
-            f"{form}: {', '.join(model.at_bound_)} reached a bound of the search range: the data do"
-            " not determine it; tests at other rates, or held for longer, would."
+    judgement = judged(model, data, model.form)
+    if model.softening and model.law_.memory.softening.beta == 0:
+        judgement["remarks"].append(
+            f"{model.form}: all curves unload from nearly one stretch, so that beta of softening"
+            " is not told from m, and is 0; unload from others too"
         )
-    if not model.law_.memory:
-        remarks.append(
-            f"{form}: the data show no relaxation beyond their errors, so that there are no"
+    if model.branches is None and not model.law_.memory.branches:
+        judgement["remarks"].append(
+            f"{model.form}: the data show no relaxation beyond their errors, so that there are no"
             " branches; --branches 1 asks for one"
         )
     return {
-        "form": f"{form} with branches",
+        "form": model.form,
         "data": data.name,
         "rows": len(data),
         **parameters_of(model),
-        "rates": list(model.rates_),
+        "rates": model.rates_ and [*model.rates_],
         "curves": curves,
         "cross_validation": model.cross_validation_,
-        "r_squared": scores,
+        "r_squared": data.r_squared(predicted),
         "differences": differences(data, predicted),
+        "residuals": standardized(model, data),
         **facts_of_tests(data),
-        "refusals": refusals,
-        "remarks": remarks,
+        **judgement,
     }
 
 
@@ -87,7 +86,7 @@ def figure_of_history(model: HistoryRegressor, data: TestData) -> Figure:
     """Return a figure with a panel for each mode of loading: the stresses of each curve, and lines
     of the fit.
     """
-    predicted = model.predict(data.histories())
+    predicted = model.predict(model.rows_of(data))
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(3.4 * len(data.modes), 2.9), layout="constrained")
         axes = drawn.subplots(1, len(data.modes), squeeze=False)[0]

@@ -9,11 +9,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import minimum_filter
-from scipy.optimize import least_squares, nnls
+from scipy.optimize import least_squares
 from sklearn.utils._param_validation import Interval
 
 from ..arguments import suggestion
 from ..materials import LAWS, Law, Ogden, Polyconvex, homogeneous
+from .averaging import nonnegative
 from .stress_regressor import (
     BULK_CONSTRAINTS,
     BULK_RATIO,
@@ -204,12 +205,8 @@ class LawRegressor(StressRegressor):
         # reaches.
         few = np.argsort(X.max(axis=1), kind="stable")[:: -int(np.ceil(len(y) / COARSE_ROWS))]
         coarse = X[few], y[few], root[few]
-        candidates = (
-            self._ogden_candidates(*coarse) if self.law == Ogden.name else self._candidates(*coarse)
-        )
-        starts = [
-            start for _, start in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0])
-        ]
+        best_few = nsmallest(STARTS, self._candidates(*coarse), key=lambda candidate: candidate[0])
+        starts = [start for _, start in best_few]
         if not starts:
             raise ValueError(
                 f"{self.law} cannot be fitted: it does not reach the stretch {X.max():g} with a"
@@ -394,51 +391,82 @@ class LawRegressor(StressRegressor):
         # By the chain rule: the Jacobian by the parameters, where the logarithm was searched for.
         return values, found.jac / np.where(logarithmic, values, 1.0), found
 
-    def _candidates(self, X, y, root):
-        """Return (squared error, parameters) of a law but Ogden's at points of a grid that no
-        neighbor excels, with the best modulus.
+    def shapes(self) -> list[tuple[float, ...]]:
+        """Return the points of the coarse search: values of the parameters other than moduli.
+
+        Returns
+        -------
+        list of tuple of float
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> len(pds.identification.LawRegressor("gent").shapes())
+        25
         """
-        low, high, _ = self.search_range(np.empty(0), max(np.abs(y).max(), 1e-300))
-        axes = axes_of(low[1:], high[1:])
-        shapes = list(product(*axes))
-        shape = [len(axis) for axis in axes]
-        moduli = np.zeros(len(shapes))
+        if self.law != Ogden.name:
+            low, high, _ = self.search_range(np.empty(0), 1.0)
+            return list(product(*axes_of(low[1:], high[1:])))
+        grid = [value for value in EXPONENTS if abs(value) <= self.greatest_exponent]
+        return list(combinations(grid, self.n_terms))
+
+    def unit_stresses(self, shape: ArrayLike, X: ArrayLike) -> np.ndarray:
+        """Return the nominal stress of each modulus of size 1 at constant volume.
+
+        Parameters
+        ----------
+        shape : array-like, shape (n_shape,)
+            Values of the parameters other than moduli.
+        X : array-like, shape (n_samples, 2)
+            Stretches along the stress and across it.
+
+        Returns
+        -------
+        ndarray, shape (n_samples, n_moduli)
+            NaN past the limit of the law.
+
+        Raises
+        ------
+        ValueError
+            If the values are not those of a law.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> law = pds.identification.LawRegressor("ogden", n_terms=2)
+        >>> law.unit_stresses([2.0, -2.0], [[2.0, 2.0**-0.5]]).round(3).tolist()
+        [[1.75, 0.875]]
+        """
+        X, shape = np.asarray(X, dtype=float), np.asarray(shape, dtype=float)
+        if self.law != Ogden.name:
+            return incompressible_stress(self.law_of([1.0, *shape]), X)[:, None]
+        thickness = 1 / X.prod(axis=1, keepdims=True)
+        return np.sign(shape) * (X[:, :1] ** shape - thickness**shape) / X[:, :1]
+
+    def _candidates(self, X, y, root):
+        """Return (squared error, parameters) at points of the coarse search, with the best moduli:
+        of a law but Ogden's, those that no neighbor excels.
+        """
+        shapes = self.shapes()
+        least = 1e-7 * max(np.abs(y).max(), 1e-300)
+        moduli = [np.empty(0)] * len(shapes)
         errors = np.full(len(shapes), np.inf)
-        for number, values in enumerate(shapes):
+        for number, shape in enumerate(shapes):
             try:
-                unit = incompressible_stress(self.law_of(np.array([1.0, *values])), X)
+                unit = self.unit_stresses(shape, X)
             except ValueError:
                 continue
             if np.isfinite(unit).all():
-                moduli[number] = max(
-                    (root**2 * unit * y).sum() / max((root**2 * unit**2).sum(), 1e-300), low[0]
-                )
-                errors[number] = ((root * (moduli[number] * unit - y)) ** 2).sum()
-        least = (
-            minimum_filter(errors.reshape(shape), 3, mode="nearest").ravel() if shape else errors
-        )
+                moduli[number] = np.maximum(nonnegative(unit, y, root), least)
+                errors[number] = ((root * (unit @ moduli[number] - y)) ** 2).sum()
+        lowest = errors
+        if self.law != Ogden.name and shapes[0]:
+            axes = [len({*values}) for values in zip(*shapes, strict=True)]
+            lowest = minimum_filter(errors.reshape(axes), 3, mode="nearest").ravel()
         return [
-            (errors[n], np.array([moduli[n], *shapes[n]]))
-            for n in np.flatnonzero((errors == least) & np.isfinite(errors))
+            (errors[n], np.array([*moduli[n], *shapes[n]]))
+            for n in np.flatnonzero((errors == lowest) & np.isfinite(errors))
         ]
-
-    def _ogden_candidates(self, X, y, root):
-        """Yield (error, parameters) of Ogden's law for each set of exponents from a grid, with
-        the best moduli.
-        """
-        grid = [value for value in EXPONENTS if abs(value) <= self.greatest_exponent]
-        thickness = 1 / X.prod(axis=1)
-        least = 1e-7 * max(np.abs(y).max(), 1e-300)
-        # Stress of a term of unit stiffness, which is modulus times exponent.
-        columns = {a: root * (X[:, 0] ** a - thickness**a) / X[:, 0] / a for a in grid}
-        for exponents in combinations(grid, self.n_terms):
-            matrix = np.stack([columns[a] for a in exponents], axis=1)
-            if np.isfinite(matrix).all():
-                stiffness, error = nnls(matrix, root * y)
-                yield (
-                    error,
-                    np.concatenate([np.maximum(stiffness / np.abs(exponents), least), exponents]),
-                )
 
 
 def _incompressible(law: Law, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

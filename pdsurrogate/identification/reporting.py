@@ -202,10 +202,7 @@ def held_out_modes(
                     f"{data.name}: no mode can be held out: there are {', '.join(modes)}, to fit"
                     f" {', '.join(train) or 'none'}"
                 )
-            fitted = clone(model).fit(
-                known.stretches, known.nominal_stress, known.balanced_weights()
-            )
-            predicted = fitted.predict(unseen.stretches)
+            predicted = clone(model).fit_tests(known).predict(unseen.stretches)
             off = np.sqrt(
                 ((predicted - unseen.nominal_stress) ** 2).sum() / (unseen.nominal_stress**2).sum()
             )
@@ -227,7 +224,7 @@ def fitted(
     regressor = (
         EnergyRegressor(**bulk) if law is None else LawRegressor(law, n_terms=n_terms, **bulk)
     )
-    return regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
+    return regressor.fit_tests(data)
 
 
 def identify(
@@ -273,17 +270,11 @@ def examined(model: StressRegressor, data: TestData) -> dict:
     """
     found = report(model, data)
     form = model.law
-    examination = examine(model, data)
     if isinstance(model, EnergyRegressor):
         form = "energy without a law"
         found |= {"form": form, "unmeasured": unmeasured(model, data)}
-    remarks = list(examination.remarks)
-    if model.at_bound_:
-        at_bound = f"{form}: {', '.join(model.at_bound_)}"
-        remarks.append(
-            f"{at_bound} reached a bound of the search range: the data do not determine it, or"
-            " another law would fit better."
-        )
+    found |= judged(model, data, form)
+    remarks = found["remarks"]
     if found["volume_ratio"] and found["volume_ratio"] > LARGE_GROWTH:
         growth = (
             f"the volume grows by {100 * (found['volume_ratio'] - 1):.0f} % in the tests, more than"
@@ -292,7 +283,23 @@ def examined(model: StressRegressor, data: TestData) -> dict:
         remarks.append(
             f"{form}: with this bulk modulus {growth}; set a greater one with --bulk-modulus"
         )
-    return {**found, "refusals": examination.refusals, "remarks": remarks}
+    return found
+
+
+def judged(model: StressRegressor, data: TestData, form: str) -> dict[str, list[str]]:
+    """Return the ``refusals`` and ``remarks`` on a fit of a law or an energy, the `form`, and on
+    its data.
+    """
+    found = examine(model, data)
+    remarks = list(found.remarks)
+    if model.at_bound_:
+        at_bound = f"{form}: {', '.join(model.at_bound_)}"
+        longer = " Tests at other rates, or held for longer, determine more." * model.over_time
+        remarks.append(
+            f"{at_bound} reached a bound of the search range: the data do not determine it, or"
+            f" another law would fit better.{longer}"
+        )
+    return {"refusals": found.refusals, "remarks": remarks}
 
 
 def unmeasured(model: EnergyRegressor, data: TestData) -> list[dict]:

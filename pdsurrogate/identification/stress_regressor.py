@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from numbers import Real
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,7 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, vali
 from ..arguments import check_kind, check_numbers, in_order
 from ..materials import Law, homogeneous
 from ..materials.covariance import LawCovariance, covariance_of_numbers
+from .data import TestData
 
 BULK_RATIO = 1000.0
 """Default of K/mu of a law.
@@ -205,6 +207,66 @@ class StressRegressor(LawEstimator):
     """
 
     columns = ("stretch", "lateral_stretch")
+
+    over_time: ClassVar[bool] = False
+    """Whether the stresses depend on the order of the rows: on earlier stretches."""
+
+    @property
+    def form(self) -> str:
+        """Fitted form in words: the name of the law.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.identification.LawRegressor("gent").form
+        'gent'
+        """
+        return self.law
+
+    def rows_of(self, data: TestData) -> np.ndarray:
+        """Return the rows of test data as `fit` and `predict` take them.
+
+        Parameters
+        ----------
+        data : TestData
+
+        Returns
+        -------
+        ndarray, shape (n_samples, n_columns)
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.identification.LawRegressor().rows_of(pds.load_test_data("treloar")).shape[1]
+        2
+        """
+        return data.stretches
+
+    def fit_tests(self, data: TestData) -> Self:
+        """Fit to test data, with modes of loading weighted by their scatter, or, over time, with
+        their own weights.
+
+        Parameters
+        ----------
+        data : TestData
+
+        Returns
+        -------
+        self
+
+        See Also
+        --------
+        pdsurrogate.fit_to_tests : also examines data and fit.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar").up_to(3.0)
+        >>> pds.identification.LawRegressor("gent").fit_tests(data).law_.name
+        'gent'
+        """
+        weights = data.weight if self.over_time else data.balanced_weights()
+        return self.fit(self.rows_of(data), data.nominal_stress, weights)
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()

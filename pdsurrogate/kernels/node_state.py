@@ -48,6 +48,17 @@ def deformation_gradients(algebra):
     return deformation_gradients
 
 
+@inlined
+def limited_step(step, residual, slope, J3):
+    """Return the decrease of J3 that replaces a step where it would leave the range of the law."""
+    # For a negative slope or a large step J3 is halved or doubled, which keeps it positive from any
+    # start.
+    step = step if slope > 0.0 else np.copysign(J3, residual)
+    step = min(max(step, -J3), 0.5 * J3)
+    # NaN: the chains of the law are overstretched at this J3, which a larger volume may relieve.
+    return step if residual == residual else -SWELLING * J3
+
+
 @inline
 def solve_volume_ratios(n, states, result, last, response, parameters, last_step=1e-8):
     """Solve P33 = 0 for the volume ratio J3 by Newton's method, in place in ``states[2]``, for the
@@ -67,13 +78,7 @@ def solve_volume_ratios(n, states, result, last, response, parameters, last_step
         for k in range(n):
             J3 = states[2, k]
             step = result[2, k] / result[3, k]
-            # For a negative slope or a large step J3 is halved or doubled, which keeps it positive
-            # from any start.
-            step = step if result[3, k] > 0.0 else np.copysign(J3, result[2, k])
-            step = min(max(step, -J3), 0.5 * J3)
-            # NaN: the chains of the law are overstretched at this J3, which a larger volume may
-            # relieve.
-            step = step if result[2, k] == result[2, k] else -SWELLING * J3
+            step = limited_step(step, result[2, k], result[3, k], J3)
             left = abs(step) - last_step * J3
             last[k] = step if left < 0.0 else 0.0
             states[2, k] = J3 - (0.0 if left < 0.0 else step)

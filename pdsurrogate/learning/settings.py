@@ -277,12 +277,14 @@ class FitSettings(StrictModel):
             Hull of the states in the tests from which the law was identified; it becomes part of
             the surrogate's domain.
         identification : dict, optional
-            Report of the identification of the law, for the card.
+            Report of the identification of the law, for the card; its ``rates`` become part of the
+            domain.
         """
         samples = self.design(law)
         pipeline, what = self.pipeline()
-        if hull is not None:
-            samples = replace(samples, design={**samples.design, "hull": hull})
+        tested = {"hull": hull, "rates": (identification or {}).get("rates")}
+        known = {key: value for key, value in tested.items() if value is not None}
+        samples = replace(samples, design={**samples.design, **known})
         with part("fitting", 0, 1):
             pipeline.fit(samples.X, samples.y)
         folds = cross_validate(pipeline, samples, self.folds, self.seed) if self.folds else []

@@ -426,7 +426,8 @@ class Target:
             else tuple((float(n1), float(n2), float(d)) for n1, n2, d in design["hull"])
         )
         least, greatest = design["stretch_range"]
-        return Domain(least, greatest, *bulk, hull)
+        rates = design.get("rates")
+        return Domain(least, greatest, *bulk, hull, rates and (rates[0], rates[1]))
 
 
 class EnergyTarget(Target):

@@ -145,6 +145,19 @@ def _isochoric_rows(state, found):
     return p, q + across, across, energy
 
 
+def _energy_before_slope(response: Callable) -> Callable:
+    """Return the plane-stress response with energy and slope exchanged: the energy is then in the
+    row in which other isochoric responses have it.
+    """
+
+    @inlined
+    def exchanged(state, *derivatives):
+        p, q, residual, slope, energy = response(state, *derivatives)
+        return p, q, residual, energy, slope
+
+    return exchanged
+
+
 def _of_held_sheet(rows: int, result: Callable, isochoric: bool) -> Response:
     """Return a `Response` for plane strain, whose results ``result(state, found)`` computes from
     the plane-stress results at C33 = 1.
@@ -265,6 +278,16 @@ slope of the residual, and energy Psi.
 
 The residual of P33 = 0 is J3 dPsi/dJ3 at fixed F in the plane, and its slope is the derivative by
 J3.
+"""
+
+ISOCHORIC_PLANE_STRESS = replace(
+    PLANE_STRESS,
+    of_invariants=_energy_before_slope(of_sheet_invariants),
+    of_stretches=_energy_before_slope(of_sheet_stretches),
+    isochoric=True,
+)
+"""Response of a sheet in plane stress as `PLANE_STRESS`, with all results from W alone, the energy
+before the slope; p and q have the pressure eliminated by P33 = 0.
 """
 
 PLANE_STRAIN = _of_held_sheet(5, _stress_rows, isochoric=False)

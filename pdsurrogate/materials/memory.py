@@ -5,6 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
+NEARLY = 1.5
+"""Factor by which rates may lie outside of those of tests. Chosen: curves at a rate 1.7 times
+greater than all others were predicted as well as those were fitted, at a third not.
+"""
+
 
 @dataclass(frozen=True)
 class Branch:
@@ -89,12 +94,14 @@ class Memory:
         """Shear modulus that all branches add in fast motions."""
         return sum(branch.modulus for branch in self.branches)
 
-    def scaled(self, factor: float) -> Self:
-        """Return the memory with all moduli and energies multiplied by a factor."""
+    def scaled(self, factor: float, time: float = 1.0) -> Self:
+        """Return the memory with all moduli and energies multiplied by a factor, and all times by
+        another.
+        """
         softening = self.softening
         return replace(
             self,
-            branches=tuple(Branch(each.modulus * factor, each.time) for each in self.branches),
+            branches=tuple(Branch(one.modulus * factor, one.time * time) for one in self.branches),
             softening=softening and replace(softening, m=softening.m * factor),
         )
 
@@ -106,6 +113,39 @@ class Memory:
         if self.softening is not None:
             found["softening"] = vars(self.softening).copy()
         return found
+
+
+def untested_rates(measured: tuple[float, float], least: float, greatest: float) -> str | None:
+    """Return in words which rates of stretch are outside of those of the tests behind branches;
+    None if none is.
+
+    Parameters
+    ----------
+    measured : tuple of float
+        Least and greatest rate of the tests.
+    least, greatest : float
+        Rates of a motion in the same unit: the least is the mean one of the whole motion, in which
+        holds count, the greatest one that of its moving part.
+
+    Examples
+    --------
+    >>> from pdsurrogate.materials.memory import untested_rates
+    >>> untested_rates((0.01, 0.05), 0.01, 0.06)
+    >>> untested_rates((0.01, 0.05), 0.02, 1.0)[:40]
+    'rates of stretch up to 1, where those of'
+    """
+    slow, fast = measured
+    if fast * NEARLY < greatest:
+        return (
+            f"rates of stretch up to {greatest:.3g}, where those of the tests end at {fast:.3g}:"
+            " faster branches are not known"
+        )
+    if least * NEARLY < slow:
+        return (
+            f"rates of stretch down to {least:.3g}, where those of the tests end at {slow:.3g}:"
+            " slower branches are not told from the elastic energy"
+        )
+    return None
 
 
 def from_prony(shear_modulus: float, pairs: Sequence[tuple[float, float]]) -> tuple[Branch, ...]:

@@ -221,6 +221,7 @@ class PlaneStress(PlaneStrain):
     """Stresses and energies of a sheet in plane stress, whose thickness is free: P33 = 0."""
 
     response = expressions.PLANE_STRESS
+    isochoric_response = expressions.ISOCHORIC_PLANE_STRESS
 
     def volume_ratio(self, law: Law, trace, area_ratio):
         """Return the J3 that makes P33 = 0 (paper, Eq. (9)), shape (...), by Newton's method from

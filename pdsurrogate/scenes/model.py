@@ -110,8 +110,8 @@ class MaterialSpec(StrictModel):
     law : str
         Name of a law, or ``"rigid"``.
     branches : list of BranchSpec
-        Viscoelastic branches beside the elastic energy. `pdsurrogate export` takes them and
-        `softening`; runs refuse them so far.
+        Viscoelastic branches beside the elastic energy. In equilibrium they need the `times` of
+        `stretches`, or a `duration` of steps.
     prony : list of pair of float
         Branches as a Prony series: pairs of a ratio and a relaxation time. A ratio is the modulus
         of the branch over that of fast motions, which `shear_modulus` and the moduli of all

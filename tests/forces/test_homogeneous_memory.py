@@ -21,6 +21,7 @@ class Motion:
     """
 
     def __init__(self, plane, law, force="bond-energy", **settings):
+        self.plane = plane
         self.dimension = 3 if plane == "space" else 2
         self.body = of_points(lattice(*(0.4, 0.4, 0.4)[: self.dimension]))
         settings = pds.ForceSettings(plane=plane, **settings)
@@ -45,7 +46,8 @@ def driven(motion, rubber, mode, parts, knots=KNOTS, values=STRETCHES):
     at the end, found by cause and expected.
 
     The sides have the stretches that a free side should have; the stress found there is a pressure
-    that a free side would release, and is taken from the stress along the first axis.
+    that a free side would release, and is taken from the stress along the first axis. In a sheet
+    under plane stress the thickness releases it.
     """
     times, _ = divided(knots, values, parts)
     reference = rubber.history(mode, knots, values, list(times))
@@ -56,13 +58,15 @@ def driven(motion, rubber, mode, parts, knots=KNOTS, values=STRETCHES):
     expected = at_knots(times, reference, knots[1:])
     stress = at_knots(times[1:], np.array(found), knots[1:])
     free = MODES[mode].index(None)
-    if free < motion.dimension:
+    if free < motion.dimension and motion.plane != "stress":
         stress[:, 0] -= stress[:, free] * expected[:, free] / expected[:, 0]
     return expected[:, 3], stress[:, 0], lost / motion.body.volumes.sum(), expected[-1, 6]
 
 
 CASES = [("space", "uniaxial"), ("space", "equibiaxial"), ("space", "pure-shear")]
 CASES += [("strain", "plane-strain")]
+ALL = ["space", "strain", pytest.param("stress", marks=pytest.mark.slow)]
+CASES += [("stress", mode) for mode in ("uniaxial", "equibiaxial", "pure-shear")]
 
 
 @pytest.mark.parametrize(("plane", "mode"), CASES)
@@ -83,12 +87,12 @@ def test_cycles_by_160_steps_a_relaxation_time(plane, mode):
     rubber = Rubber(branches=((1.0, 1.0),))
     motion = Motion(plane, law_of(rubber))
     expected, found, _, _ = driven(motion, rubber, mode, 160)
-    # Cbar is straight within a step, an error of second order in the increments of strain.
+    # Theory (98): 1.5 and 0.3 times the square of an increment, of overstresses of 2 to 3.
     bound = {"uniaxial": 1e-6, "equibiaxial": 2e-5}.get(mode, 3e-6)
     assert np.abs(found - expected).max() < bound * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("plane", ["space", "strain"])
+@pytest.mark.parametrize("plane", ALL)
 @pytest.mark.parametrize("step", [0.03, 1.0, 30.0, 1e4])
 def test_overstress_of_steps_of_all_lengths(plane, step):
     rubber = Rubber(branches=((1.0, 1.0),))
@@ -99,14 +103,14 @@ def test_overstress_of_steps_of_all_lengths(plane, step):
     expected, found, _, _ = driven(motion, rubber, mode, 1 / step, knots, values)
     relaxed = Rubber(K=100.0).history(mode, [0, 1, 2, 3], values, [1, 2, 3])
     greatest = np.abs(expected - relaxed[:, 3]).max()
-    # In plane strain Cbar changes faster, along a path that is straight within a step.
-    bound = 1e-3 if mode == "uniaxial" else 1e-2
+    # The straight path of a step: theory (98), u = 0 in uniaxial tension.
+    bound = 1e-3 if mode == "uniaxial" else 1e-3 + 1 / 120
     assert np.abs(found - expected).max() < bound * max(greatest, 1e-3)
 
 
 @pytest.mark.parametrize(
     ("plane", "mode"),
-    [("space", "uniaxial"), ("strain", "plane-strain")],
+    [("space", "uniaxial"), ("strain", "plane-strain"), ("stress", "uniaxial")],
 )
 def test_softening_of_a_cycle(plane, mode):
     rubber = Rubber(softening=(1.5, 0.1, 0.1), branches=((0.3, 1.0),))
@@ -118,7 +122,7 @@ def test_softening_of_a_cycle(plane, mode):
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
 @pytest.mark.parametrize("time", [1e-6, 1e6])
-@pytest.mark.parametrize("plane", ["space", "strain"])
+@pytest.mark.parametrize("plane", ALL)
 def test_moduli_and_times_of_all_magnitudes(plane, scale, time):
     rubber = Rubber(scale, 100 * scale, ((2 * scale, 1.0), (scale, time)))
     mode = "plane-strain" if plane == "strain" else "uniaxial"
@@ -127,7 +131,7 @@ def test_moduli_and_times_of_all_magnitudes(plane, scale, time):
 
 
 @pytest.mark.parametrize("modulus", [1e-6, 1e6])
-@pytest.mark.parametrize("plane", ["space", "strain"])
+@pytest.mark.parametrize("plane", ["space", "strain", "stress"])
 def test_branches_much_softer_and_stiffer_than_the_elastic_part(plane, modulus):
     rubber = Rubber(branches=((modulus, 1.0),), K=100 * max(modulus, 1.0))
     mode = "plane-strain" if plane == "strain" else "uniaxial"

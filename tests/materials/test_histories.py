@@ -49,6 +49,23 @@ def test_the_step_is_of_second_order(mode):
     assert errors[2] < 1e-5 * expected.max()
 
 
+@pytest.mark.parametrize(("mode", "u"), [("uniaxial", 0), ("equibiaxial", 3), ("pure-shear", 1)])
+@pytest.mark.parametrize("h", [0.5, 4.0, 1e3])
+def test_the_error_of_a_straight_path(mode, u, h):
+    """Theory (98), at a constant rate of stretch."""
+    law = pds.materials.NeoHookean(memory=Memory((Branch(1.0, 1.0),)))
+    rate = 0.002 / h
+    found = []
+    for parts in (1, 64):
+        time = np.linspace(0, 40 * h, 40 * parts + 1)
+        found.append(stress_history(law, mode, time, 1 + rate * time, True).nominal_stress[-1])
+    relaxed = stress_history(pds.materials.NeoHookean(), mode, [0.0], [1.08], True)
+    increment = 0.002 / 1.08
+    expected = u * increment / 2 * (1 / np.tanh(h / 2) - 2 / h)
+    overstress = found[1] - relaxed.nominal_stress[-1]
+    assert (found[0] - found[1]) / overstress == pytest.approx(expected, abs=increment / 25)
+
+
 @pytest.mark.parametrize("mode", LOGS)
 def test_an_elastic_history_consists_of_exact_states_which_creep_reverses(mode):
     law = pds.materials.Gent(chain_limit=30.0, bulk_modulus=50.0)

@@ -1,0 +1,90 @@
+"""Branches and softening of the pairs of one material in a sheet under plane stress."""
+
+import numpy as np
+
+from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.passes import BoundPass
+from ..kernels import sheet_memory
+from ..kernels.energy_density import analytic_energy_density
+from ..materials import PLANES
+from .binding import Binding
+from .kinematics import Kinematics
+from .pair_memory import PairMemory
+from .pair_passes import PairEnergies
+
+plane = PLANES["stress"]
+
+
+class SheetMemory(PairMemory):
+    """Branches and softening of the pairs of one material in a sheet, whose thickness follows from
+    the sum of all stresses.
+
+    With a learned elastic energy they add the difference that they make in the exact energy of the
+    law.
+
+    Parameters
+    ----------
+    binding : Binding
+    part : PairEnergies
+        Pairs of the material, which get this memory and its passes.
+    number : int
+        Number of the material.
+    """
+
+    _part: PairEnergies
+
+    def __init__(self, binding: Binding, part: PairEnergies, number: int) -> None:
+        self._J3 = aligned_rows((len(part.forces),), value=1)
+        super().__init__(binding, part, number)
+
+    def _energy_of(self, part: PairEnergies) -> tuple[tuple, str, np.ndarray]:
+        points = part.points
+        self._isochoric = plane.isochoric_response.block(points.law).address or 0
+        none = np.zeros(1, dtype=np.int64), np.zeros(1)
+        return (0, (*none, self._isochoric, points.parameters)), "float64", self._J3
+
+    def _steps_of(
+        self, part: PairEnergies, kinematics: Kinematics, steps: tuple, memory: np.ndarray, stored
+    ) -> list[BoundPass]:
+        points = part.points
+        law = points.response.address, self._isochoric, points.parameters
+        buffers = aligned_rows(
+            (kinematics.chunks.threads, sheet_memory.BUFFER_ROWS, BLOCK), value=1
+        )
+        self._find_volumes = kinematics.bind(
+            sheet_memory.pair_volumes, *part.places, part.pairs, law, steps, buffers, self._J3
+        )
+        results = part.count_rows, part.energies, stored, part.forces, part.moments
+        find = kinematics.bind(
+            sheet_memory.pair_energies,
+            *part.places,
+            part.pairs,
+            law,
+            steps,
+            (analytic_energy_density("float64").address or 0) if part.learned else 0,
+            buffers,
+            kinematics.scratch,
+            results,
+        )
+        return [*part.steps, find]
+
+    def accept(self, elapsed: float) -> None:
+        self._find_volumes()
+        super().accept(elapsed)
+
+    def volume_ratios(self) -> np.ndarray:
+        """Return the volume ratios J3 of the points of the material at the positions, means over
+        their bonds.
+        """
+        self._find_volumes()
+        return self._means(self._J3[:, None], [1.0])[0]
+
+    def _shares(self) -> np.ndarray:
+        return np.tile(self._reference()[3], (2, 1))
+
+    def _volumes(self, F: np.ndarray) -> tuple:
+        self._find_volumes()
+        return self._J3, (self._J3 / np.linalg.det(F)) ** 2
+
+    def _isochoric_energies(self, F: np.ndarray, J3: np.ndarray) -> np.ndarray:
+        return plane.isochoric_response(self._part.points.law, *plane.invariants(F), J3)[3]
