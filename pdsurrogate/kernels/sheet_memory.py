@@ -41,9 +41,9 @@ ADDED = STRAINS + TENSOR
 KNOWN = ADDED + TENSOR + 2
 BUFFER_ROWS = KNOWN + 5
 """First rows of the parts of a thread's buffer, and its number of rows. Gradients and bond vectors
-begin at row 0; states (tr C, J, J3), the response of the law, its isochoric part, C or Cb, and what
-branches add follow. The last rows are residual, inverse slope and J3 of the iteration before, 1
-once J3 is found, and 1/J^2.
+begin at row 0; states (tr C, J, J3), the response of the law, its isochoric part, C of the plane
+with J^2, and what branches add follow. The last rows are residual, inverse slope and J3 of the
+iteration before, 1 once J3 is found, and 1/J^2.
 """
 
 LAST_STEP = 1e-7

@@ -138,7 +138,7 @@ def test_homogeneous_motion_is_that_of_a_material_point(plane):
             G = full(brentq(lambda x: stress_at(full(x))[2, 2], *across, xtol=1e-14))
         expected = stress_at(G)
         np.testing.assert_allclose(force.mean_stress(), expected[:d, :d], atol=1e-9)
-        of_points = force.stress_and_energy()[0]
+        of_points, density = force.stress_and_energy()
         np.testing.assert_allclose(of_points, np.broadcast_to(expected, of_points.shape), atol=1e-9)
         J3 = np.linalg.det(G)
         np.testing.assert_allclose(force.volume_ratios(), J3, rtol=1e-11)
@@ -150,6 +150,7 @@ def test_homogeneous_motion_is_that_of_a_material_point(plane):
         softened = quad(lambda w, s=scale, m=most: erf((m - w) / s) / SOFTENING.r, 0, W)[0]
         stored = W - softened + energy + K / 8 * (J3 - 1 / J3) ** 2
         np.testing.assert_allclose(stored_by(force), stored * volume, rtol=1e-10)
+        np.testing.assert_allclose(density, stored, rtol=1e-9)
         force.accept(force.body.points @ F.T)
         evaluate(force, force.body.points @ F.T)
         np.testing.assert_allclose(force.energy(), stored_by(force), rtol=1e-12)

@@ -82,9 +82,10 @@ def test_learned_forces_are_the_derivative_of_their_energy(stretch):
     check_gradient(force, positions * [stretch / 1.3, 1.0])
 
 
-def test_thickness_of_a_pair_depends_on_no_other():
+@pytest.mark.parametrize("softening", [None, MEMORY.softening])
+def test_thickness_of_a_pair_depends_on_no_other(softening):
     """Pairs of a block of which one is far from rest take as many steps as if it were not."""
-    force = bound("bond-energy", MEMORY, sides=(2.0, 0.3))
+    force = bound("bond-energy", Memory(MEMORY.branches, softening), sides=(2.0, 0.3))
     positions, _ = after_a_step(force)
     moved = positions.copy()
     moved[np.argmax(positions[:, 0])] += 0.03
