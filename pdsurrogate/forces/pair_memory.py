@@ -176,7 +176,7 @@ class PairMemory:
         total = np.zeros((len(Cb), len(F)))
         for branch, modulus in enumerate(self._moduli):
             B = rows[branch * (len(Cb) + 1) :]
-            M, _ = tensors.take_step(B[: len(Cb)], B[len(Cb)], Cb, tensors.cofactor_of(Cb))
+            M, _ = tensors.take_step(B[: len(Cb)], B[len(Cb)], Cb)
             total += modulus * np.array(M)
         energy = (tensors.contraction(total, Cb) - 3 * self._moduli.sum()) / 2
         eta = np.ones(len(F))

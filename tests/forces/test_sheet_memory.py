@@ -37,7 +37,7 @@ def test_learned_energies_get_the_difference_of_the_exact_law(precision):
     found = {}
     for name in ("neo-hookean-energy", "bond-energy"):
         for memory in (MEMORY, Memory()):
-            force = bound(name, memory, precision=precision)
+            force = bound(name, memory, (3.0, 1.0), precision)  # of several blocks and chunks
             _, out = after_a_step(force)
             energies = np.array([force.energy(), stored_by(force)])
             found[name, bool(memory)] = out, energies, *force.stress_and_energy()
@@ -98,3 +98,10 @@ def test_thickness_of_a_pair_depends_on_no_other(softening):
         evaluate(force, each)
         found.append(force.pair_forces(far))
     assert np.array_equal(*found)
+
+
+def test_threads_share_no_working_memory():
+    force = bound("neo-hookean-energy", MEMORY, sides=(5.0, 5.0))
+    positions, out = after_a_step(force)
+    for _ in range(5):
+        assert np.array_equal(evaluate(force, positions), out)
