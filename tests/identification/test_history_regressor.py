@@ -88,7 +88,10 @@ def test_rates_that_were_not_measured_are_said():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found.predict(cycles(law, rates=(0.04, 0.1, 0.25))[0])
-    for rate, words in ((2.0, "up to 1.8, where those of the tests end at 0.18"), (0.005, "down to")):
+    for rate, words in (
+        (2.0, "up to 1.8, where those of the tests end at 0.18"),
+        (0.005, "down to"),
+    ):
         with pytest.warns(OutsideDomainWarning, match=words):
             found.predict(cycles(law, rates=(rate,))[0])
 
